@@ -1,0 +1,29 @@
+"""The command line's frame: subcommands by name, errors in plain words, exit codes."""
+
+import sys
+
+from cyclopts import App
+
+import uavrt
+from uavrt.errors import UavrtError
+
+app = App(
+    name="uavrt",
+    help=uavrt.__doc__,
+    version=uavrt.__version__,
+)
+
+
+def main() -> None:
+    """Run ``uavrt``; a deliberate error is printed without a traceback and exits with 2."""
+    try:
+        app()
+    except UavrtError as error:
+        print(f"uavrt: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:
+        # The reader of our output went away (`uavrt detect … | head`).
+        sys.stderr.close()
+        sys.exit(141)

@@ -1,0 +1,86 @@
+"""The only reader of clocks.
+
+Time in uavrt is one ``int``: nanoseconds UTC. It is the monotonic clock plus one offset that is
+fixed when the supervisor starts and handed to every process, so a step of the wall clock
+(GNSS fix, NTP, a user) in flight moves nothing (DESIGN.md §2.4).
+"""
+
+import time
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+NANOSECONDS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """A monotonic clock that counts nanoseconds UTC.
+
+    Parameters
+    ----------
+    offset_ns : int
+        UTC minus CLOCK_MONOTONIC [ns], fixed for the life of the system.
+    """
+
+    offset_ns: int
+
+    @classmethod
+    def start(cls) -> "Clock":
+        """Fix the offset from the wall clock as it is now."""
+        before = time.monotonic_ns()
+        wall = time.time_ns()
+        after = time.monotonic_ns()
+        return cls(wall - (before + after) // 2)
+
+    def now_ns(self) -> int:
+        """Time now [ns, UTC]."""
+        return time.monotonic_ns() + self.offset_ns
+
+    def wall_correction_ns(self) -> int:
+        """How far the wall clock has moved away since the offset was fixed [ns]."""
+        return time.time_ns() - self.now_ns()
+
+
+def monotonic_s() -> float:
+    """Seconds of the monotonic clock, for timeouts and intervals only."""
+    return time.monotonic()
+
+
+def cpu_s() -> float:
+    """CPU time used by this process so far [s]."""
+    return time.process_time()
+
+
+def iso_utc(time_ns: int) -> str:
+    """Write a time as ISO 8601 UTC with microseconds.
+
+    >>> iso_utc(1_700_205_419_230_494_976)
+    '2023-11-17T07:16:59.230494Z'
+    """
+    seconds, nanoseconds = divmod(time_ns, NANOSECONDS)
+    stamp = datetime.fromtimestamp(seconds, tz=UTC)
+    return f"{stamp:%Y-%m-%dT%H:%M:%S}.{nanoseconds // 1000:06d}Z"
+
+
+def parse_iso_utc(text: str) -> int:
+    """Read an ISO 8601 time; without a zone it is taken as UTC.
+
+    Raises
+    ------
+    ValueError
+        `text` is not an ISO 8601 time.
+
+    >>> parse_iso_utc("2023-11-17T07:16:59.5Z")
+    1700205419500000000
+    """
+    stamp = datetime.fromisoformat(text)
+    if stamp.tzinfo is None:
+        stamp = stamp.replace(tzinfo=UTC)
+    epoch = datetime(1970, 1, 1, tzinfo=UTC)
+    delta = stamp - epoch
+    return ((delta.days * 86400 + delta.seconds) * 1_000_000 + delta.microseconds) * 1000
+
+
+def flight_stamp(time_ns: int) -> str:
+    """Name part of a flight directory: UTC as ``YYYY-mm-dd_HH-MM-SS`` (thesis §4.5)."""
+    return f"{datetime.fromtimestamp(time_ns // NANOSECONDS, tz=UTC):%Y-%m-%d_%H-%M-%S}"

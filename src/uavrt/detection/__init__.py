@@ -1,0 +1,1 @@
+"""Finding a tag's pulses in the samples of a channel."""

@@ -1,0 +1,133 @@
+"""Every error that uavrt raises on purpose.
+
+::
+
+    UavrtError                     catch this to catch them all
+    ├── UsageError                 what the user wrote is wrong; the text names the remedy
+    │   ├── ConfigError            uavrt.toml or a command-line option
+    │   ├── TagFileError           a tag file; lists all faults, each with its line
+    │   ├── FormatError            a recording or log that is not what it is said to be
+    │   └── TunerError             no radio frequency serves all the tags
+    ├── RadioError                 the receiver hardware or its program
+    │   ├── RadioMissing           no such program or no device
+    │   ├── RadioStopped           the stream ended; holds the exit reason
+    │   └── RadioStalled           alive but no samples
+    ├── LinkError                  MAVLink: port in use, no such serial port, broken link
+    ├── TunnelError                a tunnel payload that is not valid; holds the payload
+    ├── PoseUnavailable            no pose around that time (yet, or any more)
+    ├── CommandRefused             the supervisor's state does not allow it; holds the reason
+    └── RecordingError             a flight directory that cannot be written or read
+
+Each holds the offending value where there is one, and its text says what to do.
+"""
+
+from collections.abc import Sequence
+
+
+class UavrtError(Exception):
+    """Base of all deliberate errors.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, in words for the person who can mend it.
+    remedy : str, optional
+        What to do about it.
+    """
+
+    def __init__(self, message: str, *, remedy: str | None = None) -> None:
+        self.message = message
+        self.remedy = remedy
+        super().__init__(message if remedy is None else f"{message}. {remedy}")
+
+
+class UsageError(UavrtError):
+    """What the user wrote is wrong."""
+
+
+class ConfigError(UsageError):
+    """A setting in uavrt.toml, or a command-line option, is wrong."""
+
+
+class TagFileError(UsageError):
+    """A tag file has faults; all of them are listed, each with its line."""
+
+    def __init__(self, path: str, faults: Sequence[str]) -> None:
+        self.path = path
+        self.faults = tuple(faults)
+        lines = "\n".join(f"  {fault}" for fault in self.faults)
+        super().__init__(
+            f"{path} has {len(self.faults)} fault(s):\n{lines}",
+            remedy="Correct these lines and try again",
+        )
+
+
+class FormatError(UsageError):
+    """A recording or a log is not what it is said to be."""
+
+
+class TunerError(UsageError):
+    """No radio frequency serves all the tags."""
+
+
+class RadioError(UavrtError):
+    """The receiver hardware or its program failed."""
+
+
+class RadioMissing(RadioError):
+    """The radio's program or the device is not there."""
+
+
+class RadioStopped(RadioError):
+    """The stream of samples ended."""
+
+
+class RadioStalled(RadioError):
+    """The radio's program is alive but gives no samples."""
+
+
+class LinkError(UavrtError):
+    """A MAVLink link cannot be opened or broke."""
+
+
+class TunnelError(UavrtError):
+    """A tunnel payload is not valid.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong with it.
+    payload : bytes
+        The payload as received.
+    """
+
+    def __init__(self, message: str, payload: bytes) -> None:
+        self.payload = bytes(payload)
+        super().__init__(message)
+
+
+class PoseUnavailable(UavrtError):
+    """No pose is known around that time.
+
+    Parameters
+    ----------
+    time_ns : int
+        The time asked for [ns, UTC].
+    retry_later : bool
+        True when a pose after `time_ns` may still arrive.
+    """
+
+    def __init__(self, time_ns: int, *, retry_later: bool) -> None:
+        self.time_ns = time_ns
+        self.retry_later = retry_later
+        super().__init__(
+            f"no pose at {time_ns} ns UTC" + (" yet" if retry_later else ""),
+        )
+
+
+class CommandRefused(UavrtError):
+    """The supervisor's state does not allow the command."""
+
+
+class RecordingError(UavrtError):
+    """A flight directory or recording cannot be written or read."""

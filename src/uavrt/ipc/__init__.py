@@ -1,0 +1,1 @@
+"""How the processes talk: records as JSON lines, samples as datagrams."""

@@ -1,0 +1,1 @@
+"""MAVLink: links, heartbeat, discovery, poses, tunnel transport."""

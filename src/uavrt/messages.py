@@ -1,0 +1,252 @@
+"""Records that cross a stage or a process.
+
+All are frozen; absence is ``None``; times are integer nanoseconds UTC; units stand in the
+names. Words: DESIGN.md §9. Records travel between processes as JSON (``uavrt.ipc``), except the sample
+blocks, which have their own road.
+"""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+DetectionStatus = Literal["subthreshold", "detected", "confirmed"]
+"""How sure a pulse is: below the threshold (seen by a track), above it, or part of a track."""
+
+
+class SystemState(StrEnum):
+    """State of the supervisor (DESIGN.md §3); the numbers on the wire are the tunnel's."""
+
+    IDLE = "idle"
+    RECEIVING_TAGS = "receiving_tags"
+    HAS_TAGS = "has_tags"
+    DETECTING = "detecting"
+    CAPTURING = "capturing"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tag:
+    """A radio tag as the operator describes it."""
+
+    tag_id: int
+    frequency_hz: float
+    """Nominal carrier frequency, absolute."""
+    pulse_width_s: float
+    pulse_intervals_s: tuple[float, ...]
+    """Interval from pulse start to pulse start, one for each rate; one or two rates."""
+    interval_uncertainty_s: float = 0.0
+    """Bound of the unknown but constant error of the interval; it accumulates."""
+    interval_jitter_s: float = 0.0
+    """Bound of the independent timing error of each pulse; it does not accumulate."""
+    k: int = 3
+    """Pulses summed for one decision."""
+    false_alarm_probability: float = 0.01
+    """Expected false groups for each decision interval over the whole search."""
+    name: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pulse:
+    """One pulse of a tag, as a detector reports it; each pulse is reported once."""
+
+    tag_id: int
+    frequency_hz: float
+    """Measured carrier frequency, absolute."""
+    start_time_ns: int
+    """Start of the pulse at the antenna: all filter delays are taken out."""
+    end_time_ns: int
+    snr_db: float
+    """Pulse energy over noise power density (ENR, reference/detector.md §0)."""
+    group_snr_db: float
+    """Mean linear SNR of the group's pulses, in decibel."""
+    score: float
+    """Decision statistic over its threshold; 1 is just detected."""
+    group_index: int
+    """Place in the group, from 1."""
+    group_sequence: int
+    """Number of the group, rising for each tag and rate."""
+    noise_psd: float
+    """Noise power density at the pulse's frequency [input units squared per hertz]."""
+    detection_status: DetectionStatus
+    confirmed: bool
+    rate: int
+    """Which of the tag's intervals, from 1."""
+    predicted_next_start_ns: int | None
+    predicted_next_end_ns: int | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchReport:
+    """What a detector searched without a detection; also its sign of life."""
+
+    tag_id: int
+    time_ns: int
+    """End of the searched stretch."""
+    frequency_hz: float
+    noise_psd: float
+    best_score: float
+    """Best statistic over its threshold in the stretch; below 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """Position and attitude of the antenna at one instant."""
+
+    time_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    altitude_relative_m: float
+    """Height above the take-off point."""
+    quaternion_wxyz: tuple[float, float, float, float]
+    """Unit quaternion, antenna body frame (forward, right, down) to north-east-down."""
+    extrapolated: bool = False
+    """True when no pose later than this instant was known in time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PulsePose:
+    """A pulse with the antenna's pose at its centre, or without one."""
+
+    pulse: Pulse
+    pose: Pose | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Poses:
+    """Several raw vehicle poses, batched for the recorder."""
+
+    poses: tuple[Pose, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Health:
+    """What a process says of itself about once a second."""
+
+    process: str
+    time_ns: int
+    status: str
+    """A word or two: ``"ready"``, ``"waiting for autopilot"``, ``"radio absent"``."""
+    ok: bool
+    counters: dict[str, float] = field(default_factory=dict)
+    """Everything counted since the start: samples lost, pulses refused, retries …"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessStatus:
+    """What the supervisor knows of one process."""
+
+    process: str
+    running: bool
+    pid: int | None
+    status: str
+    ok: bool
+    restarts: int
+    cpu_s: float
+    """CPU time of all its instances since the supervisor started, their children included."""
+    memory_mb: float
+    counters: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SystemStatus:
+    """State of the whole drone side, published once a second."""
+
+    time_ns: int
+    state: SystemState
+    flight_directory: str | None
+    center_frequency_hz: float | None
+    tags: tuple[Tag, ...]
+    processes: tuple[ProcessStatus, ...]
+
+
+CommandName = Literal[
+    "start_tags", "add_tag", "end_tags", "start_detection", "stop_detection", "raw_capture"
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """What an operator asks of the supervisor, by tunnel, page or command line."""
+
+    name: CommandName
+    request_id: int
+    """Repeated by the asker on a retry, so that a retry is answered, not done again."""
+    tag: Tag | None = None
+    center_frequency_hz: float | None = None
+    """Radio frequency chosen on the ground; None lets the tuner choose."""
+    gain: int | None = None
+    source: str = ""
+    """Who asked: ``"mavlink 255/190"``, ``"ros2"``, ``"command line"``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandReply:
+    """The supervisor's answer to a command."""
+
+    request_id: int
+    name: CommandName
+    accepted: bool
+    message: str
+    """Why not, or a useful detail: the flight directory on start."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatusText:
+    """A short text for the operator, as MAVLink severity 0 (emergency) to 7 (debug)."""
+
+    severity: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightInfo:
+    """A flight that was started: what the recorder needs to open it, also after a restart."""
+
+    directory: str
+    start_time_ns: int
+    clock_offset_ns: int
+    """UTC minus CLOCK_MONOTONIC, fixed at the supervisor's start."""
+    center_frequency_hz: float
+    sample_rate_hz: float
+    tags: tuple[Tag, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IQBlock:
+    """Consecutive complex samples of a radio.
+
+    Blocks follow one another without a gap unless `lost_before` says how many samples are
+    missing; a gap is a fact in the stream, not something to guess from times.
+    """
+
+    samples: NDArray[np.complex64]
+    """(n,) complex64; valid until the source is read again, copy to keep."""
+    sample_index: int
+    """Index of the first sample since the source started, lost ones counted."""
+    time_ns: int
+    """Time of the first sample at the antenna connector [ns, UTC]."""
+    sample_rate_hz: float
+    """Rate as measured, near the nominal one."""
+    lost_before: int = 0
+    """Samples missing between the previous block and this one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelBlock:
+    """Consecutive samples of one channel of the channelizer."""
+
+    channel: int
+    """Channel number from 0: 0 is the radio centre, then upwards, wrapping to the negative."""
+    center_frequency_hz: float
+    """Frequency of the channel's centre, absolute."""
+    samples: NDArray[np.complex64]
+    """(n,) complex64; a tone of amplitude A in the channel has amplitude A here."""
+    sample_index: int
+    """Index of the first sample of this channel since the start, lost ones counted."""
+    time_ns: int
+    """Time at the antenna that the first sample stands for: filter delays are taken out."""
+    sample_rate_hz: float
+    lost_before: int = 0

@@ -1,0 +1,1 @@
+"""Where the antenna was, and how it pointed, at the instant of a pulse."""

@@ -1,0 +1,1 @@
+"""The processes of the drone side: thin loops that give stages a socket."""

@@ -1,0 +1,1 @@
+"""Where samples come from: radio programs, pipes and files behind one interface."""

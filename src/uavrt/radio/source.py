@@ -1,0 +1,48 @@
+"""The one interface of everything that gives samples.
+
+Real, replayed and simulated sources implement `SampleSource`; nothing downstream can tell them
+apart.
+"""
+
+from typing import Protocol
+
+from uavrt.messages import IQBlock
+
+
+class SampleSource(Protocol):
+    """A stream of complex samples with times."""
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Nominal sample rate [Hz]."""
+        ...
+
+    @property
+    def center_frequency_hz(self) -> float:
+        """Radio frequency at the middle of the band [Hz]."""
+        ...
+
+    @property
+    def total_samples(self) -> int | None:
+        """Length of the recording [samples], or None for a live stream."""
+        ...
+
+    def read(self, timeout_s: float | None = None) -> IQBlock | None:
+        """Get the next block, or None when none came within `timeout_s`.
+
+        The block's samples stay valid until the next call.
+
+        Raises
+        ------
+        EOFError
+            The recording has ended, in good order.
+        RadioError
+            The radio failed; the caller restarts it.
+        FormatError
+            The data are not what they were said to be.
+        """
+        ...
+
+    def close(self) -> None:
+        """Stop the radio's program or close the file; harmless when repeated."""
+        ...

@@ -1,0 +1,1 @@
+"""Flight directories, pulse logs and recordings: writers and readers together."""

@@ -1,0 +1,1 @@
+"""A world with tags, antennas, a drone, a radio and an autopilot."""

@@ -1,0 +1,1 @@
+"""Which processes run, when, and what happens when one dies."""

@@ -1,0 +1,1 @@
+"""The tunnel's wire formats: one file per message."""

@@ -1,0 +1,57 @@
+"""Conversions at the edges, each in one place.
+
+Inside uavrt: hertz, seconds, metres, degrees, nanoseconds UTC. Other units exist only in files,
+on the wire and on the screen, and are converted here.
+"""
+
+import math
+
+NANOSECONDS_PER_SECOND = 1_000_000_000
+
+
+def db_from_power(ratio: float) -> float:
+    """Power ratio to decibel; a ratio of zero gives minus infinity."""
+    return 10.0 * math.log10(ratio) if ratio > 0.0 else -math.inf
+
+
+def power_from_db(level_db: float) -> float:
+    """Decibel to power ratio."""
+    return float(10.0 ** (level_db / 10.0))
+
+
+def ns_from_s(seconds: float) -> int:
+    """Seconds to whole nanoseconds, rounded."""
+    return round(seconds * NANOSECONDS_PER_SECOND)
+
+
+def s_from_ns(nanoseconds: int) -> float:
+    """Nanoseconds to seconds; for differences, not for times since 1970."""
+    return nanoseconds / NANOSECONDS_PER_SECOND
+
+
+def s_from_ms(milliseconds: float) -> float:
+    """Milliseconds to seconds."""
+    return milliseconds / 1000.0
+
+
+def hz_from_mhz(megahertz: float) -> float:
+    """Megahertz to hertz, exact to 1 mHz (148.71 gives 148710000.0)."""
+    return round(megahertz * 1e9) / 1e3
+
+
+def mhz_from_hz(hertz: float) -> float:
+    """Hertz to megahertz."""
+    return hertz / 1e6
+
+
+def wrap_degrees_360(angle_deg: float) -> float:
+    """Wrap an angle to [0, 360)."""
+    wrapped = math.fmod(angle_deg, 360.0)
+    if wrapped < 0.0:
+        wrapped += 360.0
+    return 0.0 if wrapped >= 360.0 else wrapped
+
+
+def wrap_degrees_180(angle_deg: float) -> float:
+    """Wrap an angle to [-180, 180)."""
+    return wrap_degrees_360(angle_deg + 180.0) - 180.0
