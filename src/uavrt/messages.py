@@ -1,8 +1,8 @@
 """Records that cross a stage or a process.
 
 All are frozen; absence is ``None``; times are integer nanoseconds UTC; units stand in the
-names. Words: DESIGN.md §9. Records travel between processes as JSON (``uavrt.ipc``), except the sample
-blocks, which have their own road.
+names. Words: DESIGN.md §9. Records travel between processes as JSON (``uavrt.ipc``), except
+the sample blocks, which have their own road.
 """
 
 from dataclasses import dataclass, field
