@@ -107,6 +107,27 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AttitudeSample:
+    """Attitude of the vehicle as the autopilot told it, on our clock."""
+
+    time_ns: int
+    quaternion_wxyz: tuple[float, float, float, float]
+    """Unit quaternion, vehicle body (forward, right, down) to north-east-down."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionSample:
+    """Position of the vehicle as the autopilot told it, on our clock."""
+
+    time_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    altitude_relative_m: float
+    """Height above the take-off point."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PulsePose:
     """A pulse with the antenna's pose at its centre, or without one."""
 
