@@ -184,7 +184,7 @@ class SystemStatus:
 
 
 CommandName = Literal[
-    "start_tags", "add_tag", "end_tags", "start_detection", "stop_detection", "raw_capture"
+    "start_tags", "add_tag", "end_tags", "start_detection", "stop_detection"
 ]
 
 

@@ -1,0 +1,24 @@
+"""What the supervisor tells a process when it starts it."""
+
+from dataclasses import dataclass, field
+
+from uavrt.config.settings import Settings
+from uavrt.messages import FlightInfo, Tag
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Assignment:
+    """Everything a process needs to know; its first record, also after a restart."""
+
+    process: str
+    """Name of the row, with the worker's number where there are several: ``detector-2``."""
+    settings: Settings
+    clock_offset_ns: int
+    flight: FlightInfo | None
+    """The flight in progress, if any."""
+    tags: tuple[Tag, ...] = ()
+    """The tags this process serves: all, or a worker's share."""
+    worker_of_tag: dict[int, int] = field(default_factory=dict)
+    """Tag id to detector worker, for the receiver."""
+    sample_fds: tuple[int, ...] = ()
+    """Datagram sockets: one for each worker in the receiver, its own in a detector."""

@@ -1,0 +1,138 @@
+"""A child's end of its socket to the supervisor.
+
+The socket never blocks the child: what cannot be written now waits in memory and goes out at
+the next call. When the supervisor is gone the child ends; it is not worth outliving it.
+"""
+
+import os
+import select
+import socket
+import time
+from collections import deque
+from typing import Any
+
+from uavrt.ipc.assignment import Assignment
+from uavrt.ipc.topics import decode_record, encode_record
+
+LINK_VARIABLE = "UAVRT_LINK_FD"
+"""Environment variable with the number of the inherited socket."""
+
+
+class LineBuffer:
+    """Cuts a byte stream into lines."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Add bytes; get the lines that are complete now, without their newline."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        return lines
+
+
+class SupervisorGone(ConnectionError):
+    """The supervisor's end of the socket is closed."""
+
+
+class ChildLink:
+    """Sends and receives records; see the module's text.
+
+    Parameters
+    ----------
+    sock : socket.socket
+        Stream socket to the supervisor.
+    """
+
+    def __init__(self, sock: socket.socket) -> None:
+        sock.setblocking(False)
+        self._sock = sock
+        self._lines = LineBuffer()
+        self._received: deque[tuple[str, Any]] = deque()
+        self._unsent = bytearray()
+        self.refused = 0
+        """Lines that were not records."""
+
+    @classmethod
+    def from_environment(cls) -> "ChildLink":
+        """Take the socket that the supervisor passed to this process."""
+        return cls(socket.socket(fileno=int(os.environ[LINK_VARIABLE])))
+
+    def fileno(self) -> int:
+        """File descriptor, for select and asyncio."""
+        return self._sock.fileno()
+
+    def send(self, topic: str, record: object) -> None:
+        """Send a record, or keep it until the socket takes it.
+
+        Raises
+        ------
+        SupervisorGone
+            Nobody will ever read it.
+        """
+        self._unsent += encode_record(topic, record)
+        self.flush()
+
+    def flush(self, timeout_s: float = 0.0) -> bool:
+        """Write what waits, for at most `timeout_s`; True when all is written."""
+        deadline = time.monotonic() + timeout_s
+        while self._unsent:
+            try:
+                written = self._sock.send(self._unsent)
+                del self._unsent[:written]
+            except BlockingIOError:
+                rest_s = deadline - time.monotonic()
+                if rest_s <= 0:
+                    return False
+                select.select([], [self._sock], [], rest_s)
+            except (BrokenPipeError, ConnectionResetError) as error:
+                raise SupervisorGone from error
+        return True
+
+    def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
+        """Get the records that have arrived, waiting up to `timeout_s` for the first.
+
+        Returns
+        -------
+        list of (str, record)
+            Topic and record, in order.
+
+        Raises
+        ------
+        SupervisorGone
+            The supervisor has ended.
+        """
+        if not self._received and timeout_s > 0:
+            select.select([self._sock], [], [], timeout_s)
+        self._read_all()
+        if self._unsent:
+            self.flush()
+        records = list(self._received)
+        self._received.clear()
+        return records
+
+    def wait_for_assignment(self, timeout_s: float = 10.0) -> Assignment:
+        """Get the first record, which says what to do; later ones stay for `receive`."""
+        deadline = time.monotonic() + timeout_s
+        while not self._received and time.monotonic() < deadline:
+            select.select([self._sock], [], [], deadline - time.monotonic())
+            self._read_all()
+        topic, record = self._received.popleft()
+        if not isinstance(record, Assignment):
+            raise TypeError(f"the first record is {topic}, not an assignment")
+        return record
+
+    def _read_all(self) -> None:
+        while True:
+            try:
+                data = self._sock.recv(65536)
+            except BlockingIOError:
+                return
+            except ConnectionResetError as error:
+                raise SupervisorGone from error
+            if not data:
+                raise SupervisorGone
+            for line in self._lines.feed(data):
+                try:
+                    self._received.append(decode_record(line))
+                except ValueError:
+                    self.refused += 1

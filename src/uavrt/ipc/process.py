@@ -1,0 +1,122 @@
+"""The frame of a child process: its link, its clock, its health, its end.
+
+A process's main is then a short loop::
+
+    with ProcessFrame.start() as frame:
+        while frame.running:
+            for topic, record in frame.receive(timeout_s=0.1):
+                ...
+            frame.report("ready", counters={...})
+"""
+
+import signal
+import sys
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import Any, Self
+
+from uavrt.clock import Clock, monotonic_s
+from uavrt.ipc.assignment import Assignment
+from uavrt.ipc.link import ChildLink, SupervisorGone
+from uavrt.log import configure_logging, get_logger
+from uavrt.messages import Health, StatusText
+
+HEALTH_PERIOD_S = 1.0
+
+
+class ProcessFrame:
+    """What every child process has in common.
+
+    Parameters
+    ----------
+    link : ChildLink
+        Socket to the supervisor.
+    assignment : Assignment
+        What to do.
+    """
+
+    def __init__(self, link: ChildLink, assignment: Assignment) -> None:
+        self.link = link
+        self.assignment = assignment
+        self.clock = Clock(assignment.clock_offset_ns)
+        self.running = True
+        self.counters: dict[str, float] = {}
+        self._next_health_s = 0.0
+        self._last_status: tuple[str, bool] = ("", True)
+
+    @classmethod
+    def start(cls) -> "ProcessFrame":
+        """Take the link and the assignment; end the loop on SIGTERM, ignore SIGINT.
+
+        A Ctrl-C in a terminal reaches every process of the group; the supervisor alone decides
+        in which order they end.
+        """
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        link = ChildLink.from_environment()
+        assignment = link.wait_for_assignment()
+        configure_logging(assignment.process)
+        frame = cls(link, assignment)
+        signal.signal(signal.SIGTERM, lambda *_: frame.stop())
+        return frame
+
+    def stop(self) -> None:
+        """Let the loop end."""
+        self.running = False
+
+    def send(self, topic: str, record: object) -> None:
+        """Send a record to the supervisor, who passes it on."""
+        self.link.send(topic, record)
+
+    def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
+        """Get the records that have arrived."""
+        return self.link.receive(timeout_s)
+
+    def tell(self, severity: int, text: str) -> None:
+        """Send a text to the operator."""
+        self.send("status_text", StatusText(severity=severity, text=text))
+
+    def report(
+        self,
+        status: str,
+        *,
+        ok: bool = True,
+        counters: Mapping[str, float] | Callable[[], Mapping[str, float]] = {},
+    ) -> None:
+        """Send the health if it is due, or at once when the status has changed.
+
+        Also the sign of life: call it at least once a second. `counters` may be a function,
+        called only when the health is sent.
+        """
+        now_s = monotonic_s()
+        if now_s < self._next_health_s and (status, ok) == self._last_status:
+            return
+        self._next_health_s = now_s + HEALTH_PERIOD_S
+        self._last_status = (status, ok)
+        values = counters() if callable(counters) else counters
+        self.send(
+            "health",
+            Health(
+                process=self.assignment.process,
+                time_ns=self.clock.now_ns(),
+                status=status,
+                ok=ok,
+                counters=dict(values),
+            ),
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> bool:
+        """Send what still waits; end quietly when the supervisor has gone."""
+        if isinstance(error, SupervisorGone):
+            get_logger().warning("supervisor gone: ending")
+            sys.exit(1)
+        if kind is None:
+            self.link.flush(timeout_s=2.0)
+        return False

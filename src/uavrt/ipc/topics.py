@@ -1,0 +1,171 @@
+"""The table of topics: every kind of record that crosses a process (DESIGN.md §3).
+
+Routing, recording, the hub's queues and the documentation derive from this table and from the
+table of processes (`uavrt.supervisor.table`).
+
+A record travels as one line, ``topic TAB json NEWLINE``.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from uavrt import messages
+from uavrt.ipc.assignment import Assignment
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic:
+    """One row of the table."""
+
+    name: str
+    record: type
+    meaning: str
+    recorded: bool = False
+    """Written to the flight directory."""
+    to_ground: bool = False
+    """Sent over the radio link."""
+    lossless: bool = True
+    """Kept for a slow or restarting consumer however long it takes; else the newest
+    `backlog` are kept and the others counted."""
+    backlog: int = 0
+
+
+TOPICS: dict[str, Topic] = {
+    topic.name: topic
+    for topic in (
+        Topic(
+            name="assignment",
+            record=Assignment,
+            meaning="what a starting process is to do; its first record",
+        ),
+        Topic(
+            name="pulse",
+            record=messages.Pulse,
+            meaning="a pulse that a detector found",
+            recorded=True,
+        ),
+        Topic(
+            name="search_report",
+            record=messages.SearchReport,
+            meaning="searched, nothing found, with the noise floor",
+            recorded=True,
+            to_ground=True,
+            lossless=False,
+            backlog=200,
+        ),
+        Topic(
+            name="pulse_pose",
+            record=messages.PulsePose,
+            meaning="a pulse with the antenna's pose",
+            recorded=True,
+        ),
+        Topic(
+            name="recorded_pulse_pose",
+            record=messages.PulsePose,
+            meaning="the same once it is safe on disk; only now it may be sent",
+            to_ground=True,
+        ),
+        Topic(
+            name="poses",
+            record=messages.Poses,
+            meaning="poses of the vehicle's antenna, batched",
+            recorded=True,
+            lossless=False,
+            backlog=600,
+        ),
+        Topic(
+            name="flight",
+            record=messages.FlightInfo,
+            meaning="a flight has started",
+            recorded=True,
+        ),
+        Topic(
+            name="flight_end",
+            record=messages.FlightInfo,
+            meaning="the flight has ended and all its pulses are on their way",
+            recorded=True,
+        ),
+        Topic(
+            name="command",
+            record=messages.Command,
+            meaning="what an operator asks",
+            recorded=True,
+        ),
+        Topic(
+            name="command_reply",
+            record=messages.CommandReply,
+            meaning="the supervisor's answer",
+            recorded=True,
+            to_ground=True,
+        ),
+        Topic(
+            name="status_text",
+            record=messages.StatusText,
+            meaning="a short text for the operator",
+            recorded=True,
+            to_ground=True,
+            lossless=False,
+            backlog=100,
+        ),
+        Topic(
+            name="health",
+            record=messages.Health,
+            meaning="what a process says of itself once a second",
+            recorded=True,
+            lossless=False,
+            backlog=100,
+        ),
+        Topic(
+            name="system_status",
+            record=messages.SystemStatus,
+            meaning="the state of the drone side once a second",
+            to_ground=True,
+            lossless=False,
+            backlog=2,
+        ),
+    )
+}
+
+_encoder = msgspec.json.Encoder()
+_decoders: dict[str, msgspec.json.Decoder[Any]] = {
+    name: msgspec.json.Decoder(topic.record) for name, topic in TOPICS.items()
+}
+
+
+def encode_record(topic: str, record: object) -> bytes:
+    """Write a record as one line, newline included.
+
+    Raises
+    ------
+    TypeError
+        `record` is not of the topic's type; a fault of the program.
+    """
+    if not isinstance(record, TOPICS[topic].record):
+        raise TypeError(f"{topic} carries {TOPICS[topic].record.__name__}, not {record!r}")
+    return topic.encode() + b"\t" + _encoder.encode(record) + b"\n"
+
+
+def topic_of(line: bytes) -> str:
+    """Get the topic of a line without reading the record."""
+    return line[: line.find(b"\t")].decode("ascii", "replace")
+
+
+def decode_record(line: bytes) -> tuple[str, Any]:
+    """Read a line into its topic and record.
+
+    Raises
+    ------
+    ValueError
+        The line is not a record of a known topic.
+    """
+    name, separator, body = line.partition(b"\t")
+    topic = name.decode("ascii", "replace")
+    decoder = _decoders.get(topic)
+    if not separator or decoder is None:
+        raise ValueError(f"not a record: {line[:80]!r}")
+    try:
+        return topic, decoder.decode(body)
+    except msgspec.MsgspecError as error:
+        raise ValueError(f"not a {topic} record: {error}") from error

@@ -1,0 +1,183 @@
+"""One supervised child process: started, listened to, stopped, reaped."""
+
+import asyncio
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+
+from uavrt.ipc.link import LINK_VARIABLE, LineBuffer
+from uavrt.log import get_logger
+from uavrt.supervisor.outbox import Outbox
+from uavrt.supervisor.usage import usage_of
+
+log = get_logger()
+
+LineHandler = Callable[[bytes], None]
+
+
+class Child:
+    """A running process of the table.
+
+    The child gets its own process group, a stream socket to us, and pipes for what it prints.
+    BLAS is held to one thread: several detectors with several threads each on a few cores
+    fight (reference/style.md B.4).
+
+    Parameters
+    ----------
+    name : str
+        Instance name, for example ``detector-1``.
+    module : str
+        Python module to run.
+    outbox : Outbox
+        What is to be sent to it; outlives the child.
+    pass_fds : sequence of int
+        Sample sockets it inherits.
+    on_line : callable
+        Called with each record line it sends.
+    on_output : callable
+        Called with each line it prints.
+    on_exit : callable
+        Called with the exit code, once.
+    """
+
+    def __init__(
+        self,
+        *,
+        name: str,
+        module: str,
+        outbox: Outbox,
+        pass_fds: Sequence[int],
+        on_line: LineHandler,
+        on_output: LineHandler,
+        on_exit: Callable[[int], None],
+    ) -> None:
+        self.name = name
+        self.exit_code: int | None = None
+        self.last_heard_s = time.monotonic()
+        self.cpu_s = 0.0
+        self._loop = asyncio.get_running_loop()
+        self._outbox = outbox
+        self._on_line, self._on_output, self._on_exit = on_line, on_output, on_exit
+        self._lines, self._output = LineBuffer(), LineBuffer()
+        self._writing = False
+        self._sock, theirs = socket.socketpair()
+        self._sock.setblocking(False)
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", module],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                pass_fds=(theirs.fileno(), *pass_fds),
+                env=os.environ
+                | {
+                    LINK_VARIABLE: str(theirs.fileno()),
+                    "OPENBLAS_NUM_THREADS": "1",
+                    "OMP_NUM_THREADS": "1",
+                    "PYTHONUNBUFFERED": "1",
+                },
+                process_group=0,
+            )
+        self.pid = self._process.pid
+        self._pidfd = os.pidfd_open(self.pid)
+        assert self._process.stdout is not None
+        self._stdout = self._process.stdout
+        os.set_blocking(self._stdout.fileno(), False)
+        self._loop.add_reader(self._sock, self._read_records)
+        self._loop.add_reader(self._stdout, self._read_output)
+        self._loop.add_reader(self._pidfd, self._reap)
+        self.pump()
+
+    def pump(self) -> None:
+        """Send what waits in the outbox, as far as the socket takes it."""
+        if self.exit_code is not None:
+            return
+        try:
+            done = self._outbox.write_to(self._sock)
+        except OSError:
+            return  # it is ending; the pidfd will say so
+        if not done and not self._writing:
+            self._loop.add_writer(self._sock, self.pump)
+        elif done and self._writing:
+            self._loop.remove_writer(self._sock)
+        self._writing = not done
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self._signal_group(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it and everything in its process group now."""
+        self._signal_group(signal.SIGKILL)
+
+    def measure(self) -> float:
+        """Update `cpu_s`; get the resident memory [MB]."""
+        if self.exit_code is not None:
+            return 0.0
+        usage = usage_of(self.pid)
+        self.cpu_s = max(self.cpu_s, usage.cpu_s)
+        return usage.memory_mb
+
+    def _signal_group(self, number: signal.Signals) -> None:
+        try:
+            os.killpg(self.pid, number)
+        except ProcessLookupError:
+            log.debug("already gone", child=self.name)
+
+    def _read_records(self) -> bool:
+        """Take in records; False at the end of the stream."""
+        try:
+            data = self._sock.recv(262144)
+        except BlockingIOError:
+            return True
+        except ConnectionResetError:
+            data = b""
+        if not data:
+            self._loop.remove_reader(self._sock)
+            return False
+        self.last_heard_s = time.monotonic()
+        for line in self._lines.feed(data):
+            self._on_line(line)
+        return True
+
+    def _read_output(self) -> bool:
+        """Take in printed lines; False at the end of the stream."""
+        try:
+            data = os.read(self._stdout.fileno(), 65536)
+        except BlockingIOError:
+            return True
+        if not data:
+            self._loop.remove_reader(self._stdout)
+            return False
+        for line in self._output.feed(data):
+            self._on_output(line)
+        return True
+
+    def _reap(self) -> None:
+        self._loop.remove_reader(self._pidfd)
+        os.close(self._pidfd)
+        _, status, usage = os.wait4(self.pid, 0)
+        self._process.returncode = os.waitstatus_to_exitcode(status)
+        self.cpu_s = max(self.cpu_s, usage.ru_utime + usage.ru_stime)
+        # A radio program that the child left behind must not keep the radio.
+        self._signal_group(signal.SIGKILL)
+        self._drain()
+        self.exit_code = self._process.returncode
+        self._on_exit(self.exit_code)
+
+    def _drain(self) -> None:
+        """Take in everything it still said before it ended, and close our ends."""
+        self._loop.remove_writer(self._sock)
+        for source, read in (
+            (self._sock, self._read_records),
+            (self._stdout, self._read_output),
+        ):
+            while select.select([source], [], [], 0)[0] and read():
+                pass
+            self._loop.remove_reader(source)
+            source.close()

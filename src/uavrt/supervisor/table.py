@@ -1,0 +1,119 @@
+"""The table of processes: the shape of the drone side (DESIGN.md §3).
+
+One row a process. Start order, stop order (reverse), routing of records, silence limits and
+budgets derive from here; rows stand in start order, consumers before their producers, so that
+nothing is sent to nobody. Modules are named by string: the table imports none of them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from uavrt.messages import SystemState
+
+Predicate = Callable[[SystemState], bool]
+
+
+def always(state: SystemState) -> bool:
+    """Run in every state."""
+    return state in SystemState
+
+
+def while_detecting(state: SystemState) -> bool:
+    """Run between start and stop of detection."""
+    return state is SystemState.DETECTING
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessRow:
+    """One row of the table."""
+
+    name: str
+    module: str
+    meaning: str
+    runs: Predicate
+    consumes: tuple[str, ...]
+    """Topics that the supervisor passes on to it."""
+    produces: tuple[str, ...]
+    per_worker: bool = False
+    """One instance for each detector worker."""
+    silence_limit_s: float = 5.0
+    """Alive but silent for longer counts as dead."""
+    cpu_budget_percent: float
+    """Of one core of the reference machine, with 100 tags."""
+    memory_limit_mb: float
+    stop_timeout_s: float = 5.0
+    """From SIGTERM to SIGKILL."""
+
+
+PROCESSES: tuple[ProcessRow, ...] = (
+    ProcessRow(
+        name="recorder",
+        module="uavrt.processes.recorder",
+        meaning="writes the flight directory",
+        runs=always,
+        consumes=(
+            "pulse",
+            "search_report",
+            "pulse_pose",
+            "poses",
+            "flight",
+            "flight_end",
+            "command",
+            "command_reply",
+            "status_text",
+            "health",
+        ),
+        produces=("recorded_pulse_pose", "health", "status_text"),
+        cpu_budget_percent=2.0,
+        memory_limit_mb=60.0,
+    ),
+    ProcessRow(
+        name="connection",
+        module="uavrt.processes.connection",
+        meaning="MAVLink to the autopilot and the ground; gives each pulse its pose",
+        runs=always,
+        consumes=(
+            "pulse",
+            "recorded_pulse_pose",
+            "search_report",
+            "command_reply",
+            "status_text",
+            "system_status",
+            "flight",
+            "flight_end",
+        ),
+        produces=("pulse_pose", "poses", "command", "health", "status_text"),
+        cpu_budget_percent=6.0,
+        memory_limit_mb=60.0,
+    ),
+    ProcessRow(
+        name="detector",
+        module="uavrt.processes.detector",
+        meaning="finds the pulses of several tags",
+        runs=while_detecting,
+        consumes=(),
+        produces=("pulse", "search_report", "health", "status_text"),
+        per_worker=True,
+        cpu_budget_percent=5.5,
+        memory_limit_mb=100.0,
+    ),
+    ProcessRow(
+        name="receiver",
+        module="uavrt.processes.receiver",
+        meaning="radio samples to channels; also records the band",
+        runs=while_detecting,
+        consumes=(),
+        produces=("health", "status_text"),
+        cpu_budget_percent=3.5,
+        memory_limit_mb=120.0,
+        silence_limit_s=8.0,
+    ),
+)
+
+SUPERVISOR_TOPICS = ("command", "health", "status_text")
+"""Topics that the supervisor itself reads."""
+
+
+def consumers_of(topic: str) -> tuple[ProcessRow, ...]:
+    """Get the rows that consume a topic."""
+    return tuple(row for row in PROCESSES if topic in row.consumes)

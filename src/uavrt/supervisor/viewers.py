@@ -1,0 +1,78 @@
+"""A Unix socket on which the running system shows its records, and takes commands.
+
+For the terminal view, the demo and the command line on the same computer. Each line is a
+record, as between the processes. A viewer that does not keep up is disconnected; it never
+slows the system. The socket's file is readable by its owner only.
+"""
+
+import asyncio
+import contextlib
+import os
+
+from uavrt.errors import ConfigError
+from uavrt.ipc import decode_record, encode_record
+from uavrt.log import get_logger
+from uavrt.messages import Command
+from uavrt.supervisor.core import Supervisor
+
+log = get_logger()
+
+VIEWER_BUFFER_BYTES = 1_000_000
+
+
+class Viewers:
+    """The open viewers."""
+
+    def __init__(self) -> None:
+        self._writers: set[asyncio.StreamWriter] = set()
+        self.supervisor: Supervisor | None = None
+
+    def show(self, line: bytes) -> None:
+        """Send a record line to every viewer."""
+        for writer in list(self._writers):
+            if writer.transport.get_write_buffer_size() > VIEWER_BUFFER_BYTES:
+                log.warning("viewer too slow: disconnected")
+                self._writers.discard(writer)
+                writer.transport.abort()
+            else:
+                writer.write(line)
+
+    async def serve(self, path: str) -> asyncio.Server:
+        """Open the socket.
+
+        Raises
+        ------
+        ConfigError
+            The path cannot be used.
+        """
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(path)
+        old_mask = os.umask(0o077)
+        try:
+            return await asyncio.start_unix_server(self._serve_one, path, limit=262144)
+        except OSError as error:
+            raise ConfigError(
+                f"cannot open the status socket {path}: {error.strerror}",
+                remedy="Set status_socket to a path in a writable directory, below 100 bytes",
+            ) from error
+        finally:
+            os.umask(old_mask)
+
+    async def _serve_one(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        self._writers.add(writer)
+        try:
+            while line := await reader.readline():
+                self._take(line.rstrip(b"\n"), writer)
+        except (ConnectionError, ValueError):
+            log.info("viewer gone")
+        finally:
+            self._writers.discard(writer)
+            writer.close()
+
+    def _take(self, line: bytes, writer: asyncio.StreamWriter) -> None:
+        _, record = decode_record(line)
+        if isinstance(record, Command) and self.supervisor is not None:
+            reply = self.supervisor.command(record)
+            writer.write(encode_record("command_reply", reply))
