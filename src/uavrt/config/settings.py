@@ -4,7 +4,18 @@ Each class is one table of the file; each default is what a first flight needs.
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Any, ClassVar, Literal
+
+from annotated_types import Ge, Gt, Interval
+
+STRICT: dict[str, Any] = {
+    "extra": "forbid",
+    "strict": True,
+    "allow_inf_nan": False,
+    "use_attribute_docstrings": True,
+}
+"""How `uavrt.config.loader` has pydantic read each table; a plain dict, so that this module
+costs the drone nothing (reference/style.md §B.3)."""
 
 RadioKind = Literal["airspy", "airspyhf", "rtlsdr", "hackrf", "soapy"]
 
@@ -13,18 +24,23 @@ RadioKind = Literal["airspy", "airspyhf", "rtlsdr", "hackrf", "soapy"]
 class RadioSettings:
     """``[radio]``: which receiver, and how it is set."""
 
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
     kind: RadioKind = "airspy"
+    """``airspy`` (Mini, R2), ``airspyhf``, ``rtlsdr``, ``hackrf``, or ``soapy`` for others."""
     program: tuple[str, ...] = ()
     """Program and first arguments in place of the usual one (``airspy_rx`` …); empty: usual."""
-    sample_rate_hz: float = 3_000_000.0
-    gain: int | None = None
+    sample_rate_hz: Annotated[float, Interval(ge=3_000.0, le=100e6)] = 3_000_000.0
+    """Samples a second from the radio."""
+    gain: Annotated[int, Ge(0)] | None = None
     """Gain in the radio's own steps (Airspy: 0 to 21); None: a sensible one."""
     bias_tee: bool = False
     """Power an amplifier at the antenna through the cable."""
-    frequency_correction_ppm: float = 0.0
+    frequency_correction_ppm: Annotated[float, Interval(ge=-200.0, le=200.0)] = 0.0
+    """Known error of the radio's crystal, positive when it runs fast."""
     serial: str | None = None
     """Serial number of the device, when there are several."""
-    center_frequency_hz: float | None = None
+    center_frequency_hz: Annotated[float, Interval(ge=20e6, le=1e9)] | None = None
     """Radio frequency; None lets the tuner choose it from the tags."""
 
 
@@ -32,14 +48,19 @@ class RadioSettings:
 class MavlinkSettings:
     """``[mavlink]``: the way to the autopilot."""
 
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
     address: str = "serial:///dev/ttyUSB0:57600"
     """``serial:///dev/ttyUSB0:57600``, ``udpin://127.0.0.1:14540``, ``udpout://HOST:PORT``,
     ``tcp://HOST:PORT``; empty for none (cart, bench and field-monitor use)."""
-    component_id: int = 191
-    tunnel_gap_s: float = 0.020
+    component_id: Annotated[int, Interval(ge=1, le=255)] = 191
+    """Ours in the vehicle's MAVLink system; 191 is the first onboard computer."""
+    tunnel_gap_s: Annotated[float, Interval(ge=0.012, le=1.0)] = 0.020
     """Time between two tunnel messages; never below 0.012 (reference/mavlink.md §1)."""
-    attitude_rate_hz: float = 50.0
-    position_rate_hz: float = 10.0
+    attitude_rate_hz: Annotated[float, Interval(gt=0.0, le=250.0)] = 50.0
+    """Attitudes asked of the autopilot each second."""
+    position_rate_hz: Annotated[float, Interval(gt=0.0, le=250.0)] = 10.0
+    """Positions asked of the autopilot each second."""
     tunnel_generation: Literal["auto", "G0", "G1"] = "auto"
     """Wire format towards the ground; auto answers in the format the ground used."""
 
@@ -48,14 +69,21 @@ class MavlinkSettings:
 class AntennaSettings:
     """``[antenna]``: how the antenna sits on the vehicle."""
 
-    yaw_offset_deg: float = 0.0
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
+    yaw_offset_deg: Annotated[float, Interval(ge=-360.0, le=360.0)] = 0.0
     """Antenna boresight clockwise from the vehicle's nose."""
-    pitch_offset_deg: float = 0.0
-    roll_offset_deg: float = 0.0
-    offset_forward_m: float = 0.0
-    offset_right_m: float = 0.0
-    offset_down_m: float = 0.0
-    pose_wait_s: float = 1.0
+    pitch_offset_deg: Annotated[float, Interval(ge=-180.0, le=180.0)] = 0.0
+    """Boresight up from the vehicle's level, applied after the yaw offset."""
+    roll_offset_deg: Annotated[float, Interval(ge=-180.0, le=180.0)] = 0.0
+    """Antenna turned right side down around its boresight, applied last."""
+    offset_forward_m: Annotated[float, Interval(ge=-100.0, le=100.0)] = 0.0
+    """Antenna ahead of the autopilot."""
+    offset_right_m: Annotated[float, Interval(ge=-100.0, le=100.0)] = 0.0
+    """Antenna to the right of the autopilot."""
+    offset_down_m: Annotated[float, Interval(ge=-100.0, le=100.0)] = 0.0
+    """Antenna below the autopilot."""
+    pose_wait_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 1.0
     """How long a pulse waits for a pose later than itself before it is extrapolated."""
 
 
@@ -63,9 +91,11 @@ class AntennaSettings:
 class DetectionSettings:
     """``[detection]``: the search."""
 
-    frequency_window_hz: float = 500.0
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
+    frequency_window_hz: Annotated[float, Gt(0.0)] = 500.0
     """Half-width of the search around each tag's nominal frequency."""
-    workers: int = 0
+    workers: Annotated[int, Interval(ge=0, le=64)] = 0
     """Detector processes; 0: one for each spare core."""
 
 
@@ -73,17 +103,21 @@ class DetectionSettings:
 class RecordingSettings:
     """``[recording]``: what is kept."""
 
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
     directory: str = "flights"
     """Where flight directories are made."""
     iq: bool = False
     """Also record the decimated band while detecting (cs16 SigMF, about 5.4 GB an hour)."""
-    minimum_free_mb: float = 500.0
+    minimum_free_mb: Annotated[float, Ge(0.0)] = 500.0
     """Below this much free space IQ recording stops; pulses and poses go on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """All of ``uavrt.toml``."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     radio: RadioSettings = field(default_factory=RadioSettings)
     mavlink: MavlinkSettings = field(default_factory=MavlinkSettings)
