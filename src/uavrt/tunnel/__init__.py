@@ -1,1 +1,64 @@
-"""The tunnel's wire formats: one file per message."""
+"""The tunnel's wire formats: one file per message.
+
+`decode` reads a payload, ``message.encode()`` writes one, `uavrt.tunnel.convert` goes between
+these messages and the records of `uavrt.messages`. Pure: no sockets, no clock.
+"""
+
+from uavrt.tunnel.ack import FAILURE, SUCCESS, AckG0, AckG1
+from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode, generation_of
+from uavrt.tunnel.convert import (
+    COMMAND_IDS,
+    COMMAND_NAMES,
+    ack_to_wire,
+    detector_heartbeat,
+    euler_deg,
+    heartbeat_to_wire,
+    pulse_from_wire,
+    pulse_to_wire,
+    quaternion_from_euler_deg,
+    search_report_to_wire,
+    tag_from_wire,
+    tag_to_wire,
+)
+from uavrt.tunnel.header import HeaderMessage
+from uavrt.tunnel.heartbeat import Heartbeat
+from uavrt.tunnel.pulse import PulseG0, PulseG1
+from uavrt.tunnel.raw_capture import RawCapture
+from uavrt.tunnel.start_detection import StartDetection
+from uavrt.tunnel.tag import TagG0, TagG1
+from uavrt.tunnel.wire import MAX_PAYLOAD, PAYLOAD_TYPE, CommandId, Generation
+
+__all__ = [
+    "COMMAND_IDS",
+    "COMMAND_NAMES",
+    "FAILURE",
+    "MAX_PAYLOAD",
+    "PAYLOAD_TYPE",
+    "SUCCESS",
+    "AckG0",
+    "AckG1",
+    "CommandId",
+    "Generation",
+    "HeaderMessage",
+    "Heartbeat",
+    "PulseG0",
+    "PulseG1",
+    "RawCapture",
+    "StartDetection",
+    "TagG0",
+    "TagG1",
+    "TunnelMessage",
+    "ack_to_wire",
+    "acked_command_of",
+    "decode",
+    "detector_heartbeat",
+    "euler_deg",
+    "generation_of",
+    "heartbeat_to_wire",
+    "pulse_from_wire",
+    "pulse_to_wire",
+    "quaternion_from_euler_deg",
+    "search_report_to_wire",
+    "tag_from_wire",
+    "tag_to_wire",
+]

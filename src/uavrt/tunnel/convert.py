@@ -1,0 +1,355 @@
+"""Records of uavrt to tunnel messages and back: units, rounding and absence in one place."""
+
+import math
+
+from uavrt.errors import TunnelError
+from uavrt.messages import (
+    CommandName,
+    DetectionStatus,
+    Pose,
+    Pulse,
+    PulsePose,
+    SearchReport,
+    SystemState,
+    Tag,
+)
+from uavrt.tunnel.ack import FAILURE, SUCCESS, AckG0, AckG1
+from uavrt.tunnel.heartbeat import STATUS_NUMBERS, SYSTEM_CONTROLLER, Heartbeat
+from uavrt.tunnel.pulse import (
+    STATUS_CONFIRMED,
+    STATUS_DETECTED,
+    STATUS_NOTHING_FOUND,
+    STATUS_SUBTHRESHOLD,
+    PulseG0,
+    PulseG1,
+)
+from uavrt.tunnel.tag import TagG0, TagG1
+from uavrt.tunnel.wire import CommandId, Generation
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ms
+
+COMMAND_NAMES: dict[CommandId, CommandName] = {
+    CommandId.START_TAGS: "start_tags",
+    CommandId.TAG: "add_tag",
+    CommandId.END_TAGS: "end_tags",
+    CommandId.START_DETECTION: "start_detection",
+    CommandId.STOP_DETECTION: "stop_detection",
+    CommandId.RAW_CAPTURE: "raw_capture",
+}
+COMMAND_IDS: dict[CommandName, CommandId] = {name: c for c, name in COMMAND_NAMES.items()}
+
+STATUS_NUMBERS_OF_PULSES: dict[DetectionStatus, int] = {
+    "subthreshold": STATUS_SUBTHRESHOLD,
+    "detected": STATUS_DETECTED,
+    "confirmed": STATUS_CONFIRMED,
+}
+DETECTION_STATUSES: dict[int, DetectionStatus] = {
+    number: status for status, number in STATUS_NUMBERS_OF_PULSES.items()
+}
+
+
+def tag_to_wire(tag: Tag, generation: Generation = "G1") -> TagG0 | TagG1:
+    """Write a tag; times are rounded to whole milliseconds, the frequency to whole hertz.
+
+    Raises
+    ------
+    TunnelError
+        More than two rates: the wire has room for two.
+    """
+    if not 1 <= len(tag.pulse_intervals_s) <= 2:
+        raise TunnelError(f"tag {tag.tag_id} needs one or two pulse intervals", b"")
+    intervals = [round(interval * 1000) for interval in tag.pulse_intervals_s]
+    build = TagG0 if generation == "G0" else TagG1
+    return build(
+        tag_id=tag.tag_id,
+        frequency_hz=round(tag.frequency_hz),
+        pulse_width_ms=round(tag.pulse_width_s * 1000),
+        interval1_ms=intervals[0],
+        interval2_ms=intervals[1] if len(intervals) == 2 else 0,
+        interval_uncertainty_ms=round(tag.interval_uncertainty_s * 1000),
+        interval_jitter_ms=round(tag.interval_jitter_s * 1000),
+        k=tag.k,
+        false_alarm_probability=tag.false_alarm_probability,
+    )
+
+
+def tag_from_wire(message: TagG0 | TagG1) -> Tag:
+    """Read a tag; what a detector could not work with is refused.
+
+    The means and deviations of G1 are not used: their unit is not documented and senders
+    leave them NaN.
+
+    Raises
+    ------
+    TunnelError
+        An id, frequency, width, interval or K of zero (the thesis's id 0 is "no tag"), or a
+        false-alarm probability outside (0, 1).
+    """
+    needed = {
+        "id": message.tag_id,
+        "frequency": message.frequency_hz,
+        "pulse width": message.pulse_width_ms,
+        "pulse interval": message.interval1_ms,
+        "K": message.k,
+    }
+    for name, value in needed.items():
+        if value == 0:
+            raise TunnelError(f"tag {message.tag_id}: {name} is 0", message.encode())
+    if not 0.0 < message.false_alarm_probability < 1.0:
+        raise TunnelError(
+            f"tag {message.tag_id}: false alarm probability must be between 0 and 1",
+            message.encode(),
+        )
+    if message.pulse_width_ms >= message.interval1_ms:
+        raise TunnelError(
+            f"tag {message.tag_id}: pulse width exceeds interval", message.encode()
+        )
+    intervals = [message.interval1_ms] + [message.interval2_ms] * (message.interval2_ms > 0)
+    return Tag(
+        tag_id=message.tag_id,
+        frequency_hz=float(message.frequency_hz),
+        pulse_width_s=s_from_ms(message.pulse_width_ms),
+        pulse_intervals_s=tuple(s_from_ms(interval) for interval in intervals),
+        interval_uncertainty_s=s_from_ms(message.interval_uncertainty_ms),
+        interval_jitter_s=s_from_ms(message.interval_jitter_ms),
+        k=message.k,
+        false_alarm_probability=message.false_alarm_probability,
+    )
+
+
+def pulse_to_wire(pulse_pose: PulsePose, generation: Generation = "G1") -> PulseG0 | PulseG1:
+    """Write a pulse; an unknown pose is NaN in every field, never zero.
+
+    Times are seconds as f64, which near 2026 resolves 0.24 µs.
+    """
+    pulse, pose = pulse_pose.pulse, pulse_pose.pose
+    next_start_ns = pulse.predicted_next_start_ns
+    start_time_s = pulse.start_time_ns / NANOSECONDS_PER_SECOND
+    predict_next_start_s = (next_start_ns or 0) / NANOSECONDS_PER_SECOND
+    status = STATUS_NUMBERS_OF_PULSES[pulse.detection_status]
+    latitude = math.nan if pose is None else pose.latitude_deg
+    longitude = math.nan if pose is None else pose.longitude_deg
+    if generation == "G0":
+        w, x, y, z = (math.nan,) * 4 if pose is None else pose.quaternion_wxyz
+        return PulseG0(
+            tag_id=pulse.tag_id,
+            frequency_hz=round(pulse.frequency_hz),
+            start_time_s=start_time_s,
+            predict_next_start_s=predict_next_start_s,
+            snr_db=pulse.snr_db,
+            stft_score=pulse.score,
+            group_index=pulse.group_index & 0xFFFF,
+            group_snr_db=pulse.group_snr_db,
+            detection_status=status,
+            confirmed_status=int(pulse.confirmed),
+            position_x=latitude,
+            position_y=longitude,
+            position_z=math.nan if pose is None else pose.altitude_amsl_m,
+            orientation_x=x,
+            orientation_y=y,
+            orientation_z=z,
+            orientation_w=w,
+        )
+    roll, pitch, yaw = (math.nan,) * 3 if pose is None else euler_deg(pose.quaternion_wxyz)
+    return PulseG1(
+        tag_id=pulse.tag_id,
+        frequency_hz=round(pulse.frequency_hz),
+        start_time_s=start_time_s,
+        predict_next_start_s=predict_next_start_s,
+        snr_db=pulse.snr_db,
+        stft_score=pulse.score,
+        group_sequence=pulse.group_sequence & 0xFFFF,
+        group_index=pulse.group_index & 0xFFFF,
+        group_snr_db=pulse.group_snr_db,
+        noise_psd=pulse.noise_psd,
+        detection_status=status,
+        confirmed_status=int(pulse.confirmed),
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_relative_m=math.nan if pose is None else pose.altitude_relative_m,
+        roll_deg=roll,
+        pitch_deg=pitch,
+        yaw_deg=yaw,
+    )
+
+
+def search_report_to_wire(report: SearchReport) -> PulseG1:
+    """Write "searched, nothing found" (status 3); G0 has no word for it."""
+    return _pulse_without_detection(
+        tag_id=report.tag_id,
+        frequency_hz=round(report.frequency_hz),
+        time_s=report.time_ns / NANOSECONDS_PER_SECOND,
+        score=report.best_score,
+        noise_psd=report.noise_psd,
+        status=STATUS_NOTHING_FOUND,
+    )
+
+
+def detector_heartbeat(tag_id: int, time_ns: int) -> PulseG1:
+    """Write a detector's sign of life: a pulse at frequency 0 (G1)."""
+    return _pulse_without_detection(
+        tag_id=tag_id,
+        frequency_hz=0,
+        time_s=time_ns / NANOSECONDS_PER_SECOND,
+        score=0.0,
+        noise_psd=0.0,
+        status=STATUS_SUBTHRESHOLD,
+    )
+
+
+def _pulse_without_detection(
+    *,
+    tag_id: int,
+    frequency_hz: int,
+    time_s: float,
+    score: float,
+    noise_psd: float,
+    status: int,
+) -> PulseG1:
+    """Fill what such a message holds; the rest is 0 on the wire (reference/control.md §2.3)."""
+    return PulseG1(
+        tag_id=tag_id,
+        frequency_hz=frequency_hz,
+        start_time_s=time_s,
+        predict_next_start_s=0.0,
+        snr_db=0.0,
+        stft_score=score,
+        group_sequence=0,
+        group_index=0,
+        group_snr_db=0.0,
+        noise_psd=noise_psd,
+        detection_status=status,
+        confirmed_status=0,
+        latitude_deg=math.nan,
+        longitude_deg=math.nan,
+        altitude_relative_m=math.nan,
+        roll_deg=math.nan,
+        pitch_deg=math.nan,
+        yaw_deg=math.nan,
+    )
+
+
+def pulse_from_wire(
+    message: PulseG0 | PulseG1, tag: Tag | None = None
+) -> PulsePose | SearchReport | None:
+    """Read a pulse; None is a detector's sign of life.
+
+    What the wire does not carry is filled honestly: the end from the tag's pulse width (without
+    a tag it is the start), rate 1, the altitude of the other kind NaN, noise of G0 NaN.
+
+    Raises
+    ------
+    TunnelError
+        A status that no generation has, or times that are no times.
+    """
+    if message.frequency_hz == 0:
+        return None
+    if not (0.0 <= message.start_time_s < 1e10 and 0.0 <= message.predict_next_start_s < 1e10):
+        raise TunnelError("a pulse's time is not a time since 1970", message.encode())
+    start_ns = ns_from_s(message.start_time_s)
+    if message.detection_status == STATUS_NOTHING_FOUND and isinstance(message, PulseG1):
+        return SearchReport(
+            tag_id=message.tag_id,
+            time_ns=start_ns,
+            frequency_hz=float(message.frequency_hz),
+            noise_psd=message.noise_psd,
+            best_score=message.stft_score,
+        )
+    status = DETECTION_STATUSES.get(message.detection_status)
+    if status is None:
+        raise TunnelError(f"unknown status {message.detection_status}", message.encode())
+    width_ns = 0 if tag is None else ns_from_s(tag.pulse_width_s)
+    next_ns = ns_from_s(message.predict_next_start_s) or None
+    pulse = Pulse(
+        tag_id=message.tag_id,
+        frequency_hz=float(message.frequency_hz),
+        start_time_ns=start_ns,
+        end_time_ns=start_ns + width_ns,
+        snr_db=message.snr_db,
+        group_snr_db=message.group_snr_db,
+        score=message.stft_score,
+        group_index=message.group_index,
+        group_sequence=message.group_sequence if isinstance(message, PulseG1) else 0,
+        noise_psd=message.noise_psd if isinstance(message, PulseG1) else math.nan,
+        detection_status=status,
+        confirmed=message.confirmed_status != 0,
+        rate=1,
+        predicted_next_start_ns=next_ns,
+        predicted_next_end_ns=None if next_ns is None else next_ns + width_ns,
+    )
+    return PulsePose(pulse=pulse, pose=_pose_from_wire(message, start_ns + width_ns // 2))
+
+
+def _pose_from_wire(message: PulseG0 | PulseG1, time_ns: int) -> Pose | None:
+    """Read the pose; None where the sender had none."""
+    if isinstance(message, PulseG1):
+        latitude, longitude = message.latitude_deg, message.longitude_deg
+        angles = (message.roll_deg, message.pitch_deg, message.yaw_deg)
+        quaternion = quaternion_from_euler_deg(*angles)
+        amsl, relative = math.nan, message.altitude_relative_m
+    else:
+        latitude, longitude = message.position_x, message.position_y
+        quaternion = (
+            message.orientation_w,
+            message.orientation_x,
+            message.orientation_y,
+            message.orientation_z,
+        )
+        amsl, relative = message.position_z, math.nan
+    if not all(map(math.isfinite, (latitude, longitude, *quaternion))):
+        return None
+    return Pose(
+        time_ns=time_ns,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl_m=amsl,
+        altitude_relative_m=relative,
+        quaternion_wxyz=quaternion,
+    )
+
+
+def ack_to_wire(
+    command: int, accepted: bool, message: str, generation: Generation = "G1"
+) -> AckG0 | AckG1:
+    """Write an acknowledgement; G0 has no room for the message."""
+    result = SUCCESS if accepted else FAILURE
+    if generation == "G0":
+        return AckG0(acked_command=command, result=result)
+    return AckG1(acked_command=command, result=result, message=message)
+
+
+def heartbeat_to_wire(state: SystemState, cpu_temperature_c: float | None) -> Heartbeat:
+    """Write the drone side's state; an unknown temperature is NaN."""
+    return Heartbeat(
+        system_id=SYSTEM_CONTROLLER,
+        status=STATUS_NUMBERS[state],
+        cpu_temperature_c=math.nan if cpu_temperature_c is None else cpu_temperature_c,
+    )
+
+
+def euler_deg(quaternion_wxyz: tuple[float, float, float, float]) -> tuple[float, float, float]:
+    """Roll, pitch, yaw [deg] of a body-to-NED quaternion; yaw in [-180, 180].
+
+    The aerospace sequence yaw, pitch, roll (z, y', x'').
+    """
+    w, x, y, z = quaternion_wxyz
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
+    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)
+
+
+def quaternion_from_euler_deg(
+    roll_deg: float, pitch_deg: float, yaw_deg: float
+) -> tuple[float, float, float, float]:
+    """Unit quaternion (w, x, y, z) of roll, pitch, yaw; NaN in, NaN out."""
+    angles = (roll_deg, pitch_deg, yaw_deg)
+    if not all(map(math.isfinite, angles)):
+        return (math.nan,) * 4
+    half = [math.radians(angle) / 2 for angle in angles]
+    (cr, cp, cy), (sr, sp, sy) = map(math.cos, half), map(math.sin, half)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
