@@ -80,19 +80,18 @@ class ProcessFrame:
         status: str,
         *,
         ok: bool = True,
-        counters: Mapping[str, float] | Callable[[], Mapping[str, float]] = {},
+        counters: Callable[[], Mapping[str, float]] = dict,
     ) -> None:
         """Send the health if it is due, or at once when the status has changed.
 
-        Also the sign of life: call it at least once a second. `counters` may be a function,
-        called only when the health is sent.
+        Also the sign of life: call it at least once a second. `counters` is called only when
+        the health is sent.
         """
         now_s = monotonic_s()
         if now_s < self._next_health_s and (status, ok) == self._last_status:
             return
         self._next_health_s = now_s + HEALTH_PERIOD_S
         self._last_status = (status, ok)
-        values = counters() if callable(counters) else counters
         self.send(
             "health",
             Health(
@@ -100,7 +99,7 @@ class ProcessFrame:
                 time_ns=self.clock.now_ns(),
                 status=status,
                 ok=ok,
-                counters=dict(values),
+                counters=dict(counters()),
             ),
         )
 
@@ -112,11 +111,10 @@ class ProcessFrame:
         kind: type[BaseException] | None,
         error: BaseException | None,
         traceback: TracebackType | None,
-    ) -> bool:
+    ) -> None:
         """Send what still waits; end quietly when the supervisor has gone."""
         if isinstance(error, SupervisorGone):
             get_logger().warning("supervisor gone: ending")
             sys.exit(1)
         if kind is None:
             self.link.flush(timeout_s=2.0)
-        return False

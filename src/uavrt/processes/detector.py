@@ -1,0 +1,113 @@
+"""The detector process: channel samples in, pulses of several tags out."""
+
+import select
+import socket
+
+from uavrt.detection import PulseDetector
+from uavrt.ipc import ChannelReceiver, ProcessFrame
+from uavrt.messages import ChannelBlock, Pulse, Tag
+
+SELECT_S = 0.2
+
+
+class DetectorBank:
+    """One `PulseDetector` for each tag, made when its channel's first block comes.
+
+    Parameters
+    ----------
+    tags : tuple of Tag
+        The tags this worker serves.
+    frequency_window_hz : float
+        Half-width of the search around each tag's nominal frequency.
+    """
+
+    def __init__(self, tags: tuple[Tag, ...], frequency_window_hz: float) -> None:
+        self._tags = tags
+        self._window_hz = frequency_window_hz
+        self._detectors: dict[int, list[PulseDetector]] = {}
+        self.samples = 0
+        self.samples_lost = 0
+
+    def process(self, block: ChannelBlock) -> list[Pulse]:
+        """Feed a block to the detectors of its channel; get the pulses found."""
+        self.samples += len(block.samples)
+        self.samples_lost += block.lost_before
+        if block.channel not in self._detectors:
+            self._detectors[block.channel] = self._make(block)
+        return [
+            pulse
+            for detector in self._detectors[block.channel]
+            for pulse in detector.process(block.samples, block.time_ns)
+        ]
+
+    def flush(self) -> list[Pulse]:
+        """Get what the samples so far still hold."""
+        return [pulse for detector in self.all() for pulse in detector.flush()]
+
+    def all(self) -> list[PulseDetector]:
+        """Get every detector made so far."""
+        return [detector for channel in self._detectors.values() for detector in channel]
+
+    def counters(self) -> dict[str, float]:
+        """Count over all detectors."""
+        total: dict[str, float] = {
+            "samples": self.samples,
+            "samples_lost": self.samples_lost,
+            "detectors": len(self.all()),
+        }
+        for detector in self.all():
+            for name, count in detector.counters.items():
+                total[name] = total.get(name, 0) + count
+        return total
+
+    def _make(self, block: ChannelBlock) -> list[PulseDetector]:
+        """Make the detectors of the tags whose channel this is.
+
+        The receiver sends this worker only the channels of its tags, and a tag belongs to the
+        channel whose centre is nearest; neighbouring centres are half the rate apart at least.
+        """
+        half_spacing_hz = block.sample_rate_hz / 4
+        nearest = [
+            tag
+            for tag in self._tags
+            if abs(tag.frequency_hz - block.center_frequency_hz) <= half_spacing_hz * 1.0001
+        ]
+        return [
+            PulseDetector(
+                tag,
+                sample_rate_hz=block.sample_rate_hz,
+                center_frequency_hz=block.center_frequency_hz,
+                frequency_window_hz=self._window_hz,
+            )
+            for tag in nearest
+        ]
+
+
+def main() -> None:
+    """Detect until told to end; then finish the samples that are already here."""
+    with ProcessFrame.start() as frame:
+        assignment = frame.assignment
+        receiver = ChannelReceiver(socket.socket(fileno=assignment.sample_fds[0]))
+        bank = DetectorBank(assignment.tags, assignment.settings.detection.frequency_window_hz)
+        while frame.running:
+            select.select([receiver, frame.link], [], [], SELECT_S)
+            frame.receive()
+            detect_all(frame, receiver, bank)
+            frame.report("detecting" if bank.samples else "waiting", counters=bank.counters)
+        detect_all(frame, receiver, bank)
+        for pulse in bank.flush():
+            frame.send("pulse", pulse)
+
+
+def detect_all(frame: ProcessFrame, receiver: ChannelReceiver, bank: DetectorBank) -> None:
+    """Process every block that waits and send what was found."""
+    while (block := receiver.receive()) is not None:
+        for pulse in bank.process(block):
+            frame.send("pulse", pulse)
+    for detector in bank.all():
+        for report in detector.search_reports():
+            frame.send("search_report", report)
+
+
+if __name__ == "__main__":
+    main()

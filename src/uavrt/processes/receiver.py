@@ -1,0 +1,156 @@
+"""The receiver process: radio samples to the channels of the tags.
+
+Reads the radio, decimates, channelizes and sends each channel in use to the detectors that
+serve its tags. If asked, records the decimated band at the same time.
+"""
+
+import socket
+from collections.abc import Mapping
+from pathlib import Path
+
+from uavrt.clock import monotonic_s
+from uavrt.dsp import FrontEnd
+from uavrt.errors import RadioError, UavrtError
+from uavrt.ipc import ChannelSender, ProcessFrame
+from uavrt.log import get_logger
+from uavrt.messages import FlightInfo, IQBlock
+from uavrt.radio import SampleSource, open_radio
+from uavrt.recording import IQRecorder
+
+log = get_logger()
+
+READ_TIMEOUT_S = 0.5
+RETRY_S = 3.0
+"""Between attempts to open a radio that has failed twice within `RETRY_WINDOW_S`."""
+RETRY_WINDOW_S = 10.0
+
+
+class Receiver:
+    """Everything between the radio and the detectors.
+
+    Parameters
+    ----------
+    frame : ProcessFrame
+        The process.
+    flight : FlightInfo
+        The flight in progress: frequency, rate and tags.
+    """
+
+    def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
+        assignment = frame.assignment
+        self._front_end = FrontEnd(
+            sample_rate_hz=flight.sample_rate_hz,
+            center_frequency_hz=flight.center_frequency_hz,
+            frequencies_hz=[tag.frequency_hz for tag in flight.tags],
+        )
+        self._senders = [
+            ChannelSender(socket.socket(fileno=fd)) for fd in assignment.sample_fds
+        ]
+        self._workers_of_channel: dict[int, set[int]] = {}
+        for tag in flight.tags:
+            channel = self._front_end.channel_of(tag.frequency_hz)
+            worker = assignment.worker_of_tag[tag.tag_id]
+            self._workers_of_channel.setdefault(channel, set()).add(worker)
+        self._recorder = self._open_recorder(frame, flight)
+        self.samples = 0
+        self.samples_lost = 0
+
+    def _open_recorder(self, frame: ProcessFrame, flight: FlightInfo) -> IQRecorder | None:
+        recording = frame.assignment.settings.recording
+        if not recording.iq:
+            return None
+        return IQRecorder(
+            Path(flight.directory) / "recording",
+            center_frequency_hz=flight.center_frequency_hz,
+            sample_rate_hz=self._front_end.plan.band_rate_hz,
+            minimum_free_mb=recording.minimum_free_mb,
+        )
+
+    def process(self, block: IQBlock) -> None:
+        """Decimate, record, channelize and send one block."""
+        self.samples += len(block.samples)
+        self.samples_lost += block.lost_before
+        band = self._front_end.decimate(block)
+        if self._recorder is not None:
+            self._recorder.write(band)
+        for channel in self._front_end.channelize(band):
+            for worker in self._workers_of_channel[channel.channel]:
+                self._senders[worker].send(channel)
+
+    def flush(self) -> None:
+        """Try again to send what the detectors have not taken yet."""
+        for sender in self._senders:
+            sender.flush()
+
+    def close(self) -> None:
+        """Finish the recording."""
+        if self._recorder is not None:
+            self._recorder.close()
+
+    def counters(self) -> Mapping[str, float]:
+        """Count what came, what was lost, what was recorded."""
+        counters: dict[str, float] = {
+            "samples": self.samples,
+            "samples_lost": self.samples_lost,
+            "channel_samples_dropped": sum(s.samples_dropped for s in self._senders),
+        }
+        if self._recorder is not None:
+            counters["recording_samples_dropped"] = self._recorder.samples_dropped
+        return counters
+
+
+def main() -> None:
+    """Receive until told to end; a radio that fails is opened again and again."""
+    with ProcessFrame.start() as frame:
+        flight = frame.assignment.flight
+        if flight is None:
+            raise UavrtError("the receiver was started without a flight")
+        receiver = Receiver(frame, flight)
+        last_failure_s = -RETRY_WINDOW_S
+        try:
+            while frame.running:
+                try:
+                    receive(frame, receiver, flight)
+                except (RadioError, EOFError) as error:
+                    delay_s = (
+                        RETRY_S if monotonic_s() - last_failure_s < RETRY_WINDOW_S else 0.0
+                    )
+                    last_failure_s = monotonic_s()
+                    log.warning("radio absent", reason=str(error) or "the stream ended")
+                    wait(frame, receiver, delay_s)
+        finally:
+            receiver.close()
+
+
+def receive(frame: ProcessFrame, receiver: Receiver, flight: FlightInfo) -> None:
+    """Pass samples on from one opened radio until it fails or the process is to end."""
+    source: SampleSource = open_radio(
+        frame.assignment.settings.radio, flight.center_frequency_hz, clock=frame.clock
+    )
+    try:
+        while frame.running:
+            block = source.read(timeout_s=READ_TIMEOUT_S)
+            if block is None:
+                receiver.flush()
+            else:
+                receiver.process(block)
+            frame.receive()
+            frame.report(
+                "receiving" if receiver.samples else "waiting for samples",
+                counters=receiver.counters,
+            )
+    finally:
+        source.close()
+
+
+def wait(frame: ProcessFrame, receiver: Receiver, delay_s: float) -> None:
+    """Stay alive until the next attempt."""
+    end_s = monotonic_s() + delay_s
+    frame.report("radio absent", ok=False, counters=receiver.counters)
+    while frame.running and monotonic_s() < end_s:
+        frame.receive(timeout_s=0.2)
+        frame.report("radio absent", ok=False, counters=receiver.counters)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+import socket
+
+import pytest
+
+from uavrt.ipc import ChildLink, decode_record, encode_record
+from uavrt.ipc.link import SupervisorGone
+from uavrt.messages import StatusText
+
+
+def text(number: int) -> StatusText:
+    return StatusText(severity=6, text=f"text {number} " + "x" * 1000)
+
+
+def test_what_the_socket_does_not_take_goes_out_later() -> None:
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        link = ChildLink(ours)
+        for number in range(2000):
+            link.send("status_text", text(number))
+        got = b""
+        theirs.settimeout(0.2)
+        while got.count(b"\n") < 2000:
+            got += theirs.recv(1 << 20)
+            link.flush()
+        numbers = [decode_record(line)[1] for line in got.splitlines()]
+        assert numbers == [text(number) for number in range(2000)]
+
+
+def test_records_are_received_in_order_and_garbage_is_counted() -> None:
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        link = ChildLink(ours)
+        theirs.sendall(
+            encode_record("status_text", text(1))
+            + b"garbage\n"
+            + encode_record("status_text", text(2))
+        )
+        assert link.receive(timeout_s=1.0) == [
+            ("status_text", text(1)),
+            ("status_text", text(2)),
+        ]
+        assert link.refused == 1
+
+
+def test_a_child_whose_supervisor_has_gone_is_told() -> None:
+    ours, theirs = socket.socketpair()
+    with ours:
+        link = ChildLink(ours)
+        theirs.close()
+        with pytest.raises(SupervisorGone):
+            link.receive()

@@ -1,0 +1,61 @@
+import importlib
+
+from uavrt.ipc import TOPICS
+from uavrt.messages import SystemState
+from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of
+
+PUBLISHED_BY_SUPERVISOR = {
+    "assignment",
+    "flight",
+    "flight_end",
+    "command_reply",
+    "system_status",
+    "status_text",
+}
+
+
+def test_every_topic_of_the_table_of_processes_exists() -> None:
+    for row in PROCESSES:
+        assert set(row.consumes) | set(row.produces) <= set(TOPICS)
+
+
+def test_every_consumed_topic_is_produced() -> None:
+    produced = {topic for row in PROCESSES for topic in row.produces}
+    for row in PROCESSES:
+        assert set(row.consumes) <= produced | PUBLISHED_BY_SUPERVISOR
+
+
+def test_every_topic_that_is_to_be_recorded_reaches_the_recorder() -> None:
+    for topic in TOPICS.values():
+        if topic.recorded:
+            assert "recorder" in {row.name for row in consumers_of(topic.name)}
+
+
+def test_every_topic_for_the_ground_reaches_the_connection() -> None:
+    for topic in TOPICS.values():
+        if topic.to_ground:
+            assert "connection" in {row.name for row in consumers_of(topic.name)}
+
+
+def test_every_produced_topic_is_consumed() -> None:
+    for row in PROCESSES:
+        for topic in row.produces:
+            assert topic in SUPERVISOR_TOPICS or consumers_of(topic)
+
+
+def test_every_row_names_a_module_with_a_main() -> None:
+    for row in PROCESSES:
+        assert callable(importlib.import_module(row.module).main)
+
+
+def test_producers_stand_after_their_consumers() -> None:
+    names = [row.name for row in PROCESSES]
+    assert names.index("receiver") > names.index("detector") > names.index("connection")
+
+
+def test_only_the_sample_chain_depends_on_the_state() -> None:
+    running = {
+        state: {row.name for row in PROCESSES if row.runs(state)} for state in SystemState
+    }
+    assert running[SystemState.DETECTING] == {"recorder", "connection", "detector", "receiver"}
+    assert running[SystemState.IDLE] == {"recorder", "connection"}
