@@ -1,1 +1,12 @@
-"""Signal processing: arrays in, arrays out."""
+"""Signal processing: arrays in, arrays out.
+
+`FrontEnd` takes a radio's blocks to the channels of the tags; it is made of `Decimator` and
+`Channelizer`. `tune` chooses the radio's frequency.
+"""
+
+from uavrt.dsp.channelizer import Channelizer
+from uavrt.dsp.decimator import Decimator
+from uavrt.dsp.frontend import FrontEnd
+from uavrt.dsp.plan import FrontEndPlan
+
+__all__ = ["Channelizer", "Decimator", "FrontEnd", "FrontEndPlan"]

@@ -1,0 +1,148 @@
+"""Uniform DFT filter bank: a band into channels, only those in use.
+
+``y_c[n] = sum_m h[m] x[H n - m] exp(-j 2 pi c (H n - m) / M)``: a tone at c times the channel
+spacing lands on 0 Hz of channel c. With H = M (critically sampled) this is the original's bank
+(reference/detector.md §1.3); with H = M / 2 each channel is twice oversampled, so that no
+frequency sits on an edge.
+
+The sum is folded: with ``u = Q M - m`` the window of the last Q M samples is weighted by the
+symmetric prototype, added up modulo M and Fourier transformed. The window starts at
+``H n - Q M``, so for H = M / 2 and odd n the transform comes out rotated by half its length,
+which is a change of sign in odd channels.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.fft
+from numpy.lib.stride_tricks import as_strided
+from numpy.typing import NDArray
+
+from uavrt.dsp.decimator import Mode
+from uavrt.dsp.filters import bank_taps, compatible_bank_taps
+from uavrt.errors import UsageError
+
+MATRIX_CHANNELS = 20
+"""Up to so many channels a small DFT matrix is cheaper than all M of an FFT (measured)."""
+
+ROWS = 384
+"""Outputs per pass: 384 rows of 100 complex64 stay in the L2 cache."""
+
+
+class Channelizer:
+    """Split a band into equally spaced channels.
+
+    Parameters
+    ----------
+    channels : int
+        Number of channels M over the whole band; even in the default mode.
+    sample_rate_hz : float
+        Rate of the band [Hz]; used for rates and `latency_s`.
+    mode : {"default", "compatible"}
+        Twice oversampled (channel rate 2 / M of the band's), or the original's critically
+        sampled bank (1 / M).
+    in_use : sequence of int, optional
+        Channels to compute, in this order; all by default.
+
+    Raises
+    ------
+    UsageError
+        No such channel, or an odd number of them in the default mode.
+    """
+
+    def __init__(
+        self,
+        *,
+        channels: int = 100,
+        sample_rate_hz: float = 375_000.0,
+        mode: Mode = "default",
+        in_use: Sequence[int] | None = None,
+    ) -> None:
+        if channels < 2 or (mode == "default" and channels % 2):
+            raise UsageError(f"{channels} channels", remedy="Use an even number of channels")
+        self.channels = channels
+        self.mode: Mode = mode
+        self.in_use = tuple(range(channels) if in_use is None else in_use)
+        for channel in self.in_use:
+            if not 0 <= channel < channels:
+                raise UsageError(f"channel {channel}", remedy=f"Use 0 to {channels - 1}")
+        self.hop = channels if mode == "compatible" else channels // 2
+        self.sample_rate_hz = sample_rate_hz
+        self.taps = (compatible_bank_taps if mode == "compatible" else bank_taps)(channels)
+        self.delay_samples = self.taps.size / 2
+        """Group delay in samples of the band."""
+        phases = self.taps.reshape(-1, channels)
+        # Real weights for interleaved real and imaginary parts.
+        self._weights = np.repeat(phases, 2, axis=1).astype(np.float32)
+        self._history = self.taps.size
+        self._selection = np.array(self.in_use, dtype=np.intp)
+        self._odd = self._selection % 2 == 1
+        self._matrix: NDArray[np.complex64] | None = None
+        if len(self.in_use) <= MATRIX_CHANNELS:
+            turns = np.outer(self._selection, np.arange(channels)) % channels / channels
+            self._matrix = np.exp(-2j * np.pi * turns).astype(np.complex64)
+        self._folded = np.empty((ROWS, 2 * channels), dtype=np.float32)
+        self.reset()
+
+    @property
+    def spacing_hz(self) -> float:
+        """Distance of channel centres [Hz]."""
+        return self.sample_rate_hz / self.channels
+
+    @property
+    def channel_rate_hz(self) -> float:
+        """Sample rate of each channel [Hz]."""
+        return self.sample_rate_hz / self.hop
+
+    @property
+    def latency_s(self) -> float:
+        """Group delay of the filter [s]."""
+        return self.delay_samples / self.sample_rate_hz
+
+    def reset(self) -> None:
+        """Forget all samples; the next input is sample 0 of the band again."""
+        self._buffer = np.zeros(self._history, dtype=np.complex64)
+        self._odd_row = False
+
+    def process(self, block: NDArray[np.complex64]) -> NDArray[np.complex64]:
+        """Channelize consecutive samples.
+
+        Parameters
+        ----------
+        block : (n,) complex64 array
+            Any length; how a stream is cut changes nothing.
+
+        Returns
+        -------
+        (channels in use, m) complex64 array
+            Output n of the stream stands at sample H n of the band and appears once the H
+            samples from there on are in: ``floor(total / H)`` outputs in all.
+        """
+        buffer = np.concatenate((self._buffer, block.astype(np.complex64, copy=False)))
+        rows = (buffer.size - self._history) // self.hop
+        self._buffer = buffer[rows * self.hop :].copy()
+        out = np.empty((len(self.in_use), rows), dtype=np.complex64)
+        windows = as_strided(
+            buffer.view(np.float32),
+            (rows, self.taps.size // self.channels, 2 * self.channels),
+            (8 * self.hop, 8 * self.channels, 4),
+        )
+        for start in range(0, rows, ROWS):
+            stop = min(start + ROWS, rows)
+            folded = self._folded[: stop - start]
+            np.einsum("nqm,qm->nm", windows[start:stop], self._weights, out=folded)
+            self._transform(folded.view(np.complex64), out[:, start:stop])
+        if self.hop != self.channels:
+            # Odd rows of the whole stream, odd channels: half a turn (see the module's text).
+            first = 0 if self._odd_row else 1
+            out[self._odd, first::2] *= -1
+            self._odd_row ^= bool(rows % 2)
+        return out
+
+    def _transform(self, folded: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
+        """Fourier transform each row; keep the channels in use, as rows of `out`."""
+        if self._matrix is not None:
+            np.matmul(self._matrix, folded.T, out=out)
+            return
+        spectrum = scipy.fft.fft(folded, axis=1, overwrite_x=True, workers=1)
+        np.copyto(out, spectrum.T[self._selection])

@@ -1,0 +1,158 @@
+"""Which decimation and how many channels a sample rate calls for."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from uavrt.dsp.decimator import Mode
+from uavrt.dsp.filters import CLEAN_FRACTION
+from uavrt.errors import TunerError, UsageError
+
+CHANNEL_SPACING_HZ = 3750.0
+"""What the thesis uses (375 kHz / 100); ours is as near as small prime factors allow."""
+
+NARROWEST_BAND_HZ = 375_000.0
+"""The decimator brings the rate down to the least that is not below this."""
+
+LOWEST_RATE_HZ = 3_000.0
+ONE_CHANNEL_RATE_HZ = 14_000.0
+"""A recording slower than this is one channel: the bank would need at least four."""
+
+HIGHEST_FACTOR = 64
+UNDECIMATED_FRACTION = 0.45
+"""Half the usable span over the rate where the radio's own filter is the only one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrontEndPlan:
+    """How the front end is set up."""
+
+    mode: Literal["default", "compatible"]
+    sample_rate_hz: float
+    center_frequency_hz: float
+    decimation_factor: int
+    """1: no decimator."""
+    band_rate_hz: float
+    channel_count: int
+    """Channels across the band; 1: no channelizer."""
+    channel_spacing_hz: float
+    channel_rate_hz: float
+    usable_half_span_hz: float
+    """Frequencies further than this from the centre are refused."""
+    frequencies_hz: tuple[float, ...]
+    frequency_channels: tuple[int, ...]
+    """Channel of each frequency, in the order of `frequencies_hz`."""
+    channels_in_use: tuple[int, ...]
+    """Channels that are computed, ascending."""
+    channel_centers_hz: tuple[float, ...]
+    """Absolute centre frequency of each channel in use."""
+    latency_s: float
+    """Group delay of decimator and channelizer; already taken out of all times."""
+
+    def channel_of(self, frequency_hz: float) -> int:
+        """Channel whose centre is nearest to a frequency.
+
+        Raises
+        ------
+        TunerError
+            The frequency is outside the usable span.
+        """
+        offset_hz = frequency_hz - self.center_frequency_hz
+        if not abs(offset_hz) <= self.usable_half_span_hz:
+            raise outside_span(
+                [frequency_hz], self.center_frequency_hz, self.usable_half_span_hz
+            )
+        return round(offset_hz / self.channel_spacing_hz) % self.channel_count
+
+
+def channel_center_hz(
+    center_frequency_hz: float, channel: int, channel_count: int, spacing_hz: float
+) -> float:
+    """Absolute frequency of a channel's centre [Hz].
+
+    The first half of the channels lies at and above the radio's centre, the rest below it;
+    of an even number, the middle one is the negative Nyquist frequency
+    (reference/detector.md §1.3).
+    """
+    signed = channel if 2 * channel < channel_count else channel - channel_count
+    return center_frequency_hz + signed * spacing_hz
+
+
+def outside_span(
+    frequencies_hz: Sequence[float], center_hz: float, half_span_hz: float
+) -> TunerError:
+    """Error for frequencies that a radio setting does not serve."""
+    listed = ", ".join(f"{frequency / 1e6:.6f}" for frequency in frequencies_hz)
+    low, high = (center_hz - half_span_hz) / 1e6, (center_hz + half_span_hz) / 1e6
+    return TunerError(
+        f"{listed} MHz outside the usable span {low:.6f} to {high:.6f} MHz",
+        remedy="Tune the radio nearer to these tags, use a higher sample rate, "
+        "or leave these tags out",
+    )
+
+
+def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> float:
+    """Half the span in which a tag may lie, about the radio's centre [Hz].
+
+    The clean span of the decimator; where nothing is decimated, the radio's own filter bounds
+    it. The compatible mode takes the whole band, as the original does, aliases included.
+    """
+    if mode == "compatible":
+        return band_rate_hz / 2
+    return band_rate_hz * (CLEAN_FRACTION if decimated else UNDECIMATED_FRACTION)
+
+
+def choose_decimation(*, sample_rate_hz: float, reach_hz: float, mode: Mode) -> int:
+    """Largest decimation whose usable span reaches `reach_hz` from the centre.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Rate of the radio [Hz].
+    reach_hz : float
+        Greatest distance of a frequency from the centre [Hz].
+    mode : {"default", "compatible"}
+        The compatible mode never widens the band for the sake of a tag.
+    """
+    largest = int(sample_rate_hz / NARROWEST_BAND_HZ + 1e-9)
+    largest = min(max(largest, 1), HIGHEST_FACTOR)
+    if mode == "compatible":
+        return largest
+    for factor in range(largest, 1, -1):
+        span = usable_half_span_hz(
+            band_rate_hz=sample_rate_hz / factor, decimated=True, mode=mode
+        )
+        if reach_hz <= span:
+            return factor
+    return 1
+
+
+def choose_channel_count(band_rate_hz: float) -> int:
+    """Even number without a prime factor above 11 that gives a spacing nearest 3750 Hz."""
+    exact = band_rate_hz / CHANNEL_SPACING_HZ
+    nearest = 2 * round(exact / 2)
+    candidates = (n for n in range(max(2, nearest - 16), nearest + 17, 2) if _smooth(n))
+    return min(candidates, key=lambda n: (abs(band_rate_hz / n - CHANNEL_SPACING_HZ), n))
+
+
+def _smooth(number: int) -> bool:
+    for prime in (2, 3, 5, 7, 11):
+        while number % prime == 0:
+            number //= prime
+    return number == 1
+
+
+def check_rate(sample_rate_hz: float) -> None:
+    """Refuse a sample rate that no plan serves.
+
+    Raises
+    ------
+    UsageError
+        Below 3 kS/s, above 64 × 375 kS/s, or not a number.
+    """
+    highest = HIGHEST_FACTOR * NARROWEST_BAND_HZ
+    if not LOWEST_RATE_HZ <= sample_rate_hz <= highest:
+        raise UsageError(
+            f"sample rate {sample_rate_hz:g} Hz",
+            remedy=f"Use {LOWEST_RATE_HZ:g} to {highest:g} samples a second",
+        )
