@@ -1,0 +1,111 @@
+"""Antenna patterns: how much of a wave from some direction reaches the receiver.
+
+The tables of the Telonics RA-2A and RA-23K are those of reference/localization.md §1.5: decibel
+re boresight from 0° to 180° in steps of 10°, read off the maker's plots (±1.5 dB).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from uavrt.simulation import geometry
+from uavrt.simulation.record import ScenarioRecord
+
+PATTERNS_DB: dict[str, tuple[float, ...]] = {
+    "RA-2A": (
+        *(0, 0, -0.5, -1, -2.5, -5, -10.5, -14.5, -20.5, -27.5),
+        *(-20, -17.5, -14.5, -12.5, -13.5, -10.5, -10.5, -10, -10),
+    ),
+    "RA-23K": (
+        *(0, -0.5, -1, -2, -3, -5, -8, -10.5, -16, -18),
+        *(-17.5, -16, -14, -13.5, -11.5, -10.5, -10, -9.5, -10),
+    ),
+}
+_NULL_DB = -30.0
+"""No real null is deeper, for scatter at the airframe."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Antenna(ScenarioRecord):
+    """The antenna and how it sits on the drone."""
+
+    pattern: Literal["RA-2A", "RA-23K", "isotropic", "monopole", "table"] = "RA-23K"
+    table_db: tuple[float, ...] = ()
+    """Own pattern: decibel re boresight at equal steps from 0° to 180°, both included."""
+    gain_dbi: Annotated[float, Ge(-20), Le(30)] = 4.0
+    """At boresight; for a monopole at the horizon."""
+    polarization: Literal["horizontal", "vertical", "any"] = "horizontal"
+    """Of the antenna on a level drone; "any" accepts every wave fully."""
+    cross_polarization_db: Annotated[float, Ge(-40), Le(0)] = -15.0
+    """What is left of a wave of the wrong polarization, for scatter."""
+    yaw_offset_deg: float = 0.0
+    """Boresight clockwise from the drone's nose."""
+    pitch_offset_deg: float = 0.0
+    roll_offset_deg: float = 0.0
+    offset_forward_m: float = 0.0
+    """Where the antenna sits, from the autopilot, in the drone's frame."""
+    offset_right_m: float = 0.0
+    offset_down_m: float = 0.0
+
+
+def off_boresight_deg(direction_body: geometry.Vector) -> float:
+    """Angle [deg] between boresight (forward) and a unit direction in the antenna's frame."""
+    return math.degrees(math.acos(max(-1.0, min(1.0, direction_body[0]))))
+
+
+def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
+    """Gain re the antenna's maximum [dB] towards a unit direction in its frame (FRD).
+
+    Directional patterns are taken as rotationally symmetric about the boresight: the tables
+    are cuts in azimuth, and at low elevation the angle off boresight is what counts. A
+    monopole's is 20 log10(cos elevation) about the down axis (reference/localization.md §2.3),
+    tilting with the drone.
+    """
+    if antenna.pattern == "isotropic":
+        return 0.0
+    if antenna.pattern == "monopole":
+        horizontal = math.hypot(direction_body[0], direction_body[1])
+        return max(_NULL_DB, 20.0 * math.log10(max(horizontal, 1e-6)))
+    table = antenna.table_db if antenna.pattern == "table" else PATTERNS_DB[antenna.pattern]
+    angles = np.linspace(0.0, 180.0, len(table))
+    return float(np.interp(off_boresight_deg(direction_body), angles, table))
+
+
+def transverse_axes(
+    direction: geometry.Vector, down: geometry.Vector
+) -> tuple[geometry.Vector, geometry.Vector]:
+    """Unit vectors across a ray: one horizontal, one upright, for a frame's down axis.
+
+    Straight up or down the horizontal one is taken across the frame's first axis.
+    """
+    horizontal = geometry.cross(down, direction)
+    if geometry.length(horizontal) < 1e-9:
+        horizontal = geometry.cross((1.0, 0.0, 0.0), direction)
+    horizontal = geometry.scale(horizontal, 1.0 / geometry.length(horizontal))
+    return horizontal, geometry.cross(direction, horizontal)
+
+
+def polarization_db(
+    antenna: Antenna, direction_body: geometry.Vector, field_body: geometry.Vector
+) -> float:
+    """Loss [dB, ≤ 0] from the angle between the wave's field and the antenna's own.
+
+    Parameters
+    ----------
+    antenna : Antenna
+        Which polarization the antenna has.
+    direction_body : tuple of 3 floats
+        Unit vector to the source in the antenna's frame.
+    field_body : tuple of 3 floats
+        Unit vector of the wave's electric field in the antenna's frame, across the ray.
+    """
+    if antenna.polarization == "any":
+        return 0.0
+    horizontal, upright = transverse_axes(direction_body, (0.0, 0.0, 1.0))
+    own = horizontal if antenna.polarization == "horizontal" else upright
+    match = geometry.dot(own, field_body) ** 2
+    floor = 10.0 ** (antenna.cross_polarization_db / 10.0)
+    return 10.0 * math.log10(floor + (1.0 - floor) * match)

@@ -1,0 +1,72 @@
+"""Random numbers that depend only on (seed, stream, index), never on the order of asking.
+
+A radio program that is killed and started again, the process that computes the truth and a test
+all see the same world, since each random quantity is a hash of its name and number.
+The hash is the finalizer of SplitMix64 (Steele, Lea & Flood, OOPSLA 2014), applied twice.
+"""
+
+import zlib
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_MULTIPLY_1 = np.uint64(0xBF58476D1CE4E5B9)
+_MULTIPLY_2 = np.uint64(0x94D049BB133111EB)
+
+
+def _mix(value: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    value = value ^ (value >> np.uint64(30))
+    value = value * _MULTIPLY_1
+    value = value ^ (value >> np.uint64(27))
+    value = value * _MULTIPLY_2
+    return value ^ (value >> np.uint64(31))
+
+
+def stream_key(seed: int, *names: object) -> int:
+    """Make the key of a stream from a seed and the stream's name, the same in all processes."""
+    return zlib.crc32(repr(names).encode()) | ((seed & 0xFFFFFFFF) << 32)
+
+
+def uniform(key: int, index: ArrayLike) -> NDArray[np.float64]:
+    """Get uniform numbers in [0, 1) for the given indices of a stream.
+
+    Parameters
+    ----------
+    key : int
+        From `stream_key`.
+    index : array_like of int64
+        Numbers of the draws, of any shape; negative ones are allowed.
+
+    Returns
+    -------
+    ndarray of float64
+        Same shape as `index`.
+    """
+    counter = np.atleast_1d(np.asarray(index, dtype=np.int64)).astype(np.uint64)
+    # Wrap-around is what the hash wants; NumPy warns of it for scalars only, hence the arrays.
+    start = _mix(np.array([key & 0xFFFFFFFFFFFFFFFF], dtype=np.uint64) + _GOLDEN)
+    mixed = _mix(_mix(start + counter * _GOLDEN) ^ start)
+    result = (mixed >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    return result.reshape(np.shape(index))
+
+
+def normal(key: int, index: ArrayLike) -> NDArray[np.float64]:
+    """Get standard normal numbers for the given indices of a stream (Box & Muller 1958)."""
+    indices = np.asarray(index, dtype=np.int64)
+    radius = np.sqrt(-2.0 * np.log1p(-uniform(key, 2 * indices)))
+    result: NDArray[np.float64] = radius * np.cos(2 * np.pi * uniform(key, 2 * indices + 1))
+    return result
+
+
+def smooth_normal(key: int, position: float) -> float:
+    """Get a smooth random function of one variable with unit variance.
+
+    Independent normals at whole numbers, weighted with a Gaussian of standard deviation 0.5/√2
+    around `position`: the correlation between x and y is exp(-(x - y)²) and the variance is
+    exactly one everywhere, by the normalization.
+    """
+    centre = int(np.floor(position))
+    knots = np.arange(centre - 3, centre + 5)
+    weights = np.exp(-2.0 * (position - knots) ** 2)
+    return float(weights @ normal(key, knots) / np.sqrt(weights @ weights))

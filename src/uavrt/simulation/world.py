@@ -1,0 +1,219 @@
+"""What truly happens in a scenario: every pulse with its time, frequency and level."""
+
+import bisect
+import math
+from dataclasses import dataclass
+
+from uavrt.simulation.counter_random import stream_key, uniform
+from uavrt.simulation.propagation import (
+    SPEED_OF_LIGHT_M_S,
+    Link,
+    fading_db,
+    link,
+    water_loss_db,
+)
+from uavrt.simulation.scenario import Scenario, SimulatedTag
+
+THERMAL_NOISE_DBM_HZ = -173.975
+"""k·T₀ at 290 K."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TruePulse:
+    """One pulse as it is, for comparison with what a detector says."""
+
+    tag_id: int
+    listed: bool
+    """False for a neighbour tag that the operator does not look for."""
+    pulse_index: int
+    """Number of the tag's pulse since the start of the scenario, from 0."""
+    rate: int
+    """Which of the tag's intervals follows this pulse, from 1."""
+    transmit_time_ns: int
+    """Start of the pulse at the tag [ns, UTC]."""
+    start_time_ns: int
+    """Start of the pulse at the antenna [ns, UTC]."""
+    end_time_ns: int
+    frequency_hz: float
+    """Carrier as received, with the crystal's error, drift and Doppler shift."""
+    received_power_dbm: float
+    enr_db: float
+    """Pulse energy over noise power density (reference/detector.md §0)."""
+    amplitude: float
+    """Of the complex samples at the radio's gain [full scale]."""
+    phase_rad: float
+    """Of the carrier at the start of the pulse."""
+    fading_db: float
+    distance_m: float
+    bearing_deg: float
+    """Compass direction from the antenna to the tag, true."""
+    elevation_deg: float
+    off_boresight_deg: float
+
+
+def noise_psd_dbm_hz(scenario: Scenario) -> float:
+    """Noise power density at the antenna connector [dBm/Hz]."""
+    return THERMAL_NOISE_DBM_HZ + scenario.radio.noise_figure_db
+
+
+def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
+    """Amplitude of the samples [full scale] for 1 mW at the antenna connector.
+
+    Follows from the noise's level in the samples: a wave of power P has the amplitude
+    noise_rms·√(P / (N₀·fs)), whatever the rate at which it is sampled.
+    """
+    radio = scenario.radio
+    noise_mw = 10.0 ** (noise_psd_dbm_hz(scenario) / 10.0) * radio.sample_rate_hz
+    steps = (radio.gain if gain is None else gain) - 21
+    return radio.noise_rms / math.sqrt(noise_mw) * 10.0 ** (steps * radio.gain_step_db / 20.0)
+
+
+class World:
+    """All pulses of a scenario, each a function of the scenario alone.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The world; the pulses' times are counted from its start.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self._trains = {tag.tag_id: _PulseTrain(scenario, tag) for tag in scenario.tag}
+        self._noise_dbm_hz = noise_psd_dbm_hz(scenario)
+        self._full_scale = full_scale_factor(scenario)
+
+    def truth(self, start_time_ns: int, end_time_ns: int) -> list[TruePulse]:
+        """Get all pulses that start at the antenna in [start, end), in order of time."""
+        found: list[TruePulse] = []
+        # 1 ms covers the way of light over 300 km.
+        first_s = self.scenario.elapsed_s(start_time_ns) - 1e-3
+        last_s = self.scenario.elapsed_s(end_time_ns)
+        for tag in self.scenario.tag:
+            for index in self._trains[tag.tag_id].indices(first_s, last_s):
+                pulse = self.pulse(tag, index)
+                if start_time_ns <= pulse.start_time_ns < end_time_ns:
+                    found.append(pulse)
+        return sorted(found, key=lambda pulse: pulse.start_time_ns)
+
+    def pulse_indices(self, tag: SimulatedTag, start_s: float, end_s: float) -> range:
+        """Numbers of a tag's pulses whose start at the tag lies in [start, end) seconds."""
+        return self._trains[tag.tag_id].indices(start_s, end_s)
+
+    def pulse(self, tag: SimulatedTag, index: int) -> TruePulse:
+        """Compute one pulse of a tag."""
+        scenario = self.scenario
+        elapsed_s, rate = self._trains[tag.tag_id].at(index)
+        transmit_ns = scenario.start_time_ns + round(elapsed_s * 1e9)
+        way = self._link(tag, transmit_ns)
+        fade_db = fading_db(scenario.propagation.fading, scenario.seed, tag.tag_id, elapsed_s)
+        power_dbm = (
+            tag.erp_dbm
+            - tag.extra_loss_db
+            - water_loss_db(tag.water_depth_m, tag.water_conductivity_s_m)
+            + way.gain_db
+            + fade_db
+        )
+        width_s = tag.true_pulse_width_s or tag.pulse_width_s
+        start_ns = transmit_ns + round(way.distance_m / SPEED_OF_LIGHT_M_S * 1e9)
+        turns = uniform(stream_key(scenario.seed, "phase", tag.tag_id), index)
+        return TruePulse(
+            tag_id=tag.tag_id,
+            listed=tag.listed,
+            pulse_index=index,
+            rate=rate,
+            transmit_time_ns=transmit_ns,
+            start_time_ns=start_ns,
+            end_time_ns=start_ns + round(width_s * 1e9),
+            frequency_hz=self._frequency_hz(tag, transmit_ns),
+            received_power_dbm=power_dbm,
+            enr_db=power_dbm - self._noise_dbm_hz + 10.0 * math.log10(width_s),
+            amplitude=10.0 ** (power_dbm / 20.0) * self._full_scale,
+            phase_rad=2 * math.pi * float(turns),
+            fading_db=fade_db,
+            distance_m=way.distance_m,
+            bearing_deg=way.bearing_deg,
+            elevation_deg=way.elevation_deg,
+            off_boresight_deg=way.off_boresight_deg,
+        )
+
+    def _link(self, tag: SimulatedTag, time_ns: int) -> Link:
+        place, rotation = self.scenario.antenna_state(time_ns)
+        return link(
+            self.scenario.propagation,
+            self.scenario.antenna,
+            tag_ned_m=self.scenario.tag_position_ned_m(tag, time_ns),
+            antenna_ned_m=place,
+            antenna_quaternion_wxyz=rotation,
+            polarization_deg=tag.polarization_deg,
+            frequency_hz=tag.frequency_hz,
+        )
+
+    def _frequency_hz(self, tag: SimulatedTag, time_ns: int) -> float:
+        elapsed_s = self.scenario.elapsed_s(time_ns)
+        sent = (
+            tag.frequency_hz * (1.0 + tag.frequency_offset_ppm * 1e-6)
+            + tag.frequency_offset_hz
+            + tag.frequency_drift_hz_s * elapsed_s
+        )
+        if not self.scenario.propagation.doppler:
+            return sent
+        # The change of distance over 2 ms, about the pulse's start, is the closing speed.
+        before, after = (
+            math.dist(
+                self.scenario.tag_position_ned_m(tag, moment),
+                self.scenario.antenna_state(moment)[0],
+            )
+            for moment in (time_ns - 1_000_000, time_ns + 1_000_000)
+        )
+        return sent * (1.0 - (after - before) / 2e-3 / SPEED_OF_LIGHT_M_S)
+
+
+class _PulseTrain:
+    """Start times of one tag's pulses at the tag, extended as far as anyone asks."""
+
+    def __init__(self, scenario: Scenario, tag: SimulatedTag) -> None:
+        self._tag = tag
+        self._jitter_key = stream_key(scenario.seed, "jitter", tag.tag_id)
+        self._grid_s = [tag.first_pulse_s]
+        self._rates = [self._rate(0, tag.first_pulse_s)]
+
+    def _rate(self, index: int, elapsed_s: float) -> int:
+        tag = self._tag
+        if len(tag.pulse_intervals_s) == 1:
+            return 1
+        if tag.rate_pattern:
+            return tag.rate_pattern[index % len(tag.rate_pattern)]
+        return 1 + sum(switch <= elapsed_s for switch in tag.rate_switches_s) % 2
+
+    def _extend(self, end_s: float) -> None:
+        tag = self._tag
+        while self._grid_s[-1] < end_s + tag.jitter_s:
+            interval = tag.pulse_intervals_s[self._rates[-1] - 1] + tag.interval_error_s
+            self._grid_s.append(self._grid_s[-1] + interval)
+            self._rates.append(self._rate(len(self._rates), self._grid_s[-1]))
+
+    def indices(self, start_s: float, end_s: float) -> range:
+        """Numbers of the pulses that start in [start, end)."""
+        self._extend(end_s)
+        jitter = self._tag.jitter_s
+        first = bisect.bisect_left(self._grid_s, start_s - jitter)
+        last = bisect.bisect_right(self._grid_s, end_s + jitter)
+        if jitter > 0.0:
+            while first < last and self.at(first)[0] < start_s:
+                first += 1
+            while last > first and self.at(last - 1)[0] >= end_s:
+                last -= 1
+        else:
+            last = bisect.bisect_left(self._grid_s, end_s)
+        return range(first, last)
+
+    def at(self, index: int) -> tuple[float, int]:
+        """Start [s after the scenario's start] and rate of a pulse."""
+        jitter = 0.0
+        if self._tag.jitter_s > 0.0:
+            jitter = self._tag.jitter_s * (2.0 * float(uniform(self._jitter_key, index)) - 1.0)
+        if index >= len(self._grid_s):
+            self._extend(self._grid_s[-1] + 1.0)
+            return self.at(index)
+        return self._grid_s[index] + jitter, self._rates[index]
