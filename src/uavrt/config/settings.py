@@ -33,7 +33,7 @@ class RadioSettings:
     sample_rate_hz: Annotated[float, Interval(ge=3_000.0, le=100e6)] = 3_000_000.0
     """Samples a second from the radio."""
     gain: Annotated[int, Ge(0)] | None = None
-    """Gain in the radio's own steps (Airspy: 0 to 21); None: a sensible one."""
+    """Gain in the radio's own steps (Airspy: 0 to 21); left out: a sensible one."""
     bias_tee: bool = False
     """Power an amplifier at the antenna through the cable."""
     frequency_correction_ppm: Annotated[float, Interval(ge=-200.0, le=200.0)] = 0.0
@@ -41,7 +41,7 @@ class RadioSettings:
     serial: str | None = None
     """Serial number of the device, when there are several."""
     center_frequency_hz: Annotated[float, Interval(ge=20e6, le=1e9)] | None = None
-    """Radio frequency; None lets the tuner choose it from the tags."""
+    """Radio frequency; left out: the tuner chooses it from the tags."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,181 @@
+"""Read, explain and write ``uavrt.toml``.
+
+pydantic is imported only inside these functions: it costs 29 MB and 95 ms
+(reference/style.md §B.3), which a process of the drone that is handed its settings never pays.
+"""
+
+import json
+import os
+import re
+import textwrap
+import tomllib
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uavrt.config.settings import Settings
+from uavrt.config.text_files import decode_text, write_text_atomically
+from uavrt.config.toml_lines import find_lines, line_of
+from uavrt.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+_WIDTH = 92
+
+
+def load_settings(path: str | os.PathLike[str]) -> Settings:
+    """Read ``uavrt.toml``; whatever it leaves out has its default.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or has faults: all are listed, each with its line.
+    """
+    name = os.fspath(path)
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise ConfigError(
+            f"cannot read the settings {name}: {error.strerror}",
+            remedy="`uavrt run --help` shows how to write a file of defaults",
+        ) from error
+    return parse_settings(content, name=name)
+
+
+def parse_settings(content: bytes, *, name: str) -> Settings:
+    """Read settings from a file's bytes; `name` is for messages.
+
+    Raises
+    ------
+    ConfigError
+        The bytes are not settings; all faults are listed.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    try:
+        text = decode_text(content)
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise _error(name, [f"not TOML: {error}"]) from None
+    try:
+        # By way of JSON, where a list may be a tuple and strict still means strict: "3" is no
+        # number and 3.5 no count. Dates, which no setting has, become text and are refused.
+        return TypeAdapter(Settings).validate_json(json.dumps(document, default=str))
+    except ValidationError as error:
+        lines = find_lines(text)
+        schema = settings_schema()
+        faults = sorted(
+            (line_of(lines, tuple(detail["loc"])) or 1, _explain(detail, schema))
+            for detail in error.errors(include_url=False)
+        )
+        raise _error(name, [f"line {line}: {text}" for line, text in faults]) from None
+
+
+def settings_schema() -> dict[str, Any]:
+    """JSON Schema of ``uavrt.toml``, for editors that check while one types."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(Settings).json_schema()
+
+
+def default_settings_text() -> str:
+    """Text of a ``uavrt.toml`` with every setting, its default and what it means."""
+    schema = settings_schema()
+    top: list[str] = ["# Settings of uavrt on the drone. What is left out has its default."]
+    tables: list[str] = []
+    for name, entry in schema["properties"].items():
+        table = _table_schema(schema, name)
+        if table is None:
+            top += ["", *_setting_lines(name, entry)]
+            continue
+        description = _plain(str(table["description"]).split(": ", 1)[-1])
+        tables += ["", f"[{name}]  # {description.rstrip('.')}"]
+        for key, inner in table["properties"].items():
+            tables += _setting_lines(key, inner)
+    return "\n".join([*top, *tables]) + "\n"
+
+
+def write_default_settings(path: str | os.PathLike[str]) -> None:
+    """Write a commented ``uavrt.toml`` with the defaults; an existing file is kept.
+
+    Raises
+    ------
+    ConfigError
+        The file exists or cannot be written.
+    """
+    target = Path(path)
+    if target.exists():
+        raise ConfigError(
+            f"{target} exists already", remedy="Choose another name or move it away"
+        )
+    try:
+        write_text_atomically(target, default_settings_text())
+    except OSError as error:
+        raise ConfigError(
+            f"cannot write {target}: {error.strerror}",
+            remedy="Choose a directory that exists and can be written",
+        ) from error
+
+
+def _error(name: str, faults: list[str]) -> ConfigError:
+    listed = "\n".join(f"  {fault}" for fault in faults)
+    return ConfigError(
+        f"{name} has {len(faults)} fault(s):\n{listed}",
+        remedy="Correct these lines and try again",
+    )
+
+
+def _table_schema(schema: dict[str, Any], name: str) -> dict[str, Any] | None:
+    reference = schema["properties"].get(name, {}).get("$ref")
+    return None if reference is None else schema["$defs"][reference.rsplit("/", 1)[-1]]
+
+
+def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
+    """Say a fault of pydantic's in plain words: ``[radio] gian is unknown; …``."""
+    where = [str(part) for part in detail["loc"]]
+    table = _table_schema(schema, where[0]) if where else None
+    label = f"[{where[0]}] {'.'.join(where[1:])}".rstrip() if table else ".".join(where)
+    context = detail.get("ctx", {})
+    given = json.dumps(detail["input"], default=str, ensure_ascii=False)[:60]
+    if detail["type"] == "unexpected_keyword_argument":
+        known = list((table or schema)["properties"])
+        near = get_close_matches(where[-1], known, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+        return f"{label} is unknown; {hint}"
+    words = {
+        "literal_error": f"must be {context.get('expected')}",
+        "finite_number": "must be a finite number",
+        "int_type": "must be a whole number",
+        "int_from_float": "must be a whole number",
+        "float_type": "must be a number without quotes",
+        "bool_type": "must be true or false",
+        "string_type": "must be text in quotes",
+        "tuple_type": 'must be a list of texts, like ["a", "b"]',
+        "dataclass_type": f"must be a table with the heading [{where[0] if where else ''}]",
+        "greater_than": f"must be above {context.get('gt')}",
+        "greater_than_equal": f"must be at least {context.get('ge')}",
+        "less_than": f"must be below {context.get('lt')}",
+        "less_than_equal": f"must be at most {context.get('le')}",
+    }
+    return f"{label} is {given}, but {words.get(detail['type'], detail['msg'].lower())}"
+
+
+def _setting_lines(key: str, entry: dict[str, Any]) -> list[str]:
+    """One setting: its comment, then its default; ``#`` before one that has no value."""
+    comment = [f"# {line}" for line in _plain(str(entry.get("description", ""))).split("\n")]
+    default = entry.get("default")
+    if default is None:
+        return [*comment, f"# {key} ="]
+    if isinstance(default, float) and default.is_integer() and abs(default) < 1e15:
+        shown = f"{default:.1f}"
+    else:
+        shown = json.dumps(default)
+    return [*comment, f"{key} = {shown}"]
+
+
+def _plain(text: str) -> str:
+    """A docstring without its markup, in lines that fit."""
+    sourceless = re.sub(r"\s*\(reference/[^)]*\)", "", text)
+    joined = " ".join(sourceless.replace("``", "").split())
+    return textwrap.fill(joined, _WIDTH, break_long_words=False, break_on_hyphens=False)

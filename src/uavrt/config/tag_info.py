@@ -1,0 +1,89 @@
+"""The thesis's ``TagInfo.txt``: one tag a line, eight numbers separated by commas.
+
+``# id, freq_hz, ip_msecs, pulse_width_msecs, ip_uncertainty_msecs, ip_jitter_msecs, k,
+false_alarm`` (reference/control.md §3.5). The heading may be missing or stand without its
+``#``; comments, blank lines, spaces, and tabs or semicolons for commas are taken too.
+"""
+
+import re
+from collections.abc import Sequence
+
+from uavrt.config.tag_rules import Entry, Fault, Quantity, TagDraft
+from uavrt.messages import Tag
+
+COLUMNS: tuple[tuple[str, Quantity], ...] = (
+    ("id", "id"),
+    ("freq_hz", "frequency"),
+    ("ip_msecs", "interval"),
+    ("pulse_width_msecs", "pulse_width"),
+    ("ip_uncertainty_msecs", "interval_uncertainty"),
+    ("ip_jitter_msecs", "interval_jitter"),
+    ("k", "k"),
+    ("false_alarm", "false_alarm_probability"),
+)
+HEADING = "# " + ", ".join(name for name, _ in COLUMNS)
+
+_NUMBER = re.compile(
+    r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,4})?|[+-]?(nan|inf|infinity)", re.A | re.I
+)
+
+
+def parse_tag_info(text: str, faults: list[Fault]) -> list[TagDraft]:
+    """Read the lines; add every line that is not eight numbers to `faults`."""
+    drafts: list[TagDraft] = []
+    for line, written in enumerate(text.split("\n"), start=1):
+        content = written.split("#", 1)[0].strip()
+        if not content:
+            continue
+        cells = _cells(content)
+        if not drafts and not faults and cells[0].lower() in ("id", "tag_id"):
+            continue
+        draft = _draft(cells, line, faults)
+        if draft is not None:
+            drafts.append(draft)
+    return drafts
+
+
+def format_tag_info(tags: Sequence[Tag]) -> str:
+    """Write tags; each has one interval (the caller has checked), names are left out."""
+    lines = [HEADING]
+    for tag in tags:
+        values = (
+            tag.tag_id,
+            tag.frequency_hz,
+            tag.pulse_intervals_s[0] * 1000,
+            tag.pulse_width_s * 1000,
+            tag.interval_uncertainty_s * 1000,
+            tag.interval_jitter_s * 1000,
+            tag.k,
+            tag.false_alarm_probability,
+        )
+        lines.append(", ".join(f"{value:.13g}" for value in values))
+    return "\n".join(lines) + "\n"
+
+
+def _cells(content: str) -> list[str]:
+    for separator in (",", ";", "\t"):
+        if separator in content:
+            return [cell.strip() for cell in content.split(separator)]
+    return content.split()
+
+
+def _draft(cells: list[str], line: int, faults: list[Fault]) -> TagDraft | None:
+    if len(cells) != len(COLUMNS):
+        names = ", ".join(name for name, _ in COLUMNS)
+        hint = " (write numbers with a point, 0.01)" if len(cells) > len(COLUMNS) else ""
+        text = f"{len(cells)} values where {len(COLUMNS)} belong: {names}{hint}"
+        faults.append(Fault(line=line, text=text))
+        return None
+    draft = TagDraft(line=line)
+    for (name, quantity), cell in zip(COLUMNS, cells, strict=True):
+        if not _NUMBER.fullmatch(cell):
+            shown = repr(cell[:40]) if cell else "nothing"
+            faults.append(Fault(line=line, text=f"{name} is {shown}, not a number"))
+            continue
+        unit = "Hz" if quantity == "frequency" else ""
+        draft.entries[quantity] = Entry(
+            number=float(cell), label=f"{name} {cell[:40]}", line=line, unit=unit
+        )
+    return draft

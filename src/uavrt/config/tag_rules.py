@@ -1,0 +1,183 @@
+"""What makes sense for a tag, in the words of the person who typed it.
+
+Both tag file formats are read into `TagDraft` and judged here, so they have the same rules.
+Bounds are those of wildlife tags with room to spare: pulses of 15 to 20 ms every 1 to 2 s near
+150 MHz (thesis §1.1; reference/detector.md §2).
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+from uavrt.messages import Tag
+from uavrt.units import hz_from_mhz, s_from_ms
+
+Quantity = Literal[
+    "id",
+    "frequency",
+    "interval",
+    "second_interval",
+    "pulse_width",
+    "interval_uncertainty",
+    "interval_jitter",
+    "k",
+    "false_alarm_probability",
+]
+
+MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
+MAX_INTERVAL_MS = 60_000.0
+MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
+MAX_K = 100
+MAX_ID = 2**32 - 1  # uint32 on the wire (reference/control.md §2.2)
+
+_FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """One fault of a file and its line."""
+
+    line: int
+    text: str
+
+    def __str__(self) -> str:
+        return f"line {self.line}: {self.text}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """A number as typed, with what it was called there."""
+
+    number: float
+    label: str
+    line: int
+    unit: str = ""
+
+
+@dataclass(slots=True, kw_only=True)
+class TagDraft:
+    """A tag as typed: times in milliseconds, the frequency in the unit of its entry."""
+
+    line: int
+    entries: dict[Quantity, Entry] = field(default_factory=dict)
+    name: str | None = None
+
+
+def tags_from_drafts(drafts: list[TagDraft], faults: list[Fault]) -> tuple[Tag, ...]:
+    """Check drafts and turn them into tags; with any fault there is none, only `faults`."""
+    first_lines: dict[int, int] = {}
+    for draft in drafts:
+        _check(draft, faults)
+        identity = draft.entries.get("id")
+        if identity is not None and math.isfinite(identity.number):
+            first = first_lines.setdefault(int(identity.number), identity.line)
+            if first != identity.line:
+                faults.append(
+                    Fault(
+                        line=identity.line,
+                        text=f"id {identity.number:.0f} is already the tag of line {first}",
+                    )
+                )
+    return () if faults else tuple(_tag(draft) for draft in drafts)
+
+
+def _tag(draft: TagDraft) -> Tag:
+    entries = draft.entries
+    intervals = [entries["interval"]]
+    if "second_interval" in entries:
+        intervals.append(entries["second_interval"])
+
+    def number(quantity: Quantity, default: float) -> float:
+        return entries[quantity].number if quantity in entries else default
+
+    frequency = entries["frequency"]
+    return Tag(
+        tag_id=int(entries["id"].number),
+        frequency_hz=(
+            hz_from_mhz(frequency.number) if frequency.unit == "MHz" else frequency.number
+        ),
+        pulse_width_s=s_from_ms(entries["pulse_width"].number),
+        pulse_intervals_s=tuple(s_from_ms(interval.number) for interval in intervals),
+        interval_uncertainty_s=s_from_ms(number("interval_uncertainty", 0.0)),
+        interval_jitter_s=s_from_ms(number("interval_jitter", 0.0)),
+        k=int(number("k", 3)),
+        false_alarm_probability=number("false_alarm_probability", 0.01),
+        name=draft.name,
+    )
+
+
+def _check(draft: TagDraft, faults: list[Fault]) -> None:
+    good: dict[Quantity, Entry] = {}
+    for quantity, entry in draft.entries.items():
+        text = _fault_of_number(quantity, entry)
+        if text is None:
+            good[quantity] = entry
+        else:
+            faults.append(Fault(line=entry.line, text=f"{entry.label} {text}"))
+    for entry, text in _fault_of_pairs(good):
+        faults.append(Fault(line=entry.line, text=f"{entry.label} {text}"))
+
+
+def _fault_of_number(quantity: Quantity, entry: Entry) -> str | None:
+    """Judge a number alone; None when it is good."""
+    n = entry.number
+    if not math.isfinite(n):
+        return "is not a finite number"
+    match quantity:
+        case "id":
+            if n != int(n) or not 1 <= n <= MAX_ID:
+                return f"must be a whole number from 1 to {MAX_ID}"
+        case "frequency":
+            return _fault_of_frequency(n, entry.unit)
+        case "interval" | "second_interval":
+            if not 0.0 < n <= MAX_INTERVAL_MS:
+                return f"must be above 0 and at most {MAX_INTERVAL_MS:.0f} ms"
+        case "pulse_width":
+            if not MIN_PULSE_WIDTH_MS <= n <= MAX_PULSE_WIDTH_MS:
+                hint = "; is it in seconds?" if 0.0 < n < MIN_PULSE_WIDTH_MS else ""
+                low, high = MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS
+                return f"must be {low:.0f} to {high:.0f} ms{hint}"
+        case "interval_uncertainty" | "interval_jitter":
+            if n < 0.0:
+                return "must not be negative"
+        case "k":
+            if n != int(n) or not 1 <= n <= MAX_K:
+                return f"must be a whole number from 1 to {MAX_K}"
+        case "false_alarm_probability":
+            if not 0.0 < n < 1.0:
+                hint = f"; {n:g} % is {n / 100:g}" if 1.0 <= n < 100.0 else ""
+                return f"must be between 0 and 1{hint}"
+    return None
+
+
+def _fault_of_frequency(n: float, unit: str) -> str | None:
+    if MIN_FREQUENCY_HZ <= n * _FREQUENCY_UNITS[unit] <= MAX_FREQUENCY_HZ:
+        return None
+    for other, factor in _FREQUENCY_UNITS.items():
+        if other != unit and MIN_FREQUENCY_HZ <= n * factor <= MAX_FREQUENCY_HZ:
+            value = n * factor / _FREQUENCY_UNITS[unit]
+            return f"looks like {other} but is read as {unit}: write {value:.13g}"
+    return f"is not a tag's frequency: {MIN_FREQUENCY_HZ / 1e6:.0f} to 1000 MHz"
+
+
+def _fault_of_pairs(entries: dict[Quantity, Entry]) -> list[tuple[Entry, str]]:
+    """Judge numbers that are each possible, but not together."""
+    found: list[tuple[Entry, str]] = []
+    first, second = entries.get("interval"), entries.get("second_interval")
+    intervals = [entry for entry in (first, second) if entry is not None]
+    if first is not None and second is not None and first.number == second.number:
+        found.append((second, "is the same as the first interval; leave it out"))
+    if not intervals:
+        return found
+    shortest = min(intervals, key=lambda entry: entry.number)
+    width = entries.get("pulse_width")
+    if width is not None and width.number >= shortest.number:
+        hint = "; is the interval in seconds?" if shortest.number < 60.0 else ""
+        found.append((width, f"must be shorter than the interval, {shortest.label}{hint}"))
+    timing: tuple[Quantity, ...] = ("interval_uncertainty", "interval_jitter")
+    for quantity in timing:
+        entry = entries.get(quantity)
+        if entry is not None and entry.number >= shortest.number / 2:
+            text = f"must be under half of the interval, {shortest.label}"
+            found.append((entry, text))
+    return found

@@ -1,0 +1,51 @@
+"""Text as people's editors save it: UTF-8 or UTF-16, with or without a mark."""
+
+import codecs
+import os
+import tempfile
+from pathlib import Path
+
+MAX_BYTES = 1_000_000
+"""A file of 5 000 tags has 0.3 MB; more than this is not a file that somebody typed."""
+
+_UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
+def decode_text(content: bytes) -> str:
+    """Turn a file's bytes into text; lines end in a newline alone.
+
+    Raises
+    ------
+    ValueError
+        The bytes are not text, or there are too many; the text says which.
+    """
+    if len(content) > MAX_BYTES:
+        raise ValueError(f"{len(content)} bytes are too many for a file written by hand")
+    encoding = "utf-16" if content.startswith(_UTF16_MARKS) else "utf-8-sig"
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise ValueError(f"line {line}: not text (save the file as UTF-8)") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def write_text_atomically(path: Path, text: str) -> None:
+    """Replace a file as a whole: after a crash there is the old or the new one.
+
+    Raises
+    ------
+    OSError
+        The directory cannot be written.
+    """
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+            file.flush()
+            os.fchmod(file.fileno(), 0o644)
+            os.fsync(file.fileno())
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,89 @@
+"""Any text gives tags or all its faults; any tag survives a round trip."""
+
+import contextlib
+import re
+import tempfile
+from pathlib import Path
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavrt.config import Settings, parse_settings, parse_tags, read_tags, write_tags
+from uavrt.errors import ConfigError, TagFileError
+from uavrt.messages import Tag
+from uavrt.units import s_from_ms
+
+KEYS = (
+    "id", "name", "frequency_mhz", "frequency_hz", "interval_ms", "second_interval_ms",
+    "pulse_width_ms", "k", "false_alarm_probability", "freq_hz", "gain", "radio",
+)  # fmt: skip
+PIECES = (
+    "[[tag]]\n", "[defaults]\n", "[tag]\n", "\nid=2\n", "=", ",", ";", "#", '"', "'", "\\", "[",
+    "]", "{", "}", ".", "\n", "\r", "\t", " ", "\ufeff", '''"""''', "'''", "2", "148.71",
+    "148710000", "1254", "20", "-1", "nan", "inf", "1e999", "0", "0.01", "3", "true", "9" * 5000,
+)  # fmt: skip
+WORDS = st.sampled_from(KEYS + PIECES)
+SOUP = st.one_of(
+    st.text(), st.lists(WORDS, max_size=40).map("".join), st.lists(WORDS).map(" ".join)
+)
+
+
+@given(st.one_of(SOUP.map(lambda s: s.encode("utf-8", "replace")), st.binary()), st.booleans())
+@settings(max_examples=400, deadline=None)
+def test_any_bytes_give_tags_or_faults_with_lines(content: bytes, toml: bool) -> None:
+    faults: tuple[str, ...] = ()
+    tags: tuple[Tag, ...] = ()
+    try:
+        tags = parse_tags(content, name="t.toml" if toml else "t.txt")
+    except TagFileError as error:
+        faults = error.faults
+    assert bool(tags) != bool(faults)
+    assert all(re.match(r"line \d+: |\d+ bytes", fault) for fault in faults)
+
+
+@given(st.one_of(SOUP.map(lambda s: s.encode("utf-8", "replace")), st.binary()))
+@settings(max_examples=100, deadline=None)
+def test_any_bytes_give_settings_or_a_config_error(content: bytes) -> None:
+    with contextlib.suppress(ConfigError):
+        assert isinstance(parse_settings(content, name="uavrt.toml"), Settings)
+
+
+@st.composite
+def tags(draw: st.DrawFn, *, toml: bool) -> Tag:
+    def milliseconds(low: int, high: int) -> float:
+        return s_from_ms(draw(st.integers(low * 1000, high * 1000)) / 1000)
+
+    intervals = [milliseconds(300, 5000)]
+    if toml and draw(st.booleans()):
+        intervals.append(milliseconds(6000, 60000))
+    name = st.text(st.characters(exclude_categories=["Cs"]))
+    return Tag(
+        tag_id=draw(st.integers(1, 2**32 - 1)),
+        frequency_hz=draw(st.integers(20_000_000_000, 1_000_000_000_000)) / 1000,
+        pulse_width_s=milliseconds(1, 50),
+        pulse_intervals_s=tuple(intervals),
+        interval_uncertainty_s=milliseconds(0, 149),
+        interval_jitter_s=milliseconds(0, 149),
+        k=draw(st.integers(1, 100)),
+        false_alarm_probability=draw(st.integers(1, 999_999)) / 1_000_000,
+        name=draw(st.none() | name) if toml else None,
+    )
+
+
+@given(st.lists(tags(toml=True), min_size=1, max_size=5, unique_by=lambda tag: tag.tag_id))
+@settings(deadline=None)
+def test_tags_survive_a_round_trip_through_toml(written: list[Tag]) -> None:
+    check_round_trip("tags.toml", written)
+
+
+@given(st.lists(tags(toml=False), min_size=1, max_size=5, unique_by=lambda tag: tag.tag_id))
+@settings(deadline=None)
+def test_tags_survive_a_round_trip_through_tag_info(written: list[Tag]) -> None:
+    check_round_trip("TagInfo.txt", written)
+
+
+def check_round_trip(name: str, written: list[Tag]) -> None:
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / name
+        write_tags(path, written)
+        assert read_tags(path) == tuple(written)

@@ -1,0 +1,113 @@
+"""Settings: defaults, faults in plain words, and what a process pays for them."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from uavrt.config import (
+    AntennaSettings,
+    RadioSettings,
+    Settings,
+    default_settings_text,
+    load_settings,
+    parse_settings,
+    settings_schema,
+    write_default_settings,
+)
+from uavrt.errors import ConfigError
+
+
+def test_an_empty_file_gives_the_defaults() -> None:
+    assert parse_settings(b"", name="uavrt.toml") == Settings()
+
+
+def test_the_default_file_says_every_setting_and_gives_the_defaults(tmp_path: Path) -> None:
+    write_default_settings(tmp_path / "uavrt.toml")
+    assert load_settings(tmp_path / "uavrt.toml") == Settings()
+    text = default_settings_text()
+    schema = settings_schema()
+    for table in schema["$defs"].values():
+        for key, entry in table["properties"].items():
+            assert f"\n{key} = " in text or f"\n# {key} =" in text, key
+            assert entry.get("description"), f"{key} needs a comment in settings.py"
+    assert max(len(line) for line in text.splitlines()) <= 96
+
+
+def test_the_default_file_never_overwrites(tmp_path: Path) -> None:
+    path = tmp_path / "uavrt.toml"
+    path.write_text("[radio]\ngain = 3\n")
+    with pytest.raises(ConfigError, match="exists already"):
+        write_default_settings(path)
+    assert load_settings(path).radio.gain == 3
+
+
+def test_what_is_written_is_read_and_the_rest_has_defaults() -> None:
+    settings = parse_settings(
+        b'[radio]\nkind = "rtlsdr"\nsample_rate_hz = 2_400_000\nprogram = ["a", "b"]\n'
+        b"[antenna]\nyaw_offset_deg = 90\n",
+        name="uavrt.toml",
+    )
+    assert settings.radio == RadioSettings(
+        kind="rtlsdr", sample_rate_hz=2.4e6, program=("a", "b")
+    )
+    assert settings.antenna == AntennaSettings(yaw_offset_deg=90.0)
+
+
+def test_all_faults_are_told_at_once_each_with_its_line() -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_settings(
+            b"typo = 1\n"
+            b"[radio]\n"
+            b"gian = 2\n"
+            b'sample_rate_hz = "3e6"\n'
+            b'kind = "airspyy"\n'
+            b"bias_tee = 1\n"
+            b"[antenna]\n"
+            b"pose_wait_s = -1\n"
+            b"yaw_offset_deg = nan\n"
+            b"[mavlink]\n"
+            b"tunnel_gap_s = 0.001\n"
+            b"component_id = 3.5\n"
+            b"[[detection]]\n",
+            name="uavrt.toml",
+        )
+    lines = caught.value.message.splitlines()
+    assert lines[0] == "uavrt.toml has 10 fault(s):"
+    assert [line.strip() for line in lines[1:]] == [
+        "line 1: typo is unknown; known are " + ", ".join(settings_schema()["properties"]),
+        "line 3: [radio] gian is unknown; did you mean gain?",
+        'line 4: [radio] sample_rate_hz is "3e6", but must be a number without quotes',
+        "line 5: [radio] kind is \"airspyy\", but must be 'airspy', 'airspyhf', 'rtlsdr', "
+        "'hackrf' or 'soapy'",
+        "line 6: [radio] bias_tee is 1, but must be true or false",
+        "line 8: [antenna] pose_wait_s is -1, but must be at least 0.0",
+        "line 9: [antenna] yaw_offset_deg is NaN, but must be a finite number",
+        "line 11: [mavlink] tunnel_gap_s is 0.001, but must be at least 0.012",
+        "line 12: [mavlink] component_id is 3.5, but must be a whole number",
+        "line 13: [detection] is [{}], but must be a table with the heading [detection]",
+    ]
+
+
+@pytest.mark.parametrize("content", [b"[radio\n", b"\xff\xfe\xff", b"a = " + b"[" * 5000])
+def test_what_is_not_toml_is_refused(content: bytes) -> None:
+    with pytest.raises(ConfigError, match="not TOML"):
+        parse_settings(content, name="uavrt.toml")
+
+
+def test_a_missing_file_is_refused_with_its_name(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"none\.toml"):
+        load_settings(tmp_path / "none.toml")
+
+
+def test_the_schema_is_json_and_knows_the_ranges() -> None:
+    schema = json.loads(json.dumps(settings_schema()))
+    gap = schema["$defs"]["MavlinkSettings"]["properties"]["tunnel_gap_s"]
+    assert gap["minimum"] == 0.012
+
+
+def test_a_process_of_the_drone_imports_settings_without_pydantic() -> None:
+    code = "import sys, uavrt.config; sys.exit('pydantic' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
