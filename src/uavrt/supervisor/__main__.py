@@ -1,4 +1,4 @@
-"""Run the supervisor: ``python -m uavrt.supervisor SETTINGS_JSON``.
+"""Run the supervisor: ``python -m uavrt.supervisor SETTINGS_JSON [TAGS_JSON]``.
 
 ``uavrt run`` reads ``uavrt.toml`` and replaces itself by this program, so that the libraries
 that check the settings do not stay in memory for the flight.
@@ -11,19 +11,25 @@ import sys
 import msgspec
 
 from uavrt.config.settings import Settings
+from uavrt.errors import UavrtError
 from uavrt.log import configure_logging, get_logger
+from uavrt.messages import Command, Tag
 from uavrt.supervisor.core import Supervisor
 from uavrt.supervisor.viewers import Viewers
 
 
-async def supervise(settings: Settings) -> None:
-    """Run until SIGTERM or SIGINT."""
+async def supervise(settings: Settings, tags: tuple[Tag, ...]) -> None:
+    """Run until SIGTERM or SIGINT; with tags, start detecting at once."""
     viewers = Viewers()
     supervisor = Supervisor(settings, on_record=viewers.show)
     viewers.supervisor = supervisor
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, supervisor.stop)
+    for command in start_commands(tags):
+        reply = supervisor.command(command)
+        if not reply.accepted:
+            raise UavrtError(f"cannot start detecting: {reply.message}")
     server = await viewers.serve(settings.status_socket) if settings.status_socket else None
     try:
         await supervisor.run()
@@ -32,11 +38,31 @@ async def supervise(settings: Settings) -> None:
             server.close()
 
 
+def start_commands(tags: tuple[Tag, ...]) -> list[Command]:
+    """Get the commands that an operator would send to detect these tags; none without tags."""
+    if not tags:
+        return []
+    return [
+        Command(name="start_tags", request_id=1, source="command line"),
+        *(
+            Command(name="add_tag", request_id=2 + i, tag=tag, source="command line")
+            for i, tag in enumerate(tags)
+        ),
+        Command(name="end_tags", request_id=2 + len(tags), source="command line"),
+        Command(name="start_detection", request_id=3 + len(tags), source="command line"),
+    ]
+
+
 def main() -> int:
-    """Run the supervisor with the settings of the first argument."""
+    """Run the supervisor with the settings and tags of the arguments."""
     configure_logging("supervisor")
     settings = msgspec.json.decode(sys.argv[1], type=Settings)
-    asyncio.run(supervise(settings))
+    tags = msgspec.json.decode(sys.argv[2], type=tuple[Tag, ...]) if sys.argv[2:] else ()
+    try:
+        asyncio.run(supervise(settings, tags))
+    except UavrtError as error:
+        print(f"uavrt: {error}", file=sys.stderr)  # noqa: T201 - the user's terminal
+        return 2
     get_logger().info("all processes stopped")
     return 0
 

@@ -6,11 +6,10 @@ through it by the tables; samples do not.
 
 import asyncio
 import os
-import resource
 import socket
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 from uavrt.clock import Clock
@@ -25,7 +24,6 @@ from uavrt.messages import (
     CommandReply,
     FlightInfo,
     Health,
-    ProcessStatus,
     StatusText,
     SystemState,
     SystemStatus,
@@ -33,7 +31,7 @@ from uavrt.messages import (
 )
 from uavrt.supervisor.child import Child
 from uavrt.supervisor.flight import new_flight, share_tags
-from uavrt.supervisor.outbox import Outbox
+from uavrt.supervisor.instance import Instance, self_status
 from uavrt.supervisor.output import OutputLog, warning_text
 from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, ProcessRow, consumers_of
 from uavrt.supervisor.transitions import Refused, Repeated, outcome
@@ -49,26 +47,6 @@ SETTLED_S = 30.0
 LAST_PULSES_S = 1.5
 """Time between the detectors' end and the flight's: the last pulses wait up to
 `AntennaSettings.pose_wait_s` (1 s) for their pose."""
-
-
-@dataclass(slots=True)
-class Instance:
-    """One process of the table, running or not; outlives its child."""
-
-    name: str
-    row: ProcessRow
-    worker: int
-    outbox: Outbox = field(default_factory=Outbox)
-    child: Child | None = None
-    health: Health | None = None
-    started_s: float = 0.0
-    stop_asked_s: float | None = None
-    not_before_s: float = 0.0
-    failures: int = 0
-    restarts: int = 0
-    cpu_s_before: float = 0.0
-    """CPU time of its earlier children."""
-    memory_mb: float = 0.0
 
 
 class Supervisor:
@@ -384,42 +362,7 @@ class Supervisor:
             center_frequency_hz=self.flight.center_frequency_hz if self.flight else None,
             tags=(*self.tags.values(),),
             processes=(
-                self._own_status(),
-                *(_status_of(instance) for instance in self._instances.values()),
+                self_status(self.state, self._instances.values()),
+                *(instance.status() for instance in self._instances.values()),
             ),
         )
-
-    def _own_status(self) -> ProcessStatus:
-        usage = resource.getrusage(resource.RUSAGE_SELF)
-        return ProcessStatus(
-            process="supervisor",
-            running=True,
-            pid=os.getpid(),
-            status=self.state.value,
-            ok=True,
-            restarts=0,
-            cpu_s=usage.ru_utime + usage.ru_stime,
-            memory_mb=usage.ru_maxrss / 1e3,
-            counters={
-                f"dropped_{name}_{topic}": float(count)
-                for name, instance in self._instances.items()
-                for topic, count in instance.outbox.dropped.items()
-            },
-        )
-
-
-def _status_of(instance: Instance) -> ProcessStatus:
-    child, health = instance.child, instance.health
-    if child is not None:
-        instance.memory_mb = child.measure()
-    return ProcessStatus(
-        process=instance.name,
-        running=child is not None,
-        pid=child.pid if child is not None else None,
-        status=health.status if health else ("starting" if child else "stopped"),
-        ok=health.ok if health else child is None and instance.stop_asked_s is not None,
-        restarts=instance.restarts,
-        cpu_s=instance.cpu_s_before + (child.cpu_s if child is not None else 0.0),
-        memory_mb=instance.memory_mb,
-        counters=health.counters if health else {},
-    )

@@ -1,0 +1,74 @@
+"""``uavrt run``: the drone side."""
+
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from cyclopts import Parameter
+
+from uavrt.config import load_settings, read_tags
+from uavrt.config.settings import Settings
+from uavrt.errors import ConfigError
+
+DEFAULT_CONFIG = Path("uavrt.toml")
+
+
+def run(
+    *,
+    config: Annotated[Path, Parameter(alias="-c")] = DEFAULT_CONFIG,
+    mavlink: str | None = None,
+    flight_dir: Path | None = None,
+    tags: Path | None = None,
+) -> None:
+    """Run the drone side: radio, detectors, autopilot, recorder, all supervised.
+
+    Without tags it waits for a ground station. Ctrl-C or SIGTERM stops everything in good
+    order.
+
+    Parameters
+    ----------
+    config
+        Settings file. If it does not exist and was not named, the defaults hold.
+    mavlink
+        Autopilot in place of the one in the settings: serial:///dev/ttyUSB0:57600,
+        udpin://127.0.0.1:14540, tcp://HOST:PORT; "none" for no autopilot.
+    flight_dir
+        Where flight directories are made.
+    tags
+        Load these tags and start detecting at once, without a ground station.
+    """
+    if config.exists() or config != DEFAULT_CONFIG:
+        settings = load_settings(config)
+    else:
+        settings = Settings()
+    if mavlink is not None:
+        address = "" if mavlink == "none" else mavlink
+        settings = replace(settings, mavlink=replace(settings.mavlink, address=address))
+    if flight_dir is not None:
+        settings = replace(
+            settings, recording=replace(settings.recording, directory=str(flight_dir))
+        )
+    _check_writable(Path(settings.recording.directory))
+    arguments = [msgspec.json.encode(settings).decode()]
+    if tags is not None:
+        arguments.append(msgspec.json.encode(read_tags(tags)).decode())
+    sys.stdout.flush()
+    # The supervisor takes this process's place: what read the settings leaves the memory.
+    os.execv(sys.executable, [sys.executable, "-m", "uavrt.supervisor", *arguments])
+
+
+def _check_writable(directory: Path) -> None:
+    """Refuse at once what would fail at the first flight."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        probe = directory / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise ConfigError(
+            f"flights cannot be kept in {directory}: {error.strerror}",
+            remedy="Set recording.directory, or --flight-dir, to a writable place",
+        ) from error

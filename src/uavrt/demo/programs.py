@@ -1,0 +1,155 @@
+"""The demo's programs: simulated autopilot, real drone side, real ground station.
+
+Each runs as a process of its own, as in the field; only the radio, the autopilot and the world
+are simulated.
+"""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.config.settings import (
+    AntennaSettings,
+    MavlinkSettings,
+    RadioSettings,
+    RecordingSettings,
+    Settings,
+)
+from uavrt.errors import UavrtError
+from uavrt.simulation import Scenario
+
+STOP_TIMEOUT_S = 15.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoPaths:
+    """Files and sockets of one run."""
+
+    directory: Path
+    """Working directory: scenario, tags, logs, the ground's flight."""
+    flights: Path
+    """Where the drone makes its flight directory."""
+
+    @property
+    def scenario(self) -> Path:
+        """The world, as the simulated radio and autopilot read it."""
+        return self.directory / "scenario.toml"
+
+    @property
+    def tags(self) -> Path:
+        """The operator's tag list."""
+        return self.directory / "tags.toml"
+
+    @property
+    def status_socket(self) -> Path:
+        """Where the supervisor shows its records."""
+        return self.directory / "status.sock"
+
+    @property
+    def ground(self) -> Path:
+        """The ground station's own recording."""
+        return self.directory / "ground"
+
+
+def free_udp_port() -> int:
+    """Get a UDP port on the loopback that was free a moment ago."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        port: int = sock.getsockname()[1]
+        return port
+
+
+def drone_settings(scenario: Scenario, paths: DemoPaths, companion_port: int) -> Settings:
+    """Make the drone side's settings: as in a real ``uavrt.toml`` but for the radio program."""
+    antenna = scenario.antenna
+    return Settings(
+        radio=RadioSettings(
+            kind="airspy",
+            program=(
+                sys.executable,
+                "-m",
+                "uavrt.simulation.airspy_rx",
+                "--world",
+                str(paths.scenario),
+            ),
+            sample_rate_hz=scenario.radio.sample_rate_hz,
+        ),
+        mavlink=MavlinkSettings(address=f"udpin://127.0.0.1:{companion_port}"),
+        antenna=AntennaSettings(
+            yaw_offset_deg=antenna.yaw_offset_deg,
+            pitch_offset_deg=antenna.pitch_offset_deg,
+            roll_offset_deg=antenna.roll_offset_deg,
+            offset_forward_m=antenna.offset_forward_m,
+            offset_right_m=antenna.offset_right_m,
+            offset_down_m=antenna.offset_down_m,
+        ),
+        recording=RecordingSettings(directory=str(paths.flights)),
+        status_socket=str(paths.status_socket),
+    )
+
+
+class Program:
+    """One program of the demo, with its output in a file."""
+
+    def __init__(self, name: str, arguments: Sequence[str], log: Path) -> None:
+        self.name = name
+        self._log = log
+        self.exit_code: int | None = None
+        self.cpu_s = 0.0
+        with log.open("wb") as output:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+                process_group=0,
+            )
+        self.pid = self._process.pid
+
+    def check(self) -> None:
+        """Make sure it still runs.
+
+        Raises
+        ------
+        UavrtError
+            It has ended by itself; the text holds the end of its output.
+        """
+        if self._wait(0.0):
+            tail = "\n".join(self._log.read_text(errors="replace").splitlines()[-12:])
+            raise UavrtError(f"{self.name} ended (exit {self.exit_code}):\n{tail}")
+
+    def stop(self) -> None:
+        """End it: SIGTERM, then SIGKILL."""
+        if self.exit_code is None:
+            self._process.send_signal(signal.SIGTERM)
+        if not self._wait(STOP_TIMEOUT_S):
+            self._process.kill()
+            self._wait(STOP_TIMEOUT_S)
+
+    def _wait(self, timeout_s: float) -> bool:
+        """Wait for its end; True when it has ended. Keeps its CPU time."""
+        deadline_s = time.monotonic() + timeout_s
+        while self.exit_code is None:
+            pid, status, usage = os.wait4(self.pid, os.WNOHANG)
+            if pid == self.pid:
+                self.exit_code = os.waitstatus_to_exitcode(status)
+                self._process.returncode = self.exit_code
+                self.cpu_s = usage.ru_utime + usage.ru_stime
+            elif time.monotonic() >= deadline_s:
+                return False
+            else:
+                time.sleep(0.02)
+        return True
+
+
+def write_json_line(value: object) -> str:
+    """Write one line of JSON."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False)

@@ -1,0 +1,151 @@
+"""The demo's result: what was sent, heard, recorded on the drone and received on the ground.
+
+A true pulse counts as detected when the drone's recording holds a pulse of the same tag within
+`MATCH_TIME_S` and `MATCH_FREQUENCY_HZ`, and as delivered when the ground has that same record.
+"""
+
+import bisect
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+
+from uavrt.messages import Pulse, Tag
+from uavrt.simulation import TruePulse
+
+DETECTABLE_ENR_DB = 14.0
+MATCH_TIME_S = 0.02
+"""One pulse width; the measured error of time is a tenth of this."""
+MATCH_FREQUENCY_HZ = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagSummary:
+    """One tag's account over the time of detection."""
+
+    transmitted: int
+    detectable: int
+    """Sent with a true ENR of 14 dB or more at the antenna."""
+    detected: int
+    """Found and recorded on the drone."""
+    delivered: int
+    """Of those, received on the ground."""
+    detectable_detected: int
+    """Of the detectable ones, found."""
+    detectable_delivered: int
+    false: int
+    """Recorded pulses that match no true one."""
+    snr_error_db: float | None
+    """Mean of reported minus true, over the detectable ones."""
+    frequency_error_hz: float | None
+    """Rms of reported minus true, over the detectable ones."""
+    time_error_ms: float | None
+    """Rms of reported minus true start, over the detectable ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoSummary:
+    """What ``uavrt demo --json`` prints as its last line."""
+
+    tags: dict[str, TagSummary]
+    samples_lost: int
+    cpu_seconds: dict[str, float]
+    duration_s: float
+    flight_directory: str
+
+    def as_dict(self) -> dict[str, object]:
+        """Get it as plain values for JSON."""
+        return asdict(self)
+
+
+def pulse_key(pulse: Pulse) -> tuple[int, int, int, int]:
+    """Identify a pulse on the drone and on the ground alike."""
+    return pulse.tag_id, pulse.rate, pulse.group_sequence, pulse.group_index
+
+
+def summarize_tag(
+    tag: Tag,
+    truth: Iterable[TruePulse],
+    recorded: Sequence[Pulse],
+    received_times_ns: Sequence[int],
+) -> TagSummary:
+    """Account for one tag.
+
+    Parameters
+    ----------
+    truth : iterable of TruePulse
+        All pulses of all tags that were sent while detecting.
+    recorded : sequence of Pulse
+        The drone's pulses, of any tag.
+    received_times_ns : sequence of int
+        Start times of this tag's pulses as the ground has them [ns, UTC], any order; the wire
+        carries them with 0.3 µs.
+    """
+    sent = [pulse for pulse in truth if pulse.tag_id == tag.tag_id]
+    found = sorted(
+        (pulse for pulse in recorded if pulse.tag_id == tag.tag_id),
+        key=lambda pulse: pulse.start_time_ns,
+    )
+    matches = match(sent, found)
+    received = sorted(received_times_ns)
+    delivered = {id(pulse) for pulse in found if _is_in(received, pulse.start_time_ns)}
+    clear = [(true, pulse) for true, pulse in matches if true.enr_db >= DETECTABLE_ENR_DB]
+    return TagSummary(
+        transmitted=len(sent),
+        detectable=sum(true.enr_db >= DETECTABLE_ENR_DB for true in sent),
+        detected=len(matches),
+        delivered=sum(id(pulse) in delivered for _, pulse in matches),
+        detectable_detected=len(clear),
+        detectable_delivered=sum(id(pulse) in delivered for _, pulse in clear),
+        false=len(found) - len(matches),
+        snr_error_db=_mean([pulse.snr_db - true.enr_db for true, pulse in clear]),
+        frequency_error_hz=_rms(
+            [pulse.frequency_hz - true.frequency_hz for true, pulse in clear]
+        ),
+        time_error_ms=_rms(
+            [(pulse.start_time_ns - true.start_time_ns) / 1e6 for true, pulse in clear]
+        ),
+    )
+
+
+def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TruePulse, Pulse]]:
+    """Pair each true pulse with the nearest found one that nobody else has.
+
+    Parameters
+    ----------
+    found : sequence of Pulse
+        In order of time.
+    """
+    times = [pulse.start_time_ns for pulse in found]
+    limit_ns = round(MATCH_TIME_S * 1e9)
+    taken: set[int] = set()
+    pairs: list[tuple[TruePulse, Pulse]] = []
+    for true in sent:
+        first = bisect.bisect_left(times, true.start_time_ns - limit_ns)
+        last = bisect.bisect_right(times, true.start_time_ns + limit_ns)
+        near = [
+            index
+            for index in range(first, last)
+            if index not in taken
+            and abs(found[index].frequency_hz - true.frequency_hz) <= MATCH_FREQUENCY_HZ
+        ]
+        if near:
+            best = min(near, key=lambda index: abs(times[index] - true.start_time_ns))
+            taken.add(best)
+            pairs.append((true, found[best]))
+    return pairs
+
+
+def _is_in(times_ns: Sequence[int], time_ns: int, tolerance_ns: int = 2000) -> bool:
+    """Whether a sorted list holds a time, within the wire's rounding."""
+    place = bisect.bisect_left(times_ns, time_ns - tolerance_ns)
+    return place < len(times_ns) and times_ns[place] <= time_ns + tolerance_ns
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return round(sum(values) / len(values), 3) if values else None
+
+
+def _rms(values: Sequence[float]) -> float | None:
+    if not values:
+        return None
+    return round(math.sqrt(sum(value**2 for value in values) / len(values)), 3)
