@@ -2,13 +2,13 @@
 
 import dataclasses
 import re
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from uavrt.cli.app import app
+from uavrt.config import load_settings, read_tags
 from uavrt.config.settings import Settings
 
 ROOT = Path(__file__).parents[2]
@@ -73,19 +73,33 @@ def test_every_make_target_in_the_documents_exists(document: Path) -> None:
     assert {target for line in code_in(text) for target in MAKE.findall(line)} <= targets
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_setting_shown_in_the_documents_exists(document: Path) -> None:
-    tables = {field.name: field for field in dataclasses.fields(Settings)}
-    for language, body in FENCE.findall(document.read_text(encoding="utf-8")):
-        if language != "toml" or not re.search(
-            rf"^\[({'|'.join(tables)})\]", body, re.MULTILINE
-        ):
-            continue
-        for table, keys in tomllib.loads(body).items():
-            default = tables[table].default_factory
-            assert callable(default)
-            known = {field.name for field in dataclasses.fields(default())}
-            assert set(keys) <= known, table
+def blocks(language: str, starting_with: str) -> list[tuple[str, str]]:
+    """Fenced blocks of all documents: name of the document, and the block's text."""
+    return [
+        (name_of(document), body)
+        for document in DOCUMENTS
+        for found, body in FENCE.findall(document.read_text(encoding="utf-8"))
+        if found == language and re.match(starting_with, body)
+    ]
+
+
+def test_every_settings_file_in_the_documents_is_read_without_fault(tmp_path: Path) -> None:
+    tables = "|".join(field.name for field in dataclasses.fields(Settings))
+    shown = blocks("toml", rf"\[({tables})\]")
+    assert shown
+    for _, body in shown:
+        path = tmp_path / "uavrt.toml"
+        path.write_text(body, encoding="utf-8")
+        load_settings(path)
+
+
+def test_every_tag_file_in_the_documents_is_read_without_fault(tmp_path: Path) -> None:
+    shown = blocks("text", "# id, freq_hz")
+    assert shown
+    for _, body in shown:
+        path = tmp_path / "TagInfo.txt"
+        path.write_text(body, encoding="utf-8")
+        assert read_tags(path)
 
 
 def test_every_decision_has_its_own_number_and_says_it() -> None:
