@@ -1,0 +1,197 @@
+"""Where the antenna was and how it was turned, at any instant of the last minute.
+
+The thesis gave each pulse the pose half-way between take-off and now: its search for the
+sample before the pulse always found the first one ever, and its fraction was the constant ½,
+so a turn of 90° was logged as 45° (reference/control.md §3.1). Hence here: integer
+nanoseconds, a bisection, the true fraction.
+"""
+
+import math
+
+from uavrt.config.settings import AntennaSettings
+from uavrt.errors import PoseUnavailable
+from uavrt.messages import AttitudeSample, Pose, PositionSample
+from uavrt.pose.mounting import Mounting
+from uavrt.pose.rotation import Quaternion, normalised, slerp
+from uavrt.pose.series import S, Series
+from uavrt.units import ns_from_s, wrap_degrees_180
+
+CAPACITY = 6_000
+"""Samples of each kind: two minutes at 50 Hz, one at 100 Hz."""
+
+MAX_GAP_S = 2.0
+"""Between samples farther apart than this nothing is interpolated: the link was broken, and a
+vehicle may turn around in the meantime."""
+
+MAX_EXTRAPOLATION_S = 1.0
+"""How far beyond the newest (or from the edge of a gap) a pose is guessed: at 30°/s, with the
+turn carried on, an error of some degrees where the turn begins or ends."""
+
+_RATE_BASELINE_S = 0.2
+"""Motion is carried on from the last 0.2 s: two neighbouring samples 20 ms apart would blow up
+their noise of 0.1° to 5°/s."""
+
+
+class PoseRing:
+    """The vehicle's recent attitudes and positions, interpolated for the antenna.
+
+    Parameters
+    ----------
+    antenna : AntennaSettings, optional
+        How the antenna sits on the vehicle.
+    capacity : int
+        Samples of each kind that are kept.
+    """
+
+    def __init__(
+        self, antenna: AntennaSettings | None = None, *, capacity: int = CAPACITY
+    ) -> None:
+        self._mounting = Mounting.from_settings(antenna or AntennaSettings())
+        self._attitudes: Series[AttitudeSample] = Series(capacity)
+        self._positions: Series[PositionSample] = Series(capacity)
+        self._max_gap_ns = ns_from_s(MAX_GAP_S)
+        self._rate_baseline_ns = ns_from_s(_RATE_BASELINE_S)
+        self._max_extrapolation_ns = ns_from_s(MAX_EXTRAPOLATION_S)
+        self.late_samples = 0
+        """Samples left out because a later one was there already."""
+        self.refused_samples = 0
+        """Attitudes that are no rotation, positions that are no numbers."""
+        self.resets = 0
+        """How often time fell (autopilot reboot) and everything before was forgotten."""
+
+    def add_attitude(self, sample: AttitudeSample) -> None:
+        """Take an attitude; one that is no rotation is refused and counted."""
+        try:
+            attitude = normalised(sample.quaternion_wxyz)
+        except ValueError:
+            self.refused_samples += 1
+            return
+        self._add(
+            self._attitudes, AttitudeSample(time_ns=sample.time_ns, quaternion_wxyz=attitude)
+        )
+
+    def add_position(self, sample: PositionSample) -> None:
+        """Take a position; one that is not finite is refused and counted."""
+        numbers = (
+            sample.latitude_deg,
+            sample.longitude_deg,
+            sample.altitude_amsl_m,
+            sample.altitude_relative_m,
+        )
+        if not all(map(math.isfinite, numbers)):
+            self.refused_samples += 1
+            return
+        self._add(self._positions, sample)
+
+    def clear(self) -> None:
+        """Forget all samples; what came before an autopilot's reboot is another time."""
+        self._attitudes.clear()
+        self._positions.clear()
+        self.resets += 1
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Latest time at which both attitude and position are known, None before that."""
+        attitude_ns, position_ns = self._attitudes.last_ns, self._positions.last_ns
+        if attitude_ns is None or position_ns is None:
+            return None
+        return min(attitude_ns, position_ns)
+
+    def antenna_pose(self, time_ns: int, *, extrapolate: bool = False) -> Pose:
+        """Get the antenna's pose at an instant.
+
+        Parameters
+        ----------
+        time_ns : int
+            The instant, for a pulse its centre [ns, UTC].
+        extrapolate : bool
+            Carry the motion on for up to `MAX_EXTRAPOLATION_S` where no later sample is known,
+            and hold the nearest sample at the edges of a gap; the pose is marked.
+
+        Raises
+        ------
+        PoseUnavailable
+            There is none; with ``retry_later`` when a later sample may still give one.
+        """
+        return self._mounting.antenna_pose(self.vehicle_pose(time_ns, extrapolate=extrapolate))
+
+    def vehicle_pose(self, time_ns: int, *, extrapolate: bool = False) -> Pose:
+        """Get the vehicle's own pose: as `antenna_pose`, without the mounting.
+
+        Raises
+        ------
+        PoseUnavailable
+            As `antenna_pose`.
+        """
+        attitude, guessed_attitude = self._attitude(time_ns, extrapolate)
+        position, guessed_position = self._position(time_ns, extrapolate)
+        return Pose(
+            time_ns=time_ns,
+            latitude_deg=position.latitude_deg,
+            longitude_deg=position.longitude_deg,
+            altitude_amsl_m=position.altitude_amsl_m,
+            altitude_relative_m=position.altitude_relative_m,
+            quaternion_wxyz=attitude,
+            extrapolated=guessed_attitude or guessed_position,
+        )
+
+    def _add(self, series: Series[S], sample: S) -> None:
+        try:
+            self.late_samples += not series.add(sample)
+        except OverflowError:
+            self.clear()
+            series.add(sample)
+
+    def _attitude(self, time_ns: int, extrapolate: bool) -> tuple[Quaternion, bool]:
+        before, after, fraction, guessed = self._around(self._attitudes, time_ns, extrapolate)
+        return slerp(before.quaternion_wxyz, after.quaternion_wxyz, fraction), guessed
+
+    def _position(self, time_ns: int, extrapolate: bool) -> tuple[PositionSample, bool]:
+        """Interpolate linearly: at 15 m/s and 10 Hz the chord of a 20 m turn is within 2 cm."""
+        before, after, fraction, guessed = self._around(self._positions, time_ns, extrapolate)
+        east_deg = wrap_degrees_180(after.longitude_deg - before.longitude_deg)
+        position = PositionSample(
+            time_ns=time_ns,
+            latitude_deg=_linear(before.latitude_deg, after.latitude_deg, fraction),
+            longitude_deg=wrap_degrees_180(before.longitude_deg + fraction * east_deg),
+            altitude_amsl_m=_linear(before.altitude_amsl_m, after.altitude_amsl_m, fraction),
+            altitude_relative_m=_linear(
+                before.altitude_relative_m, after.altitude_relative_m, fraction
+            ),
+        )
+        return position, guessed
+
+    def _around(
+        self, series: Series[S], time_ns: int, extrapolate: bool
+    ) -> tuple[S, S, float, bool]:
+        """Two samples, the fraction of the way from one to the other, and whether guessed."""
+        first_ns, last_ns = series.first_ns, series.last_ns
+        if first_ns is None or last_ns is None:
+            raise PoseUnavailable(time_ns, retry_later=True)
+        bracket = series.bracket(time_ns)
+        if bracket is not None:
+            before, after = bracket
+            gap_ns = after.time_ns - before.time_ns
+            if gap_ns <= self._max_gap_ns:
+                return before, after, (time_ns - before.time_ns) / max(gap_ns, 1), False
+            nearest = min(bracket, key=lambda sample: abs(sample.time_ns - time_ns))
+            away_ns = abs(nearest.time_ns - time_ns)
+        elif time_ns < first_ns:
+            nearest = series.first()
+            away_ns = first_ns - time_ns
+        else:
+            if not extrapolate:
+                raise PoseUnavailable(time_ns, retry_later=True)
+            nearest = series.last()
+            away_ns = time_ns - last_ns
+            before = series.before_last(self._rate_baseline_ns)
+            baseline_ns = last_ns - before.time_ns
+            if away_ns <= self._max_extrapolation_ns and baseline_ns > 0:
+                return before, nearest, 1.0 + away_ns / baseline_ns, True
+        if not extrapolate or away_ns > self._max_extrapolation_ns:
+            raise PoseUnavailable(time_ns, retry_later=False)
+        return nearest, nearest, 0.0, True
+
+
+def _linear(before: float, after: float, fraction: float) -> float:
+    return before + fraction * (after - before)
