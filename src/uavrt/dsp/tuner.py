@@ -1,0 +1,359 @@
+"""Where to tune the radio so that it serves all the tags.
+
+The default keeps every tag within the decimator's clean span and away from the radio's own
+centre, where a zero-IF receiver has its DC spur; then avoids mirror images (an IQ imbalance
+shows a tag at +f also at -f), and sits the tags near channel centres. The compatible mode is
+the original's search (reference/control.md §5.1).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.dsp.decimator import Mode
+from uavrt.dsp.plan import (
+    ONE_CHANNEL_RATE_HZ,
+    check_rate,
+    choose_channel_count,
+    choose_decimation,
+    usable_half_span_hz,
+)
+from uavrt.errors import TunerError, UsageError
+
+TieBreak = Literal["mean", "offset"]
+"""What decides between equal costs in the compatible mode: nearness to the tags' mean frequency
+(``tuner.py``) or the least mean distance from channel centres (``updated_tuner.py``)."""
+
+DC_GUARD_HZ = 1000.0
+"""Least distance of a tag from the radio's centre: search window 500 Hz and as much again."""
+
+IMAGE_GUARD_HZ = 1000.0
+"""Wanted distance of a tag from another's mirror image: two search windows of 500 Hz."""
+
+GRID_STEP_HZ = 100.0
+FLAT_FRACTION = 0.85
+"""Part of a channel that the original takes as flat; the rest are its two shoulders."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TunerPlan:
+    """A radio frequency and what it means for each tag, in the order given."""
+
+    center_frequency_hz: float
+    channels: tuple[int, ...]
+    """Channel of each tag, from 0 (the original counts from 1)."""
+    offsets_hz: tuple[float, ...]
+    """Tag frequency minus its channel's centre."""
+    near_edge: tuple[bool, ...]
+    """In the outer 7.5 % of the channel; of consequence in the compatible mode only."""
+    shares_channel: bool
+    """Two tags or more in one channel."""
+    image_pairs: tuple[tuple[int, int], ...]
+    """Places (in the order given) of tags that lie on each other's mirror image."""
+    band_rate_hz: float
+    channel_count: int
+    warnings: tuple[str, ...]
+    """What could not be avoided, in words for the operator."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompatibleCost:
+    """What the original minimises, in this order."""
+
+    tags_per_channel: Floats
+    """(candidates,) mean over the occupied channels."""
+    edge_cost: Floats
+    """(candidates,) sum over tags; infinite on an edge."""
+    mean_offset_hz: Floats
+    """(candidates,) mean distance from the channel's centre."""
+
+
+def tune(
+    frequencies_hz: Sequence[float],
+    *,
+    sample_rate_hz: float = 3_000_000.0,
+    mode: Mode = "default",
+    channel_count: int | None = None,
+    tie_break: TieBreak = "mean",
+    dc_guard_hz: float = DC_GUARD_HZ,
+    image_guard_hz: float = IMAGE_GUARD_HZ,
+) -> TunerPlan:
+    """Choose the radio's frequency, to one hertz.
+
+    Parameters
+    ----------
+    frequencies_hz : sequence of float
+        Frequencies of the tags [Hz].
+    sample_rate_hz : float
+        Rate of the radio [Hz].
+    mode : {"default", "compatible"}
+    channel_count : int, optional
+        Channels across the band; as `FrontEnd` chooses by default.
+    tie_break : {"mean", "offset"}
+        Compatible mode only.
+    dc_guard_hz : float
+        Default mode: least distance of any tag from the radio's centre [Hz].
+    image_guard_hz : float
+        Default mode: wanted distance from another tag's mirror image [Hz].
+
+    Raises
+    ------
+    TunerError
+        No frequency serves all the tags; the text says which tags and what to do.
+    UsageError
+        No tags, or frequencies that cannot be hertz.
+    """
+    check_rate(sample_rate_hz)
+    tags = _checked(frequencies_hz)
+    factor = choose_decimation(sample_rate_hz=sample_rate_hz, reach_hz=0.0, mode=mode)
+    band_rate = sample_rate_hz / factor
+    if channel_count is None:
+        one = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
+        channel_count = 1 if one else choose_channel_count(band_rate)
+    elif channel_count % 2:
+        raise UsageError(f"{channel_count} channels", remedy="Use an even number of channels")
+    spacing = band_rate / channel_count
+    if mode == "compatible":
+        center = _compatible_center(tags, spacing, channel_count, tie_break)
+        return _plan(tags, center, spacing, channel_count, 0.0)
+    half_span = usable_half_span_hz(band_rate_hz=band_rate, decimated=factor > 1, mode=mode)
+    center = _default_center(
+        tags, spacing, channel_count, half_span, dc_guard_hz, image_guard_hz
+    )
+    return _plan(tags, center, spacing, channel_count, image_guard_hz)
+
+
+def compatible_cost(
+    tags_hz: Floats, centers_hz: Floats, *, spacing_hz: float, channel_count: int
+) -> CompatibleCost:
+    """What the original's tuner thinks of radio frequencies (reference/control.md §5.1).
+
+    With d the distance of a tag from its channel's edge, rounded to 1 Hz, and w half a shoulder
+    (7.5 % of the channel), a tag costs ``|w / d - 1|`` where d < w, else nothing.
+
+    Parameters
+    ----------
+    tags_hz : (tags,) float64 array
+    centers_hz : (candidates,) float64 array
+    spacing_hz : float
+    channel_count : int
+    """
+    offsets = tags_hz - centers_hz[:, None]
+    channels = _nearest_channels(offsets, spacing_hz, channel_count)
+    from_center = np.abs(offsets - channels * spacing_hz)
+    to_edge = np.rint(spacing_hz / 2 - from_center)
+    half_shoulder = spacing_hz * (1 - FLAT_FRACTION) / 2
+    with np.errstate(divide="ignore"):
+        cost = np.where(to_edge < half_shoulder, np.abs(half_shoulder / to_edge - 1), 0.0)
+    # A tag right on an edge belongs to the channel below.
+    counted = np.sort(np.ceil(offsets / spacing_hz - 0.5), axis=1)
+    occupied = 1 + np.count_nonzero(np.diff(counted, axis=1), axis=1)
+    return CompatibleCost(
+        tags_per_channel=tags_hz.size / occupied,
+        edge_cost=cost.sum(axis=1),
+        mean_offset_hz=from_center.mean(axis=1),
+    )
+
+
+def _checked(frequencies_hz: Sequence[float]) -> Floats:
+    tags = np.array(list(frequencies_hz), dtype=np.float64)
+    if tags.size == 0:
+        raise UsageError("no tags to tune for", remedy="List at least one tag")
+    wrong = [f"{f:g}" for f in tags if not (np.isfinite(f) and f >= 1e5)]
+    if wrong:
+        raise UsageError(
+            f"tag frequencies {', '.join(wrong)} Hz",
+            remedy="Give frequencies in hertz (148.71 MHz is 148710000)",
+        )
+    return np.rint(tags)
+
+
+def _nearest_channels(offsets: Floats, spacing_hz: float, channel_count: int) -> Floats:
+    """Signed number of the nearest channel, -M/2 to M/2 - 1."""
+    half = channel_count // 2
+    highest = half - 1 if channel_count > 1 else 0
+    nearest: Floats = np.clip(np.rint(offsets / spacing_hz), -half, highest)
+    return nearest
+
+
+def _compatible_candidates(tags: Floats, spacing: float, channel_count: int) -> Floats:
+    low, high = tags.min(), tags.max()
+    grid = np.arange(low, high, GRID_STEP_HZ) if high > low else np.array([low])
+    below = (channel_count // 2 + 0.5) * spacing
+    above = (channel_count // 2 - 0.5) * spacing if channel_count > 1 else spacing / 2
+    fits: Floats = grid[(grid - below <= low) & (high <= grid + above)]
+    return fits
+
+
+def _compatible_center(
+    tags: Floats, spacing: float, channel_count: int, tie_break: TieBreak
+) -> float:
+    candidates = _compatible_candidates(tags, spacing, channel_count)
+    if candidates.size == 0:
+        raise _too_wide(tags, spacing * channel_count)
+    cost = compatible_cost(tags, candidates, spacing_hz=spacing, channel_count=channel_count)
+    if tie_break == "mean":
+        last = np.abs(candidates - tags.mean())
+    else:
+        last = cost.mean_offset_hz
+    # lexsort is stable: of equals the lowest frequency, as in the original.
+    order = np.lexsort((last.round(6), cost.edge_cost.round(9), cost.tags_per_channel.round(9)))
+    return float(candidates[order[0]])
+
+
+def _default_candidates(
+    tags: Floats, spacing: float, low: float, high: float, dc_guard: float, image_guard: float
+) -> Floats:
+    """Whole hertz in [low, high] among which the best choice lies.
+
+    A grid, and the points where a cost has its kinks: tags on a channel centre (the mean
+    offset is piecewise linear, so its minima are there), at the edge of a guard, at the start
+    of a shoulder.
+    """
+    steps = np.arange(np.floor((low - tags[0]) / spacing), (high - tags[0]) / spacing + 2)
+    flat = spacing * FLAT_FRACTION / 2
+    kinks = [
+        np.arange(low, high, GRID_STEP_HZ),
+        np.array([low, high, tags.mean()]),
+        tags - dc_guard,
+        tags + dc_guard,
+    ]
+    # Beyond some tens of tags the centres alone are as dense as the grid.
+    shifts = (0.0, -flat, flat) if tags.size <= 12 else (0.0,)
+    residues = np.unique(np.mod(tags - tags[0], spacing))[:100]
+    kinks.extend(
+        (tags[0] + residues[:, None] + shift + steps * spacing).ravel() for shift in shifts
+    )
+    middles = _middles(tags)
+    if middles.size <= 100:
+        kinks += [middles - image_guard / 2, middles + image_guard / 2]
+    points = np.concatenate(kinks)
+    # Both neighbours in whole hertz: a guard may be met on one side only.
+    points = np.unique(np.concatenate((np.floor(points), np.ceil(points))))
+    chosen: Floats = points[(points >= low) & (points <= high)]
+    return chosen
+
+
+def _middles(tags: Floats) -> Floats:
+    """Sorted mid-points of all pairs of tags: a radio tuned there mirrors one on the other."""
+    first, second = np.triu_indices(tags.size, 1)
+    middles: Floats = np.sort((tags[first] + tags[second]) / 2)
+    return middles
+
+
+def _default_center(
+    tags: Floats,
+    spacing: float,
+    channel_count: int,
+    half_span: float,
+    dc_guard: float,
+    image_guard: float,
+) -> float:
+    low, high = np.ceil(tags.max() - half_span), np.floor(tags.min() + half_span)
+    if low > high:
+        raise _too_wide(tags, 2 * half_span)
+    original = _compatible_candidates(tags, spacing, channel_count)
+    points = _default_candidates(tags, spacing, low, high, dc_guard, image_guard)
+    points = np.union1d(points, original[(original >= low) & (original <= high)])
+    tags = np.sort(tags)
+    # Distance from DC: only the two neighbours of a point in the sorted tags can be nearest.
+    after = np.searchsorted(tags, points)
+    nearest = np.minimum(
+        np.abs(points - tags[np.minimum(after, tags.size - 1)]),
+        np.abs(points - tags[np.maximum(after - 1, 0)]),
+    )
+    kept = nearest >= dc_guard
+    points, nearest = points[kept], nearest[kept]
+    if points.size == 0:
+        raise _no_room(tags, low, high, dc_guard)
+
+    middles = _middles(tags)
+    images = np.searchsorted(middles, points + image_guard / 2, "left")
+    images -= np.searchsorted(middles, points - image_guard / 2, "right")
+    # A spur at DC is inside channel 0 and on the skirts of its two neighbours.
+    from_dc = np.where(nearest < spacing / 2, 2, np.where(nearest < 1.5 * spacing, 1, 0))
+    cost = compatible_cost(tags, points, spacing_hz=spacing, channel_count=channel_count)
+    per_channel, edge = cost.tags_per_channel.round(9), cost.edge_cost.round(9)
+    worse = np.ones(points.size, dtype=bool)
+    if original.size:
+        theirs = _original_cost(tags, original, spacing, channel_count)
+        worse = (per_channel > theirs[0]) | ((per_channel == theirs[0]) & (edge > theirs[1]))
+    ranks: list[NDArray[np.float64 | np.intp]] = [
+        np.abs(points - tags.mean()),
+        cost.mean_offset_hz.round(),
+        from_dc,
+        images,
+    ]
+    if worse.all():
+        # The guards cost something: as near to the original's optimum as they allow.
+        ranks += [edge, per_channel]
+    ranks.append(worse)
+    return float(points[np.lexsort(ranks)[0]])
+
+
+def _original_cost(
+    tags: Floats, candidates: Floats, spacing: float, channel_count: int
+) -> tuple[float, float]:
+    """Lowest cost that the original's search finds."""
+    cost = compatible_cost(tags, candidates, spacing_hz=spacing, channel_count=channel_count)
+    per_channel = cost.tags_per_channel.round(9)
+    best = per_channel.min()
+    return float(best), float(cost.edge_cost.round(9)[per_channel == best].min())
+
+
+def _plan(
+    tags: Floats, center: float, spacing: float, channel_count: int, image_guard: float
+) -> TunerPlan:
+    relative = tags - center
+    signed = _nearest_channels(relative, spacing, channel_count)
+    offsets = relative - signed * spacing
+    channels = tuple(int(channel) % channel_count for channel in signed)
+    pairs = tuple(
+        (i, j)
+        for i, j in combinations(range(tags.size), 2)
+        if abs(relative[i] + relative[j]) < image_guard
+    )
+    warnings = tuple(
+        f"{_mhz(tags[i])} and {_mhz(tags[j])} MHz lie on each other's mirror image"
+        for i, j in pairs
+    )
+    return TunerPlan(
+        center_frequency_hz=center,
+        channels=channels,
+        offsets_hz=tuple(float(offset) for offset in offsets),
+        near_edge=tuple(bool(abs(x) > spacing * FLAT_FRACTION / 2) for x in offsets),
+        shares_channel=len(set(channels)) < len(channels),
+        image_pairs=pairs,
+        band_rate_hz=spacing * channel_count,
+        channel_count=channel_count,
+        warnings=warnings,
+    )
+
+
+def _mhz(frequency_hz: float) -> str:
+    return f"{frequency_hz / 1e6:.6f}"
+
+
+def _too_wide(tags: Floats, span_hz: float) -> TunerError:
+    low, high = tags.min(), tags.max()
+    return TunerError(
+        f"the tags span {(high - low) / 1e3:.1f} kHz, from {_mhz(low)} to {_mhz(high)} MHz, "
+        f"but the radio serves {span_hz / 1e3:.1f} kHz at a time",
+        remedy="Search them in two flights, leave the outermost tag out, or set the radio's "
+        "frequency by hand (center_frequency_hz), which widens the band at a higher CPU cost",
+    )
+
+
+def _no_room(tags: Floats, low: float, high: float, dc_guard: float) -> TunerError:
+    return TunerError(
+        f"no radio frequency between {_mhz(low)} and {_mhz(high)} MHz keeps {dc_guard:g} Hz "
+        f"from each of the {tags.size} tags",
+        remedy="Leave out a tag near the middle or an outermost one, or set the radio's "
+        "frequency by hand (center_frequency_hz)",
+    )
