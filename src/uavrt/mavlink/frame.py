@@ -2,7 +2,7 @@
 
 A frame (MAVLink 2)::
 
-    0xFD len incompat compat seq sysid compid id0 id1 id2 | payload (len) | crc16 | [signature 13]
+    0xFD len incompat compat seq sysid compid id (3) | payload (len) | crc16 | [signature 13]
 
 Trailing zeros of the payload are cut by the sender. The checksum is CRC-16/MCRF4XX over
 everything between the marker and itself, then the message's own seed byte. MAVLink 1 frames

@@ -1,0 +1,73 @@
+"""Addresses of MAVLink links, as written in ``uavrt.toml``."""
+
+from dataclasses import dataclass
+from typing import Literal
+from urllib.parse import SplitResult, urlsplit
+
+from uavrt.errors import ConfigError
+
+LinkKind = Literal["udpin", "udpout", "tcp", "serial"]
+
+NETWORK_KINDS: dict[str, LinkKind] = {"udpin": "udpin", "udpout": "udpout", "tcp": "tcp"}
+
+DEFAULT_BAUD = 57_600
+"""Telemetry ports of PX4 and ArduPilot, unless changed."""
+
+FORMS = (
+    "Write serial:///dev/ttyUSB0:57600, udpin://127.0.0.1:14540, udpout://HOST:PORT or "
+    "tcp://HOST:PORT"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Address:
+    """One end of a link."""
+
+    kind: LinkKind
+    host: str = ""
+    port: int = 0
+    device: str = ""
+    baud: int = DEFAULT_BAUD
+
+    def __str__(self) -> str:
+        if self.kind == "serial":
+            return f"serial://{self.device}:{self.baud}"
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.kind}://{host}:{self.port}"
+
+
+def parse_address(text: str) -> Address:
+    """Read an address.
+
+    Raises
+    ------
+    ConfigError
+        It is none of the four forms.
+
+    >>> parse_address("udpin://127.0.0.1:14540").port
+    14540
+    >>> parse_address("serial:///dev/ttyAMA0:921600").baud
+    921600
+    """
+    try:
+        parts = urlsplit(text)
+        if parts.scheme == "serial":
+            return _serial(parts)
+        kind = NETWORK_KINDS.get(parts.scheme)
+        if kind is not None and parts.hostname and not parts.path:
+            port = parts.port
+            if port is not None and (port > 0 or kind == "udpin"):
+                return Address(kind=kind, host=parts.hostname, port=port)
+    except ValueError as error:
+        raise ConfigError(f"MAVLink address {text!r}: {error}", remedy=FORMS) from error
+    raise ConfigError(f"{text!r} is no MAVLink address", remedy=FORMS)
+
+
+def _serial(parts: SplitResult) -> Address:
+    """Read ``serial:///dev/NAME[:BAUD]``."""
+    device, separator, baud = parts.path.rpartition(":")
+    if not separator:
+        device, baud = parts.path, str(DEFAULT_BAUD)
+    if parts.netloc or not device.startswith("/") or int(baud) <= 0:
+        raise ValueError("a serial device is a path and a positive baud rate")
+    return Address(kind="serial", device=device, baud=int(baud))

@@ -1,0 +1,109 @@
+"""Answers to commands: always one acknowledgement, to the one who asked. Pure."""
+
+from importlib.metadata import version
+
+from uavrt.mavlink import dialect
+from uavrt.mavlink.dialect import MavCmd, MavProtocolCapability, MavResult
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.message import Message
+
+CAPABILITIES = MavProtocolCapability.MAVLINK2 | MavProtocolCapability.COMMAND_INT
+
+
+def answer_command(
+    message: dialect.CommandLong | dialect.CommandInt,
+    sender: Peer,
+    *,
+    direct: bool,
+    uptime_ms: int,
+) -> list[Message]:
+    """Give what is to be sent for a command.
+
+    A command to all components of the system is answered only when we can serve it: "not
+    supported" from us would make a ground station believe that its take-off was refused.
+
+    Parameters
+    ----------
+    message : CommandLong or CommandInt
+        The command.
+    sender : Peer
+        Whom to answer.
+    direct : bool
+        True when it names our component, False when it names all.
+    uptime_ms : int
+        Time since our start.
+    """
+    asked = _asked_message(message)
+    reply = None if asked is None else _identity(asked, uptime_ms)
+    if reply is not None:
+        return [_ack(message.command, MavResult.ACCEPTED, sender), reply]
+    return [_ack(message.command, MavResult.UNSUPPORTED, sender)] if direct else []
+
+
+def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | None:
+    """Id of the message that a command asks for."""
+    match message.command:
+        case MavCmd.REQUEST_MESSAGE:
+            param1 = message.param1
+            return int(param1) if 0 <= param1 < 2**24 else None
+        case MavCmd.REQUEST_AUTOPILOT_CAPABILITIES:
+            return dialect.AutopilotVersion.ID
+        case MavCmd.REQUEST_PROTOCOL_VERSION:
+            return dialect.ProtocolVersion.ID
+        case _:
+            return None
+
+
+def _identity(message_id: int, uptime_ms: int) -> Message | None:
+    """One of the messages that say who we are."""
+    match message_id:
+        case dialect.AutopilotVersion.ID:
+            return dialect.AutopilotVersion(
+                capabilities=CAPABILITIES,
+                flight_sw_version=_version_number(),
+                middleware_sw_version=0,
+                os_sw_version=0,
+                board_version=0,
+                flight_custom_version=bytes(8),
+                middleware_custom_version=bytes(8),
+                os_custom_version=bytes(8),
+                vendor_id=0,
+                product_id=0,
+                uid=0,
+            )
+        case dialect.ProtocolVersion.ID:
+            return dialect.ProtocolVersion(
+                version=200,
+                min_version=100,
+                max_version=200,
+                spec_version_hash=bytes(8),
+                library_version_hash=bytes(8),
+            )
+        case dialect.ComponentInformationBasic.ID:
+            return dialect.ComponentInformationBasic(
+                time_boot_ms=uptime_ms & 0xFFFFFFFF,
+                capabilities=CAPABILITIES,
+                time_manufacture_s=0,
+                vendor_name="uavrt",
+                model_name="radio-tag receiver",
+                software_version=version("uavrt"),
+                hardware_version="",
+                serial_number="",
+            )
+        case _:
+            return None
+
+
+def _version_number() -> int:
+    """Our version as MAVLink writes versions: one byte each, major first."""
+    major, minor, patch = (int(part) for part in version("uavrt").split(".")[:3])
+    return major << 24 | minor << 16 | patch << 8
+
+
+def _ack(command: int, result: int, target: Peer) -> dialect.CommandAck:
+    return dialect.CommandAck(
+        command=command,
+        result=result,
+        target_system=target.system_id,
+        target_component=target.component_id,
+    )

@@ -1,0 +1,288 @@
+"""The drone side as a well-behaved MAVLink component, without I/O.
+
+Feed it frames and the time, give it a function that sends a message; it keeps the heartbeat,
+finds autopilot and ground stations, asks for streams, keeps the clocks in step, answers what a
+component must answer (reference/mavlink.md §4), and hands out samples and tunnel payloads.
+"""
+
+from collections import Counter, OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from uavrt.mavlink import dialect
+from uavrt.mavlink.answers import answer_command
+from uavrt.mavlink.discovery import Discovery, Peer
+from uavrt.mavlink.frame import Frame
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.streams import StreamRequests
+from uavrt.mavlink.timesync import TimeSync
+from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.units import ns_from_s
+
+HEARTBEAT_NS = ns_from_s(1.0)
+ALONE_NS = ns_from_s(3.0)
+"""How long to be silent while no autopilot is heard, so as not to appear as another system."""
+FALLBACK_SYSTEM_ID = 1
+TIMESYNC_FAST_NS = ns_from_s(0.1)
+TIMESYNC_SLOW_NS = ns_from_s(1.0)
+TIMESYNC_FAST_COUNT = 20
+REBOOT_FALL_MS = 1000
+"""A fall of the boot time that no reordering on a link explains."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Handlers:
+    """Who gets what the component hears."""
+
+    attitude: Callable[[AttitudeSample], None]
+    position: Callable[[PositionSample], None]
+    tunnel: Callable[[bytes, Peer], None]
+    """A tunnel payload (its valid bytes) and who sent it."""
+
+
+class Component:
+    """Component 191 on the autopilot's system.
+
+    Parameters
+    ----------
+    send : callable
+        Sends a message now; called with the message only. Addressing is in the message; the
+        sender's numbers are `system_id` and `component_id` of this object.
+    handlers : Handlers
+        Receivers of samples and tunnel payloads.
+    component_id : int
+        191, MAV_COMP_ID_ONBOARD_COMPUTER.
+    attitude_rate_hz, position_rate_hz : float
+        What is asked of the autopilot.
+    healthy : callable
+        Says whether to send the heartbeat: a faulted component must fall silent.
+    """
+
+    def __init__(
+        self,
+        send: Callable[[Message], None],
+        handlers: Handlers,
+        *,
+        component_id: int = 191,
+        attitude_rate_hz: float = 50.0,
+        position_rate_hz: float = 10.0,
+        healthy: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self._send = send
+        self._handlers = handlers
+        self._healthy = healthy
+        self.component_id = component_id
+        self.discovery = Discovery()
+        self.time_sync = TimeSync()
+        self.streams = StreamRequests(
+            {
+                dialect.AttitudeQuaternion.ID: attitude_rate_hz,
+                dialect.GlobalPositionInt.ID: position_rate_hz,
+                dialect.SystemTime.ID: 1.0,
+            }
+        )
+        self.counters: Counter[str] = Counter()
+        self._started_ns: int | None = None
+        self._heartbeat_ns: int | None = None
+        self._timesync_ns = 0
+        self._requests: OrderedDict[int, None] = OrderedDict()
+        self._requests_sent = 0
+        self._boot_ms = -1
+
+    @property
+    def system_id(self) -> int:
+        """The autopilot's system id, 1 before any was heard."""
+        autopilot = self.discovery.autopilot
+        return FALLBACK_SYSTEM_ID if autopilot is None else autopilot.system_id
+
+    def status(self, now_ns: int) -> str:
+        """What is missing, in a word or two; ``"ready"`` when nothing is."""
+        if not self.discovery.autopilot_present(now_ns):
+            return "waiting for autopilot"
+        if not self.time_sync.synchronized:
+            return "waiting for time"
+        if not self.discovery.station_present(now_ns):
+            return "waiting for ground station"
+        return "ready"
+
+    def tick(self, now_ns: int) -> None:
+        """Do what is due; call it every 50 ms or so."""
+        if self._started_ns is None:
+            self._started_ns = now_ns
+        if self._heartbeat_due(now_ns):
+            self._heartbeat_ns = now_ns
+            self._send(self.heartbeat_message())
+        autopilot = self.discovery.autopilot
+        if autopilot is None or not self.discovery.autopilot_present(now_ns):
+            return
+        request = self.streams.next_request(autopilot, now_ns)
+        if request is not None:
+            self._send(request)
+        fast = self._requests_sent < TIMESYNC_FAST_COUNT
+        if now_ns - self._timesync_ns >= (TIMESYNC_FAST_NS if fast else TIMESYNC_SLOW_NS):
+            self._ask_time(autopilot, now_ns)
+
+    def receive(self, frame: Frame, now_ns: int) -> None:
+        """Take a frame that arrived at `now_ns`."""
+        if frame.system_id == self.system_id and frame.component_id == self.component_id:
+            self.counters["own_frames"] += 1  # routed back to us, or another with our number
+            return
+        message = frame.message()
+        if message is None:
+            self.counters["other_messages"] += 1
+            return
+        peer = Peer(frame.system_id, frame.component_id)
+        if not self._is_for_us(message):
+            self.counters["for_others"] += 1
+            return
+        self._dispatch(message, peer, now_ns)
+
+    def heartbeat_message(self) -> dialect.Heartbeat:
+        """Our heartbeat."""
+        return dialect.Heartbeat(
+            type=dialect.MavType.ONBOARD_CONTROLLER,
+            autopilot=dialect.MavAutopilot.INVALID,
+            base_mode=0,
+            custom_mode=0,
+            system_status=dialect.MavState.ACTIVE,
+            mavlink_version=3,
+        )
+
+    def _dispatch(self, message: Message, peer: Peer, now_ns: int) -> None:
+        match message:
+            case dialect.AttitudeQuaternion() | dialect.GlobalPositionInt():
+                self._pose(message, peer, now_ns)
+            case dialect.SystemTime() if peer == self.discovery.autopilot:
+                self.streams.heard(message.ID, now_ns)
+                self._watch_boot_time(message.time_boot_ms, now_ns)
+            case dialect.Heartbeat():
+                if self.discovery.heartbeat(peer, message, now_ns):
+                    self._new_autopilot(now_ns)
+            case dialect.Tunnel():
+                self._tunnel(message, peer)
+            case dialect.Timesync():
+                self._timesync(message, peer, now_ns)
+            case dialect.Ping() if message.target_system == 0:
+                self._send(
+                    dialect.Ping(
+                        time_usec=message.time_usec,
+                        seq=message.seq,
+                        target_system=peer.system_id,
+                        target_component=peer.component_id,
+                    )
+                )
+            case dialect.CommandAck() if peer == self.discovery.autopilot:
+                self.streams.acknowledged(message)
+            case dialect.CommandLong() | dialect.CommandInt():
+                self._command(message, peer, now_ns)
+
+    def _is_for_us(self, message: Message) -> bool:
+        """Apply MAVLink's routing rule: our numbers, or 0 for all, or no target at all."""
+        system = getattr(message, "target_system", 0)
+        component = getattr(message, "target_component", 0)
+        return system in (0, self.system_id) and component in (0, self.component_id)
+
+    def _heartbeat_due(self, now_ns: int) -> bool:
+        assert self._started_ns is not None
+        if not self._healthy():
+            return False
+        if self.discovery.autopilot is None and now_ns - self._started_ns < ALONE_NS:
+            return False
+        return self._heartbeat_ns is None or now_ns - self._heartbeat_ns >= HEARTBEAT_NS
+
+    def _new_autopilot(self, now_ns: int) -> None:
+        self.counters["autopilots_found"] += 1
+        self._restart_clock(now_ns)
+        self._heartbeat_ns = None  # so that it routes to us at once
+
+    def _restart_clock(self, now_ns: int) -> None:
+        self.time_sync.reset()
+        self.streams.restart(now_ns)
+        self._requests.clear()
+        self._requests_sent = 0
+        self._boot_ms = -1
+
+    def _watch_boot_time(self, boot_ms: int, now_ns: int) -> None:
+        """A fall of the boot time is a reboot, or the counter's wrap after 49.7 days."""
+        if boot_ms + REBOOT_FALL_MS < self._boot_ms:
+            self.counters["autopilot_reboots"] += 1
+            self._restart_clock(now_ns)
+        self._boot_ms = max(boot_ms, self._boot_ms)
+
+    def _pose(
+        self,
+        message: dialect.AttitudeQuaternion | dialect.GlobalPositionInt,
+        peer: Peer,
+        now_ns: int,
+    ) -> None:
+        if peer != self.discovery.autopilot:
+            self.counters["foreign_poses"] += 1
+            return
+        self.streams.heard(message.ID, now_ns)
+        self._watch_boot_time(message.time_boot_ms, now_ns)
+        boot_ns = message.time_boot_ms * 1_000_000
+        if not self.time_sync.synchronized:
+            self.time_sync.add_one_way(boot_ns, now_ns)
+        time_ns = self.time_sync.local_ns(boot_ns)
+        if time_ns is None:
+            self.counters["poses_without_time"] += 1
+        elif isinstance(message, dialect.AttitudeQuaternion):
+            quaternion = (message.q1, message.q2, message.q3, message.q4)
+            self._handlers.attitude(AttitudeSample(time_ns=time_ns, quaternion_wxyz=quaternion))
+        else:
+            self._handlers.position(
+                PositionSample(
+                    time_ns=time_ns,
+                    latitude_deg=message.lat / 1e7,
+                    longitude_deg=message.lon / 1e7,
+                    altitude_amsl_m=message.alt / 1e3,
+                    altitude_relative_m=message.relative_alt / 1e3,
+                )
+            )
+
+    def _tunnel(self, message: dialect.Tunnel, peer: Peer) -> None:
+        if message.payload_length > len(message.payload):
+            self.counters["bad_tunnels"] += 1
+            return
+        self.counters["tunnels_received"] += 1
+        self._handlers.tunnel(message.payload[: message.payload_length], peer)
+
+    def _ask_time(self, autopilot: Peer, now_ns: int) -> None:
+        self._timesync_ns = now_ns
+        self._requests_sent += 1
+        self._requests[now_ns] = None
+        if len(self._requests) > 32:
+            self._requests.popitem(last=False)
+        self._send(
+            dialect.Timesync(
+                tc1=0,
+                ts1=now_ns,
+                target_system=autopilot.system_id,
+                target_component=autopilot.component_id,
+            )
+        )
+
+    def _timesync(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
+        """Answer a request (tc1 is 0); take an answer to one of ours (it mirrors ts1)."""
+        if message.tc1 == 0:
+            answer = dialect.Timesync(
+                tc1=now_ns,
+                ts1=message.ts1,
+                target_system=peer.system_id,
+                target_component=peer.component_id,
+            )
+            self._send(answer)
+        elif peer == self.discovery.autopilot and message.ts1 in self._requests:
+            del self._requests[message.ts1]
+            self.time_sync.add_round_trip(message.ts1, message.tc1, now_ns)
+
+    def _command(
+        self, message: dialect.CommandLong | dialect.CommandInt, peer: Peer, now_ns: int
+    ) -> None:
+        assert self._started_ns is not None or now_ns >= 0
+        uptime_ms = (now_ns - (self._started_ns or now_ns)) // 1_000_000
+        direct = message.target_component == self.component_id
+        for answer in answer_command(message, peer, direct=direct, uptime_ms=uptime_ms):
+            self._send(answer)
+        if direct:
+            self.counters["commands"] += 1

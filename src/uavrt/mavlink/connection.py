@@ -1,0 +1,221 @@
+"""A component on a link: what the connection process runs.
+
+The link moves bytes, `Component` knows the protocol, `PacedQueue` knows when; this joins them
+on an asyncio loop and knows nothing else.
+"""
+
+import asyncio
+from collections.abc import Callable
+
+from uavrt.errors import TunnelError
+from uavrt.log import get_logger
+from uavrt.mavlink.address import Address
+from uavrt.mavlink.component import Component, Handlers
+from uavrt.mavlink.dialect import Tunnel
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.frame import Frame, FrameWriter
+from uavrt.mavlink.link import Link
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.pacing import Item, PacedQueue, Priority, Tunnelled
+from uavrt.mavlink.statustext import chunks_of
+from uavrt.mavlink.transport import open_link
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+log = get_logger()
+
+TICK_S = 0.05
+TUNNEL_SIZE = 128
+
+
+class TunnelSender:
+    """Sends messages for the ground one at a time, a gap apart.
+
+    Parameters
+    ----------
+    send : callable
+        Sends a message now.
+    target : callable
+        Gives the address of all ground stations, or None while there is none; pulses and
+        status wait for it.
+    clock_ns : callable
+        Time now [ns].
+    gap_s : float
+        Time between two messages, at least 0.012 s.
+    """
+
+    def __init__(
+        self,
+        send: Callable[[Message], None],
+        target: Callable[[], Peer | None],
+        clock_ns: Callable[[], int],
+        *,
+        gap_s: float = 0.020,
+    ) -> None:
+        self._send = send
+        self._target = target
+        self._clock_ns = clock_ns
+        self._queue = PacedQueue(gap_s)
+        self._arrived = asyncio.Event()
+        self._text_id = 0
+
+    def send_tunnel(
+        self, payload: bytes, priority: Priority, target: Peer | None = None
+    ) -> None:
+        """Queue a tunnel payload; without a target it goes to all ground stations.
+
+        Raises
+        ------
+        TunnelError
+            It is longer than 128 bytes.
+        """
+        if len(payload) > TUNNEL_SIZE:
+            raise TunnelError(f"a payload has at most 128 bytes, not {len(payload)}", payload)
+        self._put(Tunnelled(payload, target), priority)
+
+    def send_text(self, severity: int, text: str) -> None:
+        """Queue a text for the operators, in as many pieces as it needs."""
+        self._text_id = self._text_id % 65_535 + 1
+        for chunk in chunks_of(text, severity, self._text_id):
+            self._put(chunk, Priority.STATUS)
+
+    def counters(self) -> dict[str, float]:
+        """Counts with names for a health record."""
+        counters = self._queue.counters
+        return {
+            "tunnel_waiting": len(self._queue),
+            "tunnel_sent": counters.released,
+            **{
+                f"tunnel_dropped_{priority.name.lower()}": count
+                for priority, count in counters.dropped.items()
+            },
+        }
+
+    async def run(self) -> None:
+        """Send for ever."""
+        while True:
+            now_ns = self._clock_ns()
+            wait_ns = self._queue.wait_ns(now_ns)
+            if wait_ns is None:
+                self._arrived.clear()
+                await self._arrived.wait()
+            elif wait_ns > 0:
+                await asyncio.sleep(wait_ns / NANOSECONDS_PER_SECOND)
+            elif self._nobody_there():
+                await asyncio.sleep(TICK_S)
+            else:
+                item = self._queue.take(now_ns)
+                if item is not None:
+                    self._send(self._message(item))
+
+    def _nobody_there(self) -> bool:
+        """Tell whether the first message is for all ground stations and there is none.
+
+        Acknowledgements name their receiver, which need not send heartbeats.
+        """
+        first = self._queue.first()
+        addressed = isinstance(first, Tunnelled) and first.target is not None
+        return not addressed and self._target() is None
+
+    def _put(self, item: Item, priority: Priority) -> None:
+        self._queue.put(item, priority)
+        self._arrived.set()
+
+    def _message(self, item: Item) -> Message:
+        if isinstance(item, Message):
+            return item
+        target = item.target or self._target() or Peer(0, 0)
+        return Tunnel(
+            target_system=target.system_id,
+            target_component=target.component_id,
+            payload_type=item.payload_type,
+            payload_length=len(item.payload),
+            payload=item.payload,
+        )
+
+
+class Connection:
+    """The drone's MAVLink connection.
+
+    Parameters
+    ----------
+    handlers : Handlers
+        Receivers of samples and tunnel payloads.
+    clock_ns : callable
+        Our clock [ns, UTC]; every time handed out is on it.
+    component_id, attitude_rate_hz, position_rate_hz, gap_s, healthy
+        See `Component` and `TunnelSender`.
+    """
+
+    def __init__(
+        self,
+        handlers: Handlers,
+        clock_ns: Callable[[], int],
+        *,
+        component_id: int = 191,
+        attitude_rate_hz: float = 50.0,
+        position_rate_hz: float = 10.0,
+        gap_s: float = 0.020,
+        healthy: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self._clock_ns = clock_ns
+        self._link: Link | None = None
+        self.component = Component(
+            self._send,
+            handlers,
+            component_id=component_id,
+            attitude_rate_hz=attitude_rate_hz,
+            position_rate_hz=position_rate_hz,
+            healthy=healthy,
+        )
+        self.tunnel = TunnelSender(
+            self._send,
+            lambda: self.component.discovery.target(clock_ns()),
+            clock_ns,
+            gap_s=gap_s,
+        )
+        self._writer = FrameWriter(self.component.system_id, component_id)
+
+    async def run(self, address: str | Address) -> None:
+        """Open the link and serve it until cancelled.
+
+        Raises
+        ------
+        ConfigError, LinkError
+            The link cannot be opened.
+        """
+        self._link = await open_link(address, self._receive)
+        log.info("link open", address=str(self._link.address))
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self.tunnel.run())
+                tasks.create_task(self._tick())
+        finally:
+            await self._link.close()
+
+    @property
+    def link(self) -> Link | None:
+        """The link, once open."""
+        return self._link
+
+    def status(self) -> str:
+        """What is missing, in a word or two."""
+        return self.component.status(self._clock_ns())
+
+    def counters(self) -> dict[str, float]:
+        """All counts, for a health record."""
+        link = {} if self._link is None else self._link.health()
+        counters = {name: float(count) for name, count in self.component.counters.items()}
+        return {**counters, **link, **self.tunnel.counters()}
+
+    async def _tick(self) -> None:
+        while True:
+            self.component.tick(self._clock_ns())
+            await asyncio.sleep(TICK_S)
+
+    def _receive(self, frame: Frame) -> None:
+        self.component.receive(frame, self._clock_ns())
+
+    def _send(self, message: Message) -> None:
+        if self._link is not None:
+            self._writer.system_id = self.component.system_id
+            self._link.send(self._writer.encode(message))

@@ -1,0 +1,92 @@
+"""What links of every kind share; `uavrt.mavlink.transport` opens them.
+
+A link is opened once, loudly: what is wrong is a `LinkError` with its remedy. After that it
+mends itself: a lost serial adapter or TCP peer is tried again every second, and meanwhile
+frames to send are dropped and counted. Received frames go to one callback, at once, in the
+loop's thread. No thread, no blocking call.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+from uavrt.mavlink.address import Address
+from uavrt.mavlink.frame import Frame, FrameParser
+
+FrameHandler = Callable[[Frame], None]
+
+RETRY_S = 1.0
+MAX_PENDING = 16_384
+"""Bytes that may wait for the system to take them; more frames are dropped."""
+
+
+@dataclass(slots=True)
+class LinkCounters:
+    """Everything counted since the link was opened."""
+
+    received: int = 0
+    bad_crc: int = 0
+    skipped_bytes: int = 0
+    sent: int = 0
+    dropped: int = 0
+    """Frames not sent: no peer yet, link down, or the system takes no more."""
+    reconnects: int = 0
+
+
+class Link:
+    """One link; subclasses know the transport.
+
+    Parameters
+    ----------
+    address : Address
+        Where to.
+    on_frame : callable
+        Called with each received frame.
+    """
+
+    def __init__(self, address: Address, on_frame: FrameHandler) -> None:
+        self.address = address
+        self._on_frame = on_frame
+        self._parser = FrameParser()
+        self._sent = 0
+        self._dropped = 0
+        self._reconnects = 0
+
+    async def open(self) -> None:
+        """Open it; raises `LinkError`."""
+        raise NotImplementedError
+
+    def send(self, frame: bytes) -> bool:
+        """Send one frame without waiting; False (and counted) when it could not be."""
+        sent = self._write(frame)
+        if sent:
+            self._sent += 1
+        else:
+            self._dropped += 1
+        return sent
+
+    async def close(self) -> None:
+        """Close it for good."""
+        raise NotImplementedError
+
+    @property
+    def counters(self) -> LinkCounters:
+        """Counts so far."""
+        return LinkCounters(
+            received=self._parser.received,
+            bad_crc=self._parser.bad_crc,
+            skipped_bytes=self._parser.skipped_bytes,
+            sent=self._sent,
+            dropped=self._dropped,
+            reconnects=self._reconnects,
+        )
+
+    def health(self) -> dict[str, float]:
+        """Counts with names for a health record."""
+        return {f"link_{name}": value for name, value in asdict(self.counters).items()}
+
+    def _write(self, frame: bytes) -> bool:
+        raise NotImplementedError
+
+    def _take(self, data: bytes) -> None:
+        for frame in self._parser.feed(data):
+            self._on_frame(frame)

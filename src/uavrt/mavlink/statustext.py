@@ -1,0 +1,70 @@
+"""Texts for the operator in pieces of 50 bytes, and back together. Pure."""
+
+from uavrt.mavlink.dialect import Statustext
+
+CHUNK = 50
+MAX_CHUNKS = 8
+"""400 bytes: more would hold the radio for a second."""
+
+
+def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
+    """Cut a text into STATUSTEXT messages.
+
+    A text of up to 50 bytes is one message with id 0; a longer one carries an id and numbered
+    pieces, and a piece shorter than 50 bytes, if need be an empty one, ends it. Characters are
+    not cut in two.
+
+    Parameters
+    ----------
+    text : str
+        Cut after 400 bytes.
+    severity : int
+        0 (emergency) to 7 (debug).
+    text_id : int
+        1 to 65535; different for texts that follow one another.
+    """
+    pieces, piece = [], b""
+    for character in text.replace("\0", " "):
+        encoded = character.encode(errors="replace")
+        if len(piece) + len(encoded) > CHUNK:
+            pieces.append(piece.ljust(CHUNK).decode())  # a shorter piece would end the text
+            piece = b""
+        piece += encoded
+    pieces = [*pieces, piece.decode()][:MAX_CHUNKS]
+    if len(pieces) == 1:
+        return [Statustext(severity=severity, text=pieces[0])]
+    if len(pieces[-1].encode(errors="replace")) == CHUNK and len(pieces) < MAX_CHUNKS:
+        pieces.append("")
+    return [
+        Statustext(severity=severity, text=piece, id=text_id, chunk_seq=index)
+        for index, piece in enumerate(pieces)
+    ]
+
+
+class TextAssembler:
+    """Puts pieces of texts together; a missing piece becomes an ellipsis.
+
+    A text is given when its last piece is there or when another text of the same sender begins.
+    """
+
+    def __init__(self) -> None:
+        self._parts: dict[tuple[int, int], tuple[int, int, dict[int, str]]] = {}
+
+    def add(self, sender: tuple[int, int], message: Statustext) -> list[tuple[int, str]]:
+        """Take a message; give the texts that are now whole, as (severity, text)."""
+        done: list[tuple[int, str]] = []
+        open_text = self._parts.get(sender)
+        if open_text is not None and open_text[0] != message.id:
+            done.append(self._finish(sender))
+        if message.id == 0:
+            return [*done, (message.severity, message.text)]
+        _, _, pieces = self._parts.setdefault(sender, (message.id, message.severity, {}))
+        pieces[message.chunk_seq] = message.text
+        short = len(message.text.encode(errors="replace")) < CHUNK
+        if short or message.chunk_seq >= MAX_CHUNKS - 1:
+            done.append(self._finish(sender))
+        return done
+
+    def _finish(self, sender: tuple[int, int]) -> tuple[int, str]:
+        _, severity, pieces = self._parts.pop(sender)
+        return severity, "".join(pieces.get(i, "…") for i in range(max(pieces) + 1))
