@@ -1,0 +1,121 @@
+import pytest
+
+from uavrt.dsp import tune
+from uavrt.errors import TunerError, UsageError
+
+Golden = tuple[list[float], list[tuple[float, list[int], list[float]]]]
+
+# reference/control.md §5.2: tags [MHz]; centre [MHz], channels from 1, offsets [Hz] of tuner.py
+# and of updated_tuner.py.
+GOLDEN: list[Golden] = [
+    ([148.709], [(148.709, [1], [0])] * 2),
+    (
+        [148.524, 148.520],
+        [(148.5215, [2, 1], [-1250, -1500]), (148.520, [2, 1], [250, 0])],
+    ),
+    (
+        [148.7096, 148.5248],
+        [(148.6172, [26, 76], [-1350, 1350]), (148.5248, [50, 1], [1050, 0])],
+    ),
+    (
+        [148.5, 148.6, 148.7, 148.8],
+        [
+            (148.65, [61, 88, 14, 41], [0, -1250, 1250, 0]),
+            (148.62, [69, 96, 22, 49], [0, -1250, 1250, 0]),
+        ],
+    ),
+    (
+        [148.500, 148.50375, 148.5075],
+        [(148.5037, [100, 1, 2], [50, 50, 50]), (148.5, [1, 2, 3], [0, 0, 0])],
+    ),
+    ([148.524, 148.524], [(148.524, [1, 1], [0, 0])] * 2),
+    ([148.50, 148.8749], [(148.6893, [51, 50], [-1800, 1850])] * 2),
+]
+
+
+@pytest.mark.parametrize("column", [0, 1])
+@pytest.mark.parametrize(("tags_mhz", "expected"), GOLDEN)
+def test_the_compatible_mode_answers_as_the_original_did(
+    tags_mhz: list[float], expected: list[tuple[float, list[int], list[float]]], column: int
+) -> None:
+    center_mhz, channels, offsets_hz = expected[column]
+    plan = tune(
+        [round(tag * 1e6) for tag in tags_mhz],
+        mode="compatible",
+        tie_break="offset" if column else "mean",
+    )
+    assert plan.center_frequency_hz == pytest.approx(center_mhz * 1e6, abs=0.5)
+    assert [channel + 1 for channel in plan.channels] == channels
+    assert plan.offsets_hz == pytest.approx(offsets_hz, abs=0.5)
+
+
+def test_the_compatible_mode_finds_the_three_tags_of_the_thesis_check() -> None:
+    # reference/detector.md §7.3
+    plan = tune([148.710e6, 148.731e6, 148.802e6], mode="compatible")
+    assert plan.center_frequency_hz == 148_747_300
+    assert plan.channels == (90, 96, 15)
+
+
+def test_the_compatible_mode_marks_edges_and_shared_channels() -> None:
+    edges = tune([148.50e6, 148.8749e6], mode="compatible")
+    assert edges.near_edge == (True, True)
+    assert tune([148.524e6, 148.524e6], mode="compatible").shares_channel
+    assert not edges.shares_channel
+
+
+@pytest.mark.parametrize("mode", ["default", "compatible"])
+def test_tags_too_far_apart_are_refused_with_what_to_do(mode: str) -> None:
+    with pytest.raises(TunerError, match=r"148\.0.*149\.0.*two flights"):
+        tune([148e6, 149e6], mode="compatible" if mode == "compatible" else "default")
+
+
+def test_no_tags_and_an_odd_number_of_channels_are_refused() -> None:
+    with pytest.raises(UsageError, match="at least one tag"):
+        tune([])
+    with pytest.raises(UsageError, match="even number"):
+        tune([148e6], mode="compatible", channel_count=101)
+
+
+@pytest.mark.parametrize("wrong", [148.71, 0.0, -148e6, float("nan"), float("inf")])
+def test_frequencies_that_are_not_hertz_are_refused(wrong: float) -> None:
+    with pytest.raises(UsageError, match="in hertz"):
+        tune([wrong])
+
+
+def test_a_single_tag_is_kept_clear_of_dc_and_on_a_channel_centre() -> None:
+    plan = tune([148.709e6])
+    assert plan.offsets_hz == (0.0,)
+    assert abs(plan.center_frequency_hz - 148.709e6) == 7500
+    assert plan.channels[0] not in (0, 1, 99)
+
+
+def test_mirror_images_are_avoided() -> None:
+    # The original sits half-way between two tags when it can: each is the other's image.
+    plan = tune([148.7096e6, 148.5248e6])
+    low, high = (148.5248e6 - plan.center_frequency_hz, 148.7096e6 - plan.center_frequency_hz)
+    assert abs(low + high) >= 1000
+    assert plan.image_pairs == ()
+    assert plan.warnings == ()
+
+
+def test_unavoidable_mirror_images_are_reported() -> None:
+    # The ends leave 2 kHz of choice, in which they and the pair inside mirror each other.
+    tags = [148.5e6, 148.5e6 + 251.5e3, 148.6e6, 148.6e6 + 51.5e3]
+    plan = tune(tags)
+    assert plan.image_pairs
+    assert len(plan.warnings) == len(plan.image_pairs)
+    assert "mirror image" in plan.warnings[0]
+
+
+def test_tags_that_leave_no_room_for_dc_are_refused_with_what_to_do() -> None:
+    tags = [148.5e6 + 1500 * k for k in range(160)]
+    with pytest.raises(TunerError, match="Leave out a tag near the middle"):
+        tune(tags)
+
+
+def test_a_hundred_tags_are_served() -> None:
+    tags = [148.5e6 + 2470 * k + 37 * (k % 5) for k in range(100)]
+    plan = tune(tags)
+    offsets = [tag - plan.center_frequency_hz for tag in tags]
+    assert max(map(abs, offsets)) <= 126e3
+    assert min(map(abs, offsets)) >= 1000
