@@ -1,0 +1,145 @@
+"""Timing by CPU time, interleaved, and results that can be read.
+
+"CPU %" is CPU seconds per 100 seconds of signal: per cent of one core at the real-time rate.
+Ratios and bars are between cases timed in turn in the same run (A B A B …), so that a busy or
+slow machine moves both.
+"""
+
+import os
+import platform
+import re
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """Something to time."""
+
+    name: str
+    run: Callable[[], object]
+    """Works through `signal_s` seconds of signal."""
+    signal_s: float
+    scale: float = 1.0
+    """Multiplies the time: 1 / 16.6 makes one thing stand for another of known ratio."""
+    at_most: float | None = None
+    """Bar: this many times the baseline."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A heading, rows of text and remarks."""
+
+    title: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    notes: Sequence[str] = field(default_factory=tuple)
+
+
+def compare(
+    title: str,
+    cases: Sequence[Case],
+    *,
+    baseline: str | None = None,
+    rounds: int = 25,
+    absent: Sequence[tuple[str, str]] = (),
+    notes: Sequence[str] = (),
+) -> Table:
+    """Time cases in turn and put medians, ratios and bars in a table.
+
+    Parameters
+    ----------
+    baseline : str, optional
+        Name of the case that ratios refer to; a ratio is the median over rounds of the
+        quotient within the round.
+    rounds : int
+        Each case runs so many times, after one run that does not count.
+    absent : sequence of (name, reason)
+        Peers that could not be timed here; listed, so that nothing is left out silently.
+    """
+    times: dict[str, list[float]] = {case.name: [] for case in cases}
+    for round_ in range(rounds + 1):
+        for case in cases:
+            started = time.process_time()
+            case.run()
+            spent = (time.process_time() - started) * case.scale / case.signal_s
+            if round_:
+                times[case.name].append(spent)
+    rows = [_row(case, times, baseline) for case in cases]
+    rows += [[name, reason, "", "", ""] for name, reason in absent]
+    header = [
+        "",
+        "CPU %",
+        "× real time",
+        f"ratio to {baseline}" if baseline else "ratio",
+        "bar",
+    ]
+    return Table(title=title, header=header, rows=rows, notes=notes)
+
+
+def _row(case: Case, times: dict[str, list[float]], baseline: str | None) -> list[str]:
+    own = times[case.name]
+    spent = statistics.median(own)
+    ratio = bar = ""
+    if baseline in times:
+        pairs = zip(own, times[baseline], strict=True)
+        value = statistics.median(mine / theirs for mine, theirs in pairs)
+        ratio = f"{value:.2f}"
+        if case.at_most is not None:
+            bar = f"≤ {case.at_most:g}: {'met' if value <= case.at_most else 'NOT met'}"
+    elif case.at_most is not None:
+        bar = f"≤ {case.at_most:g}: no baseline"
+    return [case.name, f"{100 * spent:.3f}", f"{1 / spent:.0f}", ratio, bar]
+
+
+def machine() -> str:
+    """What this was measured on, in one line."""
+    model = platform.processor() or platform.machine()
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        found = re.search(r"^model name\s*:\s*(.+)$", cpuinfo.read_text(), re.MULTILINE)
+        model = found.group(1) if found else model
+    import numpy as np
+    import scipy
+
+    load = os.getloadavg()[0]
+    return (
+        f"{os.cpu_count()} × {model}, {platform.system()} {platform.machine()}, "
+        f"Python {platform.python_version()}, NumPy {np.__version__}, "
+        f"SciPy {scipy.__version__}, one thread, load {load:.1f}"
+    )
+
+
+def render_section(section: str, tables: Sequence[Table]) -> str:
+    """Markdown of a section, with machine and date."""
+    stamp = f"{datetime.now(tz=UTC):%Y-%m-%d %H:%M} UTC"
+    parts = [f"## {section}", f"{stamp}; {machine()}."]
+    for table in tables:
+        lines = [
+            "| " + " | ".join(table.header) + " |",
+            "| --- " + "| ---: " * (len(table.header) - 1) + "|",
+        ]
+        lines += ["| " + " | ".join(row) + " |" for row in table.rows]
+        parts += [f"### {table.title}", "\n".join(lines), *table.notes]
+    return "\n\n".join(parts)
+
+
+TOP = """# Results of `make bench`
+
+CPU % is CPU time per signal time in per cent of one core: the load at the real-time rate. Each
+section is written by `python -m benchmarks SECTION` and names its machine and date."""
+
+
+def merge_section(old: str, section: str, text: str) -> str:
+    """Replace one section of the results, or add it; sections are in alphabetical order."""
+    found = re.findall(r"<!-- begin (\w+) -->\n(.*?)\n<!-- end \1 -->", old, re.DOTALL)
+    sections = dict(found) | {section: text}
+    blocks = [
+        f"<!-- begin {name} -->\n{body}\n<!-- end {name} -->"
+        for name, body in sorted(sections.items())
+    ]
+    return "\n\n".join([TOP, *blocks]) + "\n"
