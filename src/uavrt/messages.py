@@ -137,7 +137,7 @@ class PulsePose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Poses:
-    """Several raw vehicle poses, batched for the recorder."""
+    """Several poses of the antenna in a row, batched for the recorder."""
 
     poses: tuple[Pose, ...]
 
@@ -184,7 +184,7 @@ class SystemStatus:
 
 
 CommandName = Literal[
-    "start_tags", "add_tag", "end_tags", "start_detection", "stop_detection"
+    "start_tags", "add_tag", "end_tags", "start_detection", "stop_detection", "raw_capture"
 ]
 
 

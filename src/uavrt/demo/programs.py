@@ -4,7 +4,6 @@ Each runs as a process of its own, as in the field; only the radio, the autopilo
 are simulated.
 """
 
-import json
 import os
 import signal
 import socket
@@ -126,10 +125,19 @@ class Program:
             tail = "\n".join(self._log.read_text(errors="replace").splitlines()[-12:])
             raise UavrtError(f"{self.name} ended (exit {self.exit_code}):\n{tail}")
 
+    @property
+    def ended(self) -> bool:
+        """Whether it has ended."""
+        return self._wait(0.0)
+
+    def ask_to_stop(self) -> None:
+        """Send SIGTERM and go on."""
+        if not self.ended:
+            self._process.send_signal(signal.SIGTERM)
+
     def stop(self) -> None:
         """End it: SIGTERM, then SIGKILL."""
-        if self.exit_code is None:
-            self._process.send_signal(signal.SIGTERM)
+        self.ask_to_stop()
         if not self._wait(STOP_TIMEOUT_S):
             self._process.kill()
             self._wait(STOP_TIMEOUT_S)
@@ -148,8 +156,3 @@ class Program:
             else:
                 time.sleep(0.02)
         return True
-
-
-def write_json_line(value: object) -> str:
-    """Write one line of JSON."""
-    return json.dumps(value, separators=(",", ":"), allow_nan=False)

@@ -9,6 +9,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 
+from rich.table import Table
+
 from uavrt.messages import Pulse, Tag
 from uavrt.simulation import TruePulse
 
@@ -55,6 +57,35 @@ class DemoSummary:
     def as_dict(self) -> dict[str, object]:
         """Get it as plain values for JSON."""
         return asdict(self)
+
+    def table(self) -> Table:
+        """Get it as a table for a terminal."""
+        table = Table(title="What became of every pulse", header_style="dim")
+        table.add_column("tag")
+        for title in (
+            "sent",
+            "of 14 dB or more",
+            "found",
+            "on the ground",
+            "false",
+            "SNR bias",
+            "frequency rms",
+            "time rms",
+        ):
+            table.add_column(title, justify="right")
+        for tag_id, tag in self.tags.items():
+            table.add_row(
+                tag_id,
+                str(tag.transmitted),
+                str(tag.detectable),
+                f"{tag.detected} ({tag.detectable_detected} of these)",
+                str(tag.delivered),
+                str(tag.false),
+                _with_unit(tag.snr_error_db, "dB"),
+                _with_unit(tag.frequency_error_hz, "Hz"),
+                _with_unit(tag.time_error_ms, "ms"),
+            )
+        return table
 
 
 def pulse_key(pulse: Pulse) -> tuple[int, int, int, int]:
@@ -139,6 +170,10 @@ def _is_in(times_ns: Sequence[int], time_ns: int, tolerance_ns: int = 2000) -> b
     """Whether a sorted list holds a time, within the wire's rounding."""
     place = bisect.bisect_left(times_ns, time_ns - tolerance_ns)
     return place < len(times_ns) and times_ns[place] <= time_ns + tolerance_ns
+
+
+def _with_unit(value: float | None, unit: str) -> str:
+    return "–" if value is None else f"{value:.2f} {unit}"
 
 
 def _mean(values: Sequence[float]) -> float | None:

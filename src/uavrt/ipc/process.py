@@ -81,14 +81,15 @@ class ProcessFrame:
         *,
         ok: bool = True,
         counters: Callable[[], Mapping[str, float]] = dict,
+        last: bool = False,
     ) -> None:
-        """Send the health if it is due, or at once when the status has changed.
+        """Send the health if it is due, or at once when it is the last or has changed.
 
         Also the sign of life: call it at least once a second. `counters` is called only when
         the health is sent.
         """
         now_s = monotonic_s()
-        if now_s < self._next_health_s and (status, ok) == self._last_status:
+        if not last and now_s < self._next_health_s and (status, ok) == self._last_status:
             return
         self._next_health_s = now_s + HEALTH_PERIOD_S
         self._last_status = (status, ok)

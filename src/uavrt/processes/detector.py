@@ -97,6 +97,7 @@ def main() -> None:
         detect_all(frame, receiver, bank)
         for pulse in bank.flush():
             frame.send("pulse", pulse)
+        frame.report("stopped", counters=bank.counters, last=True)
 
 
 def detect_all(frame: ProcessFrame, receiver: ChannelReceiver, bank: DetectorBank) -> None:

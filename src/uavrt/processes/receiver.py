@@ -54,6 +54,8 @@ class Receiver:
         self._recorder = self._open_recorder(frame, flight)
         self.samples = 0
         self.samples_lost = 0
+        self.first_sample_ns = 0
+        self.last_sample_ns = 0
 
     def _open_recorder(self, frame: ProcessFrame, flight: FlightInfo) -> IQRecorder | None:
         recording = frame.assignment.settings.recording
@@ -70,6 +72,10 @@ class Receiver:
         """Decimate, record, channelize and send one block."""
         self.samples += len(block.samples)
         self.samples_lost += block.lost_before
+        self.first_sample_ns = self.first_sample_ns or block.time_ns
+        self.last_sample_ns = block.time_ns + round(
+            len(block.samples) * 1e9 / block.sample_rate_hz
+        )
         band = self._front_end.decimate(block)
         if self._recorder is not None:
             self._recorder.write(band)
@@ -92,6 +98,9 @@ class Receiver:
         counters: dict[str, float] = {
             "samples": self.samples,
             "samples_lost": self.samples_lost,
+            # float64 holds a time of today to 0.3 µs.
+            "first_sample_ns": float(self.first_sample_ns),
+            "last_sample_ns": float(self.last_sample_ns),
             "channel_samples_dropped": sum(s.samples_dropped for s in self._senders),
         }
         if self._recorder is not None:
@@ -120,6 +129,7 @@ def main() -> None:
                     wait(frame, receiver, delay_s)
         finally:
             receiver.close()
+        frame.report("stopped", counters=receiver.counters, last=True)
 
 
 def receive(frame: ProcessFrame, receiver: Receiver, flight: FlightInfo) -> None:

@@ -258,6 +258,8 @@ class Supervisor:
                 self._flight_ending = True
                 self._end_task = asyncio.ensure_future(self._end_flight())
                 return self.flight.directory if self.flight else ""
+            case "raw_capture":
+                raise UavrtError("no raw capture")
 
     def _add_tag(self, tag: Tag | None) -> str:
         if tag is None:
@@ -357,7 +359,8 @@ class Supervisor:
         """Describe the whole drone side now."""
         return SystemStatus(
             time_ns=self.clock.now_ns(),
-            state=self.state,
+            # Until the last pulse is recorded the flight is not over for the operator.
+            state=SystemState.DETECTING if self._flight_ending else self.state,
             flight_directory=self.flight.directory if self.flight else None,
             center_frequency_hz=self.flight.center_frequency_hz if self.flight else None,
             tags=(*self.tags.values(),),

@@ -39,6 +39,7 @@ _BUSY = Refused("detecting: send stop first")
 _CAPTURING = Refused("capturing: wait until it has ended")
 _NO_UPLOAD = Refused("no upload is open: send START_TAGS first")
 _NO_TAGS = Refused("no tags: send tags first")
+_NO_CAPTURE = Refused("no raw capture: set recording.iq = true to record while detecting")
 _UPLOADING = Refused("tags are being sent: send END_TAGS first")
 
 TRANSITIONS: dict[tuple[SystemState, CommandName], Outcome] = {
@@ -67,6 +68,7 @@ TRANSITIONS: dict[tuple[SystemState, CommandName], Outcome] = {
     (S.CAPTURING, "end_tags"): _CAPTURING,
     (S.CAPTURING, "start_detection"): _CAPTURING,
     (S.CAPTURING, "stop_detection"): Accepted(S.HAS_TAGS),
+    **{(state, "raw_capture"): _NO_CAPTURE for state in SystemState},
 }
 
 

@@ -17,6 +17,15 @@ class Usage:
     """Resident memory (RSS); shared pages are counted in each process."""
 
 
+def children_of(pid: int) -> tuple[int, ...]:
+    """Get the living children of a process; none when it has gone."""
+    try:
+        text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    except OSError:
+        return ()
+    return tuple(int(child) for child in text.split())
+
+
 def usage_of(pid: int) -> Usage:
     """Measure a process and its living descendants; zeros when it has gone."""
     cpu_s = memory_mb = 0.0
@@ -25,11 +34,10 @@ def usage_of(pid: int) -> Usage:
         current = waiting.pop()
         try:
             fields = Path(f"/proc/{current}/stat").read_text().rpartition(") ")[2].split()
-            children = Path(f"/proc/{current}/task/{current}/children").read_text().split()
         except (OSError, IndexError):
             continue
         # After the name: state is field 0, utime..cstime 11..14, rss 21 (man 5 proc).
         cpu_s += sum(int(field) for field in fields[11:15]) / _TICKS_PER_S
         memory_mb += int(fields[21]) * os.sysconf("SC_PAGE_SIZE") / 1e6
-        waiting += [int(child) for child in children]
+        waiting += children_of(current)
     return Usage(cpu_s, memory_mb)

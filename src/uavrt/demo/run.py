@@ -1,0 +1,250 @@
+"""Run the demo: start the programs, fly, show, stop, account."""
+
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import msgspec
+from rich.console import Console
+from rich.live import Live
+
+from uavrt.clock import Clock
+from uavrt.config import write_tags
+from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.demo.summary import DemoSummary, summarize_tag
+from uavrt.demo.view import DemoView, TagView
+from uavrt.demo.watch import Cpu, StatusReader
+from uavrt.errors import UavrtError
+from uavrt.ground.records import read_ground_pulses
+from uavrt.messages import PulsePose, SystemStatus
+from uavrt.recording import read_flight
+from uavrt.simulation import World, demo_scenario, write_scenario
+from uavrt.simulation.flight import Flight
+
+START_LEAD_S = 2.5
+"""The world's clock starts this long after the programs: they take about 1.5 s to be ready."""
+READY_TIMEOUT_S = 20.0
+DRAIN_TIMEOUT_S = 15.0
+REFRESH_S = 0.25
+
+
+class Demo:
+    """One run of the whole system on this machine.
+
+    Parameters
+    ----------
+    duration_s : float
+        Length of the simulated flight [s], at least 40.
+    seed : int
+        Seed of everything random in the world.
+    flight_dir : Path
+        Where the drone makes its flight directory.
+    ground_port : int, optional
+        UDP port of the ground station; None picks a free one.
+    """
+
+    def __init__(
+        self, *, duration_s: float, seed: int, flight_dir: Path, ground_port: int | None
+    ) -> None:
+        self.scenario = demo_scenario(duration_s, seed)
+        self._flight_dir = flight_dir
+        self._ground_port = ground_port or free_udp_port()
+        self._stack = ExitStack()
+        self.view = DemoView(
+            duration_s=duration_s,
+            tags={tag.tag_id: TagView(tag) for tag in self.scenario.tags},
+        )
+        self._cpu = Cpu()
+        self._flight_directory = ""
+
+    def run(self, console: Console | None) -> DemoSummary:
+        """Fly once; draw on the console if there is one.
+
+        Raises
+        ------
+        UavrtError
+            A program ended by itself or did not get ready; the text says why.
+        """
+        with self._stack:
+            paths = self._prepare()
+            with self._display(console):
+                self._start(paths)
+                self._fly()
+                self._stop()
+            return self._summarize(paths)
+
+    # ------------------------------------------------------------------- set-up
+
+    def _prepare(self) -> DemoPaths:
+        work = tempfile.mkdtemp(prefix="uavrt-demo-")
+        self._stack.callback(shutil.rmtree, work, ignore_errors=True)
+        paths = DemoPaths(directory=Path(work), flights=self._flight_dir.resolve())
+        write_tags(paths.tags, self.scenario.tags)
+        return paths
+
+    def _start(self, paths: DemoPaths) -> None:
+        companion_port = free_udp_port()
+        start_ns = Clock.start().now_ns() + round(START_LEAD_S * 1e9)
+        self.scenario = self.scenario.starting_at(start_ns)
+        self._start_ns = start_ns
+        write_scenario(self.scenario, paths.scenario)
+        settings = drone_settings(self.scenario, paths, companion_port)
+        self._programs = [
+            self._program(
+                paths,
+                "autopilot",
+                "uavrt.simulation.autopilot",
+                "--scenario",
+                str(paths.scenario),
+                "--companion",
+                f"127.0.0.1:{companion_port}",
+                "--ground",
+                f"127.0.0.1:{self._ground_port}",
+            ),
+            self._program(
+                paths, "supervisor", "uavrt.supervisor", msgspec.json.encode(settings).decode()
+            ),
+            self._program(
+                paths,
+                "ground",
+                "uavrt.cli",
+                "ground",
+                "--mavlink",
+                f"udpin://127.0.0.1:{self._ground_port}",
+                "--tags",
+                str(paths.tags),
+                "--start",
+                "-o",
+                str(paths.ground),
+            ),
+        ]
+        self._reader = StatusReader(paths.status_socket, READY_TIMEOUT_S, self._check)
+        self._stack.callback(self._reader.close)
+
+    def _program(self, paths: DemoPaths, name: str, *arguments: str) -> Program:
+        program = Program(name, arguments, paths.directory / f"{name}.log")
+        self._stack.callback(program.stop)
+        return program
+
+    # ------------------------------------------------------------------- flight
+
+    def _fly(self) -> None:
+        """Wait for detection to start, then until the flight's end."""
+        clock = Clock.start()
+        deadline_s = time.monotonic() + READY_TIMEOUT_S
+        end_ns = self._start_ns + round(self.scenario.duration_s * 1e9)
+        while clock.now_ns() < end_ns:
+            self._tick(clock)
+            if self._flight_directory == "" and time.monotonic() > deadline_s:
+                raise UavrtError(
+                    "detection did not start",
+                    remedy=f"Look at the log files of {self._programs[2].name}",
+                )
+
+    def _stop(self) -> None:
+        """Let the ground stop detection, then wait until everything has arrived."""
+        self.view.phase = "landed, delivering"
+        ground = self._programs[2]
+        clock = Clock.start()
+        ground.ask_to_stop()
+        deadline_s = time.monotonic() + DRAIN_TIMEOUT_S
+        while not ground.ended and time.monotonic() < deadline_s:
+            self._tick(clock, check=False)
+        for program in reversed(self._programs):
+            program.stop()
+
+    def _tick(self, clock: Clock, *, check: bool = True) -> None:
+        if check:
+            self._check()
+        self.view.elapsed_s = max(0.0, (clock.now_ns() - self._start_ns) * 1e-9)
+        for record in self._reader.read(REFRESH_S):
+            match record:
+                case PulsePose(pulse=pulse) if pulse.tag_id in self.view.tags:
+                    self.view.tags[pulse.tag_id].add(pulse, time.monotonic())
+                case SystemStatus():
+                    self._take_status(record)
+
+    def _take_status(self, status: SystemStatus) -> None:
+        self.view.status = status
+        if status.flight_directory:
+            self._flight_directory = status.flight_directory
+            self.view.phase = phase_of(self.scenario.flight, self.view.elapsed_s)
+        self._cpu.take(status, self._programs)
+        self.view.cpu_percent = self._cpu.percents()
+        for process in status.processes:
+            for name, count in process.counters.items():
+                if name.startswith("delivered_") and name[10:].isdigit():
+                    self.view.tags[int(name[10:])].delivered = int(count)
+
+    def _check(self) -> None:
+        for program in self._programs:
+            program.check()
+
+    @contextmanager
+    def _display(self, console: Console | None) -> Iterator[None]:
+        if console is None:
+            yield
+            return
+        with Live(
+            get_renderable=lambda: self.view.render(time.monotonic()),
+            console=console,
+            refresh_per_second=4,
+        ):
+            yield
+
+    # ------------------------------------------------------------------ account
+
+    def _summarize(self, paths: DemoPaths) -> DemoSummary:
+        flight = read_flight(Path(self._flight_directory))
+        received = read_ground_pulses(paths.ground)
+        receiver = self._cpu.counters("receiver")
+        first_ns, last_ns = receiver["first_sample_ns"], receiver["last_sample_ns"]
+        truth = World(self.scenario).truth(int(first_ns), int(last_ns))
+        return DemoSummary(
+            tags={
+                str(tag.tag_id): summarize_tag(
+                    tag,
+                    truth,
+                    [item.pulse for item in flight.pulse_poses],
+                    [p.start_time_ns for p in received if p.tag_id == tag.tag_id],
+                )
+                for tag in self.scenario.tags
+            },
+            samples_lost=int(receiver["samples_lost"] + receiver["channel_samples_dropped"]),
+            cpu_seconds=self._cpu.totals(),
+            duration_s=self.scenario.duration_s,
+            flight_directory=self._flight_directory,
+        )
+
+
+def phase_of(flight: Flight, elapsed_s: float) -> str:
+    """Say what the drone does at a moment of its flight."""
+    turns = 0
+    for leg in flight.leg:
+        turns += bool(leg.turn_deg)
+        if elapsed_s < leg.duration_s:
+            if leg.turn_deg:
+                return f"turning at point {turns}"
+            if leg.height_m is not None:
+                return "taking off"
+            return "standing" if leg.north_m is None else f"flying to point {turns + 1}"
+        elapsed_s -= leg.duration_s
+    return "flight plan flown"
+
+
+def run_demo(
+    *,
+    duration_s: float,
+    seed: int,
+    flight_dir: Path,
+    ground_port: int | None,
+    console: Console | None,
+) -> DemoSummary:
+    """Run the demo once; see `Demo`."""
+    demo = Demo(
+        duration_s=duration_s, seed=seed, flight_dir=flight_dir, ground_port=ground_port
+    )
+    return demo.run(console)

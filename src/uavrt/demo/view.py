@@ -1,0 +1,150 @@
+"""The demo's live view in a terminal."""
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from rich.console import Group, RenderableType
+from rich.panel import Panel
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from uavrt.messages import Pulse, SystemStatus, Tag
+
+RATE_WINDOW_S = 60.0
+"""Pulses per minute are counted over this much of the immediate past."""
+FRESH_S = 5.0
+
+
+@dataclass(slots=True)
+class TagView:
+    """What is shown of one tag."""
+
+    tag: Tag
+    last: Pulse | None = None
+    times_s: deque[float] = field(default_factory=deque)
+    """When its pulses came, on the viewer's clock."""
+    detected: int = 0
+    delivered: int = 0
+
+    def add(self, pulse: Pulse, now_s: float) -> None:
+        """Take a detected pulse in."""
+        self.detected += 1
+        self.times_s.append(now_s)
+        if self.last is None or pulse.start_time_ns > self.last.start_time_ns:
+            self.last = pulse
+
+    def per_minute(self, now_s: float, running_s: float) -> float:
+        """Pulses per minute, lately."""
+        while self.times_s and self.times_s[0] < now_s - RATE_WINDOW_S:
+            self.times_s.popleft()
+        return len(self.times_s) * 60.0 / max(1.0, min(RATE_WINDOW_S, running_s))
+
+
+@dataclass(slots=True)
+class DemoView:
+    """The state shown; `render` draws it."""
+
+    duration_s: float
+    tags: dict[int, TagView]
+    status: SystemStatus | None = None
+    elapsed_s: float = 0.0
+    phase: str = "starting"
+    cpu_percent: dict[str, float] = field(default_factory=dict)
+    flight_directory: str = ""
+
+    def render(self, now_s: float) -> RenderableType:
+        """Draw the view at an instant of the viewer's clock."""
+        return Panel(
+            Group(
+                self._head(),
+                self._tag_table(now_s),
+                self._process_table(),
+            ),
+            title="[bold]uavrt demo[/bold] – simulated animals, radio and autopilot; "
+            "real receiver, detectors, link and ground",
+            border_style="cyan",
+        )
+
+    def _head(self) -> RenderableType:
+        state = self.status.state.value if self.status else "starting"
+        lost = sum(
+            process.counters.get("samples_lost", 0.0)
+            for process in (self.status.processes if self.status else ())
+        )
+        grid = Table.grid(expand=True, padding=(0, 2))
+        for _ in range(4):
+            grid.add_column()
+        grid.add_row(
+            Text.assemble(("state ", "dim"), (state, "bold")),
+            Text.assemble(("phase ", "dim"), (self.phase, "bold")),
+            Text.assemble(
+                ("samples lost ", "dim"), (f"{lost:.0f}", "bold red" if lost else "bold green")
+            ),
+            Text.assemble(
+                ("time ", "dim"), (f"{self.elapsed_s:.0f} of {self.duration_s:.0f} s", "bold")
+            ),
+        )
+        return Group(
+            grid,
+            ProgressBar(total=self.duration_s, completed=min(self.elapsed_s, self.duration_s)),
+        )
+
+    def _tag_table(self, now_s: float) -> RenderableType:
+        table = Table(expand=True, box=None, header_style="dim")
+        for title, justify in (
+            ("tag", "left"),
+            ("frequency", "right"),
+            ("last SNR", "right"),
+            ("", "left"),
+            ("rate", "right"),
+            ("per minute", "right"),
+            ("detected", "right"),
+            ("on the ground", "right"),
+        ):
+            table.add_column(title, justify=justify)  # type: ignore[arg-type]
+        for view in self.tags.values():
+            table.add_row(*self._tag_cells(view, now_s))
+        return table
+
+    def _tag_cells(self, view: TagView, now_s: float) -> list[RenderableType]:
+        last = view.last
+        name = f"{view.tag.tag_id} {view.tag.name or ''}"
+        if last is None:
+            return [name, f"{view.tag.frequency_hz / 1e6:.4f} MHz", "–", "", "", "0", "0", "0"]
+        fresh = bool(view.times_s) and now_s - view.times_s[-1] < FRESH_S
+        style = "bold green" if fresh else "yellow"
+        bar = "█" * max(1, min(20, round(last.snr_db / 2)))
+        return [
+            Text(name, style="bold"),
+            f"{last.frequency_hz / 1e6:.5f} MHz",
+            Text(f"{last.snr_db:.1f} dB", style=style),
+            Text(bar, style=style),
+            f"{view.tag.pulse_intervals_s[last.rate - 1]:.3f} s",
+            f"{view.per_minute(now_s, self.elapsed_s):.0f}",
+            str(view.detected),
+            str(view.delivered),
+        ]
+
+    def _process_table(self) -> RenderableType:
+        table = Table(expand=True, box=None, header_style="dim")
+        table.add_column("process")
+        table.add_column("status")
+        table.add_column("CPU of a core", justify="right")
+        table.add_column("memory", justify="right")
+        known = (
+            {process.process: process for process in self.status.processes}
+            if self.status
+            else {}
+        )
+        for name, percent in self.cpu_percent.items():
+            process = known.get(name)
+            status = process.status if process else "simulated"
+            good = process is None or process.ok
+            table.add_row(
+                name,
+                Text(status, style="" if good else "bold red"),
+                f"{percent:.1f} %",
+                f"{process.memory_mb:.0f} MB" if process else "",
+            )
+        return table

@@ -1,0 +1,128 @@
+"""What the demo sees of the running system: its records and its CPU time."""
+
+import select
+import socket
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from uavrt.clock import cpu_s, monotonic_s
+from uavrt.demo.programs import Program
+from uavrt.errors import UavrtError
+from uavrt.ipc import decode_record
+from uavrt.ipc.link import LineBuffer
+from uavrt.messages import ProcessStatus, SystemStatus
+from uavrt.supervisor.usage import children_of, usage_of
+
+RADIO = "radio (simulated)"
+AUTOPILOT = "autopilot (simulated)"
+GROUND = "ground"
+VIEW = "demo's view"
+
+
+class StatusReader:
+    """Reads the records that the supervisor shows on its status socket.
+
+    Parameters
+    ----------
+    path : Path
+        The socket.
+    timeout_s : float
+        How long to wait for the supervisor to open it [s].
+    check : callable
+        Called while waiting; raises when a program has ended.
+
+    Raises
+    ------
+    UavrtError
+        The supervisor did not open the socket in time.
+    """
+
+    def __init__(self, path: Path, timeout_s: float, check: Callable[[], None]) -> None:
+        self._sock = socket.socket(socket.AF_UNIX)
+        self._lines = LineBuffer()
+        deadline_s = monotonic_s() + timeout_s
+        while True:
+            try:
+                self._sock.connect(str(path))
+                break
+            except (FileNotFoundError, ConnectionRefusedError):
+                check()
+                if monotonic_s() > deadline_s:
+                    raise UavrtError("the supervisor did not start in time") from None
+                time.sleep(0.05)
+        self._sock.setblocking(False)
+        self._open = True
+
+    def read(self, wait_s: float) -> list[Any]:
+        """Get the records that came within `wait_s`; none after the supervisor's end."""
+        deadline_s = monotonic_s() + wait_s
+        records: list[Any] = []
+        while (rest_s := deadline_s - monotonic_s()) > 0:
+            if not self._open:
+                time.sleep(rest_s)
+                break
+            if not select.select([self._sock], [], [], rest_s)[0]:
+                break
+            data = self._sock.recv(1 << 18)
+            self._open = bool(data)
+            records += [decode_record(line)[1] for line in self._lines.feed(data)]
+        return records
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._sock.close()
+
+
+class Cpu:
+    """CPU time of every process of the demo.
+
+    The simulated radio program is a child of the receiver, which the supervisor measures with
+    it; here the two are told apart.
+    """
+
+    def __init__(self) -> None:
+        self._totals: dict[str, float] = {}
+        self._radio_s = 0.0
+        self._before: dict[str, float] = {}
+        self._before_s = monotonic_s()
+        self._processes: dict[str, ProcessStatus] = {}
+
+    def take(self, status: SystemStatus, programs: Sequence[Program]) -> None:
+        """Take a status of the drone side in and measure the other programs."""
+        for process in status.processes:
+            self._processes[process.process] = process
+            cpu = process.cpu_s
+            if process.process == "receiver":
+                if process.pid is not None:
+                    live_s = sum(usage_of(pid).cpu_s for pid in children_of(process.pid))
+                    self._radio_s = max(self._radio_s, live_s)
+                self._totals[RADIO] = self._radio_s
+                cpu -= self._radio_s
+            self._totals[process.process] = max(cpu, self._totals.get(process.process, 0.0))
+        for program, name in zip(programs, (AUTOPILOT, None, GROUND), strict=True):
+            if name is not None:
+                used_s = max(program.cpu_s, usage_of(program.pid).cpu_s)
+                self._totals[name] = max(used_s, self._totals.get(name, 0.0))
+        self._totals[VIEW] = cpu_s()
+
+    def percents(self) -> dict[str, float]:
+        """CPU of each process since the last call, in percent of one core."""
+        now_s = monotonic_s()
+        span_s = max(0.1, now_s - self._before_s)
+        percents = {
+            name: 100.0 * (total - self._before.get(name, 0.0)) / span_s
+            for name, total in self._totals.items()
+        }
+        self._before, self._before_s = dict(self._totals), now_s
+        return percents
+
+    def totals(self) -> dict[str, float]:
+        """CPU time of each process since its start [s]."""
+        return {name: round(total, 3) for name, total in self._totals.items()}
+
+    def counters(self, process: str) -> dict[str, float]:
+        """Get what a process of the drone side has counted, as of its last word."""
+        known = self._processes.get(process)
+        return dict(known.counters) if known is not None else {}

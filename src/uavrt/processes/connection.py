@@ -1,0 +1,239 @@
+"""The connection process: autopilot and ground on one side, the drone's records on the other.
+
+Gives each pulse its pose, hands it to the recorder, and sends it to the ground when it is safe
+on disk. Turns tunnel payloads into commands and the supervisor's replies into acknowledgements.
+"""
+
+import asyncio
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from uavrt.clock import monotonic_s
+from uavrt.errors import LinkError, UavrtError
+from uavrt.ipc import ProcessFrame
+from uavrt.ipc.link import SupervisorGone
+from uavrt.log import get_logger
+from uavrt.mavlink import Connection, Handlers, Peer, Priority
+from uavrt.messages import (
+    AttitudeSample,
+    Command,
+    CommandReply,
+    Pose,
+    Poses,
+    PositionSample,
+    Pulse,
+    PulsePose,
+    SearchReport,
+    StatusText,
+    SystemState,
+    SystemStatus,
+)
+from uavrt.pose import PoseAttacher, PoseRing
+from uavrt.tunnel.delivery import PulseDelivery
+from uavrt.tunnel.exchange import Answer, Exchange
+
+log = get_logger()
+
+TICK_S = 0.05
+POSE_PERIOD_NS = 50_000_000
+"""Recorded poses: 20 a second; the attitude comes 50 times a second, and a slerp over 50 ms
+errs by less than 0.1° when a turn of 60°/s begins."""
+POSES_PER_RECORD = 10
+LINK_RETRY_S = 3.0
+HEARTBEAT_S = 1.0
+SEARCH_REPORT_S = 5.0
+"""Between two reports of the same tag to the ground; they share the link with its pulses."""
+MESSAGES_KEPT = 200
+THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
+
+
+class ConnectionProcess:
+    """The state of the process; see the module's text."""
+
+    def __init__(self, frame: ProcessFrame) -> None:
+        settings = frame.assignment.settings
+        mavlink = settings.mavlink
+        self._frame = frame
+        self._address = mavlink.address
+        self._ring = PoseRing(settings.antenna)
+        wait_s = settings.antenna.pose_wait_s if mavlink.address else 0.0
+        self._attacher = PoseAttacher(self._ring, wait_s=wait_s)
+        self._delivery = PulseDelivery()
+        self._exchange = Exchange(mavlink.tunnel_generation)
+        self._link = Connection(
+            Handlers(attitude=self._attitude, position=self._position, tunnel=self._tunnel),
+            frame.clock.now_ns,
+            component_id=mavlink.component_id,
+            attitude_rate_hz=mavlink.attitude_rate_hz,
+            position_rate_hz=mavlink.position_rate_hz,
+            gap_s=mavlink.tunnel_gap_s,
+        )
+        self._state = SystemState.IDLE
+        self._next_heartbeat_s = 0.0
+        self._next_report_s: dict[int, float] = {}
+        self._poses: list[Pose] = []
+        self._next_pose_ns = 0
+        self._link_fault = ""
+
+    async def run(self) -> None:
+        """Serve until the process is to end."""
+        loop = asyncio.get_running_loop()
+        loop.add_reader(self._frame.link.fileno(), self._take_records)
+        link = asyncio.create_task(self._serve_link())
+        try:
+            while self._frame.running:
+                self._tick()
+                await asyncio.sleep(TICK_S)
+            self._pass_on(self._attacher.flush())
+        finally:
+            link.cancel()
+            with suppress(asyncio.CancelledError):
+                await link
+
+    async def _serve_link(self) -> None:
+        """Open the link, again and again if need be: a missing adapter may be plugged in."""
+        while self._address:
+            try:
+                await self._link.run(self._address)
+            except* LinkError as group:
+                fault = str(group.exceptions[0])
+                if fault != self._link_fault:
+                    log.warning("link fault", reason=fault)
+                self._link_fault = fault
+            await asyncio.sleep(LINK_RETRY_S)
+
+    # ------------------------------------------------------------- from the hub
+
+    def _take_records(self) -> None:
+        try:
+            for _, record in self._frame.receive():
+                self._take(record)
+        except SupervisorGone:
+            self._frame.stop()
+
+    def _take(self, record: Any) -> None:
+        match record:
+            case Pulse():
+                self._attacher.add(record, self._frame.clock.now_ns())
+            case PulsePose():
+                pulse_pose = self._delivery.recorded(record)
+                if pulse_pose is not None:
+                    self._send_pulse(pulse_pose)
+            case CommandReply():
+                self._answer(self._exchange.reply(record))
+            case StatusText() if self._address:
+                self._link.tunnel.send_text(record.severity, record.text)
+            case SystemStatus():
+                self._state = record.state
+            case SearchReport():
+                self._send_search_report(record)
+
+    def _tick(self) -> None:
+        self._pass_on(self._attacher.ready(self._frame.clock.now_ns()))
+        for pulse_pose in self._delivery.overdue(monotonic_s()):
+            self._send_pulse(pulse_pose)
+        if monotonic_s() >= self._next_heartbeat_s:
+            self._next_heartbeat_s = monotonic_s() + HEARTBEAT_S
+            self._send_status(
+                self._exchange.heartbeat(self._shown_state(), cpu_temperature_c())
+            )
+        status = self._link.status() if self._address else "no autopilot configured"
+        self._frame.report(
+            (self._link_fault and "link fault") or status,
+            ok=not self._link_fault,
+            counters=self._counters,
+        )
+
+    def _shown_state(self) -> SystemState:
+        """The system's state; detecting as long as a pulse has not gone out."""
+        busy = len(self._attacher) + self._delivery.waiting
+        busy += round(self._link.tunnel.counters()["tunnel_waiting"])
+        if self._state is SystemState.HAS_TAGS and busy:
+            return SystemState.DETECTING
+        return self._state
+
+    def _pass_on(self, pulse_poses: list[PulsePose]) -> None:
+        """Give pulses with their pose to the recorder; it gives them back for sending."""
+        for pulse_pose in pulse_poses:
+            self._delivery.expect(pulse_pose, monotonic_s())
+            self._frame.send("pulse_pose", pulse_pose)
+
+    # ------------------------------------------------------------ from the link
+
+    def _attitude(self, sample: AttitudeSample) -> None:
+        self._ring.add_attitude(sample)
+
+    def _position(self, sample: PositionSample) -> None:
+        """Take a position; record the poses that are known now."""
+        self._ring.add_position(sample)
+        newest_ns = self._ring.newest_ns
+        if newest_ns is None:
+            return
+        if not 0 <= newest_ns - self._next_pose_ns <= MESSAGES_KEPT * POSE_PERIOD_NS:
+            self._next_pose_ns = newest_ns
+        while self._next_pose_ns <= newest_ns:
+            with suppress(UavrtError):
+                self._poses.append(self._ring.antenna_pose(self._next_pose_ns))
+            self._next_pose_ns += POSE_PERIOD_NS
+        if len(self._poses) >= POSES_PER_RECORD:
+            self._frame.send("poses", Poses(poses=tuple(self._poses)))
+            self._poses.clear()
+
+    def _tunnel(self, payload: bytes, peer: Peer) -> None:
+        result = self._exchange.receive(payload, (peer.system_id, peer.component_id))
+        if isinstance(result, Command):
+            self._frame.send("command", result)
+        else:
+            self._answer(result)
+
+    # -------------------------------------------------------------- to the link
+
+    def _answer(self, answer: Answer | None) -> None:
+        if answer is not None:
+            self._link.tunnel.send_tunnel(answer.payload, Priority.ACK, Peer(*answer.asker))
+
+    def _send_pulse(self, pulse_pose: PulsePose) -> None:
+        if self._address:
+            self._link.tunnel.send_tunnel(self._exchange.pulse(pulse_pose), Priority.PULSE)
+
+    def _send_status(self, payload: bytes | None) -> None:
+        if payload is not None and self._address:
+            self._link.tunnel.send_tunnel(payload, Priority.STATUS)
+
+    def _send_search_report(self, report: SearchReport) -> None:
+        now_s = monotonic_s()
+        if now_s >= self._next_report_s.get(report.tag_id, 0.0):
+            self._next_report_s[report.tag_id] = now_s + SEARCH_REPORT_S
+            self._send_status(self._exchange.search_report(report))
+
+    def _counters(self) -> dict[str, float]:
+        return {
+            "pulses_waiting_for_pose": len(self._attacher),
+            "poses_attached": self._attacher.attached,
+            "poses_extrapolated": self._attacher.extrapolated,
+            "pulses_without_pose": self._attacher.without_pose,
+            "pulses_waiting_for_recorder": self._delivery.waiting,
+            "pulses_sent_unrecorded": self._delivery.sent_before_recorded,
+            "pose_resets": self._ring.resets,
+            **{name: float(count) for name, count in self._exchange.counters.items()},
+            **self._link.counters(),
+        }
+
+
+def cpu_temperature_c() -> float | None:
+    """Temperature of the processor [°C], None where the system does not say."""
+    try:
+        return int(THERMAL_ZONE.read_text()) / 1000.0
+    except (OSError, ValueError):
+        return None
+
+
+def main() -> None:
+    """Connect until told to end."""
+    with ProcessFrame.start() as frame:
+        asyncio.run(ConnectionProcess(frame).run())
+
+
+if __name__ == "__main__":
+    main()

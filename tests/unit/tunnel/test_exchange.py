@@ -1,0 +1,136 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uavrt.messages import Command, CommandReply, Pulse, PulsePose, SystemState, Tag
+from uavrt.tunnel import AckG0, AckG1, CommandId, PulseG0, PulseG1, decode, tag_to_wire
+from uavrt.tunnel.exchange import Answer, Exchange
+from uavrt.tunnel.header import HeaderMessage
+from uavrt.tunnel.start_detection import StartDetection
+
+QGC = (255, 190)
+MAVSDK = (245, 190)
+TAG = Tag(
+    tag_id=2,
+    frequency_hz=148_710_000.0,
+    pulse_width_s=0.02,
+    pulse_intervals_s=(1.254,),
+    interval_uncertainty_s=0.06,
+    interval_jitter_s=0.01,
+    k=3,
+    false_alarm_probability=0.005,
+)
+PULSE = PulsePose(
+    pulse=Pulse(
+        tag_id=2,
+        frequency_hz=148_710_123.4,
+        start_time_ns=1_700_205_419_230_494_976,
+        end_time_ns=1_700_205_419_250_494_976,
+        snr_db=20.0,
+        group_snr_db=20.0,
+        score=2.0,
+        group_index=1,
+        group_sequence=7,
+        noise_psd=1e-9,
+        detection_status="confirmed",
+        confirmed=True,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    ),
+    pose=None,
+)
+
+
+def header(command: CommandId) -> bytes:
+    return HeaderMessage(command=command).encode()
+
+
+def reply_to(command: Command, *, accepted: bool = True, message: str = "") -> CommandReply:
+    return CommandReply(
+        request_id=command.request_id, name=command.name, accepted=accepted, message=message
+    )
+
+
+def test_the_acknowledgement_goes_to_whoever_asked() -> None:
+    exchange = Exchange()
+    first = exchange.receive(header(CommandId.START_TAGS), QGC)
+    second = exchange.receive(header(CommandId.END_TAGS), MAVSDK)
+    assert isinstance(first, Command)
+    assert isinstance(second, Command)
+    answer = exchange.reply(reply_to(second, accepted=False, message="no upload"))
+    assert answer is not None
+    assert answer.asker == MAVSDK
+    assert decode(answer.payload) == AckG1(acked_command=3, result=0, message="no upload")
+    answer = exchange.reply(reply_to(first))
+    assert answer is not None
+    assert answer.asker == QGC
+
+
+@pytest.mark.parametrize(
+    ("generation", "ack", "pulse"), [("G0", AckG0, PulseG0), ("G1", AckG1, PulseG1)]
+)
+def test_the_ground_is_answered_in_its_own_generation(
+    generation: str, ack: type, pulse: type
+) -> None:
+    exchange = Exchange()
+    wire = tag_to_wire(TAG, "G0" if generation == "G0" else "G1")
+    command = exchange.receive(wire.encode(), QGC)
+    assert isinstance(command, Command)
+    assert command.tag == TAG
+    answer = exchange.reply(reply_to(command))
+    assert answer is not None
+    assert isinstance(decode(answer.payload), ack)
+    assert isinstance(decode(exchange.pulse(PULSE)), pulse)
+
+
+def test_start_carries_the_frequency_and_gain_chosen_on_the_ground() -> None:
+    start = StartDetection(radio_center_frequency_hz=148_700_000, gain=17)
+    command = Exchange().receive(start.encode(), QGC)
+    assert isinstance(command, Command)
+    assert (command.center_frequency_hz, command.gain) == (148_700_000, 17)
+
+
+def test_a_start_without_a_frequency_leaves_it_to_the_tuner() -> None:
+    command = Exchange().receive(header(CommandId.START_DETECTION), QGC)
+    assert isinstance(command, Command)
+    assert command.center_frequency_hz is None
+
+
+def test_a_tag_of_the_wrong_length_is_refused_with_the_reason() -> None:
+    answer = Exchange().receive(tag_to_wire(TAG).encode()[:-4], QGC)
+    assert isinstance(answer, Answer)
+    ack = decode(answer.payload)
+    assert isinstance(ack, AckG1)
+    assert ack.result == 0
+    assert "84 bytes" in ack.message
+
+
+@given(st.binary(max_size=140))
+def test_any_payload_gives_a_command_an_answer_or_nothing(payload: bytes) -> None:
+    exchange = Exchange()
+    result = exchange.receive(payload, QGC)
+    if isinstance(result, Answer):
+        decode(result.payload)
+    elif isinstance(result, Command):
+        assert result.source == "mavlink 255/190"
+        if result.tag is not None:
+            assert result.tag.frequency_hz > 0
+            assert math.isfinite(result.tag.false_alarm_probability)
+    else:
+        assert sum(exchange.counters.values()) <= 1
+
+
+@given(st.lists(st.binary(max_size=140), max_size=200))
+def test_commands_that_are_never_answered_do_not_pile_up(payloads: list[bytes]) -> None:
+    exchange = Exchange()
+    for payload in [*payloads, *[header(CommandId.STOP_DETECTION)] * 100]:
+        exchange.receive(payload, QGC)
+    assert exchange.counters["replies_missing"] >= 36
+
+
+def test_the_thesis_ground_gets_no_messages_it_does_not_know() -> None:
+    exchange = Exchange("G0")
+    assert exchange.heartbeat(SystemState.IDLE, None) is None
