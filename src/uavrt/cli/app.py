@@ -12,6 +12,8 @@ app = App(
     help=uavrt.__doc__,
     version=uavrt.__version__,
 )
+# Named as text: a command's module is imported when the command is called.
+app.command("uavrt.cli.simulate:simulate")
 
 
 def main() -> None:

@@ -5,6 +5,7 @@ random generator, so any block at any time comes out bit for bit the same, whoev
 """
 
 import math
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ CHUNK_SAMPLES = 65_536
 """As many as airspy_rx writes at a time: one USB buffer of 262 144 bytes."""
 _PHASOR_STEP = 256
 _IMPULSE_SLOT_S = 0.1
+
+SampleFormat = Literal["cf32", "cs16"]
+"""How samples are written: pairs of float32, or of int16 with 32767 for full scale."""
 
 
 class IQSynthesizer:
@@ -47,10 +51,12 @@ class IQSynthesizer:
         self.world = World(scenario)
         self.center_frequency_hz = center_frequency_hz or scenario.center_frequency_hz
         self.sample_rate_hz = sample_rate_hz or radio.sample_rate_hz
-        self._true_rate_hz = self.sample_rate_hz * (1.0 + radio.sample_rate_error_ppm * 1e-6)
-        self._true_center_hz = self.center_frequency_hz * (1.0 + radio.tuning_error_ppm * 1e-6)
-        self._full_scale = full_scale_factor(scenario, gain)
-        self._gain_ratio = self._full_scale / full_scale_factor(scenario)
+        self.true_sample_rate_hz = self.sample_rate_hz * (
+            1.0 + radio.sample_rate_error_ppm * 1e-6
+        )
+        self.true_center_hz = self.center_frequency_hz * (1.0 + radio.tuning_error_ppm * 1e-6)
+        self.full_scale = full_scale_factor(scenario, gain)
+        self._gain_ratio = self.full_scale / full_scale_factor(scenario)
         self._noise_key = stream_key(scenario.seed, "noise", self.sample_rate_hz)
         # Noise power goes with the bandwidth; σ of I and of Q is 1/√2 of the complex rms.
         self._sigma = np.float32(
@@ -73,7 +79,7 @@ class IQSynthesizer:
         Parameters
         ----------
         first_sample_index : int
-            Index of the first sample since the scenario's start, ≥ 0.
+            Index of the first sample since the scenario's start; before it there is noise.
         count : int
             How many.
 
@@ -105,19 +111,22 @@ class IQSynthesizer:
 
     def index_at(self, time_ns: int) -> int:
         """Index of the first sample taken at or after a time [ns, UTC]."""
-        return math.ceil(self.scenario.elapsed_s(time_ns) * self._true_rate_hz)
+        return math.ceil(self.scenario.elapsed_s(time_ns) * self.true_sample_rate_hz)
 
     def time_ns_at(self, sample_index: int) -> int:
         """True time at which a sample is taken [ns, UTC]."""
-        return self.scenario.start_time_ns + round(sample_index / self._true_rate_hz * 1e9)
+        return self.scenario.start_time_ns + round(
+            sample_index / self.true_sample_rate_hz * 1e9
+        )
 
     def _in_band(self, frequency_hz: float) -> bool:
-        return abs(frequency_hz - self._true_center_hz) < self._true_rate_hz / 2
+        return abs(frequency_hz - self.true_center_hz) < self.true_sample_rate_hz / 2
 
     def _make_chunk(self, chunk_index: int) -> None:
         first = chunk_index * CHUNK_SAMPLES
         # SFC64 with float32 normals: 16 ns a complex sample, 5 % of a core at 3 MS/s.
-        seed = np.random.SeedSequence((self._noise_key, chunk_index))
+        # Before the scenario's start there is noise too: a seed must not be negative.
+        seed = np.random.SeedSequence((self._noise_key, chunk_index % 2**64))
         generator = np.random.Generator(np.random.SFC64(seed))
         parts = self._chunk.view(np.float32)
         generator.standard_normal(dtype=np.float32, out=parts)
@@ -135,8 +144,8 @@ class IQSynthesizer:
 
     def _add_pulses(self, first: int) -> float:
         """Add what falls into the chunk; return the sum of the amplitudes."""
-        start_s = first / self._true_rate_hz
-        end_s = (first + CHUNK_SAMPLES) / self._true_rate_hz
+        start_s = first / self.true_sample_rate_hz
+        end_s = (first + CHUNK_SAMPLES) / self.true_sample_rate_hz
         total = 0.0
         for tag in self.scenario.tag:
             width_s = tag.true_pulse_width_s or tag.pulse_width_s
@@ -169,9 +178,9 @@ class IQSynthesizer:
         count = max(0, self.index_at(pulse.end_time_ns) - begin)
         if not self._in_band(pulse.frequency_hz):
             return begin, np.empty(0, dtype=np.complex64)
-        turns_per_sample = (pulse.frequency_hz - self._true_center_hz) / self._true_rate_hz
+        turns_per_sample = (pulse.frequency_hz - self.true_center_hz) / self.true_sample_rate_hz
         start_s = self.scenario.elapsed_s(pulse.start_time_ns)
-        late_samples = begin - start_s * self._true_rate_hz
+        late_samples = begin - start_s * self.true_sample_rate_hz
         phase = pulse.phase_rad + 2 * math.pi * turns_per_sample * late_samples
         amplitude = pulse.amplitude * self._gain_ratio
         return begin, phasor(turns_per_sample, count, phase, amplitude)
@@ -183,9 +192,9 @@ class IQSynthesizer:
         for number, interferer in enumerate(self.scenario.interferer):
             if interferer.kind != "impulses" or interferer.impulses_per_s == 0.0:
                 continue
-            width = max(1, round(interferer.impulse_width_s * self._true_rate_hz))
-            slot_samples = _IMPULSE_SLOT_S * self._true_rate_hz
-            amplitude = 10.0 ** (interferer.power_dbm / 20.0) * self._full_scale
+            width = max(1, round(interferer.impulse_width_s * self.true_sample_rate_hz))
+            slot_samples = _IMPULSE_SLOT_S * self.true_sample_rate_hz
+            amplitude = 10.0 ** (interferer.power_dbm / 20.0) * self.full_scale
             low_slot = math.floor((first - width) / slot_samples)
             for slot in range(low_slot, math.floor((end - 1) / slot_samples) + 1):
                 for begin, burst in self._impulses(number, interferer, slot, width):
@@ -208,7 +217,7 @@ class IQSynthesizer:
         count = generator.poisson(interferer.impulses_per_s * _IMPULSE_SLOT_S)
         if slot < 0:
             return []
-        begins = (slot + generator.random(count)) * _IMPULSE_SLOT_S * self._true_rate_hz
+        begins = (slot + generator.random(count)) * _IMPULSE_SLOT_S * self.true_sample_rate_hz
         shapes = generator.standard_normal((count, width, 2)) @ np.array([1.0, 1j])
         return [
             (int(begin), shape / math.sqrt(2.0))
@@ -221,8 +230,10 @@ class _Carrier:
 
     def __init__(self, interferer: Interferer, radio: IQSynthesizer) -> None:
         frequency_hz = interferer.frequency_hz or 0.0
-        self.amplitude = 10.0 ** (interferer.power_dbm / 20.0) * radio._full_scale
-        self._turns_per_sample = (frequency_hz - radio._true_center_hz) / radio._true_rate_hz
+        self.amplitude = 10.0 ** (interferer.power_dbm / 20.0) * radio.full_scale
+        self._turns_per_sample = (
+            frequency_hz - radio.true_center_hz
+        ) / radio.true_sample_rate_hz
         self._table = phasor(self._turns_per_sample, CHUNK_SAMPLES, 0.0, self.amplitude)
 
     def add_to(self, chunk: NDArray[np.complex64], first: int) -> None:
@@ -244,5 +255,15 @@ def phasor(
     fine = np.exp(2j * np.pi * turns_per_sample * np.arange(_PHASOR_STEP))
     starts = np.arange(0, count, _PHASOR_STEP)
     coarse = amplitude * np.exp(1j * (2 * np.pi * turns_per_sample * starts + phase_rad))
-    tone = np.multiply.outer(coarse.astype(np.complex64), fine.astype(np.complex64))
+    tone: NDArray[np.complex64] = np.multiply.outer(
+        coarse.astype(np.complex64), fine.astype(np.complex64)
+    )
     return tone.reshape(-1)[:count]
+
+
+def encode(samples: NDArray[np.complex64], sample_format: SampleFormat) -> bytes:
+    """Write complex samples as interleaved little-endian I and Q."""
+    parts = samples.view(np.float32)
+    if sample_format == "cf32":
+        return bytes(parts.astype("<f4", copy=False).data)
+    return bytes(np.rint(parts * np.float32(32767)).astype("<i2").data)
