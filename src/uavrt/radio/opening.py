@@ -1,0 +1,181 @@
+"""Open whatever holds samples: a radio, a pipe or a recording."""
+
+from pathlib import Path
+from typing import Literal
+
+from uavrt.clock import Clock
+from uavrt.config.settings import RadioSettings
+from uavrt.errors import FormatError
+from uavrt.radio.formats import FORMATS, sample_format
+from uavrt.radio.program import ProgramSource
+from uavrt.radio.recording import Layout, RecordingSource, file_size, raw_layout
+from uavrt.radio.sigmf import sigmf_layout
+from uavrt.radio.soapy import SoapySource
+from uavrt.radio.source import SampleSource
+from uavrt.radio.stream import StreamSource
+from uavrt.radio.wav import wav_layout
+
+_SUFFIXES: dict[str, str] = {
+    ".cf32": "cf32",
+    ".cfile": "cf32",
+    ".fc32": "cf32",
+    ".cs16": "cs16",
+    ".sc16": "cs16",
+    ".cu8": "cu8",
+    ".cs8": "ci8",
+    ".ci8": "ci8",
+    ".sigmf-meta": "sigmf",
+    ".sigmf-data": "sigmf",
+    ".sigmf": "sigmf",
+    ".wav": "wav",
+    ".rf64": "wav",
+}
+
+
+def open_radio(
+    settings: RadioSettings, center_frequency_hz: float, *, clock: Clock | None = None
+) -> SampleSource:
+    """Start the radio of the settings.
+
+    Parameters
+    ----------
+    settings : RadioSettings
+        Which radio, how set.
+    center_frequency_hz : float
+        Where to tune it [Hz].
+    clock : Clock, optional
+        The system's clock.
+
+    Raises
+    ------
+    RadioMissing
+        Its program or driver is not installed.
+    ConfigError
+        A setting that the radio does not have.
+    """
+    if settings.kind == "soapy":
+        return SoapySource(settings, center_frequency_hz, clock=clock)
+    return ProgramSource(settings, center_frequency_hz, clock=clock)
+
+
+def open_stream(
+    descriptor: int,
+    format_name: str | None,
+    *,
+    sample_rate_hz: float | None,
+    center_frequency_hz: float | None,
+    start_time_ns: int | None = None,
+    clock: Clock | None = None,
+) -> StreamSource:
+    """Read live samples from a pipe; its rate and frequency must be told.
+
+    Raises
+    ------
+    FormatError
+        Something is not told or not possible.
+    """
+    name = "cf32" if format_name is None else format_name.lower()
+    if name in ("sigmf", "wav"):
+        raise FormatError(
+            f"{name} cannot be read from a pipe",
+            remedy=f"Name the file, or pipe raw samples: --format {'|'.join(FORMATS)}",
+        )
+    stored = sample_format(name)
+    return StreamSource(
+        descriptor,
+        stored,
+        sample_rate_hz=_told(sample_rate_hz, "sample-rate", "standard input"),
+        center_frequency_hz=_told(center_frequency_hz, "center-frequency", "standard input"),
+        start_time_ns=start_time_ns,
+        clock=clock,
+    )
+
+
+def open_recording(
+    path: Path,
+    format_name: str | None = None,
+    *,
+    sample_rate_hz: float | None = None,
+    center_frequency_hz: float | None = None,
+    start_time_ns: int | None = None,
+) -> RecordingSource:
+    """Open a recording; what the file itself says need not be told.
+
+    Parameters
+    ----------
+    path : Path
+        The file; of a SigMF recording either file or their common name.
+    format_name : str, optional
+        ``cf32``, ``cs16``, ``cu8``, ``ci8``, ``sigmf``, ``wav``; None: by the name's ending.
+    sample_rate_hz, center_frequency_hz : float, optional
+        For raw files. A rate that contradicts the file is refused; a frequency replaces it.
+    start_time_ns : int, optional
+        Time of the first sample [ns, UTC].
+
+    Raises
+    ------
+    FormatError
+        The file cannot be read, or is not what it is said to be.
+    """
+    layout = _layout(
+        path,
+        format_name,
+        sample_rate_hz=sample_rate_hz,
+        center_frequency_hz=center_frequency_hz,
+        start_time_ns=start_time_ns,
+    )
+    if sample_rate_hz is not None and sample_rate_hz != layout.sample_rate_hz:
+        raise FormatError(
+            f"{path} says {layout.sample_rate_hz:.0f} samples a second, and --sample-rate "
+            f"says {sample_rate_hz:.0f}",
+            remedy="Leave --sample-rate out",
+        )
+    return RecordingSource(layout)
+
+
+def _layout(
+    path: Path,
+    format_name: str | None,
+    *,
+    sample_rate_hz: float | None,
+    center_frequency_hz: float | None,
+    start_time_ns: int | None,
+) -> Layout:
+    kind: str | Literal["sigmf", "wav"] | None = (
+        format_name.lower() if format_name else _guess(path)
+    )
+    if kind == "sigmf":
+        return sigmf_layout(
+            path, center_frequency_hz=center_frequency_hz, start_time_ns=start_time_ns
+        )
+    if kind == "wav":
+        return wav_layout(
+            path, center_frequency_hz=center_frequency_hz, start_time_ns=start_time_ns
+        )
+    if kind is None:
+        file_size(path)  # a missing file is the more helpful complaint
+        raise FormatError(
+            f"the name of {path} does not tell its format",
+            remedy=f"Give --format: {', '.join(FORMATS)}, sigmf or wav",
+        )
+    stored = sample_format(kind)
+    return raw_layout(
+        path,
+        stored,
+        sample_rate_hz=_told(sample_rate_hz, "sample-rate", str(path)),
+        center_frequency_hz=_told(center_frequency_hz, "center-frequency", str(path)),
+        start_time_ns=start_time_ns,
+    )
+
+
+def _guess(path: Path) -> str | None:
+    found = _SUFFIXES.get(path.suffix.lower())
+    if found is None and path.with_name(path.name + ".sigmf-meta").exists():
+        return "sigmf"
+    return found
+
+
+def _told(value: float | None, option: str, what: str) -> float:
+    if value is None:
+        raise FormatError(f"{what} does not say its {option}", remedy=f"Give --{option}")
+    return value

@@ -1,0 +1,303 @@
+"""A radio's program as a child process: its samples, its words, its end."""
+
+import os
+import select
+import shutil
+import signal
+import subprocess
+from collections import deque
+from collections.abc import Sequence
+from typing import Final
+
+from uavrt.clock import Clock, monotonic_s
+from uavrt.config.settings import RadioSettings
+from uavrt.errors import RadioMissing, RadioStalled
+from uavrt.log import get_logger
+from uavrt.messages import IQBlock
+from uavrt.radio.programs import (
+    PROGRAMS,
+    commands_before,
+    exit_error,
+    receive_command,
+    says_absent,
+)
+from uavrt.radio.stream import StreamSource
+
+_STARTUP_S: Final = 10.0
+"""Opening a device and loading its firmware takes up to some seconds."""
+_STALL_S: Final = 3.0
+_TERMINATE_S: Final = 2.0
+"""From SIGTERM to SIGKILL: airspy_rx stops in 0.1 s, if its USB transfers end."""
+_LINES: Final = 12
+_PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C")
+"""Lines that some programs write every second, and that say nothing."""
+
+log = get_logger()
+
+
+class ProgramSource(StreamSource):
+    """Samples of a radio whose program runs as our child, in its own process group.
+
+    Parameters
+    ----------
+    settings : RadioSettings
+        Which radio, how set.
+    center_frequency_hz : float
+        Where to tune it.
+    clock : Clock, optional
+        Where arrival times come from.
+    startup_s, stall_s : float
+        How long without a byte is normal at the start, and later [s].
+
+    Raises
+    ------
+    RadioMissing
+        The program is not installed.
+    ConfigError
+        A setting that the radio does not have.
+    """
+
+    def __init__(
+        self,
+        settings: RadioSettings,
+        center_frequency_hz: float,
+        *,
+        clock: Clock | None = None,
+        startup_s: float = _STARTUP_S,
+        stall_s: float = _STALL_S,
+    ) -> None:
+        command = receive_command(settings, center_frequency_hz)
+        self._program = PROGRAMS[settings.kind]
+        self._startup_s, self._stall_s = startup_s, stall_s
+        self._lines: deque[str] = deque(maxlen=_LINES)
+        self._line = b""
+        for before in commands_before(settings):
+            self._run_before(before)
+        self._child = _start(command, self._program.package)
+        assert self._child.stdout is not None
+        assert self._child.stderr is not None
+        self._words = self._child.stderr.fileno()
+        os.set_blocking(self._words, False)
+        super().__init__(
+            self._child.stdout.fileno(),
+            self._program.sample_format,
+            sample_rate_hz=settings.sample_rate_hz,
+            center_frequency_hz=center_frequency_hz,
+            clock=clock,
+            name=command[0],
+        )
+        self._poll.register(self._words, select.POLLIN)
+        self._last_byte_s = monotonic_s()
+        self._closed = False
+
+    @property
+    def pid(self) -> int:
+        """Process id of the radio's program, also that of its group."""
+        return self._child.pid
+
+    @property
+    def last_lines(self) -> tuple[str, ...]:
+        """What the program wrote to stderr last, progress lines left out."""
+        return tuple(self._lines)
+
+    def read(self, timeout_s: float | None = None) -> IQBlock | None:
+        """Get the next block; see `SampleSource.read`.
+
+        Raises
+        ------
+        RadioMissing
+            The program has found no device, or may not open it.
+        RadioStopped
+            The program has ended; the text holds how and its last words.
+        RadioStalled
+            It runs but gives no samples.
+        """
+        if self._closed:
+            raise EOFError(f"{self.name} was closed")
+        return super().read(timeout_s)
+
+    def close(self) -> None:
+        """End the program: SIGTERM, then SIGKILL, to its whole group; reap it."""
+        if self._closed:
+            return
+        self._closed = True
+        super().close()
+        self._signal(signal.SIGTERM)
+        try:
+            self._child.wait(_TERMINATE_S)
+        except subprocess.TimeoutExpired:
+            log.warning("the radio's program does not end, killing it", program=self.name)
+        # Also after a clean end: a wrapper script may have left its own children.
+        self._signal(signal.SIGKILL)
+        self._child.wait()
+        for pipe in (self._child.stdout, self._child.stderr):
+            if pipe is not None:
+                pipe.close()
+
+    def _signal(self, number: signal.Signals) -> None:
+        try:
+            os.killpg(self._child.pid, number)
+        except (ProcessLookupError, PermissionError):
+            return
+
+    def _wait(self, timeout_s: float | None) -> bool:
+        """Wait for samples; meanwhile listen to stderr and watch for a stall."""
+        allowed_s = self._startup_s if self._index + self._filled == 0 else self._stall_s
+        until_stall_s = self._last_byte_s + allowed_s - monotonic_s()
+        if until_stall_s < 0.0:
+            raise RadioStalled(
+                f"{self._program.title}: {self.name} runs but has given no samples for "
+                f"{allowed_s:.0f} s{self._tail()}",
+                remedy="Unplug the radio and plug it in again; try another cable or port",
+            )
+        patience_s = until_stall_s if timeout_s is None else min(timeout_s, until_stall_s)
+        ready = False
+        for descriptor, _ in self._poll.poll(patience_s * 1000.0 + 1.0):
+            if descriptor == self._words:
+                self._listen()
+            else:
+                ready = True
+        if ready:
+            self._last_byte_s = monotonic_s()
+        return ready
+
+    def _listen(self) -> None:
+        """Take in what the program says on stderr."""
+        try:
+            said = os.read(self._words, 65536)
+        except BlockingIOError:
+            return
+        if not said:
+            self._poll.unregister(self._words)
+            return
+        *lines, self._line = (self._line + said).split(b"\n")
+        self._line = self._line[-4096:]
+        for raw in lines:
+            line = raw.decode("utf-8", "replace").strip()
+            if line and not any(words in line for words in _PROGRESS):
+                self._lines.append(line)
+                log.info("radio says", program=self.name, line=line)
+
+    def _check_end(self) -> None:
+        """Say why the program ended, once its last whole samples are given."""
+        enough = self._index > 0 and self._filled >= self._format.bytes_per_sample
+        try:
+            code = self._child.wait(1.0)
+        except subprocess.TimeoutExpired:
+            # It has closed its stdout but goes on: of no use to anybody.
+            self._signal(signal.SIGKILL)
+            code = self._child.wait()
+        if enough:
+            return
+        # hackrf_transfer prints its usage to stdout when it fails: those are no samples.
+        self._filled = 0
+        self._listen()
+        if self._line:
+            self._lines.append(self._line.decode("utf-8", "replace").strip())
+        said = (
+            f"was killed by {_signal_name(-code)}" if code < 0 else f"ended with status {code}"
+        )
+        raise exit_error(
+            self._program.title, self._program.package, code, said, " | ".join(self._lines)
+        )
+
+    def _tail(self) -> str:
+        return f" ({' | '.join(self._lines)})" if self._lines else ""
+
+    def _run_before(self, command: Sequence[str]) -> None:
+        finished = _run(command, self._program.package)
+        if finished.returncode:
+            said = f"{finished.stdout}\n{finished.stderr}".strip().replace("\n", " | ")
+            raise exit_error(
+                self._program.title,
+                self._program.package,
+                finished.returncode,
+                f"{command[0]} failed",
+                said,
+            )
+
+
+def check_device(settings: RadioSettings) -> str:
+    """Ask the radio's information program whether the device is there.
+
+    Parameters
+    ----------
+    settings : RadioSettings
+        Which radio. With `program` set there is nothing to ask, and nothing is.
+
+    Returns
+    -------
+    str
+        What the information program says.
+
+    Raises
+    ------
+    RadioMissing
+        No such program, or no such device.
+    """
+    if settings.program or settings.kind not in PROGRAMS:
+        return ""
+    program = PROGRAMS[settings.kind]
+    finished = _run(program.inform, program.package)
+    said = f"{finished.stdout}\n{finished.stderr}".strip()
+    # airspy_info ends with status 0 also when there is no radio, so its words count.
+    if finished.returncode or says_absent(said):
+        raise exit_error(
+            program.title,
+            program.package,
+            finished.returncode,
+            f"({program.inform[0]}) finds no usable device",
+            said.replace("\n", " | "),
+        )
+    return said
+
+
+def _run(command: Sequence[str], package: str) -> subprocess.CompletedProcess[str]:
+    _find(command[0], package)
+    try:
+        return subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=10.0,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise RadioStalled(
+            f"{command[0]} does not answer", remedy="Unplug the radio and plug it in again"
+        ) from error
+
+
+def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
+    _find(command[0], package)
+    log.info("starting radio", command=" ".join(command))
+    try:
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            bufsize=0,
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise RadioMissing(
+            f"cannot run {command[0]}: {error.strerror}",
+            remedy=f"Install it again: sudo apt install --reinstall {package}",
+        ) from error
+
+
+def _find(program: str, package: str) -> None:
+    if shutil.which(program) is None:
+        raise RadioMissing(
+            f"{program} is not installed", remedy=f"Install it: sudo apt install {package}"
+        )
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

@@ -1,0 +1,249 @@
+"""Samples from a file: raw, SigMF or WAV, all behind one source.
+
+Readers of the three kinds (`raw_layout`, `uavrt.radio.sigmf`, `uavrt.radio.wav`) only say where
+the samples lie and what is known of them, as a `Layout`; `RecordingSource` reads any layout.
+"""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from uavrt.errors import FormatError
+from uavrt.messages import IQBlock
+from uavrt.radio.formats import SampleFormat, clean
+from uavrt.radio.stream import BLOCK_S, check_rates
+from uavrt.radio.times import NominalTimes
+
+_MAX_BLOCK: Final = 262_200
+"""Samples in a block of a file (2 MiB); a recording of one channel is read 1 s at a time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segment:
+    """Consecutive samples of a file."""
+
+    first: int
+    """Place in the file [samples]."""
+    count: int
+    sample_index: int
+    """Index since the start of the recording, lost samples counted."""
+    time_ns: int
+    """Time of the first sample [ns, UTC]."""
+    lost_before: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Where a recording's samples lie, and what is known of them."""
+
+    path: Path
+    sample_format: SampleFormat
+    sample_rate_hz: float
+    center_frequency_hz: float
+    segments: tuple[Segment, ...]
+    first_byte: int = 0
+    fault_at_end: str | None = None
+    """Why the recording is not whole; raised after all its whole samples have been given."""
+
+
+class RecordingSource:
+    """Samples of a recording, as fast as they can be read.
+
+    Parameters
+    ----------
+    layout : Layout
+        Where they lie.
+
+    Raises
+    ------
+    FormatError
+        The file cannot be opened, or holds no samples.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        check_rates(layout.sample_rate_hz, layout.center_frequency_hz)
+        self.name = str(layout.path)
+        self.invalid_values = 0
+        self.samples_lost = 0
+        self._layout = layout
+        self._format = layout.sample_format
+        self._total = sum(segment.count for segment in layout.segments)
+        if self._total == 0:
+            raise FormatError(
+                f"{layout.path} holds no samples",
+                remedy="Check the recording's size and its --format",
+            )
+        rate_hz = layout.sample_rate_hz
+        samples = min(_MAX_BLOCK, max(64, round(rate_hz * max(BLOCK_S, 1.0))))
+        self._samples = np.zeros(samples, np.complex64)
+        self._raw = (
+            self._samples.view(np.uint8)
+            if self._format.in_place
+            else np.zeros(samples * self._format.bytes_per_sample, np.uint8)
+        )
+        self._segments = iter([s for s in layout.segments if s.count])
+        self._segment = next(self._segments)
+        self._times = NominalTimes(self._segment.time_ns, rate_hz)
+        self._done = 0
+        self._pending_lost = self._segment.lost_before
+        try:
+            self._file = layout.path.open("rb", buffering=0)
+        except OSError as error:
+            raise cannot_read(layout.path, error) from error
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Nominal sample rate [Hz]."""
+        return self._layout.sample_rate_hz
+
+    @property
+    def center_frequency_hz(self) -> float:
+        """Radio frequency at the middle of the band [Hz]."""
+        return self._layout.center_frequency_hz
+
+    @property
+    def total_samples(self) -> int | None:
+        """Samples in the file."""
+        return self._total
+
+    @property
+    def start_time_ns(self) -> int:
+        """Time of the recording's first sample [ns, UTC]."""
+        return self._layout.segments[0].time_ns
+
+    def read(self, timeout_s: float | None = None) -> IQBlock | None:
+        """Get the next block; see `SampleSource.read`. A file never makes one wait."""
+        del timeout_s
+        if self._done == self._segment.count:
+            self._next_segment()
+        segment, size = self._segment, self._format.bytes_per_sample
+        count = min(len(self._samples), segment.count - self._done)
+        offset = self._layout.first_byte + (segment.first + self._done) * size
+        self._fill(offset, count * size)
+        samples = self._samples[:count]
+        if not self._format.in_place:
+            self._format.convert(self._raw[: count * size], samples)
+        if self._format.dtype.kind == "f":
+            self.invalid_values += clean(samples, self.name)
+        block = IQBlock(
+            samples=samples,
+            sample_index=segment.sample_index + self._done,
+            time_ns=self._times.time_ns(self._done),
+            sample_rate_hz=self.sample_rate_hz,
+            lost_before=self._pending_lost,
+        )
+        self.samples_lost += self._pending_lost
+        self._pending_lost = 0
+        self._done += count
+        return block
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _next_segment(self) -> None:
+        following = next(self._segments, None)
+        if following is None:
+            if self._layout.fault_at_end is not None:
+                raise FormatError(
+                    self._layout.fault_at_end,
+                    remedy="All whole samples were used; the file is truncated or its format "
+                    "is another one",
+                )
+            raise EOFError(f"{self.name} has ended")
+        self._segment, self._done = following, 0
+        self._times = NominalTimes(following.time_ns, self.sample_rate_hz)
+        self._pending_lost = following.lost_before
+
+    def _fill(self, offset: int, count: int) -> None:
+        view = self._raw.data[:count]
+        filled = 0
+        while filled < count:
+            try:
+                got = os.preadv(self._file.fileno(), [view[filled:]], offset + filled)
+            except OSError as error:
+                raise cannot_read(self._layout.path, error) from error
+            if got == 0:
+                raise FormatError(
+                    f"{self.name} became shorter while it was read",
+                    remedy="Wait until the recording is complete",
+                )
+            filled += got
+
+
+def cannot_read(path: Path, error: OSError) -> FormatError:
+    """Name what keeps a file from being read."""
+    remedy = (
+        "Check the path" if isinstance(error, FileNotFoundError) else "Check its permissions"
+    )
+    return FormatError(f"cannot read {path}: {error.strerror}", remedy=remedy)
+
+
+def file_size(path: Path) -> int:
+    """Size of a regular file [bytes].
+
+    Raises
+    ------
+    FormatError
+        No such file, or not a file.
+    """
+    try:
+        if path.is_dir():
+            raise FormatError(f"{path} is a directory", remedy="Name a recording in it")
+        return path.stat().st_size
+    except OSError as error:
+        raise cannot_read(path, error) from error
+
+
+def file_start_ns(path: Path, samples: int, sample_rate_hz: float) -> int:
+    """Guess when a recording began: its last change, less its duration [ns, UTC]."""
+    return path.stat().st_mtime_ns - NominalTimes(0, sample_rate_hz).time_ns(samples)
+
+
+def raw_layout(
+    path: Path,
+    sample_format: SampleFormat,
+    *,
+    sample_rate_hz: float,
+    center_frequency_hz: float,
+    start_time_ns: int | None = None,
+) -> Layout:
+    """Describe a file that holds nothing but samples.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sample_format : SampleFormat
+        How the samples are stored.
+    sample_rate_hz, center_frequency_hz : float
+        Nobody else knows them.
+    start_time_ns : int, optional
+        Time of the first sample; None: the file's last change less its duration.
+
+    Raises
+    ------
+    FormatError
+        The file cannot be read, or a rate is not possible.
+    """
+    check_rates(sample_rate_hz, center_frequency_hz)
+    size = file_size(path)
+    count, rest = divmod(size, sample_format.bytes_per_sample)
+    if start_time_ns is None:
+        start_time_ns = file_start_ns(path, count, sample_rate_hz)
+    return Layout(
+        path=path,
+        sample_format=sample_format,
+        sample_rate_hz=sample_rate_hz,
+        center_frequency_hz=center_frequency_hz,
+        segments=(Segment(first=0, count=count, sample_index=0, time_ns=start_time_ns),),
+        fault_at_end=(
+            f"{path} ends in the middle of a sample ({rest} bytes of "
+            f"{sample_format.bytes_per_sample} as {sample_format.name})"
+            if rest
+            else None
+        ),
+    )

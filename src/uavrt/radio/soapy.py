@@ -1,0 +1,167 @@
+"""Any radio with a SoapySDR driver, where SoapySDR's Python module is installed.
+
+The module comes from the system (Debian ``python3-soapysdr``) or from the maker of the driver,
+never from PyPI, so it is imported only when asked for.
+"""
+
+import importlib
+from typing import Any, Final
+
+import numpy as np
+
+from uavrt.clock import Clock, monotonic_s
+from uavrt.config.settings import RadioSettings
+from uavrt.errors import RadioMissing, RadioStalled, RadioStopped
+from uavrt.log import get_logger
+from uavrt.messages import IQBlock
+from uavrt.radio.stream import BLOCK_S, check_rates
+from uavrt.radio.times import TimeKeeper
+
+_STALL_S: Final = 3.0
+_SLICE_S: Final = 0.25
+# SoapySDR/Constants.h and Errors.h
+_RX: Final = 1
+_TIMEOUT: Final = -1
+_OVERFLOW: Final = -4
+
+log = get_logger()
+
+
+class SoapySource:
+    """Samples by SoapySDR.
+
+    Parameters
+    ----------
+    settings : RadioSettings
+        `serial` may be a whole SoapySDR device string (``driver=lime``) or a serial number.
+    center_frequency_hz : float
+        Where to tune it.
+    clock : Clock, optional
+        Where arrival times come from.
+
+    Raises
+    ------
+    RadioMissing
+        No SoapySDR module, or no such device.
+    """
+
+    def __init__(
+        self,
+        settings: RadioSettings,
+        center_frequency_hz: float,
+        *,
+        clock: Clock | None = None,
+        stall_s: float = _STALL_S,
+    ) -> None:
+        check_rates(settings.sample_rate_hz, center_frequency_hz)
+        try:
+            soapy: Any = importlib.import_module("SoapySDR")
+        except ImportError as error:
+            raise RadioMissing(
+                "SoapySDR's Python module is not installed",
+                remedy="Install it: sudo apt install python3-soapysdr, and make uavrt's "
+                "environment with --system-site-packages",
+            ) from error
+        self.samples_lost = 0
+        self.overflows = 0
+        self._rate_hz = settings.sample_rate_hz
+        self._center_hz = center_frequency_hz
+        self._clock = Clock.start() if clock is None else clock
+        self._keeper = TimeKeeper(self._rate_hz)
+        self._stall_s = stall_s
+        self._samples = np.zeros(max(64, round(BLOCK_S * self._rate_hz)), np.complex64)
+        self._filled = 0
+        self._index = 0
+        self._last_s = monotonic_s()
+        try:
+            self._device = soapy.Device(_device_arguments(settings))
+            self._device.setSampleRate(_RX, 0, self._rate_hz)
+            ppm = settings.frequency_correction_ppm
+            self._device.setFrequency(_RX, 0, center_frequency_hz / (1.0 + ppm * 1e-6))
+            if settings.gain is not None:
+                self._device.setGain(_RX, 0, float(settings.gain))
+            if settings.bias_tee:
+                self._device.writeSetting("biastee", "true")
+            self._stream = self._device.setupStream(_RX, "CF32")
+            self._device.activateStream(self._stream)
+        except RuntimeError as error:
+            raise RadioMissing(
+                f"SoapySDR cannot open the radio: {error}",
+                remedy="See what is there: SoapySDRUtil --find",
+            ) from error
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Nominal sample rate [Hz]."""
+        return self._rate_hz
+
+    @property
+    def center_frequency_hz(self) -> float:
+        """Radio frequency at the middle of the band [Hz]."""
+        return self._center_hz
+
+    @property
+    def total_samples(self) -> int | None:
+        """None: a live stream."""
+        return None
+
+    def read(self, timeout_s: float | None = None) -> IQBlock | None:
+        """Get the next block; see `SampleSource.read`."""
+        deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
+        while self._filled < len(self._samples):
+            now_s = monotonic_s()
+            if deadline_s is not None and now_s > deadline_s:
+                return None
+            if now_s - self._last_s > self._stall_s:
+                raise RadioStalled(
+                    "SoapySDR gives no samples", remedy="Plug the radio out and in again"
+                )
+            left_s = _SLICE_S if deadline_s is None else min(_SLICE_S, deadline_s - now_s)
+            self._read_some(max(left_s, 0.0))
+        return self._block()
+
+    def close(self) -> None:
+        """Stop the stream and give the device back."""
+        if self._stream is not None:
+            self._device.deactivateStream(self._stream)
+            self._device.closeStream(self._stream)
+            self._stream = None
+
+    def _read_some(self, timeout_s: float) -> None:
+        rest = self._samples[self._filled :]
+        result = self._device.readStream(
+            self._stream, [rest], len(rest), timeoutUs=int(timeout_s * 1e6)
+        )
+        if result.ret > 0:
+            self._filled += result.ret
+            self._last_s = monotonic_s()
+        elif result.ret == _OVERFLOW:
+            # How many are missing the arrivals will show; drivers do not say it.
+            self.overflows += 1
+            log.warning("radio overflow", count=self.overflows)
+        elif result.ret not in (0, _TIMEOUT):
+            raise RadioStopped(
+                f"SoapySDR's stream failed with error {result.ret}",
+                remedy="Check the radio's cable and power",
+            )
+
+    def _block(self) -> IQBlock:
+        count, self._filled = self._filled, 0
+        self._keeper.arrived(self._index + count, self._clock.now_ns())
+        lost = self._keeper.lost_samples()
+        self._index += lost
+        self.samples_lost += lost
+        block = IQBlock(
+            samples=self._samples,
+            sample_index=self._index,
+            time_ns=self._keeper.time_ns(self._index),
+            sample_rate_hz=self._keeper.sample_rate_hz,
+            lost_before=lost,
+        )
+        self._index += count
+        return block
+
+
+def _device_arguments(settings: RadioSettings) -> str:
+    serial = settings.serial or ""
+    return serial if "=" in serial or not serial else f"serial={serial}"

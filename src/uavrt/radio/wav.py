@@ -1,0 +1,189 @@
+"""WAV recordings of I and Q as left and right channel, as SDR programs write them.
+
+Chunks as in Microsoft's "Multiple Channel Audio Data and WAVE Files"; RF64 and BW64 (files over
+4 GiB) as in EBU Tech 3306; the ``auxi`` chunk (start time, radio frequency) as SDR#, HDSDR and
+``airspy_rx -w`` write it. Parsed by hand: the standard ``wave`` module refuses float samples,
+RF64, and files whose writer was killed before it could fill in the size.
+"""
+
+import struct
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import FormatError
+from uavrt.radio.formats import CF32, CS16, CU8, SampleFormat
+from uavrt.radio.recording import Layout, Segment, cannot_read, file_size, file_start_ns
+from uavrt.radio.stream import check_rates
+
+_PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
+_UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
+"""What writers leave in the data chunk's size when they stream or are killed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Packed24(SampleFormat):
+    """24-bit integers, three bytes each; numpy has no such type."""
+
+    @property
+    def bytes_per_sample(self) -> int:
+        """Three bytes for I, three for Q."""
+        return 6
+
+    def convert(self, raw: NDArray[np.uint8], samples: NDArray[np.complex64]) -> None:
+        """Put the three bytes in the upper part of an int32, then scale that."""
+        wide = np.zeros((2 * len(samples), 4), np.uint8)
+        wide[:, 1:] = raw.reshape(-1, 3)
+        values: NDArray[Any] = wide.view("<i4")[:, 0]
+        np.multiply(values, np.float32(2.0**-31), out=samples.view(np.float32))
+
+
+_FORMATS: dict[tuple[int, int], SampleFormat] = {
+    (_PCM, 8): CU8,
+    (_PCM, 16): CS16,
+    (_PCM, 24): _Packed24(name="cs24", dtype=np.dtype("<i4"), zero=0.0, full_scale=2.0**31),
+    (_PCM, 32): SampleFormat(name="cs32", dtype=np.dtype("<i4"), zero=0.0, full_scale=2.0**31),
+    (_FLOAT, 32): CF32,
+    (_FLOAT, 64): SampleFormat(name="cf64", dtype=np.dtype("<f8"), zero=0.0, full_scale=1.0),
+}
+
+
+@dataclass(slots=True)
+class _Header:
+    """What the chunks before the samples say."""
+
+    kind: int = 0
+    channels: int = 0
+    rate_hz: int = 0
+    bits: int = 0
+    data_start: int = 0
+    data_size: int = 0
+    long_data_size: int | None = None
+    start_ns: int | None = None
+    frequency_hz: float | None = None
+
+
+def wav_layout(
+    path: Path,
+    *,
+    center_frequency_hz: float | None = None,
+    start_time_ns: int | None = None,
+) -> Layout:
+    """Describe a two-channel WAV file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    center_frequency_hz : float, optional
+        Radio frequency, if the file's ``auxi`` chunk does not say it, or says it wrongly.
+    start_time_ns : int, optional
+        Time of the first sample; None: from the ``auxi`` chunk, else from the file's age.
+
+    Raises
+    ------
+    FormatError
+        Not WAV, not two channels, an encoding that cannot be used, or no radio frequency.
+    """
+    size = file_size(path)
+    try:
+        with path.open("rb") as file:
+            header = _read_chunks(file, path, size)
+    except OSError as error:
+        raise cannot_read(path, error) from error
+    if header.channels != 2:
+        raise FormatError(
+            f"{path} has {header.channels} channel(s), and I and Q are two",
+            remedy="Record I/Q, not demodulated audio",
+        )
+    sample_format = _FORMATS.get((header.kind, header.bits))
+    if sample_format is None:
+        raise FormatError(
+            f"{path} has WAV encoding {header.kind} with {header.bits} bits",
+            remedy="Record as 8, 16, 24 or 32-bit PCM or 32-bit float",
+        )
+    frequency_hz = center_frequency_hz if center_frequency_hz else header.frequency_hz
+    if frequency_hz is None:
+        raise FormatError(
+            f"{path} does not say its radio frequency", remedy="Give --center-frequency"
+        )
+    check_rates(float(header.rate_hz), frequency_hz)
+    there = size - header.data_start
+    said = header.data_size if header.long_data_size is None else header.long_data_size
+    fault = None
+    if said in _UNKNOWN_SIZE or said > there:
+        if said not in _UNKNOWN_SIZE:
+            fault = f"{path} should hold {said} bytes of samples, but has {there}: truncated"
+        said = there
+    count, rest = divmod(said, sample_format.bytes_per_sample)
+    if rest and fault is None:
+        fault = f"{path} ends in the middle of a sample"
+    start_ns = start_time_ns if start_time_ns is not None else header.start_ns
+    if start_ns is None:
+        start_ns = file_start_ns(path, count, float(header.rate_hz))
+    return Layout(
+        path=path,
+        sample_format=sample_format,
+        sample_rate_hz=float(header.rate_hz),
+        center_frequency_hz=frequency_hz,
+        segments=(Segment(first=0, count=count, sample_index=0, time_ns=start_ns),),
+        first_byte=header.data_start,
+        fault_at_end=fault,
+    )
+
+
+def _read_chunks(file: BinaryIO, path: Path, size: int) -> _Header:
+    start = file.read(12)
+    if len(start) < 12 or start[:4] not in (b"RIFF", b"RF64", b"BW64") or start[8:] != b"WAVE":
+        raise FormatError(f"{path} is not a WAV file", remedy="Name its --format")
+    header = _Header()
+    while len(head := file.read(8)) == 8:
+        name, length = head[:4], struct.unpack("<I", head[4:])[0]
+        if name == b"data":
+            header.data_start, header.data_size = file.tell(), length
+            # Some writers put auxi after the samples; with an unknown size it is not found.
+            if header.frequency_hz is not None or length in _UNKNOWN_SIZE:
+                break
+        if name in (b"fmt ", b"auxi", b"ds64"):
+            _read_chunk(name, file.read(min(length, 4096)), header, path)
+            length = max(length - 4096, 0)
+        if file.tell() + length > size:
+            break
+        file.seek(length + (length & 1), 1)
+    if header.data_start == 0 or header.channels == 0:
+        raise FormatError(
+            f"{path} has no {'samples' if header.channels else 'format'} in it",
+            remedy="It was truncated in its header; record again",
+        )
+    return header
+
+
+def _read_chunk(name: bytes, body: bytes, header: _Header, path: Path) -> None:
+    if name == b"fmt ":
+        if len(body) < 16:
+            raise FormatError(f"{path} has a broken format chunk", remedy="Record again")
+        header.kind, header.channels, header.rate_hz = struct.unpack("<HHI", body[:8])
+        header.bits = struct.unpack("<H", body[14:16])[0]
+        if header.kind == _EXTENSIBLE and len(body) >= 26:
+            # The first two bytes of the sub-format GUID are the plain format number.
+            header.kind = struct.unpack("<H", body[24:26])[0]
+    elif name == b"ds64" and len(body) >= 16:
+        header.long_data_size = struct.unpack("<Q", body[8:16])[0]
+    elif name == b"auxi" and len(body) >= 36:
+        header.start_ns = _system_time_ns(struct.unpack("<8H", body[:16]))
+        frequency_hz = struct.unpack("<I", body[32:36])[0]
+        header.frequency_hz = float(frequency_hz) if frequency_hz else None
+
+
+def _system_time_ns(fields: tuple[int, ...]) -> int | None:
+    """Read a Windows SYSTEMTIME (year, month, weekday, day, hour, minute, second, ms)."""
+    year, month, _, day, hour, minute, second, millisecond = fields
+    try:
+        stamp = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
+    except ValueError:
+        return None
+    return int(stamp.timestamp()) * 1_000_000_000 + millisecond * 1_000_000
