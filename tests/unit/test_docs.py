@@ -102,6 +102,18 @@ def test_every_tag_file_in_the_documents_is_read_without_fault(tmp_path: Path) -
         assert read_tags(path)
 
 
+def test_the_map_of_the_code_names_every_package_and_only_files_that_exist() -> None:
+    page = (ROOT / "docs/explanation/where-does-it-live.md").read_text(encoding="utf-8")
+    spans = set(CODE_SPAN.findall(FENCE.sub("", page)))
+    source = ROOT / "src/uavrt"
+    packages = {path.parent.name for path in source.glob("*/__init__.py")}
+    assert packages <= spans
+    paths = {span for span in spans if re.fullmatch(r"[\w/]+(/|\.py)", span)}
+    assert {
+        span for span in paths if not ((source / span).exists() or (ROOT / span).exists())
+    } == set()
+
+
 def test_every_decision_has_its_own_number_and_says_it() -> None:
     pages = [path for path in DOCS if path.parent.name == "decisions" and path.stem != "index"]
     numbers = [path.stem[:4] for path in pages]
