@@ -18,6 +18,7 @@ extensions = [
     "sphinx.ext.viewcode",
     "numpydoc",
     "mathml",  # docs/_ext: equations as MathML, because MathJax is fetched from a host
+    "settings",  # docs/_ext: uavrt.toml from the code
 ]
 exclude_patterns = ["_build", "_ext"]
 
