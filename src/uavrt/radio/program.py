@@ -87,6 +87,7 @@ class ProgramSource(StreamSource):
             name=command[0],
         )
         self._poll.register(self._words, select.POLLIN)
+        self._listening = True
         self._last_byte_s = monotonic_s()
         self._closed = False
 
@@ -168,7 +169,9 @@ class ProgramSource(StreamSource):
         except BlockingIOError:
             return
         if not said:
-            self._poll.unregister(self._words)
+            if self._listening:
+                self._poll.unregister(self._words)
+            self._listening = False
             return
         *lines, self._line = (self._line + said).split(b"\n")
         self._line = self._line[-4096:]

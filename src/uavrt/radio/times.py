@@ -75,9 +75,9 @@ class NominalTimes:
 class TimeKeeper:
     """The time of each sample of a live radio, from when the samples arrived.
 
-    The first arrival stamps the start (see `arrived` for writers who were early). From then on the time of a sample follows the envelope
-    by slewing, at most 0.2 ms a second (1 ms in the first 10 s): it never jumps, except over a
-    gap of which `lost_samples` tells.
+    The first arrival stamps the start (see `arrived` for writers who were early). From then on
+    the time of a sample follows the envelope by slewing, at most 0.2 ms a second (1 ms in the
+    first 10 s): it never jumps, except over a gap of which `lost_samples` tells.
 
     Parameters
     ----------

@@ -1,0 +1,332 @@
+import contextlib
+import os
+import stat
+import sys
+import textwrap
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uavrt.clock import monotonic_s
+from uavrt.config.settings import RadioKind, RadioSettings
+from uavrt.errors import ConfigError, RadioMissing, RadioStalled, RadioStopped
+from uavrt.radio import PROGRAMS, ProgramSource, check_device, open_radio, receive_command
+
+Install = Callable[[str, str], None]
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
+    """Put a stand-in program on the path, and nothing else."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+
+    def put(name: str, body: str) -> None:
+        path = tmp_path / name
+        path.write_text(f"#!{sys.executable}\nimport os, sys, time\n{textwrap.dedent(body)}")
+        path.chmod(path.stat().st_mode | stat.S_IXUSR)
+
+    return put
+
+
+def gone(pid: int) -> bool:
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, 0)
+        return False
+    return True
+
+
+RADIOS: list[tuple[RadioSettings, list[str]]] = [
+    (
+        RadioSettings(kind="airspy", bias_tee=True, serial="0x644064DC2F5A5ECD"),
+        [
+            "-r",
+            "-",
+            "-f",
+            "148.700500",
+            "-p",
+            "0",
+            "-a",
+            "3000000",
+            "-t",
+            "0",
+            "-h",
+            "21",
+            "-b",
+            "1",
+            "-s",
+            "0x644064DC2F5A5ECD",
+        ],
+    ),
+    (
+        RadioSettings(kind="airspy", gain=12, frequency_correction_ppm=-2.0),
+        [
+            "-r",
+            "-",
+            "-f",
+            "148.700797",
+            "-p",
+            "0",
+            "-a",
+            "3000000",
+            "-t",
+            "0",
+            "-h",
+            "12",
+            "-b",
+            "0",
+        ],
+    ),
+    (
+        RadioSettings(kind="airspyhf", sample_rate_hz=768e3, gain=5, serial="AB"),
+        [
+            "-r",
+            "stdout",
+            "-f",
+            "148.700500",
+            "-a",
+            "768000",
+            "-g",
+            "off",
+            "-m",
+            "on",
+            "-t",
+            "3",
+            "-s",
+            "AB",
+        ],
+    ),
+    (
+        RadioSettings(kind="rtlsdr", sample_rate_hz=250e3, frequency_correction_ppm=51.0),
+        ["-f", "148700500", "-s", "250000", "-g", "40", "-p", "51", "-"],
+    ),
+    (
+        RadioSettings(kind="hackrf", gain=70, serial="7", bias_tee=True),
+        [
+            "-r",
+            "-",
+            "-f",
+            "148700500",
+            "-s",
+            "3000000",
+            "-l",
+            "32",
+            "-g",
+            "38",
+            "-a",
+            "0",
+            "-p",
+            "1",
+            "-d",
+            "7",
+        ],
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("settings", "arguments"), RADIOS, ids=lambda x: getattr(x, "kind", "")
+)
+def test_each_radio_is_started_with_its_arguments_and_its_samples_are_read(
+    install: Install, settings: RadioSettings, arguments: list[str]
+) -> None:
+    program = PROGRAMS[settings.kind]
+    expected = np.arange(-100, 100).repeat(2).astype(np.float32)
+    stored = program.sample_format
+    data = (expected / 128 * stored.full_scale + stored.zero).astype(stored.dtype)
+    install("rtl_biast", "print('bias', sys.argv[1:])")
+    install(
+        program.receive,
+        f"""
+        if sys.argv[1:] != {arguments!r}:
+            sys.exit("wrong arguments: " + " ".join(sys.argv[1:]))
+        data = bytes.fromhex({data.tobytes().hex()!r})
+        while True:
+            os.write(1, data)
+        """,
+    )
+    source = open_radio(settings, 148_700_500.0)
+    try:
+        block = source.read(timeout_s=10.0)
+        assert block is not None
+        first = block.samples[:200].view(np.float32)[::2] * 128
+        np.testing.assert_allclose(first[:200], expected[::2], atol=0.51)
+    finally:
+        source.close()
+
+
+def test_the_bias_tee_of_an_rtl_dongle_is_switched_before_it_is_started(
+    install: Install, tmp_path: Path
+) -> None:
+    install("rtl_biast", f"open({str(tmp_path / 'said')!r}, 'w').write(' '.join(sys.argv[1:]))")
+    install("rtl_sdr", "os.write(1, bytes(10**6))")
+    settings = RadioSettings(kind="rtlsdr", sample_rate_hz=250e3, bias_tee=True, serial="9")
+    open_radio(settings, 148e6).close()
+    assert (tmp_path / "said").read_text() == "-d 9 -b 1"
+
+
+def test_a_program_in_place_of_the_usual_one_gets_its_arguments_after_its_own() -> None:
+    settings = RadioSettings(program=("python3", "-m", "x"))
+    command = receive_command(settings, 148.5e6)
+    assert command[:5] == ["python3", "-m", "x", "-r", "-"]
+
+
+@pytest.mark.parametrize("kind", PROGRAMS)
+def test_a_program_that_is_not_there_names_its_package(
+    install: Install, kind: RadioKind
+) -> None:
+    settings = RadioSettings(kind=kind, sample_rate_hz=PROGRAMS[kind].rates_hz[0])
+    with pytest.raises(RadioMissing, match=f"sudo apt install {PROGRAMS[kind].package}"):
+        open_radio(settings, 148e6)
+    with pytest.raises(RadioMissing, match=f"sudo apt install {PROGRAMS[kind].package}"):
+        check_device(settings)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "status"),
+    [
+        ("airspy", "airspy_open() board 1 failed: AIRSPY_ERROR_NOT_FOUND (-5)", 0),
+        ("airspyhf", "No devices attached.", 1),
+        ("rtlsdr", "No supported devices found.", 1),
+        ("hackrf", "No HackRF boards found.", 1),
+    ],
+)
+def test_an_absent_device_is_told_by_the_information_program(
+    install: Install, kind: RadioKind, words: str, status: int
+) -> None:
+    # Words and statuses of the real programs (Debian 12), run without a device.
+    install(PROGRAMS[kind].inform[0], f"print({words!r}); sys.exit({status})")
+    with pytest.raises(RadioMissing, match="Plug the radio in"):
+        check_device(RadioSettings(kind=kind))
+
+
+def test_a_device_that_is_there_is_described(install: Install) -> None:
+    install("airspy_info", "print('Found AirSpy board 1')")
+    assert "board 1" in check_device(RadioSettings())
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "error", "remedy"),
+    [
+        ("airspy", "airspy_open() failed: AIRSPY_ERROR_NOT_FOUND (-5)", RadioMissing, "Plug"),
+        ("airspyhf", "airspyhf_open() failed", RadioMissing, "Plug"),
+        ("rtlsdr", "No supported devices found.", RadioMissing, "Plug"),
+        ("rtlsdr", "usb_claim_interface error -6", RadioMissing, "other program"),
+        ("rtlsdr", "usb_open error -3", RadioMissing, "plugdev"),
+        ("hackrf", "hackrf_open() failed: HackRF not found (-5)", RadioMissing, "Plug"),
+        ("airspy", "airspy_set_samplerate() failed", RadioStopped, "cable"),
+    ],
+)
+def test_the_end_of_a_program_is_reported_with_its_last_words(
+    install: Install, kind: RadioKind, words: str, error: type[Exception], remedy: str
+) -> None:
+    install("rtl_biast", "")
+    # hackrf_transfer prints its usage on stdout when it fails; that must not become samples.
+    install(PROGRAMS[kind].receive, f"print('Usage' * 300); sys.exit({words!r})")
+    settings = RadioSettings(kind=kind, sample_rate_hz=PROGRAMS[kind].rates_hz[0])
+    source = open_radio(settings, 148e6)
+    with pytest.raises(error, match=remedy) as caught:
+        source.read(timeout_s=10.0)
+    assert words in str(caught.value)
+    assert "status 1" in str(caught.value)
+    source.close()
+
+
+def test_a_program_that_was_killed_is_reported_by_its_signal(install: Install) -> None:
+    install("airspy_rx", "os.write(1, bytes(3 * 8 * 262200)); os.kill(os.getpid(), 9)")
+    source = open_radio(RadioSettings(), 148e6)
+    for _ in range(3):
+        assert source.read(timeout_s=10.0) is not None
+    with pytest.raises(RadioStopped, match="SIGKILL"):
+        source.read(timeout_s=10.0)
+    source.close()
+
+
+def test_a_program_that_gives_nothing_is_called_stalled(install: Install) -> None:
+    install(
+        "airspy_rx", "sys.stderr.write('usb hiccup\\n'); sys.stderr.flush(); time.sleep(60)"
+    )
+    source = ProgramSource(RadioSettings(), 148e6, startup_s=0.3)
+    begun_s = monotonic_s()
+    with pytest.raises(RadioStalled, match="no samples"):
+        source.read()
+    assert monotonic_s() - begun_s >= 0.3
+    assert not gone(source.pid)
+    source.close()
+    assert gone(source.pid)
+
+
+def test_a_stall_after_samples_is_noticed_too(install: Install) -> None:
+    install("airspy_rx", "os.write(1, bytes(8 * 262200)); time.sleep(60)")
+    source = ProgramSource(RadioSettings(), 148e6, startup_s=30.0, stall_s=0.2)
+    assert source.read() is not None
+    with pytest.raises(RadioStalled):
+        source.read()
+    source.close()
+
+
+def test_a_program_that_ignores_sigterm_is_killed_with_its_children(install: Install) -> None:
+    install(
+        "airspy_rx",
+        """
+        import signal
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        child = os.fork()
+        if child:
+            sys.stderr.write(f"child {child}\\n"); sys.stderr.flush()
+        os.write(1, bytes(8 * 262200))
+        time.sleep(60)
+        """,
+    )
+    source = ProgramSource(RadioSettings(), 148e6)
+    while not source.last_lines:
+        source.read(timeout_s=0.2)
+    child = int(source.last_lines[0].split()[1])
+    source.close()
+    source.close()
+    assert gone(source.pid)
+    deadline_s = monotonic_s() + 10.0
+    # The grandchild is an orphan now; whoever is process 1 reaps it.
+    while not gone(child) and monotonic_s() < deadline_s:
+        state = Path(f"/proc/{child}/stat").read_text().rsplit(")", 1)[1].split()[0]
+        if state == "Z":
+            break
+    with pytest.raises(EOFError):
+        source.read()
+
+
+def test_much_talk_on_stderr_does_not_stop_the_samples(install: Install) -> None:
+    install(
+        "airspy_rx",
+        """
+        for _ in range(20):
+            sys.stderr.write("Streaming at 3.000 MSPS\\n" * 5000)
+            sys.stderr.flush()
+            os.write(1, bytes(8 * 262200))
+        """,
+    )
+    source = ProgramSource(RadioSettings(), 148e6)
+    for _ in range(20):
+        assert source.read(timeout_s=10.0) is not None
+    with pytest.raises(RadioStopped, match="status 0"):
+        source.read(timeout_s=10.0)
+    assert source.last_lines == ()
+    source.close()
+
+
+@pytest.mark.parametrize(
+    ("settings", "remedy"),
+    [
+        (RadioSettings(gain=22), "between 0 and 21"),
+        (RadioSettings(kind="rtlsdr", sample_rate_hz=250e3, gain=-1), "between 1 and 50"),
+        (RadioSettings(kind="rtlsdr", sample_rate_hz=6e6), "sample_rate_hz"),
+        (RadioSettings(kind="airspyhf", sample_rate_hz=768e3, bias_tee=True), "bias_tee"),
+        (RadioSettings(kind="nosuch"), "kind"),  # type: ignore[arg-type]
+    ],
+)
+def test_settings_that_a_radio_does_not_have_are_refused(
+    settings: RadioSettings, remedy: str
+) -> None:
+    with pytest.raises(ConfigError, match=remedy):
+        receive_command(settings, 148e6)
