@@ -1,8 +1,8 @@
 """Sending no faster than an autopilot forwards.
 
 PX4 keeps forwarded messages in a ring of 583 bytes and takes out one per pass of its main
-loop; what does not fit is dropped without a word (reference/mavlink.md §1). Three tunnel messages
-fit, so messages meant for the ground leave one at a time, a gap apart. Pure.
+loop; what does not fit is dropped without a word (reference/mavlink.md §1). Three tunnel
+messages fit, so those meant for the ground leave one at a time, a gap apart. Pure.
 """
 
 from collections import deque
@@ -106,6 +106,8 @@ class PacedQueue:
         if self.wait_ns(now_ns) != 0:
             return None
         queue = next(queue for queue in self._queues.values() if queue)
-        self._free_ns = now_ns + self._gap_ns
+        # A late wake-up is made up for, so that the mean gap holds on a busy computer.
+        due_ns = now_ns if self._free_ns is None else max(self._free_ns, now_ns - self._gap_ns)
+        self._free_ns = max(due_ns + self._gap_ns, now_ns + ns_from_s(MIN_GAP_S))
         self.counters.released += 1
         return queue.popleft()

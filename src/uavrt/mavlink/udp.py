@@ -21,7 +21,7 @@ class UdpLink(Link, asyncio.DatagramProtocol):
 
     def __init__(self, address: Address, on_frame: FrameHandler) -> None:
         super().__init__(address, on_frame)
-        self._transport: asyncio.DatagramTransport | None = None
+        self._transport: Any = None  # a selector transport; its class is no DatagramTransport
         self._peers: dict[tuple[str, int], float] = {}
         self._closed = False
 
@@ -59,7 +59,6 @@ class UdpLink(Link, asyncio.DatagramProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Asyncio's: the socket is there."""
-        assert isinstance(transport, asyncio.DatagramTransport)
         self._transport = transport
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
@@ -102,7 +101,7 @@ class UdpLink(Link, asyncio.DatagramProtocol):
             del self._peers[min(self._peers, key=self._peers.__getitem__)]
 
     def _write(self, frame: bytes) -> bool:
-        transport: Any = self._transport  # typeshed lacks get_write_buffer_size here
+        transport = self._transport
         if transport is None or transport.get_write_buffer_size() > MAX_PENDING:
             return False
         if self.address.kind == "udpout":

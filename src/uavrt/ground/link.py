@@ -1,0 +1,350 @@
+"""The ground's side of the tunnel: find the drone, upload tags, start, stop, receive.
+
+`GroundProtocol` knows what to say and is pure; `GroundLink` puts it on a MAVLink link.
+"""
+
+import asyncio
+import math
+from collections import Counter, deque
+from collections.abc import AsyncIterator, Callable, Sequence
+from dataclasses import dataclass
+
+from uavrt import tunnel
+from uavrt.errors import CommandRefused, LinkError, TunnelError
+from uavrt.log import get_logger
+from uavrt.mavlink import dialect
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.frame import Frame, FrameWriter
+from uavrt.mavlink.link import Link
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.statustext import TextAssembler
+from uavrt.mavlink.transport import open_link
+from uavrt.messages import PulsePose, SearchReport, StatusText, SystemState, Tag
+from uavrt.tunnel import CommandId, Generation
+from uavrt.units import ns_from_s
+
+log = get_logger()
+
+DRONE_COMPONENT = 191
+HEARTBEAT_S = 1.0
+DRONE_SILENCE_NS = ns_from_s(6.0)
+"""The original ground station calls the drone lost after this (reference/control.md §2.5)."""
+ACK_WAIT_S = 2.0
+TRIES = 4
+EVENTS = 20_000
+"""Events kept for a slow reader; at 50 pulses a second, almost 7 minutes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DroneHeartbeat:
+    """What the drone says of itself once a second (tunnel heartbeat, G1)."""
+
+    state: SystemState | None
+    cpu_temperature_c: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectorAlive:
+    """A detector's sign of life."""
+
+    tag_id: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Acknowledged:
+    """The drone's answer to a command."""
+
+    command: int
+    accepted: bool
+    message: str
+
+
+GroundEvent = (
+    PulsePose | SearchReport | DetectorAlive | DroneHeartbeat | StatusText | Acknowledged
+)
+
+
+class GroundProtocol:
+    """What the ground hears, read and counted; no I/O.
+
+    Parameters
+    ----------
+    system_id, component_id : int
+        Our own numbers; 255/190 is what the original's drone side insists on.
+    """
+
+    def __init__(self, system_id: int = 255, component_id: int = 190) -> None:
+        self.own = Peer(system_id, component_id)
+        self.drone: Peer | None = None
+        self.tags: dict[int, Tag] = {}
+        """Tags we uploaded: they give received pulses their width."""
+        self.counters: Counter[str] = Counter()
+        self._heard_ns = 0
+        self._texts = TextAssembler()
+
+    def present(self, now_ns: int) -> bool:
+        """True while the drone's component 191 is heard."""
+        return self.drone is not None and now_ns - self._heard_ns < DRONE_SILENCE_NS
+
+    def heartbeat(self) -> dialect.Heartbeat:
+        """Our heartbeat."""
+        return dialect.Heartbeat(
+            type=dialect.MavType.GCS,
+            autopilot=dialect.MavAutopilot.INVALID,
+            base_mode=0,
+            custom_mode=0,
+            system_status=dialect.MavState.ACTIVE,
+            mavlink_version=3,
+        )
+
+    def tunnel_message(self, payload: bytes) -> dialect.Tunnel:
+        """Write a payload to the drone; raises `LinkError` before it is found."""
+        if self.drone is None:
+            raise LinkError(
+                "the drone has not been heard",
+                remedy="Check its power and the radio, and that the autopilot forwards MAVLink",
+            )
+        return dialect.Tunnel(
+            target_system=self.drone.system_id,
+            target_component=self.drone.component_id,
+            payload_type=tunnel.PAYLOAD_TYPE,
+            payload_length=len(payload),
+            payload=payload,
+        )
+
+    def receive(self, frame: Frame, now_ns: int) -> list[GroundEvent]:
+        """Take a frame; give what it says."""
+        if frame.component_id != DRONE_COMPONENT:
+            return []
+        peer = Peer(frame.system_id, frame.component_id)
+        message = frame.message()
+        if isinstance(message, dialect.Heartbeat) and not self.present(now_ns):
+            self.drone = peer
+        if peer != self.drone:
+            return []
+        self._heard_ns = now_ns
+        if isinstance(message, dialect.Statustext):
+            texts = self._texts.add((peer.system_id, peer.component_id), message)
+            return [StatusText(severity=severity, text=text) for severity, text in texts]
+        if isinstance(message, dialect.Tunnel) and self._for_us(message):
+            return self._tunnel(message.payload[: message.payload_length])
+        return []
+
+    def _for_us(self, message: dialect.Tunnel) -> bool:
+        return message.target_system in (0, self.own.system_id) and (
+            message.target_component in (0, self.own.component_id)
+        )
+
+    def _tunnel(self, payload: bytes) -> list[GroundEvent]:
+        try:
+            event = self._event(tunnel.decode(payload))
+        except TunnelError as error:
+            self.counters["bad_payloads"] += 1
+            log.warning("bad tunnel payload", reason=error.message, payload=payload.hex())
+            return []
+        if event is None:
+            self.counters["unexpected_payloads"] += 1
+            return []
+        self.counters[type(event).__name__] += 1
+        return [event]
+
+    def _event(self, message: tunnel.TunnelMessage) -> GroundEvent | None:
+        match message:
+            case tunnel.PulseG0() | tunnel.PulseG1():
+                pulse = tunnel.pulse_from_wire(message, self.tags.get(message.tag_id))
+                return DetectorAlive(tag_id=message.tag_id) if pulse is None else pulse
+            case tunnel.AckG0() | tunnel.AckG1():
+                return Acknowledged(
+                    command=message.acked_command,
+                    accepted=message.result == tunnel.SUCCESS,
+                    message=message.message if isinstance(message, tunnel.AckG1) else "",
+                )
+            case tunnel.Heartbeat():
+                temperature = message.cpu_temperature_c
+                return DroneHeartbeat(
+                    state=message.state,
+                    cpu_temperature_c=None if math.isnan(temperature) else temperature,
+                )
+            case _:
+                return None
+
+
+class GroundLink:
+    """A ground station's link to the drone.
+
+    ::
+
+        link = GroundLink(clock.now_ns)
+        task = asyncio.create_task(link.run("udpin://127.0.0.1:14550"))
+        await link.wait_for_drone(30.0)
+        await link.upload_tags(tags)
+        await link.start_detection()
+        async for event in link.events():
+            ...
+
+    Parameters
+    ----------
+    clock_ns : callable
+        Time now [ns].
+    on_event : callable, optional
+        Called at once with each event; without it they wait for `events`.
+    generation : {"G0", "G1"}
+        Wire format; G1 unless the drone runs the thesis's software.
+    ack_wait_s : float
+        How long to wait for each acknowledgement before the command is sent again.
+    """
+
+    def __init__(
+        self,
+        clock_ns: Callable[[], int],
+        *,
+        on_event: Callable[[GroundEvent], None] | None = None,
+        generation: Generation = "G1",
+        system_id: int = 255,
+        component_id: int = 190,
+        ack_wait_s: float = ACK_WAIT_S,
+    ) -> None:
+        self.protocol = GroundProtocol(system_id, component_id)
+        self._clock_ns = clock_ns
+        self._on_event = on_event
+        self._generation: Generation = generation
+        self._ack_wait_s = ack_wait_s
+        self._writer = FrameWriter(system_id, component_id)
+        self._link: Link | None = None
+        self._events: deque[GroundEvent] = deque(maxlen=EVENTS)
+        self._event_there = asyncio.Event()
+        self._drone_there = asyncio.Event()
+        self._waiting: tuple[int, asyncio.Future[Acknowledged]] | None = None
+        self._busy = asyncio.Lock()
+
+    @property
+    def link(self) -> Link | None:
+        """The MAVLink link, once open."""
+        return self._link
+
+    async def run(self, address: str) -> None:
+        """Serve the link until cancelled; raises `LinkError` if it cannot be opened."""
+        self._link = await open_link(address, self._receive)
+        try:
+            while True:
+                self._send(self.protocol.heartbeat())
+                await asyncio.sleep(HEARTBEAT_S)
+        finally:
+            await self._link.close()
+
+    async def wait_for_drone(self, timeout_s: float) -> Peer:
+        """Wait until component 191 is heard; raises `LinkError` when it is not."""
+        try:
+            async with asyncio.timeout(timeout_s):
+                await self._drone_there.wait()
+        except TimeoutError:
+            raise LinkError(
+                f"no component {DRONE_COMPONENT} was heard in {timeout_s:g} s",
+                remedy="Check the drone's power, the radio, and that the autopilot forwards "
+                "MAVLink between its companion and ground ports",
+            ) from None
+        assert self.protocol.drone is not None
+        return self.protocol.drone
+
+    async def upload_tags(self, tags: Sequence[Tag]) -> None:
+        """Send the tag list, each message acknowledged.
+
+        Raises
+        ------
+        CommandRefused
+            The drone refused; the text is its reason.
+        LinkError
+            It did not answer.
+        """
+        payloads = [tunnel.tag_to_wire(tag, self._generation).encode() for tag in tags]
+        await self.command(tunnel.HeaderMessage(command=CommandId.START_TAGS).encode())
+        for payload in payloads:
+            await self.command(payload)
+        await self.command(tunnel.HeaderMessage(command=CommandId.END_TAGS).encode())
+        self.protocol.tags = {tag.tag_id: tag for tag in tags}
+
+    async def start_detection(
+        self, *, center_frequency_hz: float | None = None, gain: int = 0
+    ) -> str:
+        """Start; give the drone's message (the flight directory).
+
+        A frequency of None is 0 on the wire: the drone's tuner chooses.
+        """
+        if self._generation == "G0":
+            payload = tunnel.HeaderMessage(command=CommandId.START_DETECTION).encode()
+        else:
+            frequency = 0 if center_frequency_hz is None else round(center_frequency_hz)
+            payload = tunnel.StartDetection(
+                radio_center_frequency_hz=frequency, gain=gain
+            ).encode()
+        return (await self.command(payload)).message
+
+    async def stop_detection(self) -> None:
+        """Stop."""
+        await self.command(tunnel.HeaderMessage(command=CommandId.STOP_DETECTION).encode())
+
+    async def command(self, payload: bytes) -> Acknowledged:
+        """Send a command until it is acknowledged, with the same bytes each time.
+
+        Raises
+        ------
+        CommandRefused
+            The drone refused it.
+        LinkError
+            No answer after four tries.
+        """
+        number = tunnel.acked_command_of(payload)
+        assert number is not None
+        async with self._busy:
+            for attempt in range(TRIES):
+                future = asyncio.get_running_loop().create_future()
+                self._waiting = (number, future)
+                self._send(self.protocol.tunnel_message(payload))
+                try:
+                    async with asyncio.timeout(self._ack_wait_s):
+                        ack: Acknowledged = await future
+                except TimeoutError:
+                    self.protocol.counters["retries"] += 1
+                    continue
+                finally:
+                    self._waiting = None
+                if attempt > 0:
+                    # Answers to the earlier copies may follow; they must not be taken for the
+                    # answer to the next command of this number: G0 and G1 have no request ids.
+                    await asyncio.sleep(self._ack_wait_s / 2)
+                if not ack.accepted:
+                    raise CommandRefused(ack.message or f"the drone refused command {number}")
+                return ack
+        raise LinkError(
+            f"the drone did not answer command {number} in {TRIES * self._ack_wait_s:g} s",
+            remedy="Check the radio link and try again; repeated commands do no harm",
+        )
+
+    async def events(self) -> AsyncIterator[GroundEvent]:
+        """Give events as they come."""
+        while True:
+            while self._events:
+                yield self._events.popleft()
+            self._event_there.clear()
+            await self._event_there.wait()
+
+    def _receive(self, frame: Frame) -> None:
+        for event in self.protocol.receive(frame, self._clock_ns()):
+            self._deliver(event)
+        if self.protocol.drone is not None:
+            self._drone_there.set()
+
+    def _deliver(self, event: GroundEvent) -> None:
+        if isinstance(event, Acknowledged) and self._waiting is not None:
+            number, future = self._waiting
+            if event.command == number and not future.done():
+                future.set_result(event)
+        if self._on_event is not None:
+            self._on_event(event)
+        else:
+            self._events.append(event)
+            self._event_there.set()
+
+    def _send(self, message: Message) -> None:
+        if self._link is not None:
+            self._link.send(self._writer.encode(message))

@@ -1,0 +1,74 @@
+"""Command line of the simulated autopilot; a child process of ``uavrt demo``."""
+
+import argparse
+import asyncio
+import contextlib
+import signal
+from collections.abc import Sequence
+
+from uavrt.clock import Clock
+from uavrt.errors import UavrtError
+from uavrt.log import configure_logging, get_logger
+from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.scenario_file import load_scenario
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the autopilot until SIGTERM or SIGINT."""
+    options = _parser().parse_args(arguments)
+    configure_logging("fake autopilot")
+    clock = Clock.start() if options.clock_offset_ns is None else Clock(options.clock_offset_ns)
+    try:
+        scenario = load_scenario(options.scenario)
+        if options.start_time_ns is not None:
+            scenario = scenario.starting_at(options.start_time_ns)
+        settings = AutopilotSettings(
+            companion=options.companion,
+            ground=options.ground,
+            flavour=options.flavour,
+            system_id=options.system_id,
+            clock_skew_ppm=options.clock_skew_ppm,
+            companion_jitter_s=options.companion_jitter_s,
+            ground_loss=options.ground_loss,
+            seed=options.seed,
+        )
+        asyncio.run(_serve(FakeAutopilot(scenario.vehicle_pose, settings, clock)))
+    except UavrtError as error:
+        raise SystemExit(f"error: {error}") from error
+
+
+async def _serve(autopilot: FakeAutopilot) -> None:
+    task = asyncio.current_task()
+    assert task is not None
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, task.cancel)
+    with contextlib.suppress(asyncio.CancelledError):
+        await autopilot.run()
+    get_logger().info("stopped", **autopilot.counters())
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m uavrt.simulation.autopilot", description="Simulated autopilot"
+    )
+    parser.add_argument("--scenario", required=True, help="scenario file; its flight is flown")
+    parser.add_argument("--companion", required=True, type=_place, metavar="HOST:PORT")
+    parser.add_argument("--ground", type=_place, metavar="HOST:PORT")
+    parser.add_argument("--flavour", choices=("px4", "ardupilot"), default="px4")
+    parser.add_argument("--system-id", type=int, default=1)
+    parser.add_argument("--start-time-ns", type=int, help="start of the scenario [ns, UTC]")
+    parser.add_argument("--clock-offset-ns", type=int, help="UTC minus CLOCK_MONOTONIC [ns]")
+    parser.add_argument("--clock-skew-ppm", type=float, default=0.0)
+    parser.add_argument("--companion-jitter-s", type=float, default=0.0)
+    parser.add_argument("--ground-loss", type=float, default=0.0)
+    parser.add_argument("--seed", type=int, default=1)
+    return parser
+
+
+def _place(text: str) -> tuple[str, int]:
+    """Read HOST:PORT."""
+    host, separator, port = text.rpartition(":")
+    if not separator or not host:
+        raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT")
+    return host.strip("[]"), int(port)

@@ -1,0 +1,122 @@
+"""How an autopilot passes messages on, and how links lose and delay them.
+
+PX4 v1.17 puts forwarded messages in a ring of 2 × sizeof(mavlink_message_t) + 1 = 583 bytes for
+each outgoing link and takes one out per pass of that link's main loop, 4 ms in simulation; what
+does not fit is dropped without a word. This is the only loss on its way and explains the
+thesis's Tables 5.10 to 5.13 (reference/mavlink.md §1).
+"""
+
+import random
+from collections import deque
+
+from uavrt.mavlink.frame import Frame
+from uavrt.units import ns_from_s
+
+RING_BYTES = 583
+PASS_NS = 4_000_000
+HEADER_BYTES = 12
+"""Stored with each message: header and checksum of MAVLink 2 (PX4 keeps 12 + len bytes)."""
+ITEM_BYTES = 4
+"""The ring's own length word. With both, five 92-byte and three 128-byte tunnel payloads fit
+in a burst, as measured."""
+
+
+class ForwardRing:
+    """Queue towards one link: bounded in bytes, emptied one message per pass.
+
+    Time is given from outside, so that a late wake-up of this program loses nothing that the
+    real loop would not: call `passes` with the arrival time before each `push`.
+
+    Parameters
+    ----------
+    capacity_bytes : int
+        Size of the ring.
+    pass_ns : int
+        Duration of the main loop [ns].
+    """
+
+    def __init__(self, capacity_bytes: int = RING_BYTES, pass_ns: int = PASS_NS) -> None:
+        self._capacity = capacity_bytes
+        self._pass_ns = pass_ns
+        self._items: deque[Frame] = deque()
+        self._used = 0
+        self._next_pass_ns: int | None = None
+        self.forwarded = 0
+        self.dropped = 0
+
+    def push(self, frame: Frame) -> bool:
+        """Store a message; False when it does not fit."""
+        size = len(frame.payload) + HEADER_BYTES + ITEM_BYTES
+        if self._used + size >= self._capacity:
+            self.dropped += 1
+            return False
+        self._items.append(frame)
+        self._used += size
+        return True
+
+    def passes(self, now_ns: int) -> list[Frame]:
+        """Give what the passes up to `now_ns` send, one message each."""
+        if self._next_pass_ns is None:
+            self._next_pass_ns = now_ns + self._pass_ns
+        sent: list[Frame] = []
+        while self._next_pass_ns <= now_ns:
+            if not self._items:  # empty passes do nothing: skip them all
+                empty = (now_ns - self._next_pass_ns) // self._pass_ns + 1
+                self._next_pass_ns += empty * self._pass_ns
+                break
+            frame = self._items.popleft()
+            self._used -= len(frame.payload) + HEADER_BYTES + ITEM_BYTES
+            self.forwarded += 1
+            sent.append(frame)
+            self._next_pass_ns += self._pass_ns
+        return sent
+
+
+class Routes:
+    """Which components were seen on a link: only they are sent addressed messages."""
+
+    def __init__(self) -> None:
+        self._seen: set[tuple[int, int]] = set()
+
+    def saw(self, frame: Frame) -> None:
+        """Note the sender of a message that came from the link."""
+        self._seen.add((frame.system_id, frame.component_id))
+
+    def leads_to(self, system_id: int, component_id: int) -> bool:
+        """Tell whether a message with this target belongs on the link."""
+        if system_id == 0:
+            return True
+        return any(
+            system_id == system and component_id in (0, component)
+            for system, component in self._seen
+        )
+
+
+class Impairment:
+    """Random loss and delay of one direction of a link; the order is kept.
+
+    Parameters
+    ----------
+    loss : float
+        Probability that a frame is lost.
+    jitter_s : float
+        Greatest delay; even distribution from zero.
+    seed : int
+        Of the random numbers.
+    """
+
+    def __init__(self, *, loss: float = 0.0, jitter_s: float = 0.0, seed: int = 0) -> None:
+        self._loss = loss
+        self._jitter_s = jitter_s
+        self._random = random.Random(seed)
+        self._last_ns = 0
+        self.lost = 0
+
+    def release_ns(self, now_ns: int) -> int | None:
+        """Time at which a frame handed over now comes out; None if it is lost."""
+        if self._loss > 0.0 and self._random.random() < self._loss:
+            self.lost += 1
+            return None
+        delay = self._random.uniform(0.0, self._jitter_s) if self._jitter_s > 0.0 else 0.0
+        self._last_ns = max(self._last_ns, now_ns + ns_from_s(delay))
+        return self._last_ns

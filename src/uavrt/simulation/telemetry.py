@@ -1,0 +1,111 @@
+"""Telemetry messages of the simulated autopilot, from the vehicle's pose."""
+
+import math
+
+from uavrt.mavlink import dialect
+from uavrt.mavlink.message import Message
+from uavrt.messages import Pose
+
+
+def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
+    """What is streamed unasked [ns between messages] (reference/mavlink.md §1).
+
+    ArduPilot streams nothing but heartbeats until it is asked.
+    """
+    if flavour == "ardupilot":
+        return {}
+    rates_hz = {
+        "companion": {
+            dialect.AttitudeQuaternion.ID: 50.0,
+            dialect.GlobalPositionInt.ID: 50.0,
+            dialect.SystemTime.ID: 1.0,
+            dialect.SysStatus.ID: 1.0,
+        },
+        "ground": {
+            dialect.AttitudeQuaternion.ID: 10.0,
+            dialect.GlobalPositionInt.ID: 5.0,
+            dialect.SystemTime.ID: 1.0,
+            dialect.SysStatus.ID: 1.0,
+        },
+    }
+    return {message_id: round(1e9 / rate) for message_id, rate in rates_hz[link].items()}
+
+
+def telemetry_message(message_id: int, pose: Pose, boot_ms: int, time_ns: int) -> Message:
+    """Write one telemetry message.
+
+    Parameters
+    ----------
+    message_id : int
+        Which.
+    pose : Pose
+        Of the vehicle at that instant.
+    boot_ms : int
+        Boot time of the instant [ms].
+    time_ns : int
+        The instant [ns, UTC].
+
+    Raises
+    ------
+    KeyError
+        No such message is streamed.
+    """
+    boot_ms &= 0xFFFFFFFF
+    match message_id:
+        case dialect.AttitudeQuaternion.ID:
+            return _attitude(pose, boot_ms)
+        case dialect.GlobalPositionInt.ID:
+            return _position(pose, boot_ms)
+        case dialect.SystemTime.ID:
+            return dialect.SystemTime(time_unix_usec=time_ns // 1000, time_boot_ms=boot_ms)
+        case dialect.SysStatus.ID:
+            return _system_status()
+    raise KeyError(message_id)
+
+
+def _attitude(pose: Pose, boot_ms: int) -> dialect.AttitudeQuaternion:
+    w, x, y, z = pose.quaternion_wxyz
+    return dialect.AttitudeQuaternion(
+        time_boot_ms=boot_ms,
+        q1=w,
+        q2=x,
+        q3=y,
+        q4=z,
+        rollspeed=0.0,
+        pitchspeed=0.0,
+        yawspeed=0.0,
+    )
+
+
+def _position(pose: Pose, boot_ms: int) -> dialect.GlobalPositionInt:
+    w, x, y, z = pose.quaternion_wxyz
+    yaw = math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+    return dialect.GlobalPositionInt(
+        time_boot_ms=boot_ms,
+        lat=round(pose.latitude_deg * 1e7),
+        lon=round(pose.longitude_deg * 1e7),
+        alt=round(pose.altitude_amsl_m * 1e3),
+        relative_alt=round(pose.altitude_relative_m * 1e3),
+        vx=0,
+        vy=0,
+        vz=0,
+        hdg=round(yaw * 100) % 36_000,
+    )
+
+
+def _system_status() -> dialect.SysStatus:
+    return dialect.SysStatus(
+        onboard_control_sensors_present=0,
+        onboard_control_sensors_enabled=0,
+        onboard_control_sensors_health=0,
+        load=300,
+        voltage_battery=16_200,
+        current_battery=-1,
+        battery_remaining=80,
+        drop_rate_comm=0,
+        errors_comm=0,
+        errors_count1=0,
+        errors_count2=0,
+        errors_count3=0,
+        errors_count4=0,
+    )

@@ -1,0 +1,171 @@
+"""A drone side, a simulated autopilot and free ports for the tests of links."""
+
+import asyncio
+import contextlib
+import math
+import socket
+from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
+
+import pytest
+
+from uavrt import tunnel
+from uavrt.clock import Clock
+from uavrt.errors import TunnelError
+from uavrt.mavlink import Connection, Handlers, Peer, Priority
+from uavrt.messages import AttitudeSample, Pose, PositionSample, Pulse, PulsePose, Tag
+from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
+
+THESIS_TAG = Tag(
+    tag_id=2,
+    frequency_hz=148_710_000.0,
+    pulse_width_s=0.020,
+    pulse_intervals_s=(1.254,),
+    interval_uncertainty_s=0.060,
+    interval_jitter_s=0.010,
+    k=3,
+    false_alarm_probability=0.005,
+)
+
+
+def free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        opened.bind(("127.0.0.1", 0))
+        return int(opened.getsockname()[1])
+
+
+def turning_vehicle(rate_deg_s: float) -> Callable[[int], Pose]:
+    """Pose of a vehicle that turns on the spot, nose north at whole multiples of 360°."""
+
+    def pose(time_ns: int) -> Pose:
+        seconds = (time_ns % 10**12) / 1e9
+        half = math.radians(rate_deg_s * seconds) / 2
+        return Pose(
+            time_ns=time_ns,
+            latitude_deg=35.178241,
+            longitude_deg=-111.656587,
+            altitude_amsl_m=2157.0,
+            altitude_relative_m=50.0,
+            quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+        )
+
+    return pose
+
+
+class DroneSide:
+    """What the connection process does, with a supervisor that accepts every tag but id 0."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.attitudes: list[AttitudeSample] = []
+        self.positions: list[PositionSample] = []
+        self.payloads: list[tuple[bytes, Peer]] = []
+        self.tags: list[Tag] = []
+        self.detecting = False
+        handlers = Handlers(
+            attitude=self.attitudes.append,
+            position=self.positions.append,
+            tunnel=self._command,
+        )
+        self.connection = Connection(handlers, clock.now_ns)
+
+    def send_pulse(self, pulse_pose: PulsePose) -> None:
+        payload = tunnel.pulse_to_wire(pulse_pose).encode()
+        self.connection.tunnel.send_tunnel(payload, Priority.PULSE)
+
+    def _command(self, payload: bytes, peer: Peer) -> None:
+        self.payloads.append((payload, peer))
+        accepted, text, generation = True, "", "G1"
+        try:
+            message = tunnel.decode(payload)
+            generation = tunnel.generation_of(message) or "G1"
+            if isinstance(message, tunnel.TagG0 | tunnel.TagG1):
+                tag = tunnel.tag_from_wire(message)
+                self.tags = [t for t in self.tags if t.tag_id != tag.tag_id] + [tag]
+            self.detecting = payload[0] == tunnel.CommandId.START_DETECTION
+        except TunnelError as error:
+            accepted, text = False, error.message
+        number = tunnel.acked_command_of(payload)
+        if number is not None:
+            ack = tunnel.ack_to_wire(
+                number, accepted, text, "G0" if generation == "G0" else "G1"
+            )
+            self.connection.tunnel.send_tunnel(ack.encode(), Priority.ACK, peer)
+
+
+class World:
+    """A drone side behind a simulated autopilot, with a port for a ground station."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
+        self.ground_port = free_udp_port()
+        self.companion_port = free_udp_port()
+        self.drone = DroneSide(clock)
+        self.settings = AutopilotSettings(
+            companion=("127.0.0.1", self.companion_port),
+            ground=("127.0.0.1", self.ground_port),
+        )
+        self.vehicle = turning_vehicle(30.0)
+        self.autopilot: FakeAutopilot | None = None
+        self.failure: BaseException | None = None
+
+    @property
+    def ground_address(self) -> str:
+        return f"udpin://127.0.0.1:{self.ground_port}"
+
+    @contextlib.asynccontextmanager
+    async def flying(self, **changes: object) -> AsyncIterator[FakeAutopilot]:
+        """Run autopilot and drone side while the block runs."""
+        settings = replace(self.settings, **changes)  # type: ignore[arg-type]
+        self.autopilot = FakeAutopilot(self.vehicle, settings, self.clock)
+        address = f"udpin://127.0.0.1:{self.companion_port}"
+        tasks = [
+            asyncio.create_task(self.drone.connection.run(address)),
+            asyncio.create_task(self.autopilot.run()),
+        ]
+        try:
+            yield self.autopilot
+        finally:
+            for task in tasks:
+                task.cancel()
+            results = await asyncio.gather(*tasks, return_exceptions=True)
+        for result in results:
+            if isinstance(result, Exception):
+                raise result
+
+
+async def until(condition: Callable[[], object], timeout_s: float = 20.0) -> None:
+    """Wait until something is so; the time limit only ends a broken test."""
+    async with asyncio.timeout(timeout_s):
+        while not condition():
+            await asyncio.sleep(0.01)
+
+
+def make_pulse(index: int, time_ns: int) -> PulsePose:
+    pulse = Pulse(
+        tag_id=2,
+        frequency_hz=148_710_000.0 + index,
+        start_time_ns=time_ns,
+        end_time_ns=time_ns + 20_000_000,
+        snr_db=20.0,
+        group_snr_db=20.0,
+        score=2.0,
+        group_index=1 + index % 3,
+        group_sequence=index // 3,
+        noise_psd=1e-12,
+        detection_status="confirmed",
+        confirmed=True,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )
+    return PulsePose(pulse=pulse, pose=turning_vehicle(30.0)(time_ns))
+
+
+@pytest.fixture
+def world() -> World:
+    return World(Clock.start())
+
+
+@pytest.fixture
+def thesis_tag() -> Tag:
+    return THESIS_TAG
