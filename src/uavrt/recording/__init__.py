@@ -1,1 +1,44 @@
-"""Flight directories, pulse logs and recordings: writers and readers together."""
+"""The flight directory: written so that nothing is lost, read whatever happened to it."""
+
+from uavrt.recording.detector_config import (
+    DetectorConfig,
+    detector_config,
+    read_detector_config,
+    write_detector_config,
+)
+from uavrt.recording.flight_reader import Flight, read_flight, read_health
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.iq_recorder import IQRecorder
+from uavrt.recording.layout import FlightLayout, new_flight_directory
+from uavrt.recording.process_log import ProcessLog
+from uavrt.recording.pulse_files import (
+    PulseFormat,
+    PulseWriter,
+    pulse_format,
+    pulse_from_record,
+    pulse_record,
+    read_pulse_file,
+)
+from uavrt.recording.pulse_pose_log import read_pulse_pose_log
+
+__all__ = [
+    "DetectorConfig",
+    "Flight",
+    "FlightLayout",
+    "FlightRecorder",
+    "IQRecorder",
+    "ProcessLog",
+    "PulseFormat",
+    "PulseWriter",
+    "detector_config",
+    "new_flight_directory",
+    "pulse_format",
+    "pulse_from_record",
+    "pulse_record",
+    "read_detector_config",
+    "read_flight",
+    "read_health",
+    "read_pulse_file",
+    "read_pulse_pose_log",
+    "write_detector_config",
+]

@@ -1,0 +1,153 @@
+"""``detectorConfig.txt``: a tag as the original detector reads it.
+
+A ``##`` line, then ``key:<TAB>value`` lines without a blank one between them (the original
+crashes on that); the last record of a file counts; unknown keys are passed over
+(reference/detector.md §2, control.md §4.3). It lets the original detectors listen to the UDP
+channels that uavrt gives on request, and says to a person what was searched.
+"""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.clock import iso_utc
+from uavrt.config.text_files import write_text_atomically
+from uavrt.errors import FormatError, RecordingError
+from uavrt.messages import Tag
+from uavrt.units import hz_from_mhz, mhz_from_hz
+
+CHANNELS = 100
+CHANNEL_RATE_HZ = 3750.0
+_DATA_PORT, _CONTROL_PORT = 20_000, 30_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectorConfig:
+    """What the file says that we use."""
+
+    tag: Tag
+    channel_center_frequency_hz: float
+    sample_rate_hz: float
+    data_port: int
+    log_path: str = ""
+
+
+def detector_config(tag: Tag, center_frequency_hz: float, log_path: str = "") -> DetectorConfig:
+    """Find the tag's channel of the original's 100 around the radio frequency.
+
+    A tag beyond them (another radio, no channelizer) has a channel of its own and port 0.
+    """
+    steps = round((tag.frequency_hz - center_frequency_hz) / CHANNEL_RATE_HZ)
+    inside = -CHANNELS // 2 <= steps < CHANNELS // 2
+    return DetectorConfig(
+        tag=tag,
+        channel_center_frequency_hz=(
+            center_frequency_hz + steps * CHANNEL_RATE_HZ if inside else tag.frequency_hz
+        ),
+        sample_rate_hz=CHANNEL_RATE_HZ,
+        data_port=_DATA_PORT + steps % CHANNELS if inside else 0,
+        log_path=log_path,
+    )
+
+
+def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> None:
+    """Write the file; `time_ns` is its time stamp.
+
+    Raises
+    ------
+    RecordingError
+        The disk is full or cannot be written.
+    """
+    tag = config.tag
+    second = tag.pulse_intervals_s[1:2]
+    pairs: list[tuple[str, object]] = [
+        ("ID", tag.tag_id),
+        ("channelCenterFreqMHz", f"{mhz_from_hz(config.channel_center_frequency_hz):.9f}"),
+        ("timeStamp", iso_utc(time_ns)),
+        ("ipData", "127.0.0.1"),
+        ("portData", config.data_port),
+        ("ipCntrl", "127.0.0.1"),
+        ("portCntrl", config.data_port and config.data_port - _DATA_PORT + _CONTROL_PORT),
+        ("Fs", config.sample_rate_hz),
+        ("tagFreqMHz", f"{mhz_from_hz(tag.frequency_hz):.9f}"),
+        ("tp", tag.pulse_width_s),
+        ("tip", tag.pulse_intervals_s[0]),
+        *(("tip2", interval_s) for interval_s in second),  # ours: a tag's other rate
+        ("tipu", tag.interval_uncertainty_s),
+        ("tipj", tag.interval_jitter_s),
+        ("K", tag.k),
+        ("opMode", "freqSearchHardLock"),
+        ("excldFreqs", "[Inf, -Inf]"),
+        ("falseAlarmProb", tag.false_alarm_probability),
+        ("dataRecordPath", config.log_path),
+        ("logPath", config.log_path),
+        ("startIndex", 1),
+        ("processedOuputPath", config.log_path),  # sic, the original's key
+        ("ros2enable", "false"),
+        ("startInRunState", "true"),
+    ]
+    if tag.name is not None:
+        pairs.append(("name", " ".join(tag.name.split())))
+    lines = ["##################################################"]
+    lines += [f"{key}:\t{value}" for key, value in pairs]
+    try:
+        write_text_atomically(path, "\n".join(lines) + "\n")
+    except OSError as error:
+        raise RecordingError(
+            f"cannot write {path}: {error.strerror}", remedy="Free space on the disk"
+        ) from error
+
+
+def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
+    """Read the last record of a file, ours or an original's.
+
+    Raises
+    ------
+    FormatError
+        The file cannot be read, or a needed key is missing or no number.
+    """
+    name = os.fspath(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise FormatError(
+            f"cannot read {name}: {error.strerror}", remedy="Check the name"
+        ) from error
+    records: list[dict[str, str]] = [{}]
+    for line in text.splitlines():
+        if line.startswith("#"):
+            records.append({})
+        elif ":" in line:
+            key, _, value = line.partition(":")
+            records[-1][key.strip()] = value.strip()
+    values = next((record for record in reversed(records) if record), {})
+    try:
+        intervals = [float(values[key]) for key in ("tip", "tip2") if key in values]
+        if "tip" not in values:
+            raise KeyError("tip")
+        tag = Tag(
+            tag_id=int(values["ID"]),
+            frequency_hz=hz_from_mhz(float(values["tagFreqMHz"])),
+            pulse_width_s=float(values["tp"]),
+            pulse_intervals_s=tuple(intervals),
+            interval_uncertainty_s=float(values.get("tipu", "0")),
+            interval_jitter_s=float(values.get("tipj", "0")),
+            k=int(values.get("K", "1")),
+            false_alarm_probability=float(values.get("falseAlarmProb", "0.01")),
+            name=values.get("name"),
+        )
+        return DetectorConfig(
+            tag=tag,
+            channel_center_frequency_hz=hz_from_mhz(float(values["channelCenterFreqMHz"])),
+            sample_rate_hz=float(values["Fs"]),
+            data_port=int(values.get("portData", "0")),
+            log_path=values.get("logPath", ""),
+        )
+    except KeyError as error:
+        raise FormatError(
+            f"{name} has no {error.args[0]}", remedy="A detectorConfig.txt needs it"
+        ) from None
+    except (ValueError, OverflowError) as error:
+        raise FormatError(
+            f"{name} is not a detectorConfig.txt: {error}", remedy="Correct that line"
+        ) from None

@@ -1,0 +1,138 @@
+"""Read a flight directory, whole, half written, or cut off by a dead battery."""
+
+import os
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.errors import FormatError
+from uavrt.messages import FlightInfo, Health, Pose, PulsePose, StatusText
+from uavrt.recording import schema
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.pulse_logs import SELECT_PULSE_POSES, pulse_pose_from_row
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """A flight as recorded, each list in the order of time."""
+
+    info: FlightInfo
+    """`info.directory` is where it was read, not where it was flown."""
+    settings_json: str | None
+    pulse_poses: tuple[PulsePose, ...]
+    """All pulses; the pose is None where none was known."""
+    poses: tuple[Pose, ...]
+    """Raw vehicle poses (not the antenna's)."""
+    status_texts: tuple[tuple[int, StatusText], ...]
+    """With time [ns, UTC]."""
+    notes: tuple[tuple[int, str], ...]
+    """With time [ns, UTC]."""
+
+
+def read_flight(directory: str | os.PathLike[str]) -> Flight:
+    """Read everything of a flight but the health records.
+
+    A flight that is still being written can be read too.
+
+    Raises
+    ------
+    FormatError
+        There is no flight, or its database is damaged.
+    """
+    with _database(Path(directory)) as database:
+        return Flight(
+            info=_info(database, Path(directory)),
+            settings_json=_settings(database),
+            pulse_poses=tuple(
+                pulse_pose_from_row(row)
+                for row in database.execute(SELECT_PULSE_POSES.format(join="LEFT"))
+            ),
+            poses=tuple(
+                pose
+                for row in database.execute(
+                    f"SELECT {schema.POSE_COLUMNS} FROM poses ORDER BY time_ns"
+                )
+                if (pose := schema.pose_from_row(row)) is not None
+            ),
+            status_texts=tuple(
+                (time_ns, StatusText(severity=severity, text=text))
+                for time_ns, severity, text in database.execute(
+                    "SELECT time_ns, severity, text FROM status_texts ORDER BY time_ns"
+                )
+            ),
+            notes=tuple(
+                database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
+            ),
+        )
+
+
+def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
+    """Read the signs of life of all processes.
+
+    Raises
+    ------
+    FormatError
+        There is no flight, or its database is damaged.
+    """
+    with _database(Path(directory)) as database:
+        rows = database.execute(
+            "SELECT time_ns, process, status, ok, counters FROM health ORDER BY time_ns"
+        )
+        return tuple(map(schema.health_from_row, rows))
+
+
+@contextmanager
+def _database(directory: Path) -> Iterator[sqlite3.Connection]:
+    path = FlightLayout(directory).database
+    if not path.is_file():
+        raise FormatError(
+            f"{directory} is not a flight: it has no flight.sqlite",
+            remedy="Name a directory like flight_log_2026-05-01_08-15-00",
+        )
+    try:
+        with tempfile.TemporaryDirectory() as scratch, closing(_open(path, scratch)) as opened:
+            yield opened
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        raise FormatError(
+            f"{path} cannot be read: {error}",
+            remedy="Its pulse_pose_log.txt holds the pulses too, and `uavrt` reads that",
+        ) from error
+
+
+def _open(path: Path, scratch: str) -> sqlite3.Connection:
+    """Open for reading only; from a medium that allows no lock files, read a copy."""
+    database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=5.0)
+    try:
+        database.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        return database
+    except sqlite3.OperationalError:
+        database.close()
+    for name in (path.name, f"{path.name}-wal"):
+        if (path.parent / name).exists():
+            shutil.copyfile(path.parent / name, Path(scratch) / name)
+    return sqlite3.connect(Path(scratch) / path.name)
+
+
+def _info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
+    columns = "start_time_ns, clock_offset_ns, center_frequency_hz, sample_rate_hz"
+    row = database.execute(f"SELECT {columns} FROM flight").fetchone()
+    if row is None:
+        raise ValueError("the flight was cut off before it began")
+    tags = database.execute(f"SELECT {schema.TAG_COLUMNS} FROM tags ORDER BY tag_id")
+    return FlightInfo(
+        directory=str(directory),
+        start_time_ns=row[0],
+        clock_offset_ns=row[1],
+        center_frequency_hz=row[2],
+        sample_rate_hz=row[3],
+        tags=tuple(map(schema.tag_from_row, tags)),
+    )
+
+
+def _settings(database: sqlite3.Connection) -> str | None:
+    (text,) = database.execute("SELECT settings FROM flight").fetchone()
+    return None if text is None else str(text)

@@ -1,0 +1,329 @@
+"""Writes a flight so that nothing recorded is ever lost.
+
+A pulse is *recorded* when `FlightRecorder.commit` returns; only then is it sent. SQLite in WAL
+mode with ``synchronous=NORMAL`` keeps every committed record through ``kill -9``
+(reference/style.md §B.5); a checkpoint every `CHECKPOINT_S` brings it to the disk itself, and
+the text log is a second copy. On a disk that is full or read-only the records wait in memory
+and every commit tries again.
+"""
+
+import json
+import sqlite3
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+
+import uavrt
+from uavrt.clock import monotonic_s
+from uavrt.config.settings import Settings
+from uavrt.errors import RecordingError
+from uavrt.messages import (
+    Command,
+    CommandReply,
+    FlightInfo,
+    Health,
+    Poses,
+    Pulse,
+    PulsePose,
+    SearchReport,
+    StatusText,
+)
+from uavrt.recording import schema
+from uavrt.recording.detector_config import detector_config, write_detector_config
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.pulse_logs import PulseLogs
+
+CHECKPOINT_S = 2.0
+"""A power cut loses at most this much of the database (style.md §B.5: every few seconds)."""
+
+MAX_WAITING_PULSES = 200_000
+"""Pulses kept in memory while the disk fails: 100 MB, seven hours at 8 pulses a second."""
+
+MAX_WAITING_OTHERS = 20_000
+"""Poses and health kept likewise: half an hour; pulses carry their own poses."""
+
+_POISON = (sqlite3.IntegrityError, sqlite3.DataError, sqlite3.InterfaceError, OverflowError)
+# Python 3.11 raises InterfaceError or ProgrammingError for a type SQLite does not know.
+_UNWRITABLE = (*_POISON, sqlite3.ProgrammingError, UnicodeEncodeError)
+
+Statement = tuple[str, schema.Row]
+
+
+class FlightRecorder:
+    """One flight directory being written; made by `create`, `reopen` or `open`."""
+
+    def __init__(self, directory: Path) -> None:
+        self.layout = FlightLayout(directory)
+        self._database: sqlite3.Connection | None = None
+        self._pulses: deque[Pulse | PulsePose] = deque()
+        self._others: deque[Statement] = deque()
+        self._logs = PulseLogs(self.layout)
+        self._checkpoint_at_s = monotonic_s() + CHECKPOINT_S
+        self.committed_pulses = 0
+        """New pulses written since this recorder was made."""
+        self.repeated_pulses = 0
+        """Pulses that were recorded before, as when a sender repeats after a restart."""
+        self.failed_commits = 0
+        self.dropped_records = 0
+        """Records given up because too many waited for a disk that did not recover."""
+        self.refused_records = 0
+        """Records that no database could hold: numbers beyond 64 bits and the like."""
+
+    @classmethod
+    def create(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
+        """Begin a flight in `info.directory`: its directories, configs and database.
+
+        Raises
+        ------
+        RecordingError
+            The place cannot be written, or a flight is there already.
+        """
+        recorder = cls(Path(info.directory))
+        if recorder.layout.database.exists():
+            raise RecordingError(
+                f"{info.directory} holds a flight already",
+                remedy="Reopen it, or choose another directory",
+            )
+        recorder.layout.make([tag.tag_id for tag in info.tags])
+        for tag in info.tags:
+            output = recorder.layout.tag_pulse_pose_log(tag.tag_id).parent
+            config = detector_config(tag, info.center_frequency_hz, str(output))
+            path = recorder.layout.tag_config(tag.tag_id)
+            write_detector_config(path, config, info.start_time_ns)
+        recorder._others.extend(_info_statements(info, settings))
+        recorder.commit()
+        return recorder
+
+    @classmethod
+    def reopen(cls, directory: str | Path) -> "FlightRecorder":
+        """Go on with a flight after a kill or a power cut: nothing lost, nothing doubled.
+
+        Raises
+        ------
+        RecordingError
+            There is no flight, or it cannot be written.
+        """
+        recorder = cls(Path(directory))
+        if not recorder.layout.database.exists():
+            raise RecordingError(
+                f"{directory} holds no flight.sqlite", remedy="Begin the flight anew"
+            )
+        try:
+            recorder._logs.complete_from(recorder._connected())
+        except (sqlite3.Error, OSError) as error:
+            raise recorder._failure(error) from error
+        return recorder
+
+    @classmethod
+    def open(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
+        """Begin the flight, or go on with it when this recorder was restarted.
+
+        Raises
+        ------
+        RecordingError
+            The place cannot be written.
+        """
+        if FlightLayout(Path(info.directory)).database.exists():
+            recorder = cls.reopen(info.directory)
+            # A kill between making the file and its first commit left a database without info.
+            recorder._others.extend(_info_statements(info, settings))
+            recorder.commit()
+            return recorder
+        return cls.create(info, settings)
+
+    @property
+    def waiting_records(self) -> int:
+        """Records taken and not yet committed."""
+        return len(self._pulses) + len(self._others)
+
+    def write_pulses(self, pulses: Iterable[Pulse]) -> None:
+        """Take pulses as detected; recorded with the next commit."""
+        self._pulses.extend(pulses)
+        self._bound(self._pulses, MAX_WAITING_PULSES)
+
+    def write_pulse_poses(self, pulse_poses: Iterable[PulsePose]) -> None:
+        """Take pulses with their poses, whether the pulse itself was written before or not."""
+        self._pulses.extend(pulse_poses)
+        self._bound(self._pulses, MAX_WAITING_PULSES)
+
+    def write_poses(self, poses: Poses) -> None:
+        """Take raw vehicle poses."""
+        for pose in poses.poses:
+            self._take(schema.INSERT_POSE, schema.pose_row(pose))
+
+    def write_health(self, health: Health) -> None:
+        """Take a process's sign of life."""
+        self._take(schema.INSERT_HEALTH, schema.health_row(health))
+
+    def write_status_text(self, text: StatusText, time_ns: int) -> None:
+        """Take a text for the operator, shown at `time_ns`."""
+        self._take(schema.INSERT_STATUS_TEXT, (time_ns, text.severity, text.text))
+
+    def write_search_report(self, report: SearchReport) -> None:
+        """Take what was searched without a detection, with its noise floor."""
+        self._take(schema.INSERT_SEARCH_REPORT, schema.search_report_row(report))
+
+    def write_command(self, command: Command, reply: CommandReply | None, time_ns: int) -> None:
+        """Take a command and how it was answered."""
+        self._take(schema.INSERT_COMMAND, schema.command_row(command, reply, time_ns))
+
+    def write_note(self, text: str, time_ns: int) -> None:
+        """Take a remark on the flight: a corrected clock, a restart."""
+        self._take(schema.INSERT_NOTE, (time_ns, text))
+
+    def commit(self) -> None:
+        """Record what was taken; when this returns, a kill does not undo it.
+
+        Raises
+        ------
+        RecordingError
+            The disk is full or cannot be written. Nothing recorded is lost; what was taken
+            waits in memory and the next commit tries again. The caller counts and goes on.
+        """
+        try:
+            database = self._connected()
+            if self._pulses or self._others:
+                self._insert_all(database)
+        except (sqlite3.Error, OSError) as error:
+            self.failed_commits += 1
+            raise self._failure(error) from error
+        self._logs.write(database)
+        self._checkpoint(database)
+
+    def close(self) -> None:
+        """Commit, fold the log into the database file and close.
+
+        Raises
+        ------
+        RecordingError
+            The last commit failed; the database is closed all the same.
+        """
+        try:
+            self.commit()
+            if self._database is not None:
+                self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        except sqlite3.Error as error:
+            raise self._failure(error) from error
+        finally:
+            self._disconnect()
+
+    def _take(self, sql: str, row: schema.Row) -> None:
+        self._others.append((sql, row))
+        self._bound(self._others, MAX_WAITING_OTHERS)
+
+    def _bound(self, waiting: "deque[Pulse | PulsePose] | deque[Statement]", most: int) -> None:
+        while len(waiting) > most:
+            waiting.popleft()
+            self.dropped_records += 1
+
+    def _connected(self) -> sqlite3.Connection:
+        if self._database is None:
+            database = sqlite3.connect(
+                self.layout.database, isolation_level=None, timeout=2.0, cached_statements=16
+            )
+            try:
+                database.execute("PRAGMA journal_mode=WAL")
+                database.execute("PRAGMA synchronous=NORMAL")
+                database.executescript(schema.TABLES)
+                database.execute(f"PRAGMA user_version={schema.VERSION}")
+            except sqlite3.Error:
+                database.close()
+                raise
+            self._database = database
+        return self._database
+
+    def _disconnect(self) -> None:
+        if self._database is not None:
+            self._database.close()
+            self._database = None
+
+    def _insert_all(self, database: sqlite3.Connection) -> None:
+        """One transaction: all that waits, or nothing."""
+        new: list[PulsePose] = []
+        counts = {"pulses": 0, "repeated": 0, "refused": 0}
+        database.execute("BEGIN IMMEDIATE")
+        for record in self._pulses:
+            try:
+                self._insert_pulse(database, record, new, counts)
+            except _UNWRITABLE:
+                counts["refused"] += 1
+        for sql, row in self._others:
+            try:
+                database.execute(sql, row)
+            except _UNWRITABLE:
+                counts["refused"] += 1
+        database.execute("COMMIT")
+        self._pulses.clear()
+        self._others.clear()
+        self.committed_pulses += counts["pulses"]
+        self.repeated_pulses += counts["repeated"]
+        self.refused_records += counts["refused"]
+        self._logs.take(new)
+
+    def _insert_pulse(
+        self,
+        database: sqlite3.Connection,
+        record: Pulse | PulsePose,
+        new: list[PulsePose],
+        counts: dict[str, int],
+    ) -> None:
+        pulse = record.pulse if isinstance(record, PulsePose) else record
+        inserted = database.execute(schema.INSERT_PULSE, schema.pulse_row(pulse)).rowcount
+        counts["pulses"] += inserted
+        if not isinstance(record, PulsePose):
+            counts["repeated"] += not inserted
+            return
+        key = (pulse.tag_id, pulse.start_time_ns)
+        (pulse_id,) = database.execute(
+            "SELECT pulse_id FROM pulses WHERE tag_id = ? AND start_time_ns = ?", key
+        ).fetchone()
+        row = (pulse_id, *schema.pose_row(record.pose))
+        if database.execute(schema.INSERT_PULSE_POSE, row).rowcount:
+            new.append(record)
+        else:
+            counts["repeated"] += 1
+
+    def _checkpoint(self, database: sqlite3.Connection) -> None:
+        """Bring the write-ahead log into the database file, with the disk's own caches."""
+        now_s = monotonic_s()
+        if now_s < self._checkpoint_at_s:
+            return
+        self._checkpoint_at_s = now_s + CHECKPOINT_S
+        try:
+            database.execute("PRAGMA wal_checkpoint(PASSIVE)")
+        except sqlite3.Error:
+            # Committed records are safe in the log, and a full disk shows in the next commit.
+            self.failed_commits += 1
+
+    def _failure(self, error: Exception) -> RecordingError:
+        """Roll back, let go of the file (it may be on another disk soon), and say why."""
+        if self._database is not None:
+            try:
+                if self._database.in_transaction:
+                    self._database.execute("ROLLBACK")
+                self._disconnect()
+            except sqlite3.Error:
+                self._database = None
+        waiting = f"{self.waiting_records} records wait in memory"
+        return RecordingError(
+            f"cannot write the flight {self.layout.root}: {error}",
+            remedy=f"Free space or mend the disk; {waiting}",
+        )
+
+
+def _info_statements(info: FlightInfo, settings: Settings | None) -> list[Statement]:
+    columns = "start_time_ns, clock_offset_ns, center_frequency_hz, sample_rate_hz, settings, "
+    row = (
+        info.start_time_ns,
+        info.clock_offset_ns,
+        info.center_frequency_hz,
+        info.sample_rate_hz,
+        None if settings is None else json.dumps(asdict(settings)),
+        uavrt.__version__,
+    )
+    flight = (
+        f"INSERT INTO flight ({columns} uavrt_version) SELECT ?, ?, ?, ?, ?, ? "
+        "WHERE NOT EXISTS (SELECT 1 FROM flight)"
+    )
+    return [(flight, row), *((schema.INSERT_TAG, schema.tag_row(tag)) for tag in info.tags)]

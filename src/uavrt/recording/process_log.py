@@ -1,0 +1,61 @@
+"""What a process says, line by line, in a file that cannot fill the disk."""
+
+from pathlib import Path
+
+MAX_BYTES = 2_000_000
+KEPT_FILES = 3
+"""Older files, ``name.log.1`` the youngest: with `MAX_BYTES`, 8 MB for each process."""
+
+
+class ProcessLog:
+    """A text log that is rotated by size.
+
+    A line that cannot be written (full disk) is counted, not raised: the log of a process is
+    never a reason to stop the process.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its directory is made.
+    max_bytes : int
+        Size at which the file is put aside.
+    kept_files : int
+        How many are kept aside.
+    """
+
+    def __init__(
+        self, path: Path, *, max_bytes: int = MAX_BYTES, kept_files: int = KEPT_FILES
+    ) -> None:
+        self._path = path
+        self._max_bytes = max_bytes
+        self._kept_files = kept_files
+        self.lost_lines = 0
+        """Lines that could not be written."""
+
+    def write(self, text: str) -> None:
+        """Append text; a newline is added where it is missing."""
+        content = text.encode("utf-8", "replace")
+        if not content.endswith(b"\n"):
+            content += b"\n"
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            if self._size() + len(content) > self._max_bytes and self._size() > 0:
+                self._rotate()
+            # Opened for each line: a rotated or deleted file is never written on unseen, and a
+            # line every second costs nothing.
+            with self._path.open("ab", buffering=0) as file:
+                file.write(content)
+        except OSError:
+            self.lost_lines += content.count(b"\n")
+
+    def _size(self) -> int:
+        return self._path.stat().st_size if self._path.exists() else 0
+
+    def _rotate(self) -> None:
+        for number in range(self._kept_files, 0, -1):
+            newer = self._numbered(number - 1) if number > 1 else self._path
+            if newer.exists():
+                newer.replace(self._numbered(number))
+
+    def _numbered(self, number: int) -> Path:
+        return self._path.with_name(f"{self._path.name}.{number}")

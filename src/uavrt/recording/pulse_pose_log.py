@@ -1,0 +1,228 @@
+"""The thesis's ``pulse_pose_log.txt``: one pulse a line, 23 columns, now at full precision.
+
+::
+
+    1 tag_id            2 frequency MHz
+    3,4 start           5,6 end           7,8 next start      9,10 next end   (sec, nanosec)
+    11 snr dB           12 score          13 group_index      14 group snr dB
+    15 detection_status 16 confirmed_status
+    17 latitude         18 longitude      19 altitude AMSL m  20–23 quaternion x, y, z, w
+
+Separator comma and space, no heading (reference/control.md §3.3). The original printed six
+digits: 11 m in latitude, and 4294967295 for half of all column 10. Here times are whole
+numbers, and what is not known is ``nan``, never zero.
+"""
+
+import math
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from uavrt.errors import FormatError
+from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
+from uavrt.units import NANOSECONDS_PER_SECOND, hz_from_mhz, mhz_from_hz
+
+COLUMNS = 23
+_SATURATED = 4_294_967_295
+_MISSING = "nan"
+
+
+def format_line(pulse_pose: PulsePose) -> str:
+    """Write one line, with its newline."""
+    pulse, pose = pulse_pose.pulse, pulse_pose.pose
+    fields = [
+        str(pulse.tag_id),
+        f"{mhz_from_hz(pulse.frequency_hz):.9f}",
+        *_seconds_nanoseconds(pulse.start_time_ns),
+        *_seconds_nanoseconds(pulse.end_time_ns),
+        *_seconds_nanoseconds(pulse.predicted_next_start_ns),
+        *_seconds_nanoseconds(pulse.predicted_next_end_ns),
+        repr(float(pulse.snr_db)),
+        repr(float(pulse.score)),
+        str(pulse.group_index),
+        repr(float(pulse.group_snr_db)),
+        str(int(pulse.detection_status != "subthreshold")),
+        str(int(pulse.confirmed)),
+    ]
+    if pose is None:
+        fields += [_MISSING] * 7
+    else:
+        w, x, y, z = pose.quaternion_wxyz
+        fields += [f"{pose.latitude_deg:.9f}", f"{pose.longitude_deg:.9f}"]
+        fields.append(f"{pose.altitude_amsl_m:.4f}")
+        fields += [f"{part:.9f}" for part in (x, y, z, w)]
+    return ", ".join(fields) + "\n"
+
+
+def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
+    """Read one line, ours or the thesis's.
+
+    What the 23 columns lack: `group_sequence` is the caller's, the rate is 1, noise and
+    relative altitude are NaN.
+
+    Raises
+    ------
+    ValueError
+        It is not such a line.
+    """
+    fields = [field.strip() for field in line.split(",")]
+    if len(fields) != COLUMNS:
+        raise ValueError(f"{len(fields)} columns where {COLUMNS} belong")
+    start_ns, end_ns = _time_ns(fields[2], fields[3]), _time_ns(fields[4], fields[5])
+    if start_ns is None or end_ns is None:
+        raise ValueError("the pulse has no time")
+    confirmed = bool(int(fields[15]))
+    status: DetectionStatus = "detected"
+    if not int(fields[14]):
+        status = "subthreshold"
+    elif confirmed:
+        status = "confirmed"
+    pulse = Pulse(
+        tag_id=int(fields[0]),
+        frequency_hz=_frequency_hz(fields[1]),
+        start_time_ns=start_ns,
+        end_time_ns=end_ns,
+        snr_db=float(fields[10]),
+        group_snr_db=float(fields[13]),
+        score=float(fields[11]),
+        group_index=int(fields[12]),
+        group_sequence=group_sequence,
+        noise_psd=math.nan,
+        detection_status=status,
+        confirmed=confirmed,
+        rate=1,
+        predicted_next_start_ns=_time_ns(fields[6], fields[7]),
+        predicted_next_end_ns=_time_ns(fields[8], fields[9]),
+    )
+    return PulsePose(pulse=pulse, pose=_pose(fields[16:], (start_ns + end_ns) // 2))
+
+
+def read_pulse_pose_log(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
+    """Read a whole log; a line that a power cut left unfinished at the end is passed over.
+
+    Raises
+    ------
+    FormatError
+        The file cannot be read, or a line inside it is not a pulse.
+    """
+    try:
+        text = Path(path).read_bytes().decode("utf-8", "replace")
+    except OSError as error:
+        raise FormatError(
+            f"cannot read {os.fspath(path)}: {error.strerror}", remedy="Check the name"
+        ) from error
+    lines = text.split("\n")
+    finished, rest = lines[:-1], lines[-1]
+    found: list[PulsePose] = []
+    sequence: dict[int, tuple[int, int]] = {}
+    for number, line in enumerate(finished, start=1):
+        if not line.strip("\0 \r\t"):
+            continue
+        try:
+            parsed = parse_line(line)
+            count, index = sequence.get(parsed.pulse.tag_id, (0, 1 << 30))
+            if parsed.pulse.group_index <= index:
+                count += 1
+            sequence[parsed.pulse.tag_id] = (count, parsed.pulse.group_index)
+            found.append(parse_line(line, group_sequence=count))
+        except (ValueError, OverflowError) as error:
+            if number == len(finished) and not rest.strip("\0"):
+                break
+            raise FormatError(
+                f"{os.fspath(path)} line {number} is not a pulse: {error}",
+                remedy="A pulse_pose_log.txt has 23 columns in each line",
+            ) from None
+    return tuple(found)
+
+
+class PulsePoseLog:
+    """Appends lines to a log as a whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        The log; made when the first line comes.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def append(self, lines: Iterable[str]) -> None:
+        """Append lines; on failure the file is cut back to what it was.
+
+        Raises
+        ------
+        OSError
+            The disk is full or cannot be written.
+        """
+        content = memoryview("".join(lines).encode())
+        file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        try:
+            size = os.fstat(file).st_size
+            try:
+                while content:
+                    content = content[os.write(file, content) :]
+            except OSError:
+                os.ftruncate(file, size)
+                raise
+        finally:
+            os.close(file)
+
+    def repair(self) -> set[tuple[int, int]]:
+        """Cut off an unfinished last line; get tag id and start time [ns] of all others.
+
+        Raises
+        ------
+        OSError
+            The file cannot be read or written.
+        """
+        if not self._path.exists():
+            return set()
+        content = self._path.read_bytes()
+        whole = content.rfind(b"\n") + 1
+        if whole < len(content):
+            os.truncate(self._path, whole)
+        return set(_keys(content[:whole]))
+
+
+def _keys(content: bytes) -> Iterator[tuple[int, int]]:
+    for line in content.decode("utf-8", "replace").split("\n"):
+        fields = line.split(",", 4)
+        try:
+            yield int(fields[0]), int(fields[2]) * NANOSECONDS_PER_SECOND + int(fields[3])
+        except (ValueError, IndexError):
+            continue
+
+
+def _seconds_nanoseconds(time_ns: int | None) -> tuple[str, str]:
+    if time_ns is None:
+        return _MISSING, _MISSING
+    seconds, nanoseconds = divmod(time_ns, NANOSECONDS_PER_SECOND)
+    return str(seconds), str(nanoseconds)
+
+
+def _time_ns(seconds: str, nanoseconds: str) -> int | None:
+    if _MISSING in (seconds, nanoseconds) or int(nanoseconds) == _SATURATED:
+        return None
+    return int(seconds) * NANOSECONDS_PER_SECOND + int(nanoseconds)
+
+
+def _frequency_hz(megahertz: str) -> float:
+    value = float(megahertz)
+    return hz_from_mhz(value) if abs(value) < 1e6 else value * 1e6
+
+
+def _pose(fields: list[str], time_ns: int) -> Pose | None:
+    latitude, longitude, altitude, x, y, z, w = map(float, fields)
+    if not all(map(math.isfinite, (latitude, longitude, x, y, z, w))):
+        return None
+    if x == y == z == w == 0.0:  # the thesis's word for "no telemetry yet"
+        return None
+    return Pose(
+        time_ns=time_ns,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl_m=altitude,
+        altitude_relative_m=math.nan,
+        quaternion_wxyz=(w, x, y, z),
+    )

@@ -1,0 +1,249 @@
+"""Tables of ``flight.sqlite``, and records to rows and back.
+
+Times are nanoseconds UTC, units stand in the names, absence is NULL. No column forbids NULL
+where a float may be NaN (SQLite stores NaN as NULL): one odd record must not bar the others.
+"""
+
+import json
+import math
+from typing import Any
+
+from uavrt.messages import Command, CommandReply, Health, Pose, Pulse, SearchReport, Tag
+
+VERSION = 1
+
+TABLES = """
+CREATE TABLE IF NOT EXISTS flight (
+    start_time_ns INTEGER, clock_offset_ns INTEGER, center_frequency_hz REAL,
+    sample_rate_hz REAL, settings TEXT, uavrt_version TEXT
+);
+CREATE TABLE IF NOT EXISTS tags (
+    tag_id INTEGER PRIMARY KEY, name TEXT, frequency_hz REAL, pulse_width_s REAL,
+    pulse_intervals_s TEXT, interval_uncertainty_s REAL, interval_jitter_s REAL, k INTEGER,
+    false_alarm_probability REAL
+);
+CREATE TABLE IF NOT EXISTS pulses (
+    pulse_id INTEGER PRIMARY KEY, tag_id INTEGER, frequency_hz REAL, start_time_ns INTEGER,
+    end_time_ns INTEGER, snr_db REAL, group_snr_db REAL, score REAL, group_index INTEGER,
+    group_sequence INTEGER, noise_psd REAL, detection_status TEXT, confirmed INTEGER,
+    rate INTEGER, predicted_next_start_ns INTEGER, predicted_next_end_ns INTEGER,
+    UNIQUE (tag_id, start_time_ns)
+);
+CREATE TABLE IF NOT EXISTS pulse_poses (
+    pulse_id INTEGER PRIMARY KEY REFERENCES pulses, time_ns INTEGER, latitude_deg REAL,
+    longitude_deg REAL, altitude_amsl_m REAL, altitude_relative_m REAL, quaternion_w REAL,
+    quaternion_x REAL, quaternion_y REAL, quaternion_z REAL, extrapolated INTEGER
+);
+CREATE TABLE IF NOT EXISTS poses (
+    time_ns INTEGER PRIMARY KEY, latitude_deg REAL, longitude_deg REAL, altitude_amsl_m REAL,
+    altitude_relative_m REAL, quaternion_w REAL, quaternion_x REAL, quaternion_y REAL,
+    quaternion_z REAL, extrapolated INTEGER
+);
+CREATE TABLE IF NOT EXISTS health (
+    time_ns INTEGER, process TEXT, status TEXT, ok INTEGER, counters TEXT
+);
+CREATE TABLE IF NOT EXISTS status_texts (time_ns INTEGER, severity INTEGER, text TEXT);
+CREATE TABLE IF NOT EXISTS commands (
+    time_ns INTEGER, request_id INTEGER, name TEXT, source TEXT, detail TEXT,
+    accepted INTEGER, message TEXT
+);
+CREATE TABLE IF NOT EXISTS search_reports (
+    time_ns INTEGER, tag_id INTEGER, frequency_hz REAL, noise_psd REAL, best_score REAL
+);
+CREATE TABLE IF NOT EXISTS notes (time_ns INTEGER, text TEXT);
+"""
+
+PULSE_COLUMNS = (
+    "tag_id, frequency_hz, start_time_ns, end_time_ns, snr_db, group_snr_db, score, "
+    "group_index, group_sequence, noise_psd, detection_status, confirmed, rate, "
+    "predicted_next_start_ns, predicted_next_end_ns"
+)
+POSE_COLUMNS = (
+    "time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, "
+    "quaternion_w, quaternion_x, quaternion_y, quaternion_z, extrapolated"
+)
+TAG_COLUMNS = (
+    "tag_id, name, frequency_hz, pulse_width_s, pulse_intervals_s, interval_uncertainty_s, "
+    "interval_jitter_s, k, false_alarm_probability"
+)
+
+Row = tuple[Any, ...]
+
+
+def insertion(table: str, columns: str) -> str:
+    """SQL that adds a row, or leaves the table alone when the row is there already."""
+    marks = ", ".join("?" * len(columns.split(",")))
+    return f"INSERT OR IGNORE INTO {table} ({columns}) VALUES ({marks})"
+
+
+INSERT_TAG = insertion("tags", TAG_COLUMNS)
+INSERT_PULSE = insertion("pulses", PULSE_COLUMNS)
+INSERT_POSE = insertion("poses", POSE_COLUMNS)
+INSERT_PULSE_POSE = insertion("pulse_poses", f"pulse_id, {POSE_COLUMNS}")
+INSERT_HEALTH = insertion("health", "time_ns, process, status, ok, counters")
+INSERT_STATUS_TEXT = insertion("status_texts", "time_ns, severity, text")
+INSERT_COMMAND = insertion(
+    "commands", "time_ns, request_id, name, source, detail, accepted, message"
+)
+INSERT_SEARCH_REPORT = insertion(
+    "search_reports", "time_ns, tag_id, frequency_hz, noise_psd, best_score"
+)
+INSERT_NOTE = insertion("notes", "time_ns, text")
+
+
+def pulse_row(pulse: Pulse) -> Row:
+    """Row of a pulse, in the order of `PULSE_COLUMNS`."""
+    return (
+        pulse.tag_id,
+        pulse.frequency_hz,
+        pulse.start_time_ns,
+        pulse.end_time_ns,
+        pulse.snr_db,
+        pulse.group_snr_db,
+        pulse.score,
+        pulse.group_index,
+        pulse.group_sequence,
+        pulse.noise_psd,
+        pulse.detection_status,
+        int(pulse.confirmed),
+        pulse.rate,
+        pulse.predicted_next_start_ns,
+        pulse.predicted_next_end_ns,
+    )
+
+
+def pulse_from_row(row: Row) -> Pulse:
+    """Pulse of a row; a number that was NaN is NaN again."""
+    return Pulse(
+        tag_id=row[0],
+        frequency_hz=_number(row[1]),
+        start_time_ns=row[2],
+        end_time_ns=row[3],
+        snr_db=_number(row[4]),
+        group_snr_db=_number(row[5]),
+        score=_number(row[6]),
+        group_index=row[7],
+        group_sequence=row[8],
+        noise_psd=_number(row[9]),
+        detection_status=row[10],
+        confirmed=bool(row[11]),
+        rate=row[12],
+        predicted_next_start_ns=row[13],
+        predicted_next_end_ns=row[14],
+    )
+
+
+def pose_row(pose: Pose | None) -> Row:
+    """Row of a pose, in the order of `POSE_COLUMNS`; all NULL when there is none."""
+    if pose is None:
+        return (None,) * 10
+    return (
+        pose.time_ns,
+        pose.latitude_deg,
+        pose.longitude_deg,
+        pose.altitude_amsl_m,
+        pose.altitude_relative_m,
+        *pose.quaternion_wxyz,
+        int(pose.extrapolated),
+    )
+
+
+def pose_from_row(row: Row) -> Pose | None:
+    """Pose of a row, None for a row of NULL."""
+    if row[0] is None:
+        return None
+    return Pose(
+        time_ns=row[0],
+        latitude_deg=_number(row[1]),
+        longitude_deg=_number(row[2]),
+        altitude_amsl_m=_number(row[3]),
+        altitude_relative_m=_number(row[4]),
+        quaternion_wxyz=(
+            _number(row[5]),
+            _number(row[6]),
+            _number(row[7]),
+            _number(row[8]),
+        ),
+        extrapolated=bool(row[9]),
+    )
+
+
+def tag_row(tag: Tag) -> Row:
+    """Row of a tag, in the order of `TAG_COLUMNS`."""
+    return (
+        tag.tag_id,
+        tag.name,
+        tag.frequency_hz,
+        tag.pulse_width_s,
+        json.dumps(tag.pulse_intervals_s),
+        tag.interval_uncertainty_s,
+        tag.interval_jitter_s,
+        tag.k,
+        tag.false_alarm_probability,
+    )
+
+
+def tag_from_row(row: Row) -> Tag:
+    """Tag of a row."""
+    return Tag(
+        tag_id=row[0],
+        name=row[1],
+        frequency_hz=row[2],
+        pulse_width_s=row[3],
+        pulse_intervals_s=tuple(json.loads(row[4])),
+        interval_uncertainty_s=row[5],
+        interval_jitter_s=row[6],
+        k=row[7],
+        false_alarm_probability=row[8],
+    )
+
+
+def search_report_row(report: SearchReport) -> Row:
+    """Row of "searched, nothing found"."""
+    return (
+        report.time_ns,
+        report.tag_id,
+        report.frequency_hz,
+        report.noise_psd,
+        report.best_score,
+    )
+
+
+def health_row(health: Health) -> Row:
+    """Row of a sign of life."""
+    counters = json.dumps(health.counters)
+    return (health.time_ns, health.process, health.status, int(health.ok), counters)
+
+
+def health_from_row(row: Row) -> Health:
+    """Sign of life of a row."""
+    return Health(
+        time_ns=row[0],
+        process=row[1],
+        status=row[2],
+        ok=bool(row[3]),
+        counters=json.loads(row[4]),
+    )
+
+
+def command_row(command: Command, reply: CommandReply | None, time_ns: int) -> Row:
+    """Row of a command and its answer."""
+    detail = {
+        "tag_id": None if command.tag is None else command.tag.tag_id,
+        "center_frequency_hz": command.center_frequency_hz,
+        "gain": command.gain,
+    }
+    given = {key: value for key, value in detail.items() if value is not None}
+    return (
+        time_ns,
+        command.request_id,
+        command.name,
+        command.source,
+        json.dumps(given),
+        None if reply is None else int(reply.accepted),
+        None if reply is None else reply.message,
+    )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value

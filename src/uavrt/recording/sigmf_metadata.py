@@ -1,0 +1,77 @@
+"""SigMF metadata of a recording with gaps.
+
+Each stretch without a gap is one entry of ``captures`` with its time and, in
+``core:global_index``, its place in the radio's stream; each gap also is an annotation, so that
+a person sees it in a viewer (SigMF 1.2, https://sigmf.org).
+"""
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import uavrt
+from uavrt.clock import NANOSECONDS, iso_utc
+
+FULL_SCALE = 32_768.0
+"""An input of 1.0 is stored as 32 767: readers of ``ci16`` divide by 32 768."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stretch:
+    """Samples without a gap."""
+
+    sample_start: int
+    """Index of the first sample in the file."""
+    global_index: int
+    """Index of that sample in the radio's stream, lost ones counted."""
+    time_ns: int
+
+
+def sigmf_metadata(
+    stretches: list[Stretch],
+    *,
+    sample_rate_hz: float,
+    center_frequency_hz: float,
+    hardware: str,
+    description: str,
+) -> dict[str, Any]:
+    """Make the metadata of a ``ci16_le`` recording."""
+    annotations = []
+    for before, after in itertools.pairwise(stretches):
+        recorded = after.sample_start - before.sample_start
+        missing = after.global_index - before.global_index - recorded
+        annotations.append(
+            {
+                "core:sample_start": after.sample_start,
+                "core:sample_count": 0,
+                "core:label": "gap",
+                "core:comment": f"{missing} samples are missing before this one",
+                "core:generator": "uavrt",
+            }
+        )
+    return {
+        "global": {
+            "core:datatype": "ci16_le",
+            "core:version": "1.2.0",
+            "core:sample_rate": sample_rate_hz,
+            "core:num_channels": 1,
+            "core:hw": hardware,
+            "core:description": description,
+            "core:recorder": f"uavrt {uavrt.__version__}",
+        },
+        "captures": [
+            {
+                "core:sample_start": stretch.sample_start,
+                "core:global_index": stretch.global_index,
+                "core:frequency": center_frequency_hz,
+                "core:datetime": _nanosecond_stamp(stretch.time_ns),
+            }
+            for stretch in stretches
+        ],
+        "annotations": annotations,
+    }
+
+
+def _nanosecond_stamp(time_ns: int) -> str:
+    seconds = iso_utc(time_ns // NANOSECONDS * NANOSECONDS)[:19]
+    return f"{seconds}.{time_ns % NANOSECONDS:09d}Z"
