@@ -5,6 +5,7 @@ all see the same world, since each random quantity is a hash of its name and num
 The hash is the finalizer of SplitMix64 (Steele, Lea & Flood, OOPSLA 2014), applied twice.
 """
 
+import math
 import zlib
 
 import numpy as np
@@ -62,11 +63,11 @@ def normal(key: int, index: ArrayLike) -> NDArray[np.float64]:
 def smooth_normal(key: int, position: float) -> float:
     """Get a smooth random function of one variable with unit variance.
 
-    Independent normals at whole numbers, weighted with a Gaussian of standard deviation 0.5/√2
-    around `position`: the correlation between x and y is exp(-(x - y)²) and the variance is
-    exactly one everywhere, by the normalization.
+    Independent normals at the halves, weighted with a Gaussian of standard deviation 1/2 around
+    `position`: the correlation between x and y is exp(-(x - y)²), and the variance is exactly
+    one everywhere by the normalization.
     """
-    centre = int(np.floor(position))
-    knots = np.arange(centre - 3, centre + 5)
-    weights = np.exp(-2.0 * (position - knots) ** 2)
+    halves = 2.0 * position
+    knots = np.arange(math.floor(halves) - 4, math.floor(halves) + 6)
+    weights = np.exp(-0.5 * (halves - knots) ** 2)
     return float(weights @ normal(key, knots) / np.sqrt(weights @ weights))

@@ -65,7 +65,8 @@ def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
     radio = scenario.radio
     noise_mw = 10.0 ** (noise_psd_dbm_hz(scenario) / 10.0) * radio.sample_rate_hz
     steps = (radio.gain if gain is None else gain) - 21
-    return radio.noise_rms / math.sqrt(noise_mw) * 10.0 ** (steps * radio.gain_step_db / 20.0)
+    gain_ratio = math.pow(10.0, steps * radio.gain_step_db / 20.0)
+    return radio.noise_rms / math.sqrt(noise_mw) * gain_ratio
 
 
 class World:
