@@ -137,7 +137,7 @@ class PulsePose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Poses:
-    """Several poses of the antenna in a row, batched for the recorder."""
+    """Several raw poses of the vehicle in a row, batched for the recorder."""
 
     poses: tuple[Pose, ...]
 

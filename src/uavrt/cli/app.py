@@ -13,6 +13,9 @@ app = App(
     version=uavrt.__version__,
 )
 # Named as text: a command's module is imported when the command is called.
+app.command("uavrt.cli.demo:demo")
+app.command("uavrt.cli.run:run")
+app.command("uavrt.cli.ground:ground")
 app.command("uavrt.cli.simulate:simulate")
 
 

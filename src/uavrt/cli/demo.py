@@ -16,8 +16,8 @@ def demo(
     seed: int = 1,
     flight_dir: Path = Path("flights"),
     port: int | None = None,
-    headless: bool = False,
-    json_summary: Annotated[bool, Parameter(name="--json")] = False,
+    headless: Annotated[bool, Parameter(negative="")] = False,
+    json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Fly the whole system on this machine, with simulated animals, radio and autopilot.
 

@@ -4,6 +4,7 @@ Each runs as a process of its own, as in the field; only the radio, the autopilo
 are simulated.
 """
 
+import json
 import os
 import signal
 import socket
@@ -13,6 +14,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from uavrt.config.settings import (
     AntennaSettings,
@@ -22,6 +24,7 @@ from uavrt.config.settings import (
     Settings,
 )
 from uavrt.errors import UavrtError
+from uavrt.ipc.link import LineBuffer
 from uavrt.simulation import Scenario
 
 STOP_TIMEOUT_S = 15.0
@@ -100,6 +103,8 @@ class Program:
     def __init__(self, name: str, arguments: Sequence[str], log: Path) -> None:
         self.name = name
         self._log = log
+        self._lines = LineBuffer()
+        self._read_to = 0
         self.exit_code: int | None = None
         self.cpu_s = 0.0
         with log.open("wb") as output:
@@ -124,6 +129,14 @@ class Program:
         if self._wait(0.0):
             tail = "\n".join(self._log.read_text(errors="replace").splitlines()[-12:])
             raise UavrtError(f"{self.name} ended (exit {self.exit_code}):\n{tail}")
+
+    def new_events(self) -> list[dict[str, Any]]:
+        """Get the JSON lines that it has printed since the last call."""
+        with self._log.open("rb") as file:
+            file.seek(self._read_to)
+            data = file.read()
+        self._read_to += len(data)
+        return [json.loads(line) for line in self._lines.feed(data) if line[:1] == b"{"]
 
     @property
     def ended(self) -> bool:

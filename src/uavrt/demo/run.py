@@ -117,6 +117,7 @@ class Demo:
                 "--tags",
                 str(paths.tags),
                 "--start",
+                "--json",
                 "-o",
                 str(paths.ground),
             ),
@@ -160,6 +161,9 @@ class Demo:
         if check:
             self._check()
         self.view.elapsed_s = max(0.0, (clock.now_ns() - self._start_ns) * 1e-9)
+        for event in self._programs[2].new_events():
+            if event.get("event") == "pulse" and event["tag_id"] in self.view.tags:
+                self.view.tags[event["tag_id"]].delivered += 1
         for record in self._reader.read(REFRESH_S):
             match record:
                 case PulsePose(pulse=pulse) if pulse.tag_id in self.view.tags:
@@ -174,10 +178,6 @@ class Demo:
             self.view.phase = phase_of(self.scenario.flight, self.view.elapsed_s)
         self._cpu.take(status, self._programs)
         self.view.cpu_percent = self._cpu.percents()
-        for process in status.processes:
-            for name, count in process.counters.items():
-                if name.startswith("delivered_") and name[10:].isdigit():
-                    self.view.tags[int(name[10:])].delivered = int(count)
 
     def _check(self) -> None:
         for program in self._programs:

@@ -18,6 +18,7 @@ from typing import Any, Self
 from uavrt.clock import Clock, monotonic_s
 from uavrt.ipc.assignment import Assignment
 from uavrt.ipc.link import ChildLink, SupervisorGone
+from uavrt.ipc.parent import die_with_parent
 from uavrt.log import configure_logging, get_logger
 from uavrt.messages import Health, StatusText
 
@@ -51,6 +52,7 @@ class ProcessFrame:
         A Ctrl-C in a terminal reaches every process of the group; the supervisor alone decides
         in which order they end.
         """
+        die_with_parent()
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         link = ChildLink.from_environment()
         assignment = link.wait_for_assignment()

@@ -70,7 +70,7 @@ TOPICS: dict[str, Topic] = {
         Topic(
             name="poses",
             record=messages.Poses,
-            meaning="poses of the vehicle's antenna, batched",
+            meaning="raw poses of the vehicle, batched",
             recorded=True,
             lossless=False,
             backlog=600,

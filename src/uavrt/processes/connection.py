@@ -174,7 +174,7 @@ class ConnectionProcess:
             self._next_pose_ns = newest_ns
         while self._next_pose_ns <= newest_ns:
             with suppress(UavrtError):
-                self._poses.append(self._ring.antenna_pose(self._next_pose_ns))
+                self._poses.append(self._ring.vehicle_pose(self._next_pose_ns))
             self._next_pose_ns += POSE_PERIOD_NS
         if len(self._poses) >= POSES_PER_RECORD:
             self._frame.send("poses", Poses(poses=tuple(self._poses)))

@@ -2,6 +2,8 @@
 
 import select
 import socket
+from collections.abc import Iterator
+from dataclasses import asdict
 
 from uavrt.detection import PulseDetector
 from uavrt.ipc import ChannelReceiver, ProcessFrame
@@ -56,7 +58,7 @@ class DetectorBank:
             "detectors": len(self.all()),
         }
         for detector in self.all():
-            for name, count in detector.counters.items():
+            for name, count in _numbers(detector):
                 total[name] = total.get(name, 0) + count
         return total
 
@@ -83,6 +85,16 @@ class DetectorBank:
         ]
 
 
+def _numbers(detector: PulseDetector) -> Iterator[tuple[str, int]]:
+    """Everything a detector has counted, but the samples, which the bank counts once."""
+    counters = asdict(detector.counters)
+    for reason, count in counters.pop("rejected").items():
+        yield f"rejected_{reason}", count
+    for name, count in counters.items():
+        if name not in ("samples", "samples_lost"):
+            yield name, count
+
+
 def main() -> None:
     """Detect until told to end; then finish the samples that are already here."""
     with ProcessFrame.start() as frame:
@@ -90,7 +102,7 @@ def main() -> None:
         receiver = ChannelReceiver(socket.socket(fileno=assignment.sample_fds[0]))
         bank = DetectorBank(assignment.tags, assignment.settings.detection.frequency_window_hz)
         while frame.running:
-            select.select([receiver, frame.link], [], [], SELECT_S)
+            select.select([receiver.fileno(), frame.link.fileno()], [], [], SELECT_S)
             frame.receive()
             detect_all(frame, receiver, bank)
             frame.report("detecting" if bank.samples else "waiting", counters=bank.counters)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from uavrt.clock import monotonic_s
 from uavrt.dsp import FrontEnd
-from uavrt.errors import RadioError, UavrtError
+from uavrt.errors import RadioError, RecordingError, UavrtError
 from uavrt.ipc import ChannelSender, ProcessFrame
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, IQBlock
@@ -58,15 +58,21 @@ class Receiver:
         self.last_sample_ns = 0
 
     def _open_recorder(self, frame: ProcessFrame, flight: FlightInfo) -> IQRecorder | None:
+        """Open the recording if asked for; without it detection goes on all the same."""
         recording = frame.assignment.settings.recording
         if not recording.iq:
             return None
-        return IQRecorder(
-            Path(flight.directory) / "recording",
-            center_frequency_hz=flight.center_frequency_hz,
-            sample_rate_hz=self._front_end.plan.band_rate_hz,
-            minimum_free_mb=recording.minimum_free_mb,
-        )
+        try:
+            return IQRecorder(
+                new_recording_name(Path(flight.directory) / "recording"),
+                center_frequency_hz=flight.center_frequency_hz,
+                sample_rate_hz=self._front_end.plan.band_rate_hz,
+                minimum_free_mb=recording.minimum_free_mb,
+                hardware=frame.assignment.settings.radio.kind,
+            )
+        except RecordingError as error:
+            log.error("samples not recorded", reason=str(error))
+            return None
 
     def process(self, block: IQBlock) -> None:
         """Decimate, record, channelize and send one block."""
@@ -78,7 +84,7 @@ class Receiver:
         )
         band = self._front_end.decimate(block)
         if self._recorder is not None:
-            self._recorder.write(band)
+            self._recorder.put(band)
         for channel in self._front_end.channelize(band):
             for worker in self._workers_of_channel[channel.channel]:
                 self._senders[worker].send(channel)
@@ -104,8 +110,17 @@ class Receiver:
             "channel_samples_dropped": sum(s.samples_dropped for s in self._senders),
         }
         if self._recorder is not None:
-            counters["recording_samples_dropped"] = self._recorder.samples_dropped
+            counters["recording_samples"] = self._recorder.written_samples
+            counters["recording_samples_dropped"] = self._recorder.dropped_samples
         return counters
+
+
+def new_recording_name(directory: Path) -> Path:
+    """Get a name (without ending) that is free: a restarted receiver begins a new recording."""
+    number = 1
+    while (directory / f"band_{number}.sigmf-data").exists():
+        number += 1
+    return directory / f"band_{number}"
 
 
 def main() -> None:

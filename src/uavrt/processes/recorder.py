@@ -32,74 +32,111 @@ class Recorder:
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
         self._flight: FlightRecorder | None = None
-        self._counters: dict[str, float] = {}
+        self._commands: dict[int, Command] = {}
+        self._fault = ""
 
     def open(self, info: FlightInfo) -> None:
         """Open a flight, new or begun before a restart."""
-        if self._flight is not None and self._flight.directory == Path(info.directory):
+        if self._flight is not None and self._flight.layout.root == Path(info.directory):
             return
         self.close()
         try:
-            self._flight = FlightRecorder.open(Path(info.directory), info)
+            self._flight = FlightRecorder.open(info, self._frame.assignment.settings)
         except RecordingError as error:
-            log.error("flight not recorded", reason=str(error))
+            self._complain(error)
 
     def close(self) -> None:
         """Close the flight."""
-        if self._flight is not None:
-            self._counters = dict(self._flight.counters)
+        if self._flight is None:
+            return
+        try:
             self._flight.close()
-            self._flight = None
+        except RecordingError as error:
+            self._complain(error)
+        self._flight = None
 
     def take(self, records: list[tuple[str, object]]) -> None:
         """Write records, commit once, then pass the recorded pulses on."""
         recorded: list[PulsePose] = []
         for topic, record in records:
             match record:
+                case FlightInfo() if topic == "flight":
+                    self.open(record)
                 case FlightInfo():
-                    self.commit()
-                    self.open(record) if topic == "flight" else self.close()
+                    self.close()
                 case PulsePose():
                     recorded.append(record)
                     self._write(record)
                 case _:
                     self._write(record)
-        self.commit()
+        self._commit()
+        # Also what could not be written: the flight goes on, and it waits in memory.
         for pulse_pose in recorded:
             self._frame.send("recorded_pulse_pose", pulse_pose)
 
     def _write(self, record: object) -> None:
+        if isinstance(record, Command):
+            self._commands[record.request_id] = record
         flight = self._flight
         if flight is None:
             return
+        now_ns = self._frame.clock.now_ns()
         match record:
             case Pulse():
                 flight.write_pulses([record])
             case PulsePose():
                 flight.write_pulse_poses([record])
             case Poses():
-                flight.write_poses(record.poses)
+                flight.write_poses(record)
             case Health():
                 flight.write_health(record)
             case StatusText():
-                flight.write_status_text(record, self._frame.clock.now_ns())
-            case SearchReport() | Command() | CommandReply():
-                flight.write_event(record, self._frame.clock.now_ns())
+                flight.write_status_text(record, now_ns)
+            case SearchReport():
+                flight.write_search_report(record)
+            case CommandReply():
+                command = self._commands.pop(record.request_id, None)
+                if command is not None:
+                    flight.write_command(command, record, now_ns)
 
-    def commit(self) -> None:
+    def _commit(self) -> None:
         """Make what was written safe; a full disk is reported, never fatal."""
-        if self._flight is not None:
-            self._flight.commit()
-
-    def status(self) -> tuple[str, bool]:
-        """Get a word for the operator, and whether all is well."""
         if self._flight is None:
-            return "idle", True
-        return ("recording", True) if self._flight.healthy else ("disk full or gone", False)
+            return
+        try:
+            self._flight.commit()
+        except RecordingError as error:
+            self._complain(error)
+        else:
+            self._fault = ""
 
-    def counters(self) -> Mapping[str, float]:
-        """Count what was written and what could not be."""
-        return self._flight.counters if self._flight is not None else self._counters
+    def _complain(self, error: RecordingError) -> None:
+        """Say it once until it is mended."""
+        if not self._fault:
+            log.error("not recorded", reason=str(error))
+        self._fault = str(error)
+
+    def report(self) -> None:
+        """Send the health."""
+        status = "idle" if self._flight is None else "recording"
+        self._frame.report(
+            "cannot write the flight" if self._fault else status,
+            ok=not self._fault,
+            counters=self._counters,
+        )
+
+    def _counters(self) -> Mapping[str, float]:
+        flight = self._flight
+        if flight is None:
+            return {}
+        return {
+            "pulses_recorded": flight.committed_pulses,
+            "pulses_repeated": flight.repeated_pulses,
+            "records_waiting": flight.waiting_records,
+            "records_dropped": flight.dropped_records,
+            "records_refused": flight.refused_records,
+            "commits_failed": flight.failed_commits,
+        }
 
 
 def main() -> None:
@@ -110,8 +147,7 @@ def main() -> None:
             recorder.open(frame.assignment.flight)
         while frame.running:
             recorder.take(frame.receive(timeout_s=0.25))
-            status, ok = recorder.status()
-            frame.report(status, ok=ok, counters=recorder.counters)
+            recorder.report()
         recorder.take(frame.receive())
         recorder.close()
 

@@ -33,6 +33,7 @@ from uavrt.supervisor.child import Child
 from uavrt.supervisor.flight import new_flight, share_tags
 from uavrt.supervisor.instance import Instance, self_status
 from uavrt.supervisor.output import OutputLog, warning_text
+from uavrt.supervisor.systemd import SystemdNotifier
 from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, ProcessRow, consumers_of
 from uavrt.supervisor.transitions import Refused, Repeated, outcome
 
@@ -83,15 +84,19 @@ class Supervisor:
     async def run(self) -> None:
         """Run until `stop` is called, then stop everything in reverse order."""
         next_status_s = 0.0
+        systemd = SystemdNotifier()
+        systemd.ready()
         while not self._stopping.is_set():
             self._ensure()
             if time.monotonic() >= next_status_s:
                 next_status_s = time.monotonic() + STATUS_PERIOD_S
                 self._publish("system_status", self.status())
+                systemd.alive(self.state.value)
             try:
                 await asyncio.wait_for(self._stopping.wait(), TICK_S)
             except TimeoutError:
                 continue
+        systemd.stopping()
         if self.state is SystemState.DETECTING:
             self.state = SystemState.HAS_TAGS
             await self._end_flight()

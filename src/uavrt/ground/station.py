@@ -1,0 +1,200 @@
+"""A ground station without a page: uploads tags, starts, stores pulses, stops.
+
+The page of ``uavrt ground`` stands on the same link; this is what a script or a first bench
+test needs.
+"""
+
+import asyncio
+import json
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TextIO
+
+from uavrt.clock import Clock, monotonic_s
+from uavrt.errors import CommandRefused, LinkError, RecordingError
+from uavrt.ground.link import (
+    Acknowledged,
+    DetectorAlive,
+    DroneHeartbeat,
+    GroundEvent,
+    GroundLink,
+)
+from uavrt.ground.records import PULSES_NAME
+from uavrt.messages import PulsePose, SearchReport, StatusText, SystemState, Tag
+from uavrt.recording import PulseWriter
+from uavrt.recording.pulse_files import pulse_record
+from uavrt.tunnel import CommandId, Generation
+
+START_RETRY_S = 2.0
+QUIET_S = 1.0
+"""After the drone has stopped: as long without a pulse means that all have arrived."""
+STOP_TIMEOUT_S = 12.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StationSettings:
+    """What the station is to do."""
+
+    address: str
+    directory: Path
+    tags: tuple[Tag, ...]
+    start: bool
+    generation: Generation = "G1"
+
+
+class Station:
+    """One ground station session.
+
+    Parameters
+    ----------
+    settings : StationSettings
+        What to do.
+    show : callable
+        Called with a dictionary for each event: ``event`` names it, the rest are its values.
+    """
+
+    def __init__(
+        self, settings: StationSettings, show: Callable[[dict[str, Any]], None]
+    ) -> None:
+        self._settings = settings
+        self._show = show
+        self._clock = Clock.start()
+        self._stopping = asyncio.Event()
+        self._state: SystemState | None = None
+        self._last_pulse_s = 0.0
+        self._started = False
+        self.pulses = 0
+
+    def stop(self) -> None:
+        """Stop detection if it was started here, take the last pulses in, end."""
+        self._stopping.set()
+
+    async def run(self) -> None:
+        """Serve until `stop`.
+
+        Raises
+        ------
+        LinkError
+            The link cannot be opened.
+        CommandRefused
+            The drone refused the tags or the start.
+        RecordingError
+            The pulses cannot be stored.
+        """
+        with open_store(self._settings.directory) as stream:
+            self._writer = PulseWriter(stream, "jsonl")
+            link = GroundLink(
+                self._clock.now_ns,
+                on_event=self._take,
+                generation=self._settings.generation,
+            )
+            serve = asyncio.create_task(link.run(self._settings.address))
+            work = asyncio.create_task(self._work(link))
+            await asyncio.wait({serve, work}, return_when=asyncio.FIRST_COMPLETED)
+            for task in (work, serve):
+                if not task.done():
+                    task.cancel()
+                with suppress(asyncio.CancelledError):
+                    await task
+
+    async def _work(self, link: GroundLink) -> None:
+        await self._begin(link)
+        await self._stopping.wait()
+        if self._started:
+            await self._end(link)
+
+    async def _begin(self, link: GroundLink) -> None:
+        """Find the drone, upload and start; a drone that does not answer is tried again."""
+        while not self._stopping.is_set():
+            try:
+                drone = await link.wait_for_drone(START_RETRY_S)
+                self._show({"event": "drone", "system": drone.system_id})
+                if self._settings.tags:
+                    await link.upload_tags(self._settings.tags)
+                    self._show({"event": "tags", "count": len(self._settings.tags)})
+                if self._settings.start:
+                    directory = await link.start_detection()
+                    self._started = True
+                    self._show({"event": "started", "directory": directory})
+                return
+            except LinkError as error:
+                self._show({"event": "waiting", "reason": str(error)})
+
+    async def _end(self, link: GroundLink) -> None:
+        """Stop detection; wait until the drone has stopped and no pulse comes any more."""
+        try:
+            await link.stop_detection()
+        except (LinkError, CommandRefused) as error:
+            self._show({"event": "stop failed", "reason": str(error)})
+            return
+        self._show({"event": "stopping"})
+        deadline_s = monotonic_s() + STOP_TIMEOUT_S
+        # The state on the way when the command arrived may still say "has tags".
+        await asyncio.sleep(QUIET_S)
+        while monotonic_s() < deadline_s:
+            quiet = monotonic_s() - self._last_pulse_s > QUIET_S
+            if self._state is not SystemState.DETECTING and quiet:
+                break
+            await asyncio.sleep(0.1)
+        self._show({"event": "stopped", "pulses": self.pulses})
+
+    def _take(self, event: GroundEvent) -> None:
+        match event:
+            case PulsePose():
+                self.pulses += 1
+                self._last_pulse_s = monotonic_s()
+                self._writer.write(_without_nan(event))
+                self._show({"event": "pulse", **pulse_record(event)})
+            case SearchReport():
+                self._show({"event": "searched", "tag_id": event.tag_id})
+            case DroneHeartbeat():
+                if event.state is not self._state:
+                    self._show({"event": "state", "state": event.state and event.state.value})
+                self._state = event.state
+            case StatusText():
+                self._show({"event": "text", "severity": event.severity, "text": event.text})
+            case Acknowledged():
+                self._show(
+                    {
+                        "event": "acknowledged",
+                        "command": CommandId(event.command).name,
+                        "accepted": event.accepted,
+                        "message": event.message,
+                    }
+                )
+            case DetectorAlive():
+                pass
+
+
+def _without_nan(pulse_pose: PulsePose) -> PulsePose:
+    """Leave out a pose whose place is unknown."""
+    pose = pulse_pose.pose
+    if pose is None or math.isfinite(pose.latitude_deg):
+        return pulse_pose
+    return replace(pulse_pose, pose=None)
+
+
+def open_store(directory: Path) -> TextIO:
+    """Open the file of received pulses for appending.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be written.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        return (directory / PULSES_NAME).open("a", encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(
+            f"pulses cannot be stored in {directory}: {error.strerror}",
+            remedy="Give a writable directory with -o",
+        ) from error
+
+
+def json_line(event: dict[str, Any]) -> str:
+    """Write an event as one line of JSON."""
+    return json.dumps(event, allow_nan=False)

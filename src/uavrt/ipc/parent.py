@@ -1,0 +1,22 @@
+"""A child must not outlive its parent, however the parent ends (Linux only)."""
+
+import ctypes
+import os
+import signal
+import sys
+
+_PR_SET_PDEATHSIG = 1
+"""prctl(2): signal to get when the parent thread ends."""
+
+
+def die_with_parent() -> None:
+    """Be killed when the parent ends, even by SIGKILL, even while this process is stopped.
+
+    The parent may have ended before the kernel was told; then this process ends now.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    parent = os.getppid()
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent or parent == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
