@@ -1,0 +1,171 @@
+import dataclasses
+import math
+
+import pytest
+
+from uavrt import tunnel
+from uavrt.errors import TunnelError
+from uavrt.messages import PulsePose, SearchReport, SystemState, Tag
+
+TAG = tunnel.TagG1(
+    tag_id=2,
+    frequency_hz=148_710_000,
+    pulse_width_ms=20,
+    interval1_ms=1254,
+    interval2_ms=0,
+    interval_uncertainty_ms=60,
+    interval_jitter_ms=10,
+    k=3,
+    false_alarm_probability=0.005,
+)
+
+
+def changed(**fields: float) -> tunnel.TagG1:
+
+    return dataclasses.replace(TAG, **fields)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("payload", "reason"),
+    [
+        (b"", "4 to 128 bytes"),
+        (b"\x04\0\0", "4 to 128 bytes"),
+        (bytes(129), "4 to 128 bytes"),
+        (b"\x63\0\0\0", "unknown command 99"),
+        (b"\x04\0\0\0" + bytes(43), "TAG has 47 bytes, not 48 or 88"),
+        (
+            b"\x05\0\0\0" + bytes(4),
+            "START_DETECTION has 8 bytes, not 4 or 12 or 16 or 32 or 40",
+        ),
+    ],
+)
+def test_a_payload_of_another_length_is_refused_with_the_lengths(
+    payload: bytes, reason: str
+) -> None:
+    with pytest.raises(TunnelError, match=reason) as caught:
+        tunnel.decode(payload)
+    assert caught.value.payload == payload
+
+
+def test_the_command_of_a_bad_payload_is_known_for_its_refusal() -> None:
+    assert tunnel.acked_command_of(b"\x04\0\0\0\1") == tunnel.CommandId.TAG
+    assert tunnel.acked_command_of(b"\x04") is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"tag_id": 0}, "id is 0"),
+        ({"frequency_hz": 0}, "frequency is 0"),
+        ({"pulse_width_ms": 0}, "pulse width is 0"),
+        ({"interval1_ms": 0}, "pulse interval is 0"),
+        ({"k": 0}, "K is 0"),
+        ({"false_alarm_probability": 0.0}, "false alarm"),
+        ({"false_alarm_probability": math.nan}, "false alarm"),
+        ({"pulse_width_ms": 1254}, "width exceeds interval"),
+    ],
+)
+def test_a_tag_that_no_detector_could_use_is_refused_with_the_reason(
+    fields: dict[str, float], reason: str
+) -> None:
+    with pytest.raises(TunnelError, match=reason):
+        tunnel.tag_from_wire(changed(**fields))
+
+
+def test_a_second_interval_makes_a_tag_of_two_rates() -> None:
+    assert tunnel.tag_from_wire(changed(interval2_ms=1600)).pulse_intervals_s == (1.254, 1.6)
+
+
+def test_three_rates_do_not_fit_the_wire() -> None:
+    tag = Tag(
+        tag_id=2, frequency_hz=1.5e8, pulse_width_s=0.02, pulse_intervals_s=(1.0, 1.2, 1.4)
+    )
+    with pytest.raises(TunnelError, match="one or two"):
+        tunnel.tag_to_wire(tag)
+
+
+def test_a_value_too_large_for_its_field_is_a_tunnel_error() -> None:
+    with pytest.raises(TunnelError, match="does not fit"):
+        changed(frequency_hz=2**32).encode()
+
+
+def test_a_start_with_a_hole_in_its_fields_is_refused() -> None:
+    start = tunnel.StartDetection(
+        radio_center_frequency_hz=0, gain=0, detection_mode=None, detection_margin=0.9
+    )
+    with pytest.raises(TunnelError, match="hole"):
+        start.encode()
+
+
+def test_a_long_reason_is_cut_between_characters_and_still_ends_with_nul() -> None:
+    payload = tunnel.AckG1(acked_command=4, result=0, message="µ" * 100).encode()
+    assert payload[127] == 0
+    ack = tunnel.decode(payload)
+    assert isinstance(ack, tunnel.AckG1)
+    assert ack.message == "µ" * 57
+
+
+def test_the_thesis_start_tells_its_generation_and_a_bare_upload_does_not() -> None:
+    def generation(payload: bytes) -> tunnel.Generation | None:
+        return tunnel.generation_of(tunnel.decode(payload))
+
+    assert generation(b"\x05\0\0\0") == "G0"
+    assert generation(b"\x05\0\0\0" + bytes(8)) == "G1"
+    assert generation(b"\x02\0\0\0") is None
+
+
+def test_a_detector_heartbeat_is_a_pulse_at_frequency_zero() -> None:
+    wire = tunnel.decode(tunnel.detector_heartbeat(3, 1_700_000_000 * 10**9).encode())
+    assert isinstance(wire, tunnel.PulseG1)
+    assert (wire.tag_id, wire.frequency_hz) == (3, 0)
+    assert tunnel.pulse_from_wire(wire) is None
+
+
+def test_nothing_found_comes_back_with_its_noise_and_score() -> None:
+    report = SearchReport(
+        tag_id=3,
+        time_ns=1_700_000_000 * 10**9,
+        frequency_hz=148_710_000.0,
+        noise_psd=2e-13,
+        best_score=0.7,
+    )
+    wire = tunnel.search_report_to_wire(report)
+    assert (wire.detection_status, wire.snr_db, wire.group_index) == (3, 0.0, 0)
+    assert tunnel.pulse_from_wire(wire) == report
+
+
+def test_a_known_tag_gives_a_received_pulse_its_width() -> None:
+    tag = tunnel.tag_from_wire(TAG)
+    wire = tunnel.search_report_to_wire(
+        SearchReport(
+            tag_id=2, time_ns=10**18, frequency_hz=1.5e8, noise_psd=1.0, best_score=2.0
+        )
+    )
+
+    found = tunnel.pulse_from_wire(dataclasses.replace(wire, detection_status=1), tag)
+    assert isinstance(found, PulsePose)
+    assert found.pulse.end_time_ns - found.pulse.start_time_ns == 20_000_000
+    assert found.pulse.predicted_next_start_ns is None
+    assert found.pose is None
+
+
+@pytest.mark.parametrize(("state", "number"), list(zip(SystemState, range(5), strict=True)))
+def test_states_have_the_numbers_of_the_original(state: SystemState, number: int) -> None:
+    wire = tunnel.heartbeat_to_wire(state, None)
+    assert (wire.system_id, wire.status, wire.state) == (1, number, state)
+    assert math.isnan(wire.cpu_temperature_c)
+
+
+def test_an_unknown_state_number_is_no_state() -> None:
+    assert tunnel.Heartbeat(system_id=1, status=9, cpu_temperature_c=0.0).state is None
+
+
+def test_an_unknown_pulse_status_is_refused() -> None:
+
+    wire = tunnel.search_report_to_wire(
+        SearchReport(
+            tag_id=2, time_ns=10**18, frequency_hz=1.5e8, noise_psd=1.0, best_score=2.0
+        )
+    )
+    with pytest.raises(TunnelError, match="unknown status 9"):
+        tunnel.pulse_from_wire(dataclasses.replace(wire, detection_status=9))
