@@ -16,6 +16,7 @@ app = App(
 app.command("uavrt.cli.demo:demo")
 app.command("uavrt.cli.run:run")
 app.command("uavrt.cli.ground:ground")
+app.command("uavrt.cli.detect:detect")
 app.command("uavrt.cli.simulate:simulate")
 
 

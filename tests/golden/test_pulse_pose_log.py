@@ -1,0 +1,145 @@
+"""Lines of ``pulse_pose_log.txt``: the thesis's own, and ours beside them."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from uavrt.errors import FormatError
+from uavrt.messages import Pose, Pulse, PulsePose
+from uavrt.pose import yaw_deg
+from uavrt.recording import read_pulse_pose_log
+from uavrt.recording.pulse_pose_log import PulsePoseLog, format_line, parse_line
+
+# Thesis, Fig. 5.7, row 1 (reference/control.md §3.3): six digits, and a saturated column 10.
+THESIS_ROW = (
+    "2, 148.71, 1700205419, 230494976, 1700205419, 250494957, 1700205420, 434494972, "
+    "1700205420, 4294967295, 69.6484, 0.219541, 1, 69.8253, 1, 1, 47.3978, 8.54561, 488.077, "
+    "0.00189066, -0.00109068, 0.71339, 0.700764\n"
+)
+OUR_ROW = (
+    "2, 148.710000125, 1700205419, 230494976, 1700205419, 250494957, 1700205420, 434494972, "
+    "1700205420, 554494972, 69.64840000001, 0.219541, 1, 69.8253, 1, 1, 47.397812345, "
+    "8.545611234, 488.0771, 0.001890660, -0.001090680, 0.713390000, 0.700764000\n"
+)
+PULSE = Pulse(
+    tag_id=2,
+    frequency_hz=148_710_000.125,
+    start_time_ns=1_700_205_419_230_494_976,
+    end_time_ns=1_700_205_419_250_494_957,
+    snr_db=69.64840000001,
+    group_snr_db=69.8253,
+    score=0.219541,
+    group_index=1,
+    group_sequence=7,
+    noise_psd=1e-12,
+    detection_status="confirmed",
+    confirmed=True,
+    rate=1,
+    predicted_next_start_ns=1_700_205_420_434_494_972,
+    predicted_next_end_ns=1_700_205_420_554_494_972,
+)
+POSE = Pose(
+    time_ns=1_700_205_419_240_494_966,
+    latitude_deg=47.397812345,
+    longitude_deg=8.545611234,
+    altitude_amsl_m=488.0771,
+    altitude_relative_m=12.5,
+    quaternion_wxyz=(0.700764, 0.00189066, -0.00109068, 0.71339),
+)
+
+
+def test_our_line_has_the_thesis_columns_at_full_precision() -> None:
+    assert format_line(PulsePose(pulse=PULSE, pose=POSE)) == OUR_ROW
+    assert len(OUR_ROW.split(", ")) == len(THESIS_ROW.split(", ")) == 23
+
+
+def test_the_thesis_line_is_read_as_its_author_meant_it() -> None:
+    row = parse_line(THESIS_ROW)
+    assert row.pulse.frequency_hz == 148_710_000.0
+    assert row.pulse.start_time_ns == 1_700_205_419_230_494_976
+    assert row.pulse.predicted_next_start_ns == 1_700_205_420_434_494_972
+    assert row.pulse.predicted_next_end_ns is None  # saturated, so unknown
+    assert row.pulse.detection_status == "confirmed"
+    assert row.pose is not None
+    assert row.pose.latitude_deg == 47.3978
+    assert yaw_deg(row.pose.quaternion_wxyz) == pytest.approx(91.0, abs=0.05)
+
+
+def test_our_line_is_read_back_but_for_what_it_has_no_column_for() -> None:
+    row = parse_line(OUR_ROW, group_sequence=7)
+    assert row.pulse.frequency_hz == PULSE.frequency_hz
+    assert row.pulse.start_time_ns == PULSE.start_time_ns
+    assert row.pulse.snr_db == PULSE.snr_db
+    assert row.pulse.predicted_next_end_ns == PULSE.predicted_next_end_ns
+    assert math.isnan(row.pulse.noise_psd)
+    assert row.pose is not None
+    assert row.pose.quaternion_wxyz == POSE.quaternion_wxyz
+    assert row.pose.time_ns == POSE.time_ns
+
+
+def test_a_pulse_without_pose_has_nan_and_never_zeros() -> None:
+    line = format_line(PulsePose(pulse=PULSE, pose=None))
+    assert line.endswith(", nan" * 7 + "\n")
+    assert parse_line(line).pose is None
+
+
+def test_the_thesis_word_for_no_telemetry_is_no_pose() -> None:
+    fields = THESIS_ROW.split(", ")
+    assert parse_line(", ".join(fields[:16] + ["0"] * 7)).pose is None
+
+
+@pytest.mark.parametrize(
+    ("detection", "confirmed", "status"),
+    [("0", "0", "subthreshold"), ("0", "1", "subthreshold"), ("1", "0", "detected")],
+)
+def test_both_flags_together_tell_the_status(
+    detection: str, confirmed: str, status: str
+) -> None:
+    fields = THESIS_ROW.split(", ")
+    fields[14:16] = [detection, confirmed]
+    pulse = parse_line(", ".join(fields)).pulse
+    assert pulse.detection_status == status
+    assert pulse.confirmed == (confirmed == "1")
+    line = format_line(PulsePose(pulse=pulse, pose=None))
+    assert line.split(", ")[14:16] == [detection, confirmed]
+
+
+def test_groups_are_counted_again_from_the_place_in_the_group(tmp_path: Path) -> None:
+    path = tmp_path / "pulse_pose_log.txt"
+    fields = THESIS_ROW.split(", ")
+    for place in ("1", "2", "3", "1", "3", "2"):
+        fields[12] = place
+        with path.open("a") as file:
+            file.write(", ".join(fields))
+    groups = [one.pulse.group_sequence for one in read_pulse_pose_log(path)]
+    assert groups == [1, 1, 1, 2, 2, 3]
+
+
+@pytest.mark.parametrize("tail", ["2, 148.71, 17002", "\0" * 30, "2, 148.71, 17002\n"])
+def test_a_line_cut_off_by_a_power_cut_is_passed_over(tmp_path: Path, tail: str) -> None:
+    path = tmp_path / "pulse_pose_log.txt"
+    path.write_text(THESIS_ROW * 2 + tail)
+    assert len(read_pulse_pose_log(path)) == 2
+
+
+def test_a_damaged_line_inside_is_told_with_its_number(tmp_path: Path) -> None:
+    path = tmp_path / "pulse_pose_log.txt"
+    path.write_text(THESIS_ROW + "2, 148.71\n" + THESIS_ROW)
+    with pytest.raises(FormatError, match="line 2 is not a pulse: 2 columns where 23 belong"):
+        read_pulse_pose_log(path)
+
+
+def test_a_missing_log_is_refused_with_its_name(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="pulse_pose_log"):
+        read_pulse_pose_log(tmp_path / "pulse_pose_log.txt")
+
+
+def test_repair_cuts_the_unfinished_line_and_tells_what_is_there(tmp_path: Path) -> None:
+    path = tmp_path / "pulse_pose_log.txt"
+    log = PulsePoseLog(path)
+    assert log.repair() == set()
+    log.append([THESIS_ROW])
+    path.write_text(path.read_text() + OUR_ROW[:60])
+    assert log.repair() == {(2, 1_700_205_419_230_494_976)}
+    assert path.read_text() == THESIS_ROW

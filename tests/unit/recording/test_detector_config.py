@@ -1,0 +1,132 @@
+"""``detectorConfig.txt`` as the original detector reads it, and read from it."""
+
+from pathlib import Path
+
+import pytest
+
+from uavrt.errors import FormatError
+from uavrt.messages import Tag
+from uavrt.recording import detector_config, read_detector_config, write_detector_config
+
+TAG = Tag(
+    tag_id=2,
+    frequency_hz=148_710_000.0,
+    pulse_width_s=0.020,
+    pulse_intervals_s=(1.254,),
+    interval_uncertainty_s=0.060,
+    interval_jitter_s=0.010,
+    k=3,
+    false_alarm_probability=0.005,
+)
+TIME_NS = 1_700_205_419_230_494_976
+
+
+def original_reader(text: str) -> dict[str, str]:
+    """Read as reference/detector.md §2 describes the original: no blank lines, last record."""
+    record: dict[str, str] = {}
+    for line in text.rstrip("\n").split("\n"):
+        assert line, "the original crashes on an empty line"
+        if line.startswith("#"):
+            record = {}
+        else:
+            record[line[: line.index(":")]] = line[line.index("\t") + 1 :]
+    return record
+
+
+def test_the_original_finds_what_it_needs(tmp_path: Path) -> None:
+    path = tmp_path / "detectorConfig.txt"
+    write_detector_config(path, detector_config(TAG, 148.7e6, "/logs/tag_id_2"), TIME_NS)
+    text = path.read_text()
+    assert text.startswith("##")
+    values = original_reader(text)
+    assert values["ID"] == "2"
+    # 10 kHz above the centre: 2.67 channels, so channel 3 (control.md §5.2 counts it as 4).
+    assert float(values["channelCenterFreqMHz"]) == 148.71125
+    assert values["portData"] == "20003"
+    assert values["portCntrl"] == "30003"
+    assert float(values["Fs"]) == 3750.0
+    assert [float(values[key]) for key in ("tp", "tip", "tipu", "tipj")] == [
+        0.02,
+        1.254,
+        0.06,
+        0.01,
+    ]
+    assert values["K"] == "3"
+    assert values["opMode"] == "freqSearchHardLock"
+    assert values["excldFreqs"] == "[Inf, -Inf]"
+    assert float(values["falseAlarmProb"]) == 0.005
+    assert values["timeStamp"] == "2023-11-17T07:16:59.230494Z"
+
+
+@pytest.mark.parametrize(
+    ("offset_hz", "port"),
+    [(0.0, 20000), (3750.0, 20001), (-3750.0, 20099), (183_750.0, 20049), (-187_500.0, 20050)],
+)
+def test_channels_count_up_from_the_centre_and_wrap(offset_hz: float, port: int) -> None:
+    config = detector_config(TAG, TAG.frequency_hz - offset_hz)
+    assert config.data_port == port
+    assert config.channel_center_frequency_hz == TAG.frequency_hz
+
+
+def test_a_tag_beyond_the_channels_has_no_port() -> None:
+    config = detector_config(TAG, TAG.frequency_hz - 250_000.0)
+    assert config.data_port == 0
+    assert config.channel_center_frequency_hz == TAG.frequency_hz
+
+
+def test_what_is_written_is_read_back_with_name_and_second_interval(tmp_path: Path) -> None:
+    tag = Tag(
+        tag_id=4,
+        frequency_hz=148_712_345.678,
+        pulse_width_s=0.015,
+        pulse_intervals_s=(1.333, 2.0),
+        name="Lüna of\nthe marsh",
+    )
+    path = tmp_path / "detectorConfig.txt"
+    config = detector_config(tag, 148.7e6, "/logs")
+    write_detector_config(path, config, TIME_NS)
+    read = read_detector_config(path)
+    assert read.tag.name == "Lüna of the marsh"
+    assert read.tag.pulse_intervals_s == (1.333, 2.0)
+    assert read.tag.frequency_hz == 148_712_345.678
+    assert read.channel_center_frequency_hz == config.channel_center_frequency_hz
+    assert read.data_port == config.data_port
+
+
+def test_the_last_record_of_an_original_file_counts(tmp_path: Path) -> None:
+    path = tmp_path / "detectorConfig.txt"
+    record = (
+        "ID:\t{}\nchannelCenterFreqMHz:\t150.0\nFs:\t3840\ntagFreqMHz:\t150.001\ntp:\t0.02\n"
+    )
+    path.write_text(
+        "#####\n"
+        + record.format(1)
+        + "tip:\t1\n#####\n"
+        + record.format(6)
+        + "tip:\t2.0\n###\n"
+    )
+    read = read_detector_config(path)
+    assert read.tag.tag_id == 6
+    assert read.tag.pulse_intervals_s == (2.0,)
+    assert read.sample_rate_hz == 3840.0
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("", "has no"),
+        ("ID:\t2\n", "has no tip"),
+        ("ID:\tx\ntip:\t1\nFs:\t1\ntagFreqMHz:\t1\ntp:\t1\n", "is not a detectorConfig.txt"),
+        ("ID:\t2\ntip:\t1\nFs:\t1\ntagFreqMHz:\tinf\ntp:\t1\n", "is not a detectorConfig.txt"),
+    ],
+)
+def test_what_is_no_config_is_refused(tmp_path: Path, text: str, word: str) -> None:
+    path = tmp_path / "detectorConfig.txt"
+    path.write_text(text)
+    with pytest.raises(FormatError, match=word):
+        read_detector_config(path)
+
+
+def test_a_missing_config_is_refused_with_its_name(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="detectorConfig"):
+        read_detector_config(tmp_path / "detectorConfig.txt")

@@ -1,0 +1,130 @@
+"""Pulses as JSON lines and CSV: the fields of DESIGN.md §7, and back."""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from uavrt.errors import FormatError
+from uavrt.messages import Pulse, PulsePose
+from uavrt.recording import PulseFormat, PulseWriter, pulse_format, read_pulse_file
+
+MakePulsePose = Callable[..., PulsePose]
+
+# Copied from DESIGN.md §7, "JSON-lines pulse record"; programs outside rely on it.
+FIELDS = """tag_id, frequency_hz, start_time_ns, end_time_ns, snr_db, group_snr_db, score,
+group_index, group_sequence, noise_psd, detection_status, confirmed, rate,
+predicted_next_start_ns, predicted_next_end_ns, latitude_deg, longitude_deg, altitude_amsl_m,
+altitude_relative_m, quaternion_wxyz""".replace("\n", " ").split(", ")
+
+
+def written(form: PulseFormat, pulses: list[PulsePose | Pulse]) -> str:
+    stream = io.StringIO()
+    writer = PulseWriter(stream, form)
+    for pulse in pulses:
+        writer.write(pulse)
+    assert writer.written == len(pulses)
+    return stream.getvalue()
+
+
+def test_a_json_line_has_exactly_the_promised_fields(make_pulse_pose: MakePulsePose) -> None:
+    record = json.loads(written("jsonl", [make_pulse_pose()]))
+    assert list(record) == FIELDS
+    assert record["start_time_ns"] == make_pulse_pose().pulse.start_time_ns
+    assert record["confirmed"] is True
+    assert record["quaternion_wxyz"] == [0.700764, 0.00189066, -0.00109068, 0.71339]
+
+
+def test_a_csv_row_has_exactly_the_promised_fields(make_pulse_pose: MakePulsePose) -> None:
+    (row,) = csv.DictReader(io.StringIO(written("csv", [make_pulse_pose()])))
+    assert list(row) == FIELDS
+    assert row["quaternion_wxyz"] == "0.700764 0.00189066 -0.00109068 0.71339"
+    assert row["confirmed"] == "true"
+
+
+@pytest.mark.parametrize("form", ["csv", "jsonl"])
+def test_pulses_survive_a_round_trip(
+    make_pulse_pose: MakePulsePose, tmp_path: Path, form: PulseFormat
+) -> None:
+    posed = [make_pulse_pose(n, tag) for n in range(3) for tag in (2, 4)]
+    bare = PulsePose(
+        pulse=replace(
+            posed[0].pulse,
+            predicted_next_start_ns=None,
+            predicted_next_end_ns=None,
+            confirmed=False,
+            detection_status="subthreshold",
+        ),
+        pose=None,
+    )
+    path = tmp_path / f"pulses.{form}"
+    path.write_text(written(form, [*posed, bare]))
+    assert read_pulse_file(path) == (*posed, bare)
+    assert pulse_format(path.name) == form
+
+
+@pytest.mark.parametrize("form", ["csv", "jsonl"])
+def test_what_is_not_finite_is_unknown_and_the_file_stays_valid(
+    make_pulse_pose: MakePulsePose, tmp_path: Path, form: PulseFormat
+) -> None:
+    odd = replace(make_pulse_pose().pulse, noise_psd=math.nan, snr_db=-math.inf)
+    text = written(form, [odd])
+    assert "NaN" not in text
+    assert "inf" not in text.lower()
+    path = tmp_path / f"pulses.{form}"
+    path.write_text(text)
+    (read,) = read_pulse_file(path)
+    assert math.isnan(read.pulse.noise_psd)
+    assert math.isnan(read.pulse.snr_db)
+
+
+@pytest.mark.parametrize("form", ["csv", "jsonl"])
+def test_an_unfinished_last_line_is_passed_over(
+    make_pulse_pose: MakePulsePose, tmp_path: Path, form: PulseFormat
+) -> None:
+    path = tmp_path / f"pulses.{form}"
+    path.write_text(written(form, [make_pulse_pose(0), make_pulse_pose(1)])[:-10])
+    assert read_pulse_file(path) == (make_pulse_pose(0),)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("{}\n", "line 1 is not a pulse: 'tag_id'"),
+        ("\nnonsense\n", "line 2"),
+        ("[1]\n", "line 1"),
+        ("tag_id,frequency_hz\n2\n", "line 2"),
+        ("tag_id,frequency_hz\n2,x\n", "line 2"),
+    ],
+)
+def test_what_is_no_pulse_is_told_with_its_line(tmp_path: Path, text: str, word: str) -> None:
+    path = tmp_path / "pulses.txt"
+    path.write_text(text)
+    with pytest.raises(FormatError, match=word):
+        read_pulse_file(path)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("detection_status", "sure"), ("confirmed", "yes"), ("tag_id", None), ("rate", "one")],
+)
+def test_a_field_of_the_wrong_kind_is_refused(
+    make_pulse_pose: MakePulsePose, tmp_path: Path, field: str, value: object
+) -> None:
+    record = json.loads(written("jsonl", [make_pulse_pose()])) | {field: value}
+    path = tmp_path / "pulses.jsonl"
+    path.write_text(json.dumps(record) + "\n")
+    with pytest.raises(FormatError, match="line 1 is not a pulse"):
+        read_pulse_file(path)
+
+
+def test_a_recording_is_no_pulse_file(tmp_path: Path) -> None:
+    path = tmp_path / "pulses.jsonl"
+    path.write_bytes(b"\xff\x00" * 50)
+    with pytest.raises(FormatError, match="cannot read"):
+        read_pulse_file(path)
