@@ -1,4 +1,4 @@
-"""``python -m uavrt.cli``: the ``uavrt`` command."""
+"""Run as ``python -m uavrt.cli``."""
 
 from uavrt.cli.app import main
 

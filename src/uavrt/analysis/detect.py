@@ -1,0 +1,214 @@
+"""Detectors over any source of samples: the engine of ``uavrt detect``.
+
+One front end, one detector for each tag, all in this process and this thread: what the flight's
+processes do, without the sockets between.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from uavrt.clock import monotonic_s
+from uavrt.detection import PulseDetector
+from uavrt.dsp import FrontEnd
+from uavrt.errors import ConfigError, UavrtError
+from uavrt.messages import IQBlock, Pulse, Tag
+from uavrt.radio import SampleSource
+
+_LOOK_S: Final = 0.5
+"""How often a waiting reader looks whether it should stop."""
+
+
+class DetectionChain:
+    """Blocks of a radio in, pulses of all tags out.
+
+    Parameters
+    ----------
+    tags : sequence of Tag
+        What to look for; at least one.
+    sample_rate_hz, center_frequency_hz : float
+        Of the blocks that will come.
+    frequency_window_hz : float
+        Half-width of the search around each tag's nominal frequency; more than the channel
+        holds means the whole channel.
+
+    Raises
+    ------
+    ConfigError
+        No tags, or a window that is not one.
+    TunerError
+        Tags outside the span of these samples; all of them are listed.
+    UsageError
+        No channels can be made at this sample rate.
+    """
+
+    def __init__(
+        self,
+        tags: Sequence[Tag],
+        *,
+        sample_rate_hz: float,
+        center_frequency_hz: float,
+        frequency_window_hz: float = 500.0,
+    ) -> None:
+        if not tags:
+            raise ConfigError("there are no tags to look for", remedy="Name a tag file")
+        if not frequency_window_hz > 0.0:
+            raise ConfigError(
+                f"a frequency window of {frequency_window_hz} Hz finds nothing",
+                remedy="Give --frequency-window in hertz, e.g. 500",
+            )
+        self.invalid_samples = 0
+        """Samples of a channel that were not numbers and were replaced by zero."""
+        self._front_end = FrontEnd(
+            sample_rate_hz=sample_rate_hz,
+            center_frequency_hz=center_frequency_hz,
+            frequencies_hz=[tag.frequency_hz for tag in tags],
+        )
+        plan = self._front_end.plan
+        centers_hz = dict(zip(plan.channels_in_use, plan.channel_centers_hz, strict=True))
+        self._detectors: dict[int, list[PulseDetector]] = {}
+        for tag, channel in zip(tags, plan.frequency_channels, strict=True):
+            self._detectors.setdefault(channel, []).append(
+                PulseDetector(
+                    tag,
+                    sample_rate_hz=plan.channel_rate_hz,
+                    center_frequency_hz=centers_hz[channel],
+                    frequency_window_hz=frequency_window_hz,
+                )
+            )
+
+    def process(self, block: IQBlock) -> list[Pulse]:
+        """Take the next block; get the pulses that are certain by now."""
+        found: list[Pulse] = []
+        # A value that is no number runs through the filters, and stops here: the detectors'
+        # noise levels would never get rid of it.
+        with np.errstate(invalid="ignore", over="ignore"):
+            channels = self._front_end.process(block)
+        for channel in channels:
+            samples = channel.samples
+            good = np.isfinite(samples)
+            if not good.all():
+                self.invalid_samples += int(np.count_nonzero(~good))
+                samples = np.where(good, samples, np.complex64(0.0))
+            for detector in self._detectors[channel.channel]:
+                found += detector.process(samples, channel.time_ns)
+        return found
+
+    def flush(self) -> list[Pulse]:
+        """End the stream: get the pulses of all groups that are complete."""
+        return [
+            pulse
+            for detectors in self._detectors.values()
+            for detector in detectors
+            for pulse in detector.flush()
+        ]
+
+
+@dataclass(slots=True)
+class DetectionSummary:
+    """What a run did."""
+
+    samples: int = 0
+    samples_lost: int = 0
+    signal_s: float = 0.0
+    """Duration of the samples, lost ones counted."""
+    elapsed_s: float = 0.0
+    invalid_samples: int = 0
+    stopped: bool = False
+    """True when it was told to stop before the end."""
+    pulses: dict[int, int] = field(default_factory=dict)
+    """For each tag's number."""
+    confirmed: dict[int, int] = field(default_factory=dict)
+
+    @property
+    def times_real_time(self) -> float:
+        """Speed: seconds of signal in a second."""
+        return self.signal_s / self.elapsed_s if self.elapsed_s > 0.0 else 0.0
+
+    def count(self, pulse: Pulse) -> None:
+        """Count a pulse that was written."""
+        self.pulses[pulse.tag_id] += 1
+        self.confirmed[pulse.tag_id] += pulse.confirmed
+
+
+def detect(
+    source: SampleSource,
+    tags: Sequence[Tag],
+    write: Callable[[Sequence[Pulse]], None],
+    *,
+    frequency_window_hz: float = 500.0,
+    should_stop: Callable[[], bool] = lambda: False,
+    on_progress: Callable[[int, int | None], None] | None = None,
+    summary: DetectionSummary | None = None,
+) -> DetectionSummary:
+    """Find the pulses of tags in all samples of a source.
+
+    Parameters
+    ----------
+    source : SampleSource
+        A recording or a live stream; the caller closes it.
+    tags : sequence of Tag
+        What to look for.
+    write : callable
+        Takes pulses as soon as they are found.
+    frequency_window_hz : float
+        Half-width of the search around each tag's nominal frequency.
+    should_stop : callable
+        Asked at least twice a second; True ends the run in good order.
+    on_progress : callable, optional
+        Takes the samples done and their total after each block.
+    summary : DetectionSummary, optional
+        Filled while running, so that it is there also after an error.
+
+    Raises
+    ------
+    UavrtError
+        The source failed, or the tags do not fit it. Pulses found before were written.
+    """
+    summary = DetectionSummary() if summary is None else summary
+    chain = DetectionChain(
+        tags,
+        sample_rate_hz=source.sample_rate_hz,
+        center_frequency_hz=source.center_frequency_hz,
+        frequency_window_hz=frequency_window_hz,
+    )
+    summary.pulses = {tag.tag_id: 0 for tag in tags}
+    summary.confirmed = dict(summary.pulses)
+    begun_s = monotonic_s()
+
+    def hand_over(found: list[Pulse]) -> None:
+        if found:
+            write(found)
+        for pulse in found:
+            summary.count(pulse)
+
+    fault: UavrtError | None = None
+    while not (stopped := should_stop()):
+        try:
+            block = source.read(_LOOK_S)
+        except EOFError:
+            break
+        except UavrtError as error:
+            fault = error
+            break
+        if block is not None:
+            hand_over(chain.process(block))
+            _account(summary, block)
+            summary.elapsed_s = monotonic_s() - begun_s
+            if on_progress is not None:
+                on_progress(summary.samples, source.total_samples)
+    hand_over(chain.flush())
+    summary.stopped = stopped
+    summary.invalid_samples = chain.invalid_samples
+    summary.elapsed_s = monotonic_s() - begun_s
+    if fault is not None:
+        raise fault
+    return summary
+
+
+def _account(summary: DetectionSummary, block: IQBlock) -> None:
+    summary.samples += len(block.samples)
+    summary.samples_lost += block.lost_before
+    summary.signal_s += (len(block.samples) + block.lost_before) / block.sample_rate_hz

@@ -1,0 +1,258 @@
+"""``uavrt detect``: pulses from a recording or a live stream."""
+
+# isort: off
+import uavrt.cli.one_thread  # noqa: F401  before numpy
+
+# isort: on
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from uavrt.analysis.detect import DetectionSummary
+from uavrt.analysis.detect import detect as run_detectors
+from uavrt.analysis.redetect import FlightWriter
+from uavrt.clock import parse_iso_utc
+from uavrt.config import read_tags
+from uavrt.errors import ConfigError, RecordingError
+from uavrt.messages import Pulse, Tag
+from uavrt.radio import SampleSource, open_recording, open_stream
+from uavrt.recording import Flight, PulseWriter, pulse_format, read_flight
+
+Write = Callable[[Sequence[Pulse]], None]
+
+
+def detect(
+    recording: Annotated[str, Parameter(allow_leading_hyphen=True)],
+    *,
+    tags: Path | None = None,
+    format: str | None = None,
+    sample_rate: float | None = None,
+    center_frequency: float | None = None,
+    start_time: str | None = None,
+    frequency_window: float = 500.0,
+    output: Annotated[
+        str | None, Parameter(name=["--output", "-o"], allow_leading_hyphen=True)
+    ] = None,
+    flight: Path | None = None,
+) -> None:
+    """Find the pulses of tags in a recording or a live stream.
+
+    Pulses are written as they are found. Ctrl-C ends a live stream in good order.
+
+    Parameters
+    ----------
+    recording
+        A file, or - for samples on standard input, as from `airspy_rx -r - -t 0`.
+    tags
+        Tag file: TagInfo.txt or tags.toml. With --flight, that flight's tags if not given.
+    format
+        cf32, cs16, cu8, ci8, sigmf or wav; by default told by the file's name (- is cf32).
+    sample_rate
+        Samples a second, e.g. 3e6, unless the recording says it.
+    center_frequency
+        Radio frequency in hertz, e.g. 148.7e6, unless the recording says it.
+    start_time
+        Time of the first sample, ISO 8601, UTC; by default what the recording says, else the
+        file's last change less its duration; for - the time of arrival.
+    frequency_window
+        Half-width of the search around each tag's nominal frequency, in hertz.
+    output
+        File.csv, File.jsonl, or - (JSON lines); by default -. With --flight a directory.
+    flight
+        Flight directory in which the recording was made: its poses are given to the pulses,
+        and a new flight directory is written.
+    """
+    flown = None if flight is None else read_flight(flight)
+    wanted = _tags(tags, flown)
+    start_ns = _start_ns(start_time)
+    with ExitStack() as stack:
+        source = stack.enter_context(
+            closing(_open(recording, format, sample_rate, center_frequency, start_ns))
+        )
+        writer = None
+        if flown is None:
+            write = stack.enter_context(_pulse_output(output or "-", recording))
+        else:
+            directory = None if output in (None, "-") else Path(str(output))
+            writer = stack.enter_context(
+                closing(FlightWriter(flown, source, wanted, directory))
+            )
+            write = writer.write
+        should_stop = stack.enter_context(_stop_on_signals())
+        summary = DetectionSummary()
+        try:
+            with _progress(source) as on_progress:
+                run_detectors(
+                    source,
+                    wanted,
+                    write,
+                    frequency_window_hz=frequency_window,
+                    should_stop=lambda: should_stop() is not None,
+                    on_progress=on_progress,
+                    summary=summary,
+                )
+        finally:
+            _report(summary, wanted, writer)
+        number = should_stop()
+    if number is not None:
+        sys.exit(128 + number)
+
+
+def _tags(path: Path | None, flown: Flight | None) -> tuple[Tag, ...]:
+    if path is not None:
+        return read_tags(path)
+    if flown is not None:
+        return flown.info.tags
+    raise ConfigError("no tags to look for", remedy="Give --tags TagInfo.txt or tags.toml")
+
+
+def _start_ns(text: str | None) -> int | None:
+    if text is None:
+        return None
+    try:
+        return parse_iso_utc(text)
+    except ValueError as error:
+        raise ConfigError(
+            f"--start-time {text!r} is not a time",
+            remedy="Write it as 2024-05-01T06:00:00Z",
+        ) from error
+
+
+def _open(
+    recording: str,
+    format_name: str | None,
+    sample_rate_hz: float | None,
+    center_frequency_hz: float | None,
+    start_time_ns: int | None,
+) -> SampleSource:
+    if recording != "-":
+        return open_recording(
+            Path(recording),
+            format_name,
+            sample_rate_hz=sample_rate_hz,
+            center_frequency_hz=center_frequency_hz,
+            start_time_ns=start_time_ns,
+        )
+    if sys.stdin is None or sys.stdin.isatty():
+        raise ConfigError(
+            "standard input is the keyboard, not samples",
+            remedy="Pipe a radio's program into it: airspy_rx … -r - | uavrt detect - …",
+        )
+    return open_stream(
+        sys.stdin.fileno(),
+        format_name,
+        sample_rate_hz=sample_rate_hz,
+        center_frequency_hz=center_frequency_hz,
+        start_time_ns=start_time_ns,
+    )
+
+
+@contextmanager
+def _pulse_output(name: str, recording: str) -> Iterator[Write]:
+    """Open the output at once, so that a wrong place shows before the work."""
+    if name != "-" and recording != "-" and _same_file(name, recording):
+        raise ConfigError(
+            f"{name} is the recording itself", remedy="Give -o another name: pulses.csv"
+        )
+    with _naming_faults(name), ExitStack() as stack:
+        stream = sys.stdout
+        if name != "-":
+            stream = stack.enter_context(Path(name).open("w", newline="", encoding="utf-8"))
+        writer = PulseWriter(stream, pulse_format(name))
+
+        def write(pulses: Sequence[Pulse]) -> None:
+            with _naming_faults(name):
+                for pulse in pulses:
+                    writer.write(pulse)
+
+        yield write
+
+
+@contextmanager
+def _naming_faults(name: str) -> Iterator[None]:
+    """Say where writing failed; a closed pipe (``| head``) is the caller's normal end."""
+    try:
+        yield
+    except BrokenPipeError:
+        # What Python still holds for stdout would fail once more when it exits.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise
+    except OSError as error:
+        raise _cannot_write(name, error) from error
+
+
+def _cannot_write(name: str, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"cannot write {'standard output' if name == '-' else name}: {error.strerror}",
+        remedy="Free space, or give -o a writable place",
+    )
+
+
+def _same_file(first: str, second: str) -> bool:
+    return Path(first).exists() and Path(second).exists() and os.path.samefile(first, second)
+
+
+@contextmanager
+def _stop_on_signals() -> Iterator[Callable[[], int | None]]:
+    """Note Ctrl-C and SIGTERM, so that the pulses found so far are still written.
+
+    A second Ctrl-C ends at once.
+    """
+    seen: list[int] = []
+
+    def note(number: int, _frame: FrameType | None) -> None:
+        seen.append(number)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    before = {n: signal.signal(n, note) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: seen[0] if seen else None
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _progress(source: SampleSource) -> Iterator[Callable[[int, int | None], None] | None]:
+    """Show a bar for a file, when somebody looks."""
+    if source.total_samples is None or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("detecting", total=source.total_samples)
+        yield lambda done, _total: bar.update(task, completed=done)
+
+
+def _report(
+    summary: DetectionSummary, tags: Sequence[Tag], writer: FlightWriter | None
+) -> None:
+    """Say on stderr what was done."""
+    if not summary.samples:
+        return
+    lines = [
+        f"tag {tag.tag_id}{f' ({tag.name})' if tag.name else ''}: "
+        f"{summary.pulses[tag.tag_id]} pulses, {summary.confirmed[tag.tag_id]} confirmed"
+        for tag in tags
+    ]
+    lines.append(
+        f"{summary.signal_s:.1f} s of samples in {summary.elapsed_s:.1f} s "
+        f"({summary.times_real_time:.1f} × real time), {summary.samples_lost} samples lost"
+    )
+    if summary.invalid_samples:
+        lines.append(f"{summary.invalid_samples} channel samples were not numbers")
+    if writer is not None:
+        lines.append(f"{writer.with_pose} pulses with a pose, {writer.without_pose} without")
+        if writer.without_pose and not writer.with_pose:
+            lines.append("no pulse lies within the flight: check --start-time")
+        lines.append(f"flight: {writer.directory}")
+    print("\n".join(lines), file=sys.stderr)
