@@ -199,6 +199,8 @@ class Demo:
 
     def _summarize(self, paths: DemoPaths) -> DemoSummary:
         flight = read_flight(Path(self._flight_directory))
+        # The world goes with the flight, so that bearings and positions can be checked later.
+        shutil.copy(paths.scenario, self._flight_directory)
         received = read_ground_pulses(paths.ground)
         receiver = self._cpu.counters("receiver")
         first_ns, last_ns = receiver["first_sample_ns"], receiver["last_sample_ns"]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from uavrt import messages
 from uavrt.ipc.assignment import Assignment
@@ -128,7 +129,15 @@ TOPICS: dict[str, Topic] = {
     )
 }
 
-_encoder = msgspec.json.Encoder()
+
+def _plain(value: Any) -> Any:
+    """Turn a NumPy scalar into Python's own number; nothing else is let through."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} cannot travel between processes")
+
+
+_encoder = msgspec.json.Encoder(enc_hook=_plain)
 _decoders: dict[str, msgspec.json.Decoder[Any]] = {
     name: msgspec.json.Decoder(topic.record) for name, topic in TOPICS.items()
 }
