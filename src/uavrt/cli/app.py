@@ -18,6 +18,7 @@ app.command("uavrt.cli.run:run")
 app.command("uavrt.cli.ground:ground")
 app.command("uavrt.cli.detect:detect")
 app.command("uavrt.cli.simulate:simulate")
+app.command("uavrt.cli.tags:tags")
 
 
 def main() -> None:

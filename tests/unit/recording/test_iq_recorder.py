@@ -1,0 +1,267 @@
+"""Samples beside detection: a slow or full disk costs recording, never a caller's time."""
+
+import json
+import math
+import os
+import select
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sigmf
+from numpy.typing import NDArray
+
+from uavrt.errors import RecordingError
+from uavrt.messages import IQBlock
+from uavrt.recording import IQRecorder
+
+RATE_HZ = 375_000.0
+START_NS = 1_700_205_419_230_494_976
+BLOCK = 7_500
+
+
+def block(number: int, *, lost: int = 0) -> IQBlock:
+    """Block of 20 ms whose samples tell their own index, after `lost` missing samples."""
+    first = number * BLOCK + lost
+    index = np.arange(first, first + BLOCK)
+    samples = ((index % 30_000) + 1j * (index % 7 - 3)).astype(np.complex64) / 32_768.0
+    return IQBlock(
+        samples=samples.astype(np.complex64),
+        sample_index=first,
+        time_ns=START_NS + round(first / RATE_HZ * 1e9),
+        sample_rate_hz=RATE_HZ,
+        lost_before=lost,
+    )
+
+
+def recorder(base: Path, minimum_free_mb: float = 0.0) -> IQRecorder:
+    return IQRecorder(
+        base,
+        sample_rate_hz=RATE_HZ,
+        center_frequency_hz=148.7e6,
+        minimum_free_mb=minimum_free_mb,
+        hardware="Airspy Mini",
+    )
+
+
+def stored(path: Path) -> NDArray[np.int64]:
+    return np.fromfile(path, "<i2").reshape(-1, 2).astype(np.int64)
+
+
+def check_places(recording: IQRecorder) -> None:
+    """Each stretch of the file holds the samples of its `global_index`."""
+    metadata = json.loads(recording.metadata_path.read_text())
+    samples = stored(recording.data_path)
+    captures = metadata["captures"]
+    ends = [capture["core:sample_start"] for capture in captures[1:]] + [len(samples)]
+    for capture, end in zip(captures, ends, strict=True):
+        start = capture["core:sample_start"]
+        index = capture["core:global_index"] + np.arange(end - start)
+        assert np.array_equal(samples[start:end, 0], index % 30_000)
+
+
+def test_a_recording_is_valid_sigmf_and_holds_the_samples(tmp_path: Path) -> None:
+    recording = recorder(tmp_path / "iq" / "band")
+    for number in range(10):
+        assert recording.put(block(number))
+    recording.close()
+    handle = sigmf.fromfile(str(recording.metadata_path))
+    handle.validate()
+    assert handle.sample_count == 10 * BLOCK
+    read = handle.read_samples()
+    expected = np.concatenate([block(number).samples for number in range(10)])
+    assert np.allclose(read, expected, atol=1e-6)
+    assert handle.get_global_field("core:sample_rate") == RATE_HZ
+    (capture,) = handle.get_captures()
+    assert capture["core:frequency"] == 148.7e6
+    assert capture["core:datetime"] == "2023-11-17T07:16:59.230494976Z"
+    datetime.fromisoformat(capture["core:datetime"])
+    assert recording.written_samples == 10 * BLOCK
+    assert (recording.dropped_samples, recording.gaps, recording.trouble) == (0, 0, None)
+
+
+def test_lost_samples_are_a_marked_gap(tmp_path: Path) -> None:
+    recording = recorder(tmp_path / "band")
+    recording.put(block(0))
+    recording.put(block(1))
+    recording.put(block(2, lost=1234))
+    recording.close()
+    handle = sigmf.fromfile(str(recording.metadata_path))
+    handle.validate()
+    first, second = handle.get_captures()
+    assert first["core:sample_start"] == 0
+    assert second["core:sample_start"] == 2 * BLOCK
+    assert second["core:global_index"] == 2 * BLOCK + 1234
+    (gap,) = handle.get_annotations()
+    assert gap["core:label"] == "gap"
+    assert gap["core:comment"] == "1234 samples are missing before this one"
+    check_places(recording)
+
+
+def test_metadata_is_valid_before_the_first_sample_and_while_recording(tmp_path: Path) -> None:
+    recording = recorder(tmp_path / "band")
+    assert json.loads(recording.metadata_path.read_text())["captures"] == []
+    for number in range(5):
+        recording.put(block(number, lost=number))
+        json.loads(recording.metadata_path.read_text())
+    recording.close()
+    sigmf.fromfile(str(recording.metadata_path)).validate()
+
+
+def test_loud_and_broken_samples_are_stored_at_the_edge_and_counted(tmp_path: Path) -> None:
+    recording = recorder(tmp_path / "band")
+    samples = np.array([2.0 - 2.0j, 0.5 + 1.0j, math.nan + 0.25j, 1e30 + 0j], np.complex64)
+    recording.put(IQBlock(samples, 0, START_NS, RATE_HZ))
+    recording.close()
+    assert stored(recording.data_path).tolist() == [
+        [32767, -32768],
+        [16384, 32767],
+        [0, 8192],
+        [32767, 0],
+    ]
+    assert recording.clipped_samples == 3
+
+
+def test_a_block_may_be_reused_by_its_source_at_once(tmp_path: Path) -> None:
+    recording = recorder(tmp_path / "band")
+    one = block(0)
+    kept = one.samples.copy()
+    recording.put(one)
+    one.samples[:] = 0.0
+    recording.close()
+    assert np.array_equal(stored(recording.data_path)[:, 0], np.rint(kept.real * 32768))
+
+
+def test_nothing_is_written_under_an_existing_name(tmp_path: Path) -> None:
+    recorder(tmp_path / "band").close()
+    with pytest.raises(RecordingError, match="exists already"):
+        recorder(tmp_path / "band")
+
+
+def test_a_place_that_cannot_be_written_is_refused_with_a_remedy(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError) as caught:
+        recorder(tmp_path / "file" / "band")
+    assert caught.value.remedy
+
+
+def test_below_the_free_space_limit_nothing_is_written_and_all_is_counted(
+    tmp_path: Path,
+) -> None:
+    free_mb = shutil.disk_usage(tmp_path).free / 1e6
+    recording = recorder(tmp_path / "band", minimum_free_mb=free_mb * 10)
+    for number in range(5):
+        recording.put(block(number))
+    recording.close()
+    assert recording.dropped_samples == 5 * BLOCK
+    assert recording.data_path.stat().st_size == 0
+    assert recording.trouble == "the disk is nearly full"
+
+
+def test_its_thread_has_a_name_and_ends(tmp_path: Path) -> None:
+    recording = recorder(tmp_path / "band")
+    assert "iq-recorder" in [thread.name for thread in threading.enumerate()]
+    recording.close()
+    recording.close()
+    assert "iq-recorder" not in [thread.name for thread in threading.enumerate()]
+    assert not recording.put(block(0))
+
+
+@contextmanager
+def stuck_disk(path: Path) -> Iterator[int]:
+    """Make a pipe in the place of the data file: it takes 64 kB and then nothing more."""
+    os.mkfifo(path)
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        yield reader
+    finally:
+        os.close(reader)
+
+
+def test_a_stuck_disk_drops_blocks_and_never_holds_up_the_caller(tmp_path: Path) -> None:
+    with stuck_disk(tmp_path / "band.sigmf-data") as reader:
+        recording = recorder(tmp_path / "band")
+        taken = [recording.put(block(number)) for number in range(400)]  # 8 s of samples
+        # Two seconds may wait, beside what the pipe took and the block in the writer's hand.
+        assert 90 <= sum(taken) <= 105
+        assert recording.dropped_samples == taken.count(False) * BLOCK
+        assert not any(taken[110:])
+
+        # The disk comes back: what waited is written, then the newest samples after one gap.
+        content = bytearray()
+        number, accepted = 400, 0
+        while accepted < 20:
+            content += drained(reader)
+            accepted += recording.put(block(number))
+            number += 1
+        closer = threading.Thread(target=recording.close, name="closer")
+        closer.start()
+        while closer.is_alive():
+            content += drained(reader)
+        content += drained(reader)
+    (tmp_path / "band.sigmf-data").unlink()
+    (tmp_path / "band.sigmf-data").write_bytes(content)
+    assert len(content) == recording.written_samples * 4
+    assert recording.written_samples + recording.dropped_samples == number * BLOCK
+    assert recording.gaps >= 1
+    check_places(recording)
+    sigmf.fromfile(str(recording.metadata_path)).validate()
+
+
+def drained(reader: int) -> bytes:
+    """Take what the pipe holds, waiting a moment for it."""
+    select.select([reader], [], [], 0.02)
+    try:
+        return os.read(reader, 1 << 20)
+    except BlockingIOError:
+        return b""
+
+
+FULL_DISK = """
+import json, resource, sys
+sys.path.insert(0, sys.argv[2])
+from pathlib import Path
+from test_iq_recorder import BLOCK, block, check_places, recorder
+import time
+
+recording = recorder(Path(sys.argv[1]))
+def put(numbers):
+    for number in numbers:
+        recording.put(block(number))
+    while recording.written_samples + recording.dropped_samples < (numbers[-1] + 1) * BLOCK:
+        time.sleep(0.01)
+infinite = resource.RLIM_INFINITY
+put(range(10))
+# Room for two blocks and a half: the half must be taken back.
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(12.5 * BLOCK * 4), infinite))
+put(range(10, 20))
+assert recording.trouble, "a full disk must be told"
+resource.setrlimit(resource.RLIMIT_FSIZE, (infinite, infinite))
+put(range(20, 30))
+recording.close()
+check_places(recording)
+print(json.dumps([recording.written_samples, recording.dropped_samples, recording.gaps,
+                  recording.trouble, recording.data_path.stat().st_size]))
+"""
+
+
+def test_a_full_disk_costs_the_blocks_of_its_time_and_no_others(tmp_path: Path) -> None:
+    here = str(Path(__file__).parent)
+    child = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(tmp_path / "band"), here],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert child.returncode == 0, child.stderr
+    written, dropped, gaps, trouble, size = json.loads(child.stdout)
+    assert (written, dropped, gaps) == (22 * BLOCK, 8 * BLOCK, 1)
+    assert trouble is None
+    assert size == written * 4
