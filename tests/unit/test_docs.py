@@ -2,9 +2,14 @@
 
 import dataclasses
 import re
+import shlex
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from uavrt.cli.app import app
@@ -55,14 +60,50 @@ def test_every_relative_link_leads_to_something(document: Path) -> None:
     assert not dead
 
 
-def test_the_readme_names_only_commands_that_exist() -> None:
-    named = {
-        command
-        for line in code_in((ROOT / "README.md").read_text(encoding="utf-8"))
-        for command in COMMAND.findall(line)
-    }
+def command_lines(document: Path) -> Iterator[tuple[str, list[str]]]:
+    """Each `uavrt` command of a document, with the options that it is given there."""
+    text = document.read_text(encoding="utf-8").replace("\\\n", " ")
+    for line in code_in(text):
+        for part in re.split(r"[|;&]", line.partition(" # ")[0]):
+            for name in COMMAND.findall(part):
+                yield name, re.findall(r"(?<=\s)--?[a-zA-Z][\w-]*", part.partition(name)[2])
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
+def test_every_command_and_option_in_the_documents_exists(document: Path) -> None:
     registered = {name for name in app.resolved_commands() if not name.startswith("-")}
-    assert named <= registered
+    for command, options in command_lines(document):
+        assert command in registered
+        arguments = app[command].assemble_argument_collection()
+        known = {name for argument in arguments for name in argument.names}
+        assert set(options) <= known | {"--help"}, command
+
+
+def test_the_readme_shows_the_commands_of_a_flight() -> None:
+    shown = {command for command, _ in command_lines(ROOT / "README.md")}
+    assert {"demo", "detect", "run", "ground"} <= shown
+
+
+def test_the_lesson_on_recordings_works_as_it_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lesson = (ROOT / "docs/tutorial/detect-a-recording.md").read_text(encoding="utf-8")
+    found = FENCE.findall(lesson.replace("\\\n", " "))
+    make_recording, read_pulses = (body for language, body in found if language == "python")
+    tags = next(body for language, body in found if language == "text")
+    detect = next(body for language, body in found if language == "sh")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(make_recording, names)
+    (tmp_path / "TagInfo.txt").write_text(tags, encoding="utf-8")
+    program, *arguments = shlex.split(detect)
+    assert program == "uavrt"
+    subprocess.run([sys.executable, "-m", "uavrt.cli", *arguments], check=True)
+    exec(read_pulses, names)
+    # The first pulse begins with the recording, where filters have nothing to go by.
+    assert names["pulses"][-1]["confirmed"] == "true"
+    assert len(names["times"]) >= 14
+    np.testing.assert_allclose(np.diff(names["times"]), 1.254, atol=0.005)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
