@@ -25,8 +25,8 @@ from uavrt.errors import UsageError
 MATRIX_CHANNELS = 20
 """Up to so many channels a small DFT matrix is cheaper than all M of an FFT (measured)."""
 
-ROWS = 384
-"""Outputs per pass: 384 rows of 100 complex64 stay in the L2 cache."""
+ROWS = 256
+"""Outputs per pass: 256 rows of 100 complex64 and their transform stay in the L2 cache."""
 
 
 class Channelizer:
@@ -74,7 +74,8 @@ class Channelizer:
         phases = self.taps.reshape(-1, channels)
         # Real weights for interleaved real and imaginary parts.
         self._weights = np.repeat(phases, 2, axis=1).astype(np.float32)
-        self._history = self.taps.size
+        self._window = self.taps.size
+        self._all = self.in_use == tuple(range(channels))
         self._selection = np.array(self.in_use, dtype=np.intp)
         self._odd = self._selection % 2 == 1
         self._matrix: NDArray[np.complex64] | None = None
@@ -101,7 +102,7 @@ class Channelizer:
 
     def reset(self) -> None:
         """Forget all samples; the next input is sample 0 of the band again."""
-        self._buffer = np.zeros(self._history, dtype=np.complex64)
+        self._tail = np.zeros(self._window, dtype=np.complex64)
         self._odd_row = False
 
     def process(self, block: NDArray[np.complex64]) -> NDArray[np.complex64]:
@@ -118,20 +119,22 @@ class Channelizer:
             Output n of the stream stands at sample H n of the band and appears once the H
             samples from there on are in: ``floor(total / H)`` outputs in all.
         """
-        buffer = np.concatenate((self._buffer, block.astype(np.complex64, copy=False)))
-        rows = (buffer.size - self._history) // self.hop
-        self._buffer = buffer[rows * self.hop :].copy()
+        block = np.ascontiguousarray(block, dtype=np.complex64)
+        tail, hop = self._tail, self.hop
+        rows = max(0, (tail.size + block.size - self._window) // hop)
         out = np.empty((len(self.in_use), rows), dtype=np.complex64)
-        windows = as_strided(
-            buffer.view(np.float32),
-            (rows, self.taps.size // self.channels, 2 * self.channels),
-            (8 * self.hop, 8 * self.channels, 4),
-        )
-        for start in range(0, rows, ROWS):
-            stop = min(start + ROWS, rows)
-            folded = self._folded[: stop - start]
-            np.einsum("nqm,qm->nm", windows[start:stop], self._weights, out=folded)
-            self._transform(folded.view(np.complex64), out[:, start:stop])
+        # Outputs that need the tail of the block before; the rest reads the block in place.
+        head = min(rows, -(-tail.size // hop))
+        if head:
+            need = (head - 1) * hop + self._window - tail.size
+            self._rows(np.concatenate((tail, block[:need])), out[:, :head])
+        if rows > head:
+            self._rows(block[head * hop - tail.size :], out[:, head:])
+        used = rows * hop - tail.size
+        if used >= 0:
+            self._tail = block[used:].copy()
+        else:
+            self._tail = np.concatenate((tail[used:], block))
         if self.hop != self.channels:
             # Odd rows of the whole stream, odd channels: half a turn (see the module's text).
             first = 0 if self._odd_row else 1
@@ -139,10 +142,26 @@ class Channelizer:
             self._odd_row ^= bool(rows % 2)
         return out
 
+    def _rows(self, samples: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
+        """Fill `out` from `samples`, whose first is the oldest that its first column needs."""
+        windows = as_strided(
+            samples.view(np.float32),
+            (out.shape[1], *self._weights.shape),
+            (8 * self.hop, 8 * self.channels, 4),
+        )
+        for start in range(0, len(windows), ROWS):
+            some = windows[start : start + ROWS]
+            folded = self._folded[: len(some)]
+            np.einsum("nqm,qm->nm", some, self._weights, out=folded)
+            self._transform(folded.view(np.complex64), out[:, start : start + len(some)])
+
     def _transform(self, folded: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
         """Fourier transform each row; keep the channels in use, as rows of `out`."""
         if self._matrix is not None:
             np.matmul(self._matrix, folded.T, out=out)
             return
         spectrum = scipy.fft.fft(folded, axis=1, overwrite_x=True, workers=1)
-        np.copyto(out, spectrum.T[self._selection])
+        if self._all:
+            np.copyto(out, spectrum.T)
+        else:
+            np.copyto(out, spectrum[:, self._selection].T)

@@ -1,9 +1,11 @@
-"""Decimation by a small integer: one matrix product over overlapping blocks.
+"""Decimation by a small integer: one matrix product per few hundred blocks of samples.
 
-``y[n] = sum_k h[k] x[D n - k]``. Eight outputs need a common stretch of ``7 D + L`` inputs; a
-few hundred such stretches are copied under each other (im2col) and multiplied by one matrix
-that holds the taps eight times, each shifted by D. Interleaved real and imaginary parts make
-half of that matrix zero; a BLAS is fast enough to pay for it (reference/perf.md §2a).
+``y[n] = sum_k h[k] x[D n - k]``. The input is cut, without copying, into blocks of ``P = R D``
+samples, the rows of a matrix. A block contributes to the R outputs that start in it and to the
+E that start before it and reach into it; a product with an (R + E, P) matrix of shifted taps
+gives all these parts, and adding each block's parts to those of the blocks after it gives the
+outputs (overlap-add). Against copying overlapping stretches under each other (im2col) this
+saves the copy and takes 0.78 of the time: docs/decisions/0010-decimator.md.
 """
 
 from typing import Literal
@@ -17,8 +19,11 @@ from uavrt.errors import UsageError
 
 Mode = Literal["default", "compatible"]
 
-ROWS = 512
-"""Stretches per matrix product: 512 × 274 floats fill half of a 1 MiB L2 cache."""
+PASS_SAMPLES = 40_960
+"""Samples per matrix product: with the results they stay within a 1 MiB L2 cache."""
+
+DIRECT_OUTPUTS = 1024
+"""Outputs per pass of the direct sum, which bounds its memory."""
 
 
 class Decimator:
@@ -59,9 +64,13 @@ class Decimator:
         self.sample_rate_hz = sample_rate_hz
         self.delay_samples = (taps.size - 1) / 2
         """Group delay in input samples."""
-        self._group = max(1, 64 // factor)
-        self._matrix = _shifted_taps(taps, factor, self._group)
-        self._scratch = np.empty((ROWS, self._matrix.shape[0]), dtype=np.float32)
+        # Oldest sample first, hence the taps backwards.
+        self._weights = np.ascontiguousarray(taps[::-1], dtype=np.complex64)
+        earlier = (taps.size - 1) // factor
+        self._starts = _block_outputs(factor, earlier)
+        self._matrix = _shifted_taps(self._weights, factor, self._starts, earlier)
+        self._pass = max(128, PASS_SAMPLES // (self._starts * factor))
+        self._parts = np.empty((self._pass, self._matrix.shape[1]), dtype=np.complex64)
         self.reset()
 
     @property
@@ -106,32 +115,58 @@ class Decimator:
 
     def _filter(self, samples: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
         """Fill `out` from `samples`, whose first is the oldest that ``out[0]`` needs."""
-        group, width = self._group, self._matrix.shape[0]
-        rows = out.size // group
-        floats = samples.view(np.float32)
-        stretches = as_strided(floats, (rows, width), (8 * group * self.factor, 4))
-        result = out.view(np.float32)[: 2 * group * rows].reshape(rows, 2 * group)
-        for start in range(0, rows, ROWS):
-            stop = min(start + ROWS, rows)
-            # NumPy hands no overlapping view to the BLAS, so the copy is ours, in cache.
-            scratch = self._scratch[: stop - start]
-            np.copyto(scratch, stretches[start:stop])
-            np.matmul(scratch, self._matrix, out=result[start:stop])
-        rest = out.size - rows * group
-        if rest:
-            first = 2 * rows * group * self.factor
-            need = 2 * ((rest - 1) * self.factor + self.taps.size)
-            row = floats[first : first + need]
-            out.view(np.float32)[2 * rows * group :] = row @ self._matrix[:need, : 2 * rest]
+        starts, size = self._starts, self._starts * self.factor
+        blocks, width = samples.size // size, self._matrix.shape[1]
+        # An output reaches into so many blocks after the one that it starts in.
+        reach = -(-(width - starts) // starts)
+        groups = max(0, min(blocks - reach, out.size // starts))
+        rows = samples[: blocks * size].reshape(blocks, size)
+        grouped = out[: groups * starts].reshape(groups, starts)
+        for first in range(0, groups, self._pass - reach):
+            sums = grouped[first : first + self._pass - reach]
+            count = len(sums)
+            parts = self._parts[: count + reach]
+            np.matmul(rows[first : first + count + reach], self._matrix, out=parts)
+            np.copyto(sums, parts[:count, width - starts :])
+            for later in range(1, reach + 1):
+                # What a block adds to the outputs that started `later` blocks before.
+                begin = width - starts * (later + 1)
+                part = parts[later : later + count, max(begin, 0) : begin + starts]
+                target = sums[:, max(-begin, 0) :]
+                np.add(target, part, out=target)
+        self._filter_directly(samples[groups * size :], out[groups * starts :])
+
+    def _filter_directly(
+        self, samples: NDArray[np.complex64], out: NDArray[np.complex64]
+    ) -> None:
+        """Same, output by output; for the few at the ends of a block."""
+        length = self._weights.size
+        for first in range(0, out.size, DIRECT_OUTPUTS):
+            some = out[first : first + DIRECT_OUTPUTS]
+            stretch = samples[first * self.factor :]
+            shape, strides = (some.size, length), (8 * self.factor, 8)
+            # NumPy hands no overlapping view to the BLAS, hence the copy.
+            windows = np.ascontiguousarray(as_strided(stretch, shape, strides))
+            np.matmul(windows, self._weights, out=some)
 
 
-def _shifted_taps(taps: NDArray[np.float64], factor: int, group: int) -> NDArray[np.float32]:
-    """Matrix from interleaved inputs to `group` interleaved outputs."""
-    width = (group - 1) * factor + taps.size
-    matrix = np.zeros((width, 2, group, 2), dtype=np.float32)
-    for output in range(group):
-        span = slice(output * factor, output * factor + taps.size)
-        for part in (0, 1):
-            # Oldest sample first, hence the taps backwards.
-            matrix[span, part, output, part] = taps[::-1]
-    return matrix.reshape(2 * width, 2 * group)
+def _block_outputs(factor: int, earlier: int) -> int:
+    """Outputs that start in a block: R of the module's text.
+
+    More of them make more idle taps, fewer make more additions; at least 5 and 40 samples were
+    best, with R + E a multiple of 4, the width of the BLAS's inner kernel (10 % for D = 8).
+    """
+    starts = max(5, -(-40 // factor))
+    return starts + -(starts + earlier) % 4
+
+
+def _shifted_taps(
+    weights: NDArray[np.complex64], factor: int, starts: int, earlier: int
+) -> NDArray[np.complex64]:
+    """Matrix from a block of samples to its parts of all outputs that it touches, in order."""
+    matrix = np.zeros((starts * factor, earlier + starts), dtype=np.complex64)
+    for output in range(matrix.shape[1]):
+        begin = factor * (output - earlier)
+        low, high = max(begin, 0), min(begin + weights.size, matrix.shape[0])
+        matrix[low:high, output] = weights[low - begin : high - begin]
+    return matrix
