@@ -11,8 +11,9 @@ from uavrt.simulation.scenario import Interferer, Radio, Scenario, SimulatedTag
 from uavrt.simulation.world import World
 
 SHORTEST_S = 40.0
-"""Three full turns take 3 × 8 s: 45°/s in the mean, 56°/s at most."""
-_HEIGHT_M = 40.0
+"""Leaves 4.3 s for a leg between two turns."""
+_SHORTEST_TURN_S = 7.8
+"""A full turn: 46°/s in the mean, 57.7°/s at most."""
 _PEAK_ENR_DB = 33.0
 """With the antenna on a tag, from the middle of the three points, without fading."""
 
@@ -112,23 +113,37 @@ def _tags(duration_s: float) -> tuple[SimulatedTag, ...]:
     )
 
 
+def _turn_s(duration_s: float) -> float:
+    return max(_SHORTEST_TURN_S, 0.16 * duration_s)
+
+
+def _move_s(duration_s: float) -> float:
+    """Time of each of the two moves: what the turns leave of four fifths."""
+    return (0.8 * duration_s - 3.0 * _turn_s(duration_s)) / 2.0
+
+
+def _height_m(duration_s: float) -> float:
+    """Height of the turns: climbed to at 4 m/s in the mean, 40 m at most."""
+    return min(40.0, 4.0 * 0.08 * duration_s)
+
+
 def _points(duration_s: float) -> tuple[tuple[float, float], ...]:
-    """Corners of a triangle that is flown at 10 m/s in the mean, its sides 150 m at most."""
-    side_m = min(150.0, 10.0 * 0.1 * duration_s)
+    """Corners of a triangle, its sides 150 m at most and flown with 4 m/s² at most."""
+    side_m = min(150.0, 0.6 * _move_s(duration_s) ** 2)
     return (0.0, 0.0), (side_m, 0.0), (side_m / 2, side_m * math.sqrt(0.75))
 
 
 def _flight(duration_s: float) -> Flight:
     first, second, third = _points(duration_s)
-    turn = Leg(duration_s=0.2 * duration_s, turn_deg=360.0)
-    move_s = 0.1 * duration_s
+    turn = Leg(duration_s=_turn_s(duration_s), turn_deg=360.0)
+    move_s = _move_s(duration_s)
     return Flight(
         heading_deg=20.0,
         north_m=first[0],
         east_m=first[1],
         leg=(
             Leg(duration_s=0.04 * duration_s),
-            Leg(duration_s=0.08 * duration_s, height_m=_HEIGHT_M),
+            Leg(duration_s=0.08 * duration_s, height_m=_height_m(duration_s)),
             turn,
             Leg(duration_s=move_s, north_m=second[0], east_m=second[1]),
             turn,
@@ -145,7 +160,7 @@ def _levelled(scenario: Scenario) -> Scenario:
     middle = Flight(
         north_m=sum(corner[0] for corner in corners) / 3,
         east_m=sum(corner[1] for corner in corners) / 3,
-        height_m=_HEIGHT_M,
+        height_m=_height_m(scenario.duration_s),
         wobble_deg=0.0,
     )
     probe = replace(

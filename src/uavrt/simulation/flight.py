@@ -10,9 +10,10 @@ from uavrt.simulation import geometry
 from uavrt.simulation.record import ScenarioRecord
 
 _GRAVITY_M_S2 = 9.80665
-# Share of a leg spent in speeding up, and the same again in slowing down. The peak rate is
-# 1/(1 - _EASE) = 1.25 times the mean rate.
-_EASE = 0.2
+# Shares of a leg spent in speeding up, and the same again in slowing down. The peak rate is
+# 1/(1 - ease) times the mean: 1.25 in turning; a way s in T takes 6.6·s/T² of acceleration.
+_TURN_EASE = 0.2
+_MOVE_EASE = 0.35
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,27 +60,24 @@ class VehicleState:
     velocity_ned_m_s: tuple[float, float, float]
 
 
-def _progress(time_share: float) -> tuple[float, float, float]:
+def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
     """Path share, its first and second derivative, of a leg with smooth ends.
 
-    The speed rises as 3x² - 2x³ during the first fifth and falls likewise in the last.
+    The speed rises as 3x² - 2x³ during the share `ease` and falls likewise in the last one.
     """
-    top = 1.0 / (1.0 - _EASE)
+    top = 1.0 / (1.0 - ease)
     if time_share <= 0.0:
         return 0.0, 0.0, 0.0
     if time_share >= 1.0:
         return 1.0, 0.0, 0.0
     if time_share > 0.5:
-        share, speed, acceleration = _progress(1.0 - time_share)
+        share, speed, acceleration = _progress(1.0 - time_share, ease)
         return 1.0 - share, speed, -acceleration
-    if time_share >= _EASE:
-        return top * (time_share - _EASE / 2), top, 0.0
-    x = time_share / _EASE
-    return (
-        top * _EASE * (x**3 - x**4 / 2),
-        top * (3 - 2 * x) * x * x,
-        top / _EASE * 6 * x * (1 - x),
-    )
+    if time_share >= ease:
+        return top * (time_share - ease / 2), top, 0.0
+    x = time_share / ease
+    speed = top * (3 - 2 * x) * x * x
+    return top * ease * (x**3 - x**4 / 2), speed, top / ease * 6 * x * (1 - x)
 
 
 def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> float:
@@ -108,12 +106,12 @@ def vehicle_state(flight: Flight, elapsed_s: float) -> VehicleState:
             place[1] if leg.east_m is None else leg.east_m,
             place[2] if leg.height_m is None else leg.height_m,
         )
-        share, speed, pull = _progress(left_s / leg.duration_s)
+        share, speed, pull = _progress(left_s / leg.duration_s, _MOVE_EASE)
         way = geometry.subtract(goal, place)
         place = geometry.add(place, geometry.scale(way, share))
         velocity = geometry.scale(way, speed / leg.duration_s)
         acceleration = geometry.scale(way, pull / leg.duration_s**2)
-        heading += leg.turn_deg * share
+        heading += leg.turn_deg * _progress(left_s / leg.duration_s, _TURN_EASE)[0]
         left_s -= leg.duration_s
     return _state(flight, elapsed_s, place, velocity, acceleration, heading)
 

@@ -172,5 +172,5 @@ def _toml_value(value: object) -> str:
         return repr(value) if math.isfinite(value) else str(value)
     if isinstance(value, str):
         # A JSON string is a TOML basic string but for U+007F, which TOML wants escaped.
-        return json.dumps(value).replace("\x7f", "\\u007f")
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     return str(value)

@@ -40,7 +40,7 @@ def test_the_drone_stays_where_it_is_before_and_after_the_flight() -> None:
     assert scenario.vehicle_pose(start - 10**9).altitude_relative_m == 0.0
     before, after = scenario.vehicle_state(end), scenario.vehicle_state(end + 10**10)
     assert before.position_ned_m == pytest.approx(after.position_ned_m)
-    assert scenario.vehicle_pose(end).altitude_relative_m == pytest.approx(40.0)
+    assert scenario.vehicle_pose(end).altitude_relative_m == pytest.approx(12.8)
 
 
 def test_velocity_is_the_change_of_position() -> None:
@@ -70,8 +70,18 @@ def test_a_multirotor_leans_into_its_acceleration_and_against_the_wind() -> None
         for t in (10, 50, 90)
     ]
     assert nose_up[0] < nose_up[1] < 0.0 < nose_up[2]
-    # At 10 m/s the drag of 0.15/s wants 1.5 m/s² of thrust: atan(1.5/9.81) = 8.7°.
-    assert math.degrees(math.asin(nose_up[1])) == pytest.approx(-8.7, abs=0.1)
+    # At 80 m / (10 s · 0.65) the drag of 0.15/s wants 1.85 m/s² of thrust: atan(1.85/9.81).
+    assert math.degrees(math.asin(nose_up[1])) == pytest.approx(-10.7, abs=0.1)
+
+
+@pytest.mark.parametrize("duration_s", [40.0, 60.0, 130.0, 600.0])
+def test_the_demo_flies_as_a_multirotor_can(duration_s: float) -> None:
+    scenario = demo_scenario(duration_s)
+    for elapsed_s in np.arange(0.0, duration_s, 0.1):
+        state = scenario.vehicle_state(scenario.start_time_ns + round(elapsed_s * 1e9))
+        up = -geometry.rotate(state.quaternion_wxyz, (0.0, 0.0, -1.0))[2]
+        assert math.degrees(math.acos(min(1.0, up))) < 36.0
+        assert geometry.length(state.velocity_ned_m_s) < 15.0
 
 
 def test_the_antenna_is_turned_and_placed_as_mounted() -> None:

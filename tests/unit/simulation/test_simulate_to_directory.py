@@ -1,0 +1,105 @@
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sigmf
+
+from uavrt.cli.simulate import simulate
+from uavrt.config import read_tags
+from uavrt.errors import ConfigError, RecordingError
+from uavrt.simulation import IQSynthesizer, World, demo_scenario, load_scenario
+from uavrt.simulation.recording import simulate_to_directory
+
+RATE_HZ = 250_000.0
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_recording_is_valid_sigmf_with_the_right_samples(tmp_path: Path) -> None:
+    scenario = demo_scenario(60.0, seed=6)
+    result = simulate_to_directory(
+        scenario, tmp_path / "out", duration_s=9.0, sample_rate_hz=RATE_HZ
+    )
+    recording = sigmf.fromfile(str(result.metadata))
+    recording.validate()
+    assert recording.get_global_info()["core:datatype"] == "cf32_le"
+    assert recording.sample_rate == RATE_HZ
+    capture = recording.get_captures()[0]
+    assert capture["core:frequency"] == 148.68e6
+    assert capture["core:datetime"] == "2023-11-17T07:16:59.000000Z"
+    expected = IQSynthesizer(scenario, sample_rate_hz=RATE_HZ).block(0, 2_250_000)
+    np.testing.assert_array_equal(recording.read_samples(), expected)
+
+
+def test_the_integer_recording_differs_only_by_its_rounding(tmp_path: Path) -> None:
+    scenario = demo_scenario(60.0)
+    result = simulate_to_directory(
+        scenario, tmp_path, duration_s=1.0, sample_rate_hz=RATE_HZ, sample_format="cs16"
+    )
+    sigmf.fromfile(str(result.metadata)).validate()
+    pairs = np.fromfile(result.data, "<i2").astype(np.float32) / 32767
+    expected = IQSynthesizer(scenario, sample_rate_hz=RATE_HZ).block(0, 250_000)
+    np.testing.assert_allclose(pairs.view(np.complex64), expected, atol=1 / 32767)
+
+
+def test_truth_telemetry_and_tags_stand_beside_the_samples(tmp_path: Path) -> None:
+    scenario = demo_scenario(60.0, seed=6)
+    result = simulate_to_directory(scenario, tmp_path, duration_s=9.0, sample_rate_hz=RATE_HZ)
+    start = scenario.start_time_ns
+    pulses = World(scenario).truth(start, start + 9 * 10**9)
+    written = rows(result.truth)
+    assert [int(row["start_time_ns"]) for row in written] == [p.start_time_ns for p in pulses]
+    assert [float(row["enr_db"]) for row in written] == [p.enr_db for p in pulses]
+    telemetry = rows(result.telemetry)
+    assert len(telemetry) == 9 * 50 + 1
+    for row in telemetry[::90]:
+        pose = scenario.vehicle_pose(int(row["time_ns"]))
+        assert float(row["latitude_deg"]) == pytest.approx(pose.latitude_deg, abs=1e-9)
+        assert float(row["qz"]) == pytest.approx(pose.quaternion_wxyz[3], abs=1e-7)
+    assert read_tags(result.tags) == scenario.tags
+    assert [tag.tag_id for tag in read_tags(result.tag_info)] == [2, 4, 6]
+    assert load_scenario(result.scenario).tag == scenario.tag
+    notes = json.loads(result.metadata.read_text())["annotations"]
+    assert len(notes) == len(pulses)
+    assert notes[0]["core:label"] == f"tag {pulses[0].tag_id}"
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("data")
+    with pytest.raises(RecordingError, match="not empty"):
+        simulate_to_directory(demo_scenario(), tmp_path, duration_s=0.1)
+    assert [path.name for path in tmp_path.iterdir()] == ["precious"]
+
+
+def test_a_recording_larger_than_the_disk_is_refused_before_it_starts(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"needs .* GB"):
+        simulate_to_directory(demo_scenario(), tmp_path / "out", duration_s=1e9)
+    assert not any((tmp_path / "out").iterdir())
+
+
+def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match="cannot be written"):
+        simulate_to_directory(demo_scenario(), tmp_path / "file" / "out", duration_s=0.1)
+
+
+@pytest.mark.parametrize("duration_s", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_length_that_is_none_is_refused(tmp_path: Path, duration_s: float) -> None:
+    with pytest.raises(ConfigError, match="cannot record"):
+        simulate_to_directory(demo_scenario(), tmp_path, duration_s=duration_s)
+
+
+def test_the_command_records_the_demo_and_its_own_scenario_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    simulate("demo", output=first, duration=1.0, seed=3, sample_rate=RATE_HZ)
+    simulate(str(first / "scenario.toml"), output=second, sample_rate=RATE_HZ)
+    assert "250000 samples" in capsys.readouterr().out
+    data = "simulation.sigmf-data"
+    assert (first / data).read_bytes() == (second / data).read_bytes()

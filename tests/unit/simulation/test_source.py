@@ -1,0 +1,50 @@
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from uavrt.clock import Clock
+from uavrt.radio.source import SampleSource
+from uavrt.simulation import IQSynthesizer, Scenario
+from uavrt.simulation.source import SimulatedSource
+
+MakeScenario = Callable[..., Scenario]
+
+
+def test_blocks_follow_one_another_to_the_end(make_scenario: MakeScenario) -> None:
+    scenario = make_scenario()
+    source: SampleSource = SimulatedSource(scenario, duration_s=2.5, block_samples=7000)
+    assert source.total_samples == 120_000
+    assert (source.sample_rate_hz, source.center_frequency_hz) == (48_000.0, 150e6)
+    blocks: list[np.ndarray] = []  # type: ignore[type-arg]
+    while (done := sum(part.size for part in blocks)) < 120_000:
+        block = source.read()
+        assert block is not None
+        assert (block.sample_index, block.lost_before) == (done, 0)
+        assert block.time_ns == scenario.start_time_ns + round(done / 48_000.0 * 1e9)
+        blocks.append(block.samples)
+    with pytest.raises(EOFError):
+        source.read()
+    np.testing.assert_array_equal(
+        np.concatenate(blocks), IQSynthesizer(scenario).block(0, 120_000)
+    )
+
+
+def test_a_paced_source_gives_nothing_before_its_time(make_scenario: MakeScenario) -> None:
+    clock = Clock.start()
+    scenario = make_scenario().starting_at(clock.now_ns())
+    source = SimulatedSource(scenario, block_samples=4800, clock=clock)
+    assert source.total_samples is None
+    assert source.read(timeout_s=0.0) is None
+    for number in range(3):
+        block = source.read()
+        assert block is not None
+        assert clock.now_ns() >= scenario.start_time_ns + (number + 1) * 100_000_000
+
+
+def test_a_closed_source_has_ended(make_scenario: MakeScenario) -> None:
+    source = SimulatedSource(make_scenario())
+    source.close()
+    source.close()
+    with pytest.raises(EOFError):
+        source.read()
