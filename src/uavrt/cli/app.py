@@ -24,7 +24,7 @@ app.command("uavrt.cli.tags:tags")
 def main() -> None:
     """Run ``uavrt``; a deliberate error is printed without a traceback and exits with 2."""
     try:
-        app()
+        app(sys.argv[1:])
     except UavrtError as error:
         print(f"uavrt: {error}", file=sys.stderr)
         sys.exit(2)
