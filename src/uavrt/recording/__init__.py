@@ -6,7 +6,7 @@ from uavrt.recording.detector_config import (
     read_detector_config,
     write_detector_config,
 )
-from uavrt.recording.flight_reader import Flight, read_flight, read_health
+from uavrt.recording.flight_reader import Flight, read_flight, read_health, read_search_reports
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.iq_recorder import IQRecorder
 from uavrt.recording.layout import FlightLayout, new_flight_directory
@@ -40,5 +40,6 @@ __all__ = [
     "read_health",
     "read_pulse_file",
     "read_pulse_pose_log",
+    "read_search_reports",
     "write_detector_config",
 ]

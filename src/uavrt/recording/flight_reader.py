@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.errors import FormatError
-from uavrt.messages import FlightInfo, Health, Pose, PulsePose, StatusText
+from uavrt.messages import FlightInfo, Health, Pose, PulsePose, SearchReport, StatusText
 from uavrt.recording import schema
 from uavrt.recording.layout import FlightLayout
 from uavrt.recording.pulse_logs import SELECT_PULSE_POSES, pulse_pose_from_row
@@ -85,6 +85,22 @@ def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
         return tuple(map(schema.health_from_row, rows))
 
 
+def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport, ...]:
+    """Read what was searched without a detection.
+
+    Raises
+    ------
+    FormatError
+        There is no flight, or its database is damaged.
+    """
+    with _database(Path(directory)) as database:
+        rows = database.execute(
+            "SELECT time_ns, tag_id, frequency_hz, noise_psd, best_score FROM search_reports"
+            " ORDER BY time_ns, tag_id"
+        )
+        return tuple(map(schema.search_report_from_row, rows))
+
+
 @contextmanager
 def _database(directory: Path) -> Iterator[sqlite3.Connection]:
     path = FlightLayout(directory).database
@@ -99,7 +115,7 @@ def _database(directory: Path) -> Iterator[sqlite3.Connection]:
     except (sqlite3.Error, ValueError, TypeError) as error:
         raise FormatError(
             f"{path} cannot be read: {error}",
-            remedy="Its pulse_pose_log.txt holds the pulses too, and `uavrt` reads that",
+            remedy="Its pulse_pose_log.txt holds the pulses too; give that instead",
         ) from error
 
 

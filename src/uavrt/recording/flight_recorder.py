@@ -11,13 +11,14 @@ import json
 import sqlite3
 from collections import deque
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
 import uavrt
-from uavrt.clock import monotonic_s
+from uavrt.clock import Clock, monotonic_s
 from uavrt.config.settings import Settings
-from uavrt.errors import RecordingError
+from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import (
     Command,
     CommandReply,
@@ -33,6 +34,7 @@ from uavrt.recording import schema
 from uavrt.recording.detector_config import detector_config, write_detector_config
 from uavrt.recording.layout import FlightLayout
 from uavrt.recording.pulse_logs import PulseLogs
+from uavrt.recording.pulse_pose_log import read_pulse_pose_log
 
 CHECKPOINT_S = 2.0
 """A power cut loses at most this much of the database (style.md §B.5: every few seconds)."""
@@ -56,6 +58,8 @@ class FlightRecorder:
     def __init__(self, directory: Path) -> None:
         self.layout = FlightLayout(directory)
         self._database: sqlite3.Connection | None = None
+        self._origin: tuple[FlightInfo, Settings | None] | None = None
+        self._begun = True
         self._pulses: deque[Pulse | PulsePose] = deque()
         self._others: deque[Statement] = deque()
         self._logs = PulseLogs(self.layout)
@@ -85,13 +89,7 @@ class FlightRecorder:
                 f"{info.directory} holds a flight already",
                 remedy="Reopen it, or choose another directory",
             )
-        recorder.layout.make([tag.tag_id for tag in info.tags])
-        for tag in info.tags:
-            output = recorder.layout.tag_pulse_pose_log(tag.tag_id).parent
-            config = detector_config(tag, info.center_frequency_hz, str(output))
-            path = recorder.layout.tag_config(tag.tag_id)
-            write_detector_config(path, config, info.start_time_ns)
-        recorder._others.extend(_info_statements(info, settings))
+        recorder._origin, recorder._begun = (info, settings), False
         recorder.commit()
         return recorder
 
@@ -119,18 +117,15 @@ class FlightRecorder:
     def open(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
         """Begin the flight, or go on with it when this recorder was restarted.
 
-        Raises
-        ------
-        RecordingError
-            The place cannot be written.
+        Never fails: on a disk that is full now, records wait in memory, every commit says so
+        and tries again. A damaged database is put aside, and a new one is begun with the
+        pulses of the text log.
         """
-        if FlightLayout(Path(info.directory)).database.exists():
-            recorder = cls.reopen(info.directory)
-            # A kill between making the file and its first commit left a database without info.
-            recorder._others.extend(_info_statements(info, settings))
+        recorder = cls(Path(info.directory))
+        recorder._origin, recorder._begun = (info, settings), False
+        with suppress(RecordingError):
             recorder.commit()
-            return recorder
-        return cls.create(info, settings)
+        return recorder
 
     @property
     def waiting_records(self) -> int:
@@ -182,10 +177,12 @@ class FlightRecorder:
             waits in memory and the next commit tries again. The caller counts and goes on.
         """
         try:
+            if not self._begun:
+                self._begin()
             database = self._connected()
             if self._pulses or self._others:
                 self._insert_all(database)
-        except (sqlite3.Error, OSError) as error:
+        except (sqlite3.Error, OSError, RecordingError) as error:
             self.failed_commits += 1
             raise self._failure(error) from error
         self._logs.write(database)
@@ -207,6 +204,43 @@ class FlightRecorder:
             raise self._failure(error) from error
         finally:
             self._disconnect()
+
+    def _begin(self) -> None:
+        """Make what a flight has from its first moment; harmless when it is there already."""
+        if self._origin is None:
+            return
+        info, settings = self._origin
+        self.layout.make([tag.tag_id for tag in info.tags])
+        for tag in info.tags:
+            path = self.layout.tag_config(tag.tag_id)
+            if not path.exists():
+                output = str(self.layout.tag_pulse_pose_log(tag.tag_id).parent)
+                config = detector_config(tag, info.center_frequency_hz, output)
+                write_detector_config(path, config, info.start_time_ns)
+        try:
+            self._logs.complete_from(self._connected())
+        except sqlite3.DatabaseError as error:
+            if not _damaged(error):
+                raise
+            self._disconnect()
+            self._put_aside(Clock(info.clock_offset_ns).now_ns(), str(error))
+        self._others.extend(_info_statements(info, settings))
+        self._begun = True
+
+    def _put_aside(self, now_ns: int, why: str) -> None:
+        """Begin a new database with the pulses of the text log; keep the damaged one."""
+        database = self.layout.database
+        number = 1
+        while (aside := database.with_name(f"{database.name}.damaged-{number}")).exists():
+            number += 1
+        for suffix in ("", "-wal", "-shm"):
+            file = database.with_name(f"{database.name}{suffix}")
+            if file.exists():
+                file.replace(aside.with_name(f"{aside.name}{suffix}"))
+        self._logs.compare_first()
+        with suppress(FormatError):
+            self._pulses.extendleft(reversed(read_pulse_pose_log(self.layout.pulse_pose_log)))
+        self.write_note(f"database damaged ({why}), put aside as {aside.name}", now_ns)
 
     def _take(self, sql: str, row: schema.Row) -> None:
         self._others.append((sql, row))
@@ -290,6 +324,7 @@ class FlightRecorder:
         if now_s < self._checkpoint_at_s:
             return
         self._checkpoint_at_s = now_s + CHECKPOINT_S
+        self._logs.sync()
         try:
             database.execute("PRAGMA wal_checkpoint(PASSIVE)")
         except sqlite3.Error:
@@ -298,6 +333,10 @@ class FlightRecorder:
 
     def _failure(self, error: Exception) -> RecordingError:
         """Roll back, let go of the file (it may be on another disk soon), and say why."""
+        if isinstance(error, RecordingError):
+            return error
+        if _damaged(error):
+            self._begun = False
         if self._database is not None:
             try:
                 if self._database.in_transaction:
@@ -310,6 +349,11 @@ class FlightRecorder:
             f"cannot write the flight {self.layout.root}: {error}",
             remedy=f"Free space or mend the disk; {waiting}",
         )
+
+
+def _damaged(error: Exception) -> bool:
+    code = getattr(error, "sqlite_errorcode", None)
+    return code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
 
 def _info_statements(info: FlightInfo, settings: Settings | None) -> list[Statement]:

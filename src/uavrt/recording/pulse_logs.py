@@ -40,6 +40,11 @@ class PulseLogs:
         """Take what was just committed, for the next `write`."""
         self._new.extend(pulse_poses)
 
+    def compare_first(self) -> None:
+        """Have the next `write` append only what a log lacks, by tag and time."""
+        self._behind = True
+        self._retry_at_s = 0.0
+
     def write(self, database: sqlite3.Connection) -> None:
         """Append what is new; on a failing disk remember that the logs are behind."""
         if not self._new and not self._behind:
@@ -56,6 +61,11 @@ class PulseLogs:
         except OSError:
             self._behind = True
             self._retry_at_s = monotonic_s() + _RETRY_S
+
+    def sync(self) -> None:
+        """Bring the flight's log to the disk itself; a tag's own can be made again from it."""
+        with contextlib.suppress(OSError):
+            PulsePoseLog(self._layout.pulse_pose_log).sync()
 
     def complete_from(self, database: sqlite3.Connection) -> None:
         """Cut off unfinished lines and append what the database has and a log lacks.

@@ -168,6 +168,21 @@ class PulsePoseLog:
         finally:
             os.close(file)
 
+    def sync(self) -> None:
+        """Bring what was appended to the disk itself.
+
+        Raises
+        ------
+        OSError
+            The disk fails.
+        """
+        if self._path.exists():
+            file = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC)
+            try:
+                os.fsync(file)
+            finally:
+                os.close(file)
+
     def repair(self) -> set[tuple[int, int]]:
         """Cut off an unfinished last line; get tag id and start time [ns] of all others.
 

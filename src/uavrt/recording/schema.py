@@ -209,6 +209,17 @@ def search_report_row(report: SearchReport) -> Row:
     )
 
 
+def search_report_from_row(row: Row) -> SearchReport:
+    """Report of a row; a number that was NaN is NaN again."""
+    return SearchReport(
+        time_ns=row[0],
+        tag_id=row[1],
+        frequency_hz=_number(row[2]),
+        noise_psd=_number(row[3]),
+        best_score=_number(row[4]),
+    )
+
+
 def health_row(health: Health) -> Row:
     """Row of a sign of life."""
     counters = json.dumps(health.counters)

@@ -28,6 +28,7 @@ from uavrt.messages import (
     Poses,
     Pulse,
     PulsePose,
+    SearchReport,
     StatusText,
 )
 from uavrt.recording import (
@@ -38,6 +39,7 @@ from uavrt.recording import (
     read_flight,
     read_health,
     read_pulse_pose_log,
+    read_search_reports,
 )
 
 START_NS = 1_700_205_419_230_494_976
@@ -74,6 +76,10 @@ def test_what_is_recorded_is_read_back(
         CommandReply(request_id=7, name="start_detection", accepted=False, message="no tags"),
         START_NS,
     )
+    searched = SearchReport(
+        tag_id=2, time_ns=START_NS, frequency_hz=148.71e6, noise_psd=1e-12, best_score=0.4
+    )
+    recorder.write_search_report(searched)
     recorder.write_note("wall clock set forward by 3 s", START_NS + 9)
     recorder.close()
 
@@ -85,6 +91,7 @@ def test_what_is_recorded_is_read_back(
     assert list(flight.pulse_poses) == expected
     assert flight.poses == raw.poses
     assert read_health(info.directory) == (health,)
+    assert read_search_reports(info.directory) == (searched,)
     assert flight.status_texts == ((START_NS + 5, StatusText(severity=4, text="radio absent")),)
     assert flight.notes == ((START_NS + 9, "wall clock set forward by 3 s"),)
     assert recorder.committed_pulses == 9
@@ -367,6 +374,56 @@ def test_a_place_that_cannot_be_written_is_refused_with_a_remedy(
     with pytest.raises(RecordingError, match="cannot make the flight directory") as caught:
         FlightRecorder.create(make_info(tmp_path / "file" / "flight"))
     assert caught.value.remedy
+
+
+def test_a_flight_begun_on_a_failing_disk_is_recorded_once_the_disk_is_mended(
+    make_info: MakeInfo, make_pulse_pose: MakePulsePose, tmp_path: Path
+) -> None:
+    card = tmp_path / "card"
+    card.write_text("a file in the place of the directory")
+    info = make_info(card / "flight")
+    recorder = FlightRecorder.open(info, Settings())
+    recorder.write_pulse_poses([make_pulse_pose(0)])
+    with pytest.raises(RecordingError, match="cannot make the flight directory"):
+        recorder.commit()
+    assert recorder.failed_commits == 2
+    card.unlink()
+    recorder.write_pulse_poses([make_pulse_pose(1)])
+    recorder.close()
+    flight = read_flight(info.directory)
+    assert flight.info == info
+    assert flight.pulse_poses == (make_pulse_pose(0), make_pulse_pose(1))
+
+
+@pytest.mark.parametrize("damage", ["header", "inside"])
+def test_a_damaged_database_is_put_aside_and_its_pulses_come_from_the_text_log(
+    make_info: MakeInfo, make_pulse_pose: MakePulsePose, damage: str
+) -> None:
+    info = make_info()
+    recorder = FlightRecorder.create(info)
+    recorder.write_pulse_poses(make_pulse_pose(n) for n in range(200))
+    recorder.close()
+    layout = FlightLayout(Path(info.directory))
+    content = bytearray(layout.database.read_bytes())
+    if damage == "header":
+        content[:100] = b"\xff" * 100
+    else:
+        content[4096:] = b"\xff" * (len(content) - 4096)
+    layout.database.write_bytes(content)
+    with pytest.raises(FormatError, match="give that instead"):
+        read_flight(info.directory)
+
+    restarted = FlightRecorder.open(info)
+    restarted.write_pulse_poses([make_pulse_pose(200)])
+    restarted.close()
+    flight = read_flight(info.directory)
+    starts = [one.pulse.start_time_ns for one in flight.pulse_poses]
+    assert starts == [make_pulse_pose(n).pulse.start_time_ns for n in range(201)]
+    assert all(one.pose is not None for one in flight.pulse_poses)
+    assert "put aside as flight.sqlite.damaged-1" in flight.notes[0][1]
+    aside = layout.database.with_name("flight.sqlite.damaged-1")
+    assert aside.read_bytes()[4096:] == bytes(content[4096:])
+    assert len(read_pulse_pose_log(layout.pulse_pose_log)) == 201
 
 
 def test_memory_is_bounded_while_the_disk_fails_and_pulses_outlast_poses(
