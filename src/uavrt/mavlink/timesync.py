@@ -11,6 +11,9 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 MAX_SKEW = 0.02
 """Twice what was measured of a simulated PX4 that fell behind (6 329 ppm); crystals: 1e-4."""
+BIN_NS = ns_from_s(2.0)
+ONE_WAY_NS = ns_from_s(3.0)
+"""How long messages are watched before their least delay is believed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,20 +39,21 @@ class TimeSync:
     window_s : float
         How long a round trip counts.
     keep : float
-        Share of round trips, the shortest, that the line is put through.
+        Share of the shortest round trips of each 2 s that the line is put through: of one a
+        second, 30 % in all.
     jump_s : float
         Error beyond half the round trip that means another clock.
     """
 
     def __init__(
-        self, *, window_s: float = 20.0, keep: float = 0.3, jump_s: float = 0.05
+        self, *, window_s: float = 20.0, keep: float = 0.6, jump_s: float = 0.05
     ) -> None:
         self._window_ns = ns_from_s(window_s)
         self._keep = keep
         self._jump_ns = ns_from_s(jump_s)
         self._trips: deque[RoundTrip] = deque()
         self._line: tuple[int, int, float] | None = None  # remote, local, skew
-        self._one_way: tuple[int, int, int] | None = None  # first local, least offset, count
+        self._one_way: tuple[int, int, int] | None = None  # first, last local, least offset
         self.resets = 0
 
     @property
@@ -102,8 +106,8 @@ class TimeSync:
         The least difference ever seen is the offset plus the shortest delay.
         """
         offset = received_ns - remote_ns
-        first, least, count = self._one_way or (received_ns, offset, 0)
-        self._one_way = (first, min(least, offset), count + 1)
+        first, _, least = self._one_way or (received_ns, received_ns, offset)
+        self._one_way = (first, received_ns, min(least, offset))
 
     def local_ns(self, remote_ns: int) -> int | None:
         """Our time of a boot time; None while nothing is known.
@@ -115,8 +119,8 @@ class TimeSync:
             delta = remote_ns - remote
             return local + delta + round(delta * skew)
         if self._one_way is not None:
-            first, least, count = self._one_way
-            if count > 1 and remote_ns + least - first > 3 * NANOSECONDS_PER_SECOND:
+            first, last, least = self._one_way
+            if last - first >= ONE_WAY_NS:
                 return remote_ns + least
         return None
 
@@ -127,24 +131,34 @@ class TimeSync:
         return error > self._jump_ns or trip.remote_ns < self._trips[-1].remote_ns - 10**9
 
     def _fit(self) -> tuple[int, int, float]:
-        """Line through the shortest round trips; level while they span less than 4 s."""
-        by_length = sorted(self._trips, key=lambda trip: trip.round_trip_ns)
-        best = by_length[: max(5, round(self._keep * len(by_length)))]
+        """Line through the shortest round trips; of equal ones the newest.
+
+        The shortest of every 2 s, and of these the shorter part, so that they cannot all lie
+        together where the link happened to be quiet. While they span less than 4 s the line
+        goes through the shortest with the tilt known before, at first none.
+        """
+        shortest: dict[int, RoundTrip] = {}
+        for trip in self._trips:
+            place = trip.local_ns // BIN_NS
+            rival = shortest.get(place)
+            if rival is None or trip.round_trip_ns <= rival.round_trip_ns:
+                shortest[place] = trip
+        ordered = sorted(shortest.values(), key=lambda t: (t.round_trip_ns, -t.local_ns))
+        best = ordered[: max(4, round(self._keep * len(ordered)))]
         base = best[0]
+        skew = 0.0 if self._line is None else self._line[2]
         xs = [(trip.remote_ns - base.remote_ns) / NANOSECONDS_PER_SECOND for trip in best]
+        if max(xs) - min(xs) < 4.0:
+            return base.remote_ns, base.local_ns, skew
         ys = [
             (trip.local_ns - base.local_ns - trip.remote_ns + base.remote_ns)
             / NANOSECONDS_PER_SECOND
             for trip in best
         ]
         mean_x, mean_y = sum(xs) / len(xs), sum(ys) / len(ys)
-        skew = 0.0
-        if max(xs) - min(xs) >= 4.0:
-            spread = sum((x - mean_x) ** 2 for x in xs)
-            slope = sum((x - mean_x) * (y - mean_y) for x, y in zip(xs, ys, strict=True))
-            skew = max(-MAX_SKEW, min(MAX_SKEW, slope / spread))
-        else:
-            mean_x, mean_y = 0.0, 0.0  # a short window: trust its shortest trip
+        spread = sum((x - mean_x) ** 2 for x in xs)
+        slope = sum((x - mean_x) * (y - mean_y) for x, y in zip(xs, ys, strict=True))
+        skew = max(-MAX_SKEW, min(MAX_SKEW, slope / spread))
         remote = base.remote_ns + round(mean_x * NANOSECONDS_PER_SECOND)
         offset = base.local_ns - base.remote_ns + round(mean_y * NANOSECONDS_PER_SECOND)
         return remote, remote + offset, skew

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import math
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import replace
 
 import pytest
@@ -136,7 +136,7 @@ class World:
 async def until(condition: Callable[[], object], timeout_s: float = 20.0) -> None:
     """Wait until something is so; the time limit only ends a broken test."""
     async with asyncio.timeout(timeout_s):
-        while not condition():
+        while not condition():  # noqa: ASYNC110 - any condition, not one object's
             await asyncio.sleep(0.01)
 
 
@@ -159,6 +159,16 @@ def make_pulse(index: int, time_ns: int) -> PulsePose:
         predicted_next_end_ns=None,
     )
     return PulsePose(pulse=pulse, pose=turning_vehicle(30.0)(time_ns))
+
+
+@pytest.fixture(name="until")
+def until_fixture() -> Callable[..., Awaitable[None]]:
+    return until
+
+
+@pytest.fixture(name="make_pulse")
+def make_pulse_fixture() -> Callable[[int, int], PulsePose]:
+    return make_pulse
 
 
 @pytest.fixture
