@@ -1,0 +1,235 @@
+"""Links over real sockets and a pseudo-terminal, and what they say when they cannot open."""
+
+import asyncio
+import contextlib
+import errno
+import os
+import pty
+import socket
+from collections.abc import Awaitable, Callable
+
+import pytest
+import serial
+
+from uavrt.errors import ConfigError, LinkError
+from uavrt.mavlink import Frame, FrameWriter, open_link, parse_address
+from uavrt.mavlink import dialect as d
+from uavrt.mavlink.udp import UdpLink
+
+Until = Callable[..., Awaitable[None]]
+PING = d.Ping(time_usec=1, seq=2, target_system=0, target_component=0)
+FRAME = FrameWriter(1, 1).encode(PING)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "udpin://",
+        "udpin://127.0.0.1",
+        "udpout://127.0.0.1:0",
+        "udp://127.0.0.1:14540",
+        "udpin://127.0.0.1:99999",
+        "tcp://127.0.0.1:x",
+        "serial://ttyUSB0:57600",
+        "serial:///dev/ttyUSB0:fast",
+        "serial:///dev/ttyUSB0:0",
+        "/dev/ttyUSB0",
+    ],
+)
+def test_an_address_that_is_none_is_refused_with_the_forms(text: str) -> None:
+    with pytest.raises(ConfigError, match=r"serial:///dev/ttyUSB0:57600"):
+        parse_address(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "udpin://127.0.0.1:14540",
+        "udpout://[::1]:14550",
+        "tcp://drone.local:5760",
+        "serial:///dev/ttyAMA0:921600",
+    ],
+)
+def test_an_address_reads_back_as_it_was_written(text: str) -> None:
+    assert str(parse_address(text)) == text
+
+
+def test_a_serial_address_without_a_rate_has_the_usual_one() -> None:
+    assert parse_address("serial:///dev/ttyUSB0").baud == 57_600
+
+
+def test_two_udp_links_talk_and_count(until: Until) -> None:
+    async def main() -> None:
+        heard: list[Frame] = []
+        answered: list[Frame] = []
+        server = await open_link("udpin://127.0.0.1:0", heard.append)
+        assert isinstance(server, UdpLink)
+        assert not server.send(FRAME), "nobody to send to yet"
+        client = await open_link(f"udpout://127.0.0.1:{server.local_port}", answered.append)
+        client.send(FRAME + b"rubbish")
+        client.send(FRAME[:-1] + bytes([FRAME[-1] ^ 1]))
+        await until(lambda: heard and server.counters.bad_crc)
+        assert heard[0].message() == PING
+        assert server.send(FRAME)
+        await until(lambda: answered)
+        counters = server.counters
+        assert (counters.received, counters.sent, counters.dropped) == (1, 1, 1)
+        assert counters.bad_crc == 1
+        await client.close()
+        await server.close()
+
+    asyncio.run(main())
+
+
+def test_a_udp_port_in_use_is_named_with_its_remedy() -> None:
+    async def main(port: int) -> None:
+        with pytest.raises(LinkError, match=rf"{port}.*in use.*ss -ulpn"):
+            await open_link(f"udpin://127.0.0.1:{port}", lambda frame: None)
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        asyncio.run(main(taken.getsockname()[1]))
+
+
+def test_a_tcp_link_talks_and_connects_again_when_the_other_side_restarts(
+    until: Until,
+) -> None:
+    async def main() -> None:
+        heard: list[Frame] = []
+        arrived: list[bytes] = []
+        writers: list[asyncio.StreamWriter] = []
+
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            writers.append(writer)
+            writer.write(FRAME[:5])
+            await writer.drain()
+            writer.write(FRAME[5:])
+            arrived.append(await reader.read(len(FRAME)))
+
+        server = await asyncio.start_server(serve, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        link = await open_link(f"tcp://127.0.0.1:{port}", heard.append)
+        assert link.send(FRAME)
+        await until(lambda: len(heard) == 1 and arrived)
+        assert arrived == [FRAME]
+        writers[0].close()
+        await until(lambda: len(heard) == 2)
+        assert link.counters.reconnects == 1
+        await link.close()
+        writers[1].close()
+        server.close()
+        await server.wait_closed()
+
+    asyncio.run(main())
+
+
+def test_a_tcp_address_where_nobody_listens_is_named_with_its_remedy() -> None:
+    async def main(port: int) -> None:
+        with pytest.raises(LinkError, match=r"[Cc]onnect.*the other side listens"):
+            await open_link(f"tcp://127.0.0.1:{port}", lambda frame: None)
+
+    with socket.socket() as unheard:
+        unheard.bind(("127.0.0.1", 0))
+        asyncio.run(main(unheard.getsockname()[1]))
+
+
+def test_a_serial_link_talks_through_a_terminal_and_comes_back_after_a_hang_up(
+    until: Until, tmp_path: os.PathLike[str]
+) -> None:
+    device = os.path.join(tmp_path, "tty")
+
+    def plug() -> int:
+        master, slave = pty.openpty()
+        if os.path.lexists(device):
+            os.unlink(device)
+        os.symlink(os.ttyname(slave), device)
+        os.close(slave)
+        os.set_blocking(master, False)
+        return master
+
+    def read(master: int) -> bytes:
+        try:
+            return os.read(master, 4096)
+        except OSError:
+            return b""
+
+    async def main() -> None:
+        heard: list[Frame] = []
+        master = plug()
+        link = await open_link(f"serial://{device}:57600", heard.append)
+        os.write(master, b"noise" + FRAME[:7])
+        os.write(master, FRAME[7:])
+        await until(lambda: len(heard) == 1)
+        assert link.counters.skipped_bytes == 5
+        assert link.send(FRAME)
+        await until(lambda: read(master) == FRAME)
+        os.close(master)
+        await until(lambda: not link.send(FRAME))
+        master = plug()
+        await until(lambda: link.counters.reconnects == 1)
+        os.write(master, FRAME)
+        await until(lambda: len(heard) == 2)
+        await link.close()
+        os.close(master)
+
+    asyncio.run(main())
+
+
+def test_a_serial_link_that_nobody_drains_drops_whole_frames_and_counts(
+    until: Until,
+) -> None:
+    async def main() -> None:
+        master, slave = pty.openpty()
+        link = await open_link(f"serial://{os.ttyname(slave)}:57600", lambda frame: None)
+        os.set_blocking(master, False)
+        while link.counters.dropped == 0:
+            link.send(FRAME)
+        sent = link.counters.sent
+        collected = bytearray()
+
+        def drain() -> bool:
+            with contextlib.suppress(BlockingIOError):
+                collected.extend(os.read(master, 65536))
+            return len(collected) == sent * len(FRAME)
+
+        await until(drain)
+        assert bytes(collected) == FRAME * sent
+        await link.close()
+        os.close(master)
+        os.close(slave)
+
+    asyncio.run(main())
+
+
+def open_serial_error(device: str) -> LinkError:
+    async def main() -> LinkError:
+        with pytest.raises(LinkError) as caught:
+            await open_link(f"serial://{device}:57600", lambda frame: None)
+        return caught.value
+
+    return asyncio.run(main())
+
+
+def test_a_missing_serial_port_is_named_with_those_present() -> None:
+    error = open_serial_error("/dev/ttyNone99")
+    assert "no such serial port" in error.message
+    assert "ports present" in str(error)
+
+
+def test_a_serial_port_held_by_another_program_is_named_as_such() -> None:
+    master, slave = pty.openpty()
+    with serial.Serial(os.ttyname(slave), exclusive=True):
+        error = open_serial_error(os.ttyname(slave))
+    assert "in use" in error.message
+    os.close(master)
+    os.close(slave)
+
+
+def test_a_serial_port_without_permission_points_to_the_dialout_group() -> None:
+    from uavrt.mavlink.stream import _serial_error
+
+    error = _serial_error(
+        parse_address("serial:///dev/ttyUSB0"), PermissionError(errno.EACCES, "denied")
+    )
+    assert "dialout" in str(error)
