@@ -25,6 +25,9 @@ from uavrt.errors import UsageError
 MATRIX_CHANNELS = 20
 """Up to so many channels a small DFT matrix is cheaper than all M of an FFT (measured)."""
 
+GROUP = 8
+"""Windows that are weighted in one go: a longer inner loop saves a fifth of the fold's time."""
+
 ROWS = 256
 """Outputs per pass: 256 rows of 100 complex64 and their transform stay in the L2 cache."""
 
@@ -73,11 +76,14 @@ class Channelizer:
         """Group delay in samples of the band."""
         phases = self.taps.reshape(-1, channels)
         # Real weights for interleaved real and imaginary parts.
-        self._weights = np.repeat(phases, 2, axis=1).astype(np.float32)
+        weights = np.repeat(phases, 2, axis=1).astype(np.float32)
+        self._weights = np.tile(weights, (1, GROUP))
         self._window = self.taps.size
         self._all = self.in_use == tuple(range(channels))
         self._selection = np.array(self.in_use, dtype=np.intp)
-        self._odd = self._selection % 2 == 1
+        self._odd: NDArray[np.bool_] | slice = self._selection % 2 == 1
+        if self._all:
+            self._odd = slice(1, None, 2)
         self._matrix: NDArray[np.complex64] | None = None
         if len(self.in_use) <= MATRIX_CHANNELS:
             turns = np.outer(self._selection, np.arange(channels)) % channels / channels
@@ -144,16 +150,33 @@ class Channelizer:
 
     def _rows(self, samples: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
         """Fill `out` from `samples`, whose first is the oldest that its first column needs."""
+        floats = samples.view(np.float32)
+        group = GROUP if self.hop == self.channels else 1
+        for start in range(0, out.shape[1], ROWS):
+            some = out[:, start : start + ROWS]
+            folded = self._folded[: some.shape[1]]
+            grouped = len(folded) // group * group
+            self._fold(floats[start * 2 * self.hop :], folded[:grouped], group)
+            self._fold(floats[(start + grouped) * 2 * self.hop :], folded[grouped:], 1)
+            self._transform(folded.view(np.complex64), some)
+
+    def _fold(
+        self, floats: NDArray[np.float32], folded: NDArray[np.float32], group: int
+    ) -> None:
+        """Weight the windows and add them up modulo M; `group` windows as one long row.
+
+        Windows can be joined when they follow each other at M samples, as where H = M.
+        """
+        if len(folded) == 0:
+            return
+        width = group * 2 * self.channels
         windows = as_strided(
-            samples.view(np.float32),
-            (out.shape[1], *self._weights.shape),
-            (8 * self.hop, 8 * self.channels, 4),
+            floats,
+            (len(folded) // group, len(self._weights), width),
+            (8 * group * self.hop, 8 * self.channels, 4),
         )
-        for start in range(0, len(windows), ROWS):
-            some = windows[start : start + ROWS]
-            folded = self._folded[: len(some)]
-            np.einsum("nqm,qm->nm", some, self._weights, out=folded)
-            self._transform(folded.view(np.complex64), out[:, start : start + len(some)])
+        result = folded.reshape(-1, width)
+        np.einsum("nqm,qm->nm", windows, self._weights[:, :width], out=result)
 
     def _transform(self, folded: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
         """Fourier transform each row; keep the channels in use, as rows of `out`."""
