@@ -7,6 +7,14 @@ import sys
 
 _PR_SET_PDEATHSIG = 1
 """prctl(2): signal to get when the parent thread ends."""
+_PR_SET_CHILD_SUBREAPER = 36
+"""prctl(2): children that lose their parent become ours."""
+
+
+def adopt_orphans() -> None:
+    """Become the parent of descendants whose own parent ends, so that they can be ended."""
+    if sys.platform.startswith("linux"):
+        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
 def die_with_parent() -> None:

@@ -16,6 +16,7 @@ from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, IQBlock
 from uavrt.radio import SampleSource, open_radio
 from uavrt.recording import IQRecorder
+from uavrt.recording.layout import FlightLayout
 
 log = get_logger()
 
@@ -64,7 +65,7 @@ class Receiver:
             return None
         try:
             return IQRecorder(
-                new_recording_name(Path(flight.directory) / "recording"),
+                new_recording_name(FlightLayout(Path(flight.directory)).iq_directory),
                 center_frequency_hz=flight.center_frequency_hz,
                 sample_rate_hz=self._front_end.plan.band_rate_hz,
                 minimum_free_mb=recording.minimum_free_mb,

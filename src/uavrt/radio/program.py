@@ -278,7 +278,7 @@ def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
     log.info("starting radio", command=" ".join(command))
     try:
         return subprocess.Popen(
-            command,
+            [*_die_with_us(), *command],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -290,6 +290,16 @@ def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
             f"cannot run {command[0]}: {error.strerror}",
             remedy=f"Install it again: sudo apt install --reinstall {package}",
         ) from error
+
+
+def _die_with_us() -> list[str]:
+    """Words before a command that let the kernel end it when we end, even by SIGKILL.
+
+    A radio program that writes ends by itself when its pipe closes; one that hangs would keep
+    the radio. ``setpriv`` is part of util-linux, which every Debian has.
+    """
+    setpriv = shutil.which("setpriv")
+    return [setpriv, "--pdeathsig", "KILL", "--"] if setpriv else []
 
 
 def _find(program: str, package: str) -> None:

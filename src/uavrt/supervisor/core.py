@@ -5,7 +5,10 @@ through it by the tables; samples do not.
 """
 
 import asyncio
+import contextlib
+import logging
 import os
+import signal
 import socket
 import time
 from collections.abc import Callable
@@ -16,6 +19,7 @@ from uavrt.clock import Clock
 from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
 from uavrt.ipc import Assignment, decode_record, encode_record
+from uavrt.ipc.parent import adopt_orphans
 from uavrt.ipc.samples import make_sample_sockets
 from uavrt.ipc.topics import topic_of
 from uavrt.log import get_logger
@@ -36,6 +40,7 @@ from uavrt.supervisor.output import OutputLog, warning_text
 from uavrt.supervisor.systemd import SystemdNotifier
 from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, ProcessRow, consumers_of
 from uavrt.supervisor.transitions import Refused, Repeated, outcome
+from uavrt.supervisor.usage import children_of
 
 log = get_logger()
 
@@ -45,6 +50,8 @@ RESTART_DELAYS_S = (0.0, 0.5, 1.0, 2.0, 5.0)
 """Wait before the first, second, … restart in a row; the last repeats."""
 SETTLED_S = 30.0
 """Alive for this long: the count of restarts in a row starts anew."""
+WARNING_SEVERITY = 4
+"""MAV_SEVERITY_WARNING; lower numbers are worse."""
 LAST_PULSES_S = 1.5
 """Time between the detectors' end and the flight's: the last pulses wait up to
 `AntennaSettings.pose_wait_s` (1 s) for their pose."""
@@ -83,6 +90,7 @@ class Supervisor:
 
     async def run(self) -> None:
         """Run until `stop` is called, then stop everything in reverse order."""
+        adopt_orphans()
         next_status_s = 0.0
         systemd = SystemdNotifier()
         systemd.ready()
@@ -102,7 +110,6 @@ class Supervisor:
             await self._end_flight()
         for row in reversed(PROCESSES):
             await self._stop_row(row)
-        self._output.close()
 
     def stop(self) -> None:
         """Ask `run` to end."""
@@ -121,6 +128,15 @@ class Supervisor:
                     self._start(instance)
                 elif instance.child is not None:
                     self._watch(instance, now_s)
+
+    def _end_orphans(self) -> None:
+        """End what a killed child has left behind, above all a radio program."""
+        known = {i.child.pid for i in self._instances.values() if i.child is not None}
+        for pid in set(children_of(os.getpid())) - known:
+            with contextlib.suppress(ProcessLookupError, ChildProcessError, PermissionError):
+                log.warning("ending an orphan", pid=pid)
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
 
     def _worker_count(self) -> int:
         return max(1, min(self.workers, len(self.tags)))
@@ -179,6 +195,7 @@ class Supervisor:
         child, instance.child = instance.child, None
         if child is not None:
             instance.cpu_s_before += child.cpu_s
+        self._end_orphans()
         instance.memory_mb = 0.0
         if instance.stop_asked_s is not None:
             log.info("stopped", child=instance.name, exit_code=exit_code)
@@ -333,20 +350,21 @@ class Supervisor:
             case Health():
                 instance.health = record
             case StatusText():
-                log.info("status text", severity=record.severity, text=record.text)
+                log.info(record.text, child=instance.name)
 
     def _on_output(self, instance: Instance, line: bytes) -> None:
         self._output.write(instance.name, line)
         text = warning_text(instance.name, line)
         if text is not None:
-            self._publish("status_text", text)
+            self._tell(text.severity, text.text)
 
     def _publish(self, topic: str, record: object) -> None:
         self._forward(topic, encode_record(topic, record))
 
     def _tell(self, severity: int, text: str) -> None:
         """Send a text to the operator and into the log."""
-        log.info("status text", severity=severity, text=text)
+        level = logging.WARNING if severity <= WARNING_SEVERITY else logging.INFO
+        log.log(level, text)
         self._publish("status_text", StatusText(severity=severity, text=text))
 
     def _forward(self, topic: str, line: bytes) -> None:

@@ -1,22 +1,20 @@
 """Everything the children print is kept, each line with its time.
 
-During a flight the files stand in the flight directory, in the thesis's layout: the radio
-program's own words in ``airspy_csdr_netcat_log/``, the receiver's in ``channelizer_log/``, the
-detectors' in ``detector_log/``. Otherwise they stand in ``system_log/`` beside the flights.
+During a flight the files stand in the flight directory, in the thesis's layout
+(`uavrt.recording.layout`); the radio program's own words are told from the receiver's.
+Otherwise they stand in ``system_log/`` beside the flights.
 """
 
 import json
 import time
 from pathlib import Path
-from typing import BinaryIO
 
-from uavrt.log import get_logger
 from uavrt.messages import StatusText
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.process_log import ProcessLog
 
-log = get_logger()
-
-ROTATE_BYTES = 5_000_000
-"""A file that has grown to this starts anew; the one before it is kept as ``.1``."""
+RADIO_EVENT = b'"event": "radio says"'
+"""How the receiver marks a line of the radio program."""
 
 _SEVERITY = {"warning": 4, "error": 3, "critical": 2}
 """Log level to MAVLink severity."""
@@ -31,9 +29,8 @@ def warning_text(process: str, line: bytes) -> StatusText | None:
     except (ValueError, KeyError, TypeError):
         return None
     details = " ".join(f"{k}={v}" for k, v in event.items() if k not in _PLAIN_KEYS)
-    return StatusText(
-        severity=severity, text=f"{process}: {event.get('event', '')} {details}"[:200]
-    )
+    text = f"{process}: {event.get('event', '')} {details}"
+    return StatusText(severity=severity, text=text[:200])
 
 
 class OutputLog:
@@ -44,57 +41,32 @@ class OutputLog:
     """
 
     def __init__(self, directory: Path) -> None:
-        self._system = directory / "system_log"
-        self._flight: Path | None = None
-        self._files: dict[Path, BinaryIO] = {}
-        self.lines_lost = 0
+        self._directory = directory
+        self._flight: FlightLayout | None = None
+        self._logs: dict[Path, ProcessLog] = {}
 
     def open_flight(self, directory: Path) -> None:
         """Write to a flight's directory from now on."""
-        self.close()
-        self._flight = directory
+        self._flight = FlightLayout(directory)
 
     def close_flight(self) -> None:
         """Write beside the flights again."""
-        self.close()
         self._flight = None
+        self._logs.clear()
+
+    @property
+    def lost_lines(self) -> int:
+        """Lines that could not be written to the files now open."""
+        return sum(log.lost_lines for log in self._logs.values())
 
     def write(self, process: str, line: bytes) -> None:
         """Keep a line with the time it was printed."""
-        path = self._path(process, line)
-        stamp = time.strftime("%Y-%m-%dT%H:%M:%SZ ", time.gmtime()).encode()
-        try:
-            self._open(path).write(stamp + line + b"\n")
-        except OSError as error:
-            if self.lines_lost == 0:
-                log.error("process output cannot be kept", path=str(path), error=str(error))
-            self.lines_lost += 1
-            self._files.pop(path, None)
+        path = self._path("radio" if RADIO_EVENT in line else process)
+        log = self._logs.setdefault(path, ProcessLog(path))
+        stamp = time.strftime("%Y-%m-%dT%H:%M:%SZ ", time.gmtime())
+        log.write(stamp + line.decode("utf-8", "replace"))
 
-    def close(self) -> None:
-        """Close all files."""
-        for file in self._files.values():
-            file.close()
-        self._files.clear()
-
-    def _path(self, process: str, line: bytes) -> Path:
+    def _path(self, process: str) -> Path:
         if self._flight is None:
-            return self._system / f"{process}.log"
-        if process == "receiver":
-            if b'"event": "radio says"' in line:
-                return self._flight / "airspy_csdr_netcat_log" / "radio.log"
-            return self._flight / "channelizer_log" / "receiver.log"
-        folder = "detector_log" if process.startswith("detector") else "process_log"
-        return self._flight / folder / f"{process}.log"
-
-    def _open(self, path: Path) -> BinaryIO:
-        file = self._files.get(path)
-        if file is not None and file.tell() > ROTATE_BYTES:
-            file.close()
-            path.replace(path.with_suffix(".log.1"))
-            file = None
-        if file is None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            # Unbuffered: a line must be on disk when the process that printed it dies.
-            file = self._files[path] = path.open("ab", buffering=0)
-        return file
+            return self._directory / "system_log" / f"{process}.log"
+        return self._flight.process_log(process)

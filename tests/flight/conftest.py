@@ -1,0 +1,137 @@
+"""A drone side as in the field, against a simulated radio and autopilot."""
+
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from uavrt.clock import Clock
+from uavrt.config.settings import Settings
+from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.demo.watch import StatusReader
+from uavrt.simulation import Scenario, write_scenario
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.scenario import Radio, SimulatedTag
+
+THESIS_TAG = SimulatedTag(
+    tag_id=2,
+    frequency_hz=148_710_000.0,
+    pulse_width_s=0.020,
+    pulse_intervals_s=(1.254,),
+    interval_uncertainty_s=0.06,
+    interval_jitter_s=0.01,
+    k=3,
+    false_alarm_probability=0.005,
+    north_m=150.0,
+    east_m=60.0,
+    erp_dbm=-30.0,
+)
+
+
+def hovering_scenario(duration_s: float = 120.0) -> Scenario:
+    """The thesis's tag, and a drone that turns on the spot."""
+    return Scenario(
+        duration_s=duration_s,
+        radio=Radio(center_frequency_hz=148_705_000.0),
+        tag=(THESIS_TAG,),
+        flight=Flight(
+            height_m=40.0,
+            leg=(Leg(duration_s=2.0), Leg(duration_s=duration_s - 4.0, turn_deg=720.0)),
+        ),
+    )
+
+
+@dataclass
+class Drone:
+    """A running drone side with its simulated world."""
+
+    scenario: Scenario
+    settings: Settings
+    supervisor: Program
+    autopilot: Program
+    status: StatusReader
+    ground_port: int
+    directory: Path
+
+
+class DroneBay:
+    """Starts drones; ends everything it started."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._stack = ExitStack()
+        self._number = 0
+
+    def launch(self, scenario: Scenario, *arguments: str, **changes: object) -> Drone:
+        self._number += 1
+        work = self._directory / f"drone{self._number}"
+        work.mkdir()
+        paths = DemoPaths(directory=work, flights=work / "flights")
+        scenario = scenario.starting_at(Clock.start().now_ns() + 1_000_000_000)
+        write_scenario(scenario, paths.scenario)
+        companion_port, ground_port = free_udp_port(), free_udp_port()
+        settings = drone_settings(scenario, paths, companion_port)
+        settings = replace(settings, **changes)  # type: ignore[arg-type]
+        autopilot = self._program(
+            work,
+            "autopilot",
+            "uavrt.simulation.autopilot",
+            *("--scenario", str(paths.scenario)),
+            *("--companion", f"127.0.0.1:{companion_port}"),
+            *("--ground", f"127.0.0.1:{ground_port}"),
+        )
+        supervisor = self._program(
+            work,
+            "supervisor",
+            "uavrt.supervisor",
+            msgspec.json.encode(settings).decode(),
+            *arguments,
+        )
+        status = StatusReader(paths.status_socket, 20.0, supervisor.check)
+        self._stack.callback(status.close)
+        return Drone(
+            scenario=scenario,
+            settings=settings,
+            supervisor=supervisor,
+            autopilot=autopilot,
+            status=status,
+            ground_port=ground_port,
+            directory=work,
+        )
+
+    def _program(self, work: Path, name: str, *arguments: str) -> Program:
+        program = Program(name, arguments, work / f"{name}.log")
+        self._stack.callback(program.stop)
+        return program
+
+    def close(self) -> None:
+        self._stack.close()
+
+
+@pytest.fixture
+def drone_bay(tmp_path: Path) -> Iterator[DroneBay]:
+    bay = DroneBay(tmp_path)
+    yield bay
+    bay.close()
+
+
+@pytest.fixture
+def thesis_scenario() -> Scenario:
+    return hovering_scenario()
+
+
+def living_children(pid: int) -> set[int]:
+    """All descendants of a process."""
+    from uavrt.supervisor.usage import children_of
+
+    found: set[int] = set()
+    waiting = [pid]
+    while waiting:
+        for child in children_of(waiting.pop()):
+            found.add(child)
+            waiting.append(child)
+    return found - {os.getpid()}
