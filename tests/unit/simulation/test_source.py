@@ -16,7 +16,7 @@ def test_blocks_follow_one_another_to_the_end(make_scenario: MakeScenario) -> No
     source: SampleSource = SimulatedSource(scenario, duration_s=2.5, block_samples=7000)
     assert source.total_samples == 120_000
     assert (source.sample_rate_hz, source.center_frequency_hz) == (48_000.0, 150e6)
-    blocks: list[np.ndarray] = []  # type: ignore[type-arg]
+    blocks: list[np.ndarray] = []
     while (done := sum(part.size for part in blocks)) < 120_000:
         block = source.read()
         assert block is not None

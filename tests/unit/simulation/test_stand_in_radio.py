@@ -58,7 +58,7 @@ def start() -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
 
 def find(
     haystack: Scenario,
-    samples: np.ndarray,  # type: ignore[type-arg]
+    samples: np.ndarray,
     gain: int,
     from_s: float = 19.0,
 ) -> int:

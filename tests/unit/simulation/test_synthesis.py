@@ -20,7 +20,7 @@ SECOND_NS = 10**9
 RATE_HZ = 48_000.0
 
 
-def power_spectrum(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]
+def power_spectrum(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     window = np.hanning(samples.size)
     spectrum = np.abs(np.fft.fft(samples * window)) ** 2
     return np.fft.fftfreq(samples.size, 1 / RATE_HZ), spectrum
