@@ -163,7 +163,7 @@ def tag_lines(tags: int) -> str:
 
 
 class Signal:
-    """Noise that never repeats (a repeated noise beeps), with the pulses of every fourth tag."""
+    """Noise that never repeats (else it would beep), and the pulses of every fourth tag."""
 
     def __init__(self, tags: int) -> None:
         self._random = np.random.default_rng(7)

@@ -45,8 +45,8 @@ def compare(
     cases: Sequence[Case],
     *,
     baseline: str | None = None,
-    rounds: int = 25,
-    in_a_row: int = 4,
+    rounds: int = 15,
+    in_a_row: int = 6,
     absent: Sequence[tuple[str, str]] = (),
     notes: Sequence[str] = (),
 ) -> Table:
@@ -60,13 +60,15 @@ def compare(
     rounds : int
         Each case has so many turns, after one that does not count.
     in_a_row : int
-        Runs in a turn: the cold caches that the case before leaves behind weigh less.
+        Timed runs in a turn, after one untimed: a case pays for its own work, not for the
+        caches that the case before has emptied.
     absent : sequence of (name, reason)
         Peers that could not be timed here; listed, so that nothing is left out silently.
     """
     times: dict[str, list[float]] = {case.name: [] for case in cases}
     for round_ in range(rounds + 1):
         for case in cases:
+            case.run()
             started = time.process_time()
             for _ in range(in_a_row):
                 case.run()
