@@ -22,6 +22,9 @@ from uavrt.recording.sigmf_metadata import FULL_SCALE, Stretch, sigmf_metadata
 QUEUE_S = 2.0
 """Samples that may wait for the disk: 6 MB at 375 kS/s; a hiccup of an SD card is 1 s."""
 
+WAKE_S = 0.2
+"""The thread wakes for this much at once: most of its cost is the waking."""
+
 _FREE_SPACE_PERIOD_S = 1.0
 _BYTES_PER_SAMPLE = 4
 
@@ -65,6 +68,7 @@ class IQRecorder:
         self._minimum_free_bytes = minimum_free_mb * 1e6
         self._hardware = hardware
         self._most_waiting = max(int(QUEUE_S * sample_rate_hz), 1)
+        self._worth_waking = max(int(WAKE_S * sample_rate_hz), 1)
         self._stretches: list[Stretch] = []
         self._next_index: int | None = None
         self._free_checked_s = float("-inf")
@@ -123,7 +127,8 @@ class IQRecorder:
             )
             self._blocks.append(copy)
             self._waiting_samples += size
-            self._condition.notify()
+            if self._waiting_samples >= self._worth_waking:
+                self._condition.notify()
             return True
 
     def close(self, timeout_s: float = 5.0) -> None:
@@ -135,22 +140,22 @@ class IQRecorder:
 
     def _run(self) -> None:
         try:
-            while (block := self._next_block()) is not None:
-                try:
+            while blocks := self._next_blocks():
+                for block in blocks:
                     self._write(block)
-                finally:
                     with self._condition:
                         self._waiting_samples -= len(block.samples)
         finally:
             os.close(self._file)
 
-    def _next_block(self) -> IQBlock | None:
+    def _next_blocks(self) -> list[IQBlock]:
+        """Wait for blocks worth a write; none at the end."""
         with self._condition:
-            while not self._blocks:
-                if self._closing:
-                    return None
+            while self._waiting_samples < self._worth_waking and not self._closing:
                 self._condition.wait()
-            return self._blocks.popleft()
+            blocks = list(self._blocks)
+            self._blocks.clear()
+            return blocks
 
     def _write(self, block: IQBlock) -> None:
         """Write a block as a whole or not at all."""
@@ -208,15 +213,16 @@ class IQRecorder:
         """
         scaled = np.ascontiguousarray(samples).view(np.float32) * np.float32(FULL_SCALE)
         np.rint(scaled, out=scaled)
-        over = (scaled > 32_767.0) | (scaled < -32_768.0)
-        if over.any():
+        # Two passes in the common case; a NaN fails both comparisons and is seen, too.
+        if not (scaled.max(initial=0.0) <= 32_767.0 and scaled.min(initial=0.0) >= -32_768.0):
+            over = (scaled > 32_767.0) | (scaled < -32_768.0)
             self.clipped_samples += int(np.count_nonzero(over.reshape(-1, 2).any(axis=1)))
+            np.nan_to_num(scaled, copy=False)
             np.clip(scaled, -32_768.0, 32_767.0, out=scaled)
-        np.nan_to_num(scaled, copy=False)
         return scaled.astype("<i2")
 
     def _append(self, values: NDArray[np.int16]) -> None:
-        content = memoryview(values.tobytes())
+        content = values.view(np.uint8).data
         try:
             while content:
                 content = content[os.write(self._file, content) :]
