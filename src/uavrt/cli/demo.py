@@ -17,6 +17,7 @@ def demo(
     flight_dir: Path = Path("flights"),
     port: int | None = None,
     headless: Annotated[bool, Parameter(negative="")] = False,
+    picture: Path | None = None,
     json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Fly the whole system on this machine, with simulated animals, radio and autopilot.
@@ -36,6 +37,8 @@ def demo(
         UDP port of the ground station on this machine; a free one if not given.
     headless
         Show nothing while it runs.
+    picture
+        Save the live view's last state as an SVG file.
     json_summary
         Print one JSON object as the last line.
     """
@@ -46,6 +49,7 @@ def demo(
         flight_dir=flight_dir,
         ground_port=port,
         console=console,
+        picture=picture,
     )
     if json_summary:
         print(json.dumps(summary.as_dict(), allow_nan=False))

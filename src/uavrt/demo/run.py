@@ -19,7 +19,7 @@ from uavrt.demo.view import DemoView, TagView
 from uavrt.demo.watch import Cpu, StatusReader
 from uavrt.errors import UavrtError
 from uavrt.ground.records import read_ground_pulses
-from uavrt.messages import PulsePose, SystemStatus
+from uavrt.messages import Pulse, SystemStatus
 from uavrt.recording import read_flight
 from uavrt.simulation import World, demo_scenario, write_scenario
 from uavrt.simulation.flight import Flight
@@ -60,8 +60,8 @@ class Demo:
         self._cpu = Cpu()
         self._flight_directory = ""
 
-    def run(self, console: Console | None) -> DemoSummary:
-        """Fly once; draw on the console if there is one.
+    def run(self, console: Console | None, picture: Path | None = None) -> DemoSummary:
+        """Fly once; draw on the console if there is one; save a picture if asked for.
 
         Raises
         ------
@@ -73,6 +73,8 @@ class Demo:
             with self._display(console):
                 self._start(paths)
                 self._fly()
+                if picture is not None:
+                    self.view.save_picture(picture, time.monotonic())
                 self._stop()
             return self._summarize(paths)
 
@@ -164,11 +166,11 @@ class Demo:
         for event in self._programs[2].new_events():
             if event.get("event") == "pulse" and event["tag_id"] in self.view.tags:
                 self.view.tags[event["tag_id"]].delivered += 1
-        for record in self._reader.read(REFRESH_S):
+        for topic, record in self._reader.read(REFRESH_S):
             match record:
-                case PulsePose(pulse=pulse) if pulse.tag_id in self.view.tags:
-                    self.view.tags[pulse.tag_id].add(pulse, time.monotonic())
-                case SystemStatus():
+                case Pulse() if record.tag_id in self.view.tags:
+                    self.view.tags[record.tag_id].add(record, time.monotonic())
+                case SystemStatus() if topic == "system_status":
                     self._take_status(record)
 
     def _take_status(self, status: SystemStatus) -> None:
@@ -232,7 +234,9 @@ def phase_of(flight: Flight, elapsed_s: float) -> str:
                 return f"turning at point {turns}"
             if leg.height_m is not None:
                 return "taking off"
-            return "standing" if leg.north_m is None else f"flying to point {turns + 1}"
+            if leg.north_m is not None:
+                return f"flying to point {turns + 1}"
+            return "hovering" if turns else "standing"
         elapsed_s -= leg.duration_s
     return "flight plan flown"
 
@@ -244,9 +248,10 @@ def run_demo(
     flight_dir: Path,
     ground_port: int | None,
     console: Console | None,
+    picture: Path | None = None,
 ) -> DemoSummary:
     """Run the demo once; see `Demo`."""
     demo = Demo(
         duration_s=duration_s, seed=seed, flight_dir=flight_dir, ground_port=ground_port
     )
-    return demo.run(console)
+    return demo.run(console, picture)

@@ -1,9 +1,12 @@
 """The demo's live view in a terminal."""
 
+import io
+import re
 from collections import deque
 from dataclasses import dataclass, field
+from pathlib import Path
 
-from rich.console import Group, RenderableType
+from rich.console import Console, Group, RenderableType
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -66,6 +69,15 @@ class DemoView:
             border_style="cyan",
         )
 
+    def save_picture(self, path: Path, now_s: float) -> None:
+        """Save the view as SVG."""
+        console = Console(record=True, width=100, file=io.StringIO())
+        console.print(self.render(now_s))
+        svg = console.export_svg(title="uavrt demo")
+        # Rich names fonts at addresses; a picture in a document must not fetch anything.
+        svg = re.sub(r"@font-face \{.*?\}", "", svg, flags=re.DOTALL)
+        path.write_text(svg.replace("Fira Code", "DejaVu Sans Mono"), encoding="utf-8")
+
     def _head(self) -> RenderableType:
         state = self.status.state.value if self.status else "starting"
         lost = sum(
@@ -85,10 +97,10 @@ class DemoView:
                 ("time ", "dim"), (f"{self.elapsed_s:.0f} of {self.duration_s:.0f} s", "bold")
             ),
         )
-        return Group(
-            grid,
-            ProgressBar(total=self.duration_s, completed=min(self.elapsed_s, self.duration_s)),
-        )
+        bar = Table.grid(expand=True)  # alone, a bar does not end its line
+        done_s = min(self.elapsed_s, self.duration_s)
+        bar.add_row(ProgressBar(total=self.duration_s, completed=done_s))
+        return Group(grid, bar)
 
     def _tag_table(self, now_s: float) -> RenderableType:
         table = Table(expand=True, box=None, header_style="dim")
@@ -139,7 +151,7 @@ class DemoView:
         )
         for name, percent in self.cpu_percent.items():
             process = known.get(name)
-            status = process.status if process else "simulated"
+            status = process.status if process else ""
             good = process is None or process.ok
             table.add_row(
                 name,

@@ -55,10 +55,10 @@ class StatusReader:
         self._sock.setblocking(False)
         self._open = True
 
-    def read(self, wait_s: float) -> list[Any]:
-        """Get the records that came within `wait_s`; none after the supervisor's end."""
+    def read(self, wait_s: float) -> list[tuple[str, Any]]:
+        """Get the topics and records that came within `wait_s`; none after the end."""
         deadline_s = monotonic_s() + wait_s
-        records: list[Any] = []
+        records: list[tuple[str, Any]] = []
         while (rest_s := deadline_s - monotonic_s()) > 0:
             if not self._open:
                 time.sleep(rest_s)
@@ -67,7 +67,7 @@ class StatusReader:
                 break
             data = self._sock.recv(1 << 18)
             self._open = bool(data)
-            records += [decode_record(line)[1] for line in self._lines.feed(data)]
+            records += [decode_record(line) for line in self._lines.feed(data)]
         return records
 
     def close(self) -> None:
