@@ -1,0 +1,122 @@
+import math
+from pathlib import Path
+
+import pytest
+
+from uavrt.analysis.redetect import FlightWriter
+from uavrt.config.settings import AntennaSettings, Settings
+from uavrt.errors import RecordingError
+from uavrt.messages import FlightInfo, Pose, Poses, Pulse, StatusText, Tag
+from uavrt.pose import from_euler_deg, yaw_deg
+from uavrt.recording import Flight, FlightRecorder, read_flight
+
+START_NS = 1_700_000_000_000_000_000
+TAGS = (
+    Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.0,)),
+    Tag(tag_id=9, frequency_hz=148.72e6, pulse_width_s=0.02, pulse_intervals_s=(1.0,)),
+)
+
+
+class Nothing:
+    sample_rate_hz = 375e3
+    center_frequency_hz = 148.7e6
+    total_samples = 0
+
+    def read(self, timeout_s: float | None = None) -> None:
+        raise EOFError
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def flown(tmp_path: Path) -> Flight:
+    """A flight of a minute that turns at 30°/s, with its antenna to the right."""
+    info = FlightInfo(
+        directory=str(tmp_path / "flight_log_2023-11-14_22-13-20"),
+        start_time_ns=START_NS,
+        clock_offset_ns=5,
+        center_frequency_hz=148.7e6,
+        sample_rate_hz=3e6,
+        tags=TAGS[:1],
+    )
+    settings = Settings(antenna=AntennaSettings(yaw_offset_deg=90.0))
+    recorder = FlightRecorder.create(info, settings)
+    poses = tuple(
+        Pose(
+            time_ns=START_NS + number * 100_000_000,
+            latitude_deg=35.0,
+            longitude_deg=-111.0 + number * 1e-6,
+            altitude_amsl_m=2200.0,
+            altitude_relative_m=100.0,
+            quaternion_wxyz=from_euler_deg(3.0 * number, 0.0, 0.0),
+        )
+        for number in range(600)
+    )
+    recorder.write_poses(Poses(poses=poses))
+    recorder.write_status_text(StatusText(severity=6, text="armed"), START_NS)
+    recorder.close()
+    return read_flight(info.directory)
+
+
+def pulse(tag_id: int, at_s: float) -> Pulse:
+    start_ns = START_NS + round(at_s * 1e9)
+    return Pulse(
+        tag_id=tag_id,
+        frequency_hz=148.72e6,
+        start_time_ns=start_ns,
+        end_time_ns=start_ns + 20_000_000,
+        snr_db=20.0,
+        group_snr_db=20.0,
+        score=2.0,
+        group_index=1,
+        group_sequence=1,
+        noise_psd=1e-9,
+        detection_status="confirmed",
+        confirmed=True,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )
+
+
+def test_pulses_found_again_get_the_pose_of_the_flight_at_their_centre(flown: Flight) -> None:
+    writer = FlightWriter(flown, Nothing(), TAGS)
+    writer.write([pulse(9, 0.54), pulse(9, 29.99), pulse(2, 1.04)])
+    writer.write([])
+    writer.close()
+    again = read_flight(writer.directory)
+    assert [p.pulse.tag_id for p in again.pulse_poses] == [9, 2, 9]
+    for recorded in again.pulse_poses:
+        assert recorded.pose is not None
+        center_s = (recorded.pulse.start_time_ns - START_NS) / 1e9 + 0.010
+        error = yaw_deg(recorded.pose.quaternion_wxyz) - (30.0 * center_s + 90.0)
+        assert abs(math.remainder(error, 360.0)) < 0.01
+    assert (writer.with_pose, writer.without_pose) == (3, 0)
+
+
+def test_the_new_directory_is_a_flight_beside_the_old_one(flown: Flight) -> None:
+    writer = FlightWriter(flown, Nothing(), TAGS)
+    writer.close()
+    assert writer.directory.parent == Path(flown.info.directory).parent
+    again = read_flight(writer.directory)
+    assert again.poses == flown.poses
+    assert again.info.tags == TAGS
+    assert again.info.start_time_ns == flown.info.start_time_ns
+    assert again.settings_json == flown.settings_json
+    assert [text.text for _, text in again.status_texts] == ["armed"]
+    assert any("detected again" in note for _, note in again.notes)
+    assert (writer.directory / "detector_log" / "tag_id_9").is_dir()
+
+
+def test_pulses_outside_the_flight_are_kept_without_a_pose_and_counted(flown: Flight) -> None:
+    writer = FlightWriter(flown, Nothing(), TAGS)
+    writer.write([pulse(9, 4000.0)])
+    writer.close()
+    assert writer.without_pose == 1
+    assert read_flight(writer.directory).pulse_poses[0].pose is None
+
+
+def test_a_directory_that_holds_a_flight_is_not_overwritten(flown: Flight) -> None:
+    with pytest.raises(RecordingError, match="flight already"):
+        FlightWriter(flown, Nothing(), TAGS, Path(flown.info.directory))
