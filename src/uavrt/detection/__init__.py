@@ -1,1 +1,7 @@
 """Finding a tag's pulses in the samples of a channel."""
+
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.modes import OperatingMode
+from uavrt.detection.samples import Counters
+
+__all__ = ["Counters", "OperatingMode", "PulseDetector"]

@@ -1,0 +1,133 @@
+"""Noise power of each row, on the very statistic that is searched.
+
+The original estimates noise in whole bins and interpolates to the half bins between; a carrier
+on a whole bin is then seen by the half bins but not by their threshold, and every segment is a
+false alarm (reference/detector.md §8 D1). Here each row looks after itself.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+TRUNCATION = 4.0
+"""Cells above so many times the noise are not noise: 1.8 % of noise, all of a pulse."""
+_KEPT = 1.0 - math.exp(-TRUNCATION)
+_KAPPA = 1.0 - TRUNCATION * math.exp(-TRUNCATION) / _KEPT
+"""Mean of a unit exponential below the truncation (0.925)."""
+_SLOPE_GAIN = 1.31
+"""One over one minus the slope of the fixed point: what a step must be multiplied by."""
+LONG_S = 20.0
+"""Time constant of the steady estimate."""
+SHORT_S = 1.0
+"""Time constant of the alarm that the noise has risen."""
+RISE = 2.2
+"""A short-term noise so many times the long-term one replaces it (3 % of pulses give 1.3)."""
+_NEIGHBOUR_REACH = 8
+"""Rows on each side (two bins) whose median is the broadband noise."""
+
+
+def _truncated(
+    power: NDArray[np.float32], noise: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Fixed-point step of the truncated mean, and the share of the cells that were kept."""
+    kept = power < (TRUNCATION * noise)
+    count = np.count_nonzero(kept, axis=0).astype(np.float32)
+    total = np.einsum("ij,ij->j", power, kept.astype(np.float32))
+    mean = total / np.maximum(count, 1.0) / np.float32(_KAPPA)
+    return np.where(count > 0, mean, noise).astype(np.float32), count / np.float32(len(power))
+
+
+class RowNoise:
+    """Noise power of each row, followed over time.
+
+    Parameters
+    ----------
+    hop_s : float
+        Time between two columns.
+    independent_per_s : float
+        Independent cells a row has in a second: one over the pulse width.
+    circular : bool
+        Whether the last row is the first's neighbour.
+    """
+
+    def __init__(self, *, hop_s: float, independent_per_s: float, circular: bool) -> None:
+        self._hop_s = hop_s
+        self._independent_per_s = independent_per_s
+        self._circular = circular
+        self._long: NDArray[np.float32] | None = None
+        self._exceeding: NDArray[np.float32] | None = None
+        self._seen_s = 0.0
+        self._level: NDArray[np.float32] = np.ones(1, np.float32)
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is an estimate."""
+        return self._long is not None
+
+    @property
+    def level(self) -> NDArray[np.float32]:
+        """Noise power of each row, shape (rows,): the one that the search divides by."""
+        return self._level
+
+    @property
+    def relative_error(self) -> float:
+        """Standard deviation of a row's level over the level, in white noise."""
+        seconds = min(self._seen_s, 2.0 * LONG_S)
+        # Smoothing over 2 × 8 + 1 rows takes in about 4 independent ones; a median of them.
+        return 1.13 / math.sqrt(max(self._independent_per_s * seconds * 2.5, 1.0))
+
+    def start(self, power: NDArray[np.float32]) -> None:
+        """Make the first estimate from all the columns at hand.
+
+        Parameters
+        ----------
+        power : ndarray of float32, shape (columns, rows)
+        """
+        noise = (np.median(power, axis=0) / np.float32(math.log(2.0))).astype(np.float32)
+        noise = np.maximum(noise, np.float32(1e-30))
+        for _ in range(6):
+            noise, kept = _truncated(power, noise)
+            noise = np.maximum(noise, np.float32(1e-30))
+        self._long = noise
+        self._exceeding = np.maximum(1.0 - kept, np.float32(math.exp(-TRUNCATION)))
+        self._seen_s = len(power) * self._hop_s
+        self._settle()
+
+    def update(self, power: NDArray[np.float32]) -> None:
+        """Follow the noise with new columns, shape (columns, rows)."""
+        if self._long is None or self._exceeding is None or not len(power):
+            return
+        mean, kept = _truncated(power, self._long)
+        span_s = len(power) * self._hop_s
+        self._seen_s += span_s
+        weight = min(1.0, span_s * _SLOPE_GAIN / min(self._seen_s, LONG_S))
+        short_weight = 1.0 - math.exp(-span_s / SHORT_S)
+        self._exceeding += np.float32(short_weight) * ((1.0 - kept) - self._exceeding)
+        self._long = self._long + np.float32(weight) * (mean - self._long)
+        rise = np.float32(-TRUNCATION) / np.log(np.clip(self._exceeding, 1e-3, 0.98))
+        risen = rise > RISE
+        if risen.any():
+            # Learn a rise at the short time constant; falls take the long one.
+            self._long[risen] *= 1.0 + short_weight * (rise[risen] - 1.0)
+            self._settle()
+            self._level[risen] = np.maximum(
+                self._level[risen], self._long[risen] * rise[risen] / (1.0 + short_weight)
+            )
+        else:
+            self._settle()
+
+    def _settle(self) -> None:
+        """Take the median of the neighbours where a row does not stand out from it."""
+        assert self._long is not None
+        reach = min(_NEIGHBOUR_REACH, len(self._long) // 2)
+        mode = "wrap" if self._circular else "edge"
+        padded = np.pad(self._long, reach, mode=mode)  # type: ignore[call-overload]
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
+        smooth = np.median(windows, axis=1).astype(np.float32)
+        alone = 1.13 / math.sqrt(
+            max(self._independent_per_s * min(self._seen_s, 2.0 * LONG_S), 1.0)
+        )
+        # A row 2.5 standard deviations above its neighbours is a line, not a fluctuation.
+        line = self._long > smooth * np.float32(1.0 + 2.5 * alone)
+        self._level = np.where(line, self._long, smooth).astype(np.float32)

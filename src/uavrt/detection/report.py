@@ -1,0 +1,173 @@
+"""From tracks to records: who is the tag, what is said of it, each pulse once."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.refine import Measured
+from uavrt.detection.samples import Counters
+from uavrt.detection.tracks import Slot, Track
+from uavrt.messages import DetectionStatus, Pulse, SearchReport, Tag
+from uavrt.units import db_from_power, ns_from_s
+
+SAME_FREQUENCY_HZ = 40.0
+"""Tracks closer than this are the same transmitter."""
+_REPORT_EVERY_NS = 1_000_000_000
+_ACTIVE_INTERVALS = 5.0
+
+
+class Reporter:
+    """Makes the records of one detector.
+
+    Parameters
+    ----------
+    tag : Tag
+    center_frequency_hz : float
+        Of the channel, absolute.
+    counters : Counters
+    """
+
+    def __init__(
+        self,
+        tag: Tag,
+        *,
+        center_frequency_hz: float,
+        sample_rate_hz: float,
+        counters: Counters,
+    ) -> None:
+        self._tag = tag
+        self._center_hz = center_frequency_hz
+        self._sample_rate_hz = sample_rate_hz
+        self._counters = counters
+        self._pulses: list[Pulse] = []
+        self._reports: list[SearchReport] = []
+        self._sequence = dict.fromkeys(range(1, len(tag.pulse_intervals_s) + 1), 0)
+        self._last_times: list[int] = []
+        self._reported_ns: int | None = None
+        self._best = 0.0
+
+    def drain(self) -> list[Pulse]:
+        """Take the pulses found."""
+        pulses, self._pulses = self._pulses, []
+        return pulses
+
+    def drain_reports(self) -> list[SearchReport]:
+        """Take the search reports."""
+        reports, self._reports = self._reports, []
+        return reports
+
+    def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
+        """The track that is the tag: of those alive the one nearest the nominal frequency.
+
+        Whatever its strength; of tracks at one frequency the one that heard its tag last.
+        """
+        alive = [
+            t
+            for t in tracks
+            if t.confirmed
+            and not t.dead
+            and now_s - t.last_accepted_s < _ACTIVE_INTERVALS * t.interval_s
+        ]
+        if not alive:
+            return None
+        nearest = min(abs(t.offset_hz - nominal_hz) for t in alive)
+        close = [
+            t for t in alive if abs(t.offset_hz - nominal_hz) < nearest + SAME_FREQUENCY_HZ
+        ]
+        return max(close, key=lambda t: (not t.held, t.last_accepted_s))
+
+    def settle(self, tracks: list[Track], nominal_hz: float, now_s: float) -> None:
+        """Decide which track is the tag and report what it has found."""
+        owner = self.owner(tracks, nominal_hz, now_s)
+        for track in tracks:
+            if owner is not None:
+                track.held = track is not owner
+            if not track.held:
+                self.report(track)
+
+    def report(self, track: Track) -> None:
+        """Make records of a track's accepted pulses, and of weak ones it has given up on."""
+        if track.held:
+            return
+        oldest_open = track.number - self._tag.k + 1
+        for slot in track.slots:
+            if slot.state == "accepted":
+                slot.state = "reported"
+                self._record(track, slot, "confirmed" if track.confirmed else "detected")
+            elif slot.state == "open" and track.confirmed and slot.number < oldest_open:
+                if slot.measured.power > 4.0:
+                    slot.state = "reported"
+                    self._record(track, slot, "subthreshold")
+                else:
+                    slot.state = "missed"
+
+    def searched(self, time_ns: int, noise: NDArray[np.float32], best: float) -> None:
+        """Note a searched stretch; about once a second it becomes a report."""
+        self._best = max(self._best, best)
+        if self._reported_ns is None:
+            self._reported_ns = time_ns
+        if time_ns - self._reported_ns < _REPORT_EVERY_NS:
+            return
+        self._reported_ns = time_ns
+        level = float(noise[len(noise) // 2]) / self._sample_rate_hz
+        self._reports.append(
+            SearchReport(
+                tag_id=self._tag.tag_id,
+                time_ns=time_ns,
+                frequency_hz=self._tag.frequency_hz,
+                noise_psd=level,
+                best_score=self._best,
+            )
+        )
+        self._best = 0.0
+        del self._reports[:-3600]
+
+    def _record(self, track: Track, slot: Slot, status: DetectionStatus) -> None:
+        tag = self._tag
+        width_ns = ns_from_s(tag.pulse_width_s)
+        if any(abs(slot.time_ns - t) < width_ns for t in self._last_times):
+            return
+        self._last_times.append(slot.time_ns)
+        del self._last_times[:-64]
+        group = slot.number // tag.k
+        if group not in track.sequences:
+            self._sequence[track.rate] += 1
+            track.sequences[group] = self._sequence[track.rate]
+            for old in [g for g in track.sequences if g < group - 8]:
+                del track.sequences[old]
+            self._counters.groups += 1
+        members = [
+            s.measured.enr
+            for s in track.slots
+            if s.number // tag.k == group and s.state in ("accepted", "reported")
+        ]
+        next_s, half_s = track.expected()
+        ahead = ns_from_s(next_s - track.time_s)
+        center = slot.time_ns + ahead
+        half_ns = ns_from_s(half_s)
+        self._counters.pulses += 1
+        self._pulses.append(
+            Pulse(
+                tag_id=tag.tag_id,
+                frequency_hz=self._center_hz + slot.measured.offset_hz,
+                start_time_ns=slot.time_ns,
+                end_time_ns=slot.time_ns + width_ns,
+                snr_db=snr_db(slot.measured),
+                group_snr_db=db_from_power(sum(members) / max(1, len(members))),
+                score=track.score,
+                group_index=slot.number % tag.k + 1,
+                group_sequence=track.sequences[group],
+                noise_psd=slot.measured.noise / self._sample_rate_hz,
+                detection_status=status,
+                confirmed=status == "confirmed",
+                rate=track.rate,
+                predicted_next_start_ns=center - half_ns,
+                predicted_next_end_ns=center + half_ns + width_ns,
+            )
+        )
+
+
+def snr_db(pulse: Measured) -> float:
+    """ENR of a pulse [dB]."""
+    return 10.0 * math.log10(pulse.enr)

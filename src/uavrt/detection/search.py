@@ -1,0 +1,290 @@
+"""The search for K pulses of one rate in the power of the grid's cells.
+
+A hypothesis is a row, an anchor cell, the anchor's place among the K pulses, and an interval.
+Its statistic is the anchor's power plus, for each other place, the largest power within the
+jitter around where that pulse should be; all relative to the row's noise and none above a
+limit. By the pigeonhole principle a sum of K terms that reaches T has a term that reaches T/K,
+so only cells above T/K need be anchors: a few in a second of noise at K = 3. The maximum over
+jitter is taken once for all cells; the work is linear in K (reference/perf.md §2c; the
+original enumerates 3 to the power K patterns).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.grid import sliding_maximum
+
+CELL_LIMIT = 14.0
+"""Most that one cell adds to a sum of several, in noise powers: 0.5 of a K = 3 threshold.
+
+Without a limit one impulse carries a group. The limit costs nothing at the threshold: it lowers
+the false alarms of noise as much (measured: docs/explanation/detection.md)."""
+_ANCHORS_AT_ONCE = 96
+_CANDIDATES_AT_ONCE = 8
+_DENSE_FROM_K = 9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A hypothesis whose statistic reached the threshold."""
+
+    score: float
+    """The statistic over the threshold."""
+    strength: float
+    """The sum without the limit on a cell, in noise powers: settles ties of strong pulses."""
+    rate: int
+    row: int
+    columns: tuple[float, ...]
+    """Where its pulses should be, in columns since the start."""
+
+
+class RateSearch:
+    """Search of one rate over a sliding stretch of columns.
+
+    Parameters
+    ----------
+    rows : int
+        Rows of the grid.
+    hop_s : float
+        Time between two columns.
+    interval_s, uncertainty_s, jitter_s : float
+        The tag's interval, the bound of its constant error and of each pulse's own.
+    k : int
+        Pulses summed.
+    threshold : float
+        Of the sum, in noise powers.
+    rate : int
+        Number of the rate, from 1.
+    """
+
+    def __init__(
+        self,
+        *,
+        rows: int,
+        hop_s: float,
+        interval_s: float,
+        uncertainty_s: float,
+        jitter_s: float,
+        k: int,
+        threshold: float,
+        rate: int,
+    ) -> None:
+        self.rate = rate
+        self.k = k
+        self.threshold = threshold
+        self.limit = CELL_LIMIT if k > 1 else math.inf
+        self._rows = rows
+        self.reach = max(1, math.ceil(jitter_s / hop_s - 0.25))
+        intervals = interval_grid(
+            interval_s=interval_s,
+            uncertainty_s=uncertainty_s,
+            hop_s=hop_s,
+            k=k,
+            reach=self.reach,
+        )
+        self.intervals = intervals
+        self.longest = math.ceil(float(intervals[-1]))
+        self.span = (k - 1) * self.longest + 1
+        """Columns from the first to the last pulse, at the longest interval."""
+        places = np.arange(k)
+        offsets = np.rint(
+            (places[np.newaxis, :] - places[:, np.newaxis])[:, np.newaxis, :]
+            * intervals[np.newaxis, :, np.newaxis]
+        ).astype(np.intp)
+        self._offsets = [np.delete(offsets[place], place, axis=1) for place in range(k)]
+        """Per anchor place: (intervals, k - 1) columns from the anchor to the others."""
+        self._waits = [math.ceil((k - 1 - place) * intervals[-1]) for place in range(k)]
+        self.dense = k >= _DENSE_FROM_K
+        self._base = 0
+        self._filled = self.span
+        self._cells = np.zeros((3 * self.span + 1024, rows), np.float32)
+        """Maxima over the jitter; row i is column `_base` + i - `span`: zeros come first."""
+        self._tail = np.zeros((0, rows), np.float32)
+        self._anchor_column = np.zeros(0, np.intp)
+        self._anchor_row = np.zeros(0, np.intp)
+        self._anchor_power = np.zeros(0, np.float32)
+        self._searched = 0
+
+    @property
+    def columns(self) -> int:
+        """Columns whose maxima over the jitter are known, since the start."""
+        return self._base + self._filled - self.span
+
+    def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
+        """Take new columns and test every hypothesis that they complete.
+
+        Parameters
+        ----------
+        power : ndarray of float32, shape (columns, rows)
+            Power of the cells, in the input's units.
+        noise : ndarray of float32, shape (rows,)
+            Noise power of each row, in the same units.
+
+        Returns
+        -------
+        list of Candidate
+            Best first; several may be of the same pulses.
+        """
+        block = np.concatenate((self._tail, power)) if len(self._tail) else power
+        reach = self.reach
+        if len(block) <= 2 * reach:
+            self._tail = block.copy()
+            return []
+        if self._base + self._filled == self.span and not len(self._tail):
+            # The very first columns have no past: zeros stand for it.
+            block = np.concatenate((np.zeros((reach, self._rows), np.float32), block))
+        largest = sliding_maximum(block, reach)
+        middle = block[reach : len(block) - reach]
+        self._tail = block[len(block) - 2 * reach :].copy()
+        first = self.columns
+        self._append(largest)
+        if self.dense:
+            return self._search_dense(noise)
+        needed = np.float32(self.threshold / self.k) * noise
+        peaks = np.flatnonzero((middle >= needed) & (middle == largest))
+        row = peaks % self._rows
+        self._anchor_column = np.concatenate((self._anchor_column, first + peaks // self._rows))
+        self._anchor_row = np.concatenate((self._anchor_row, row))
+        self._anchor_power = np.concatenate((self._anchor_power, middle.ravel()[peaks]))
+        return self._search_anchors(noise)
+
+    def finish(self, noise: NDArray[np.float32]) -> list[Candidate]:
+        """Test the hypotheses still open, as if only silence followed."""
+        columns = self.longest * (self.k - 1) + 2 * self.reach + 1
+        return self.push(np.zeros((columns, self._rows), np.float32), noise)
+
+    def _append(self, largest: NDArray[np.float32]) -> None:
+        count = len(largest)
+        if self._filled + count > len(self._cells):
+            if self.span + count > len(self._cells):
+                self._cells = np.concatenate(
+                    (self._cells, np.zeros((self.span + count, self._rows), np.float32))
+                )
+            keep = self._cells[self._filled - self.span : self._filled].copy()
+            self._base += self._filled - self.span
+            self._cells[: self.span] = keep
+            self._filled = self.span
+        self._cells[self._filled : self._filled + count] = largest
+        self._filled += count
+
+    def _search_anchors(self, noise: NDArray[np.float32]) -> list[Candidate]:
+        done, upto = self._searched, self.columns
+        self._searched = upto
+        found: list[Candidate] = []
+        column = self._anchor_column
+        inverse = (1.0 / noise).astype(np.float32)
+        flat = self._cells.reshape(-1)
+        for place in range(self.k - 1, -1, -1):
+            wait = self._waits[place]
+            low, high = np.searchsorted(column, (done - wait, upto - wait))
+            for start in range(int(low), int(high), _ANCHORS_AT_ONCE):
+                part = slice(start, min(start + _ANCHORS_AT_ONCE, int(high)))
+                rows = self._anchor_row[part]
+                scale = inverse[rows]
+                own = np.minimum(self._anchor_power[part] * scale, self.limit)
+                if self.k == 1:
+                    totals = own[:, np.newaxis]
+                else:
+                    at = (column[part] - self._base + self.span) * self._rows + rows
+                    where = at[:, np.newaxis, np.newaxis] + self._offsets[place] * self._rows
+                    cells = flat.take(where.reshape(-1)).reshape(where.shape)
+                    cells *= scale[:, np.newaxis, np.newaxis]
+                    np.minimum(cells, np.float32(self.limit), out=cells)
+                    totals = cells.sum(axis=2)
+                    totals += own[:, np.newaxis]
+                self._collect(found, totals, start, place, flat, inverse)
+        keep = int(np.searchsorted(column, upto - self._waits[0]))
+        self._anchor_column = column[keep:]
+        self._anchor_row = self._anchor_row[keep:]
+        self._anchor_power = self._anchor_power[keep:]
+        found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
+        return found
+
+    def _collect(
+        self,
+        found: list[Candidate],
+        totals: NDArray[np.float32],
+        start: int,
+        place: int,
+        flat: NDArray[np.float32],
+        inverse: NDArray[np.float32],
+    ) -> None:
+        """Note the anchors whose best interval reaches the threshold."""
+        best = totals.max(axis=1)
+        hits = np.flatnonzero(best >= self.threshold)
+        if not len(hits):
+            return
+        choice = totals[hits].argmax(axis=1)
+        anchors = start + hits
+        column, row = self._anchor_column[anchors], self._anchor_row[anchors]
+        at = (column - self._base + self.span) * self._rows + row
+        others = flat[at[:, np.newaxis] + self._offsets[place][choice] * self._rows]
+        strength = (others.sum(axis=1) + self._anchor_power[anchors]) * inverse[row]
+        for hit in np.argsort(-strength)[:_CANDIDATES_AT_ONCE]:
+            interval = float(self.intervals[int(choice[hit])])
+            anchor = int(column[hit])
+            found.append(
+                Candidate(
+                    score=float(best[hits[hit]]) / self.threshold,
+                    strength=float(strength[hit]),
+                    rate=self.rate,
+                    row=int(row[hit]),
+                    columns=tuple(anchor + (k - place) * interval for k in range(self.k)),
+                )
+            )
+
+    def _search_dense(self, noise: NDArray[np.float32]) -> list[Candidate]:
+        """Every cell as the last pulse, every interval: for many pulses in a small volume."""
+        done, upto = self._searched, self.columns
+        self._searched = upto
+        if upto <= done:
+            return []
+        first = done - self._base + self.span
+        count = upto - done
+        low = first - (self.k - 1) * self.longest
+        scaled = self._cells[low : first + count] * (1.0 / noise).astype(np.float32)
+        np.minimum(scaled, np.float32(self.limit), out=scaled)
+        top = len(scaled) - count
+        found: list[Candidate] = []
+        for interval in self.intervals:
+            total = np.zeros((count, self._rows), np.float32)
+            for back in range(self.k):
+                at = top - round(back * float(interval))
+                total += scaled[at : at + count]
+            hits = np.flatnonzero(total.max(axis=0) >= self.threshold)
+            for row in hits:
+                column = int(total[:, row].argmax())
+                found.append(
+                    Candidate(
+                        score=float(total[column, row]) / self.threshold,
+                        strength=float(total[column, row]),
+                        rate=self.rate,
+                        row=int(row),
+                        columns=tuple(
+                            done + column - (self.k - 1 - k) * float(interval)
+                            for k in range(self.k)
+                        ),
+                    )
+                )
+        found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
+        return found
+
+
+def interval_grid(
+    *, interval_s: float, uncertainty_s: float, hop_s: float, k: int, reach: int
+) -> NDArray[np.float64]:
+    """Intervals to try, in columns.
+
+    They lie so close that between two of them no pulse of the K moves by more than the reach of
+    the jitter or one column, whichever is the larger half.
+    """
+    middle = interval_s / hop_s
+    if k == 1:
+        return np.array([middle])
+    spread = uncertainty_s / hop_s
+    step = min(1.0, max(1.0, reach / 2.0) * 2.0 / (k - 1))
+    count = 2 * math.ceil(spread / step) + 1 if spread > 0.0 else 1
+    return middle + np.linspace(-spread, spread, count)

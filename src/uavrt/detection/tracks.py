@@ -1,0 +1,242 @@
+"""Tracks: a tag followed from pulse to pulse through misses.
+
+A track holds the phase and the interval (Kalman filter), the frequency, and the last pulse
+slots of the lattice. Where the next pulse is expected is so small a volume that its threshold
+is far below that of the search: 1.3 dB and more at K = 3 (reference/detector.md §9,
+"Narrowing").
+"""
+
+import math
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Literal
+
+from uavrt.detection.refine import Measured
+from uavrt.detection.thresholds import group_tail
+from uavrt.messages import Tag
+
+CONFIRM_FALSE = 0.002
+"""Chance that noise confirms a tentative track, per test."""
+FOLLOW_FALSE = 0.01
+"""Chance that noise is taken as a pulse of a confirmed track, per K intervals."""
+COAST_PULSES = 10
+"""Expected pulses without one accepted, after which a track is lost."""
+WEAKEST_POWER = 2.5
+"""A pulse below this is not reported even as a member of a group: it is mostly noise."""
+WEAKEST_SHARE = 0.15
+_SURE_POWER = 12.0
+"""Three pulses of this power each, an interval apart, are no accident: confirmed at once."""
+_INTERVAL_WALK = 1.5e-4
+"""Standard deviation of the interval's change from pulse to pulse, relative."""
+_CLOCK_ERROR = 3.0e-4
+"""Relative error of the sample clock that the interval's uncertainty must cover."""
+_PHASE_WALK_S = 0.3e-3
+
+SlotState = Literal["open", "accepted", "reported", "missed"]
+
+
+@dataclass(slots=True)
+class Slot:
+    """One expected pulse of a track and what was found there."""
+
+    number: int
+    """Place in the lattice, from 0 at the track's first pulse."""
+    time_s: float
+    time_ns: int
+    measured: Measured
+    volume: float
+    """Independent cells searched."""
+    state: SlotState = "open"
+
+
+@dataclass(slots=True)
+class Track:
+    """A tag at one rate and frequency; times are seconds since the detector's epoch."""
+
+    tag: Tag
+    rate: int
+    offset_hz: float
+    score: float
+    time_s: float = 0.0
+    interval_s: float = 0.0
+    variance: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    """Covariance of phase and interval: phase, cross, interval [s^2]."""
+    number: int = 0
+    """Lattice place of the last slot."""
+    slots: list[Slot] = field(default_factory=list)
+    """Recent slots, oldest first."""
+    confirmed: bool = False
+    held: bool = False
+    """Not reported until confirmed: another track has the tag's identity."""
+    dead: bool = False
+    since_accepted: int = 0
+    tested: int = 0
+    """Slots tested since the group that began it."""
+    gained: float = 0.0
+    sequences: dict[int, int] = field(default_factory=dict)
+    """Group sequence of each group of K lattice places."""
+    last_accepted_s: float = 0.0
+
+    def begin(self, pulses: list[tuple[int, float, int, Measured]]) -> None:
+        """Start from a detected group.
+
+        Parameters
+        ----------
+        pulses : list of (place, time_s, time_ns, Measured)
+            In order of time; places count intervals from 0.
+        """
+        tag = self.tag
+        nominal = tag.pulse_intervals_s[self.rate - 1]
+        self.interval_s = nominal
+        spread = tag.interval_uncertainty_s / math.sqrt(3.0)
+        self.variance = [
+            self._timing_variance(pulses[0][3].power),
+            0.0,
+            spread**2 + (_CLOCK_ERROR * nominal) ** 2,
+        ]
+        first = pulses[0][0]
+        self.time_s = pulses[0][1]
+        self.number = first
+        strongest = max(pulse[3].power for pulse in pulses)
+        # Far weaker than its fellows and not sure by itself: noise in a group of fewer.
+        floor = min(9.0, WEAKEST_SHARE * strongest)
+        for number, time_s, time_ns, measured in pulses:
+            while self.number < number:
+                self._predict()
+                self.number += 1
+            if number > first:
+                self._correct(time_s, measured.power)
+            real = measured.power >= max(WEAKEST_POWER, floor)
+            self.slots.append(
+                Slot(number, time_s, time_ns, measured, 1.0, "accepted" if real else "missed")
+            )
+        while self.number < self.tag.k - 1:
+            self._predict()
+            self.number += 1
+        weights = [min(p[3].power, 100.0) for p in pulses]
+        total = sum(w * p[3].offset_hz for w, p in zip(weights, pulses, strict=True))
+        self.offset_hz = total / sum(weights)
+        self.last_accepted_s = pulses[-1][1]
+        sure = [s for s in self.slots if s.measured.power >= _SURE_POWER]
+        self.confirmed = len(sure) >= max(3, self.tag.k)
+
+    def expected(self) -> tuple[float, float]:
+        """Time of the next pulse and the half-width of the window around it [s]."""
+        phase, cross, interval = self.variance
+        variance = phase + 2.0 * cross + interval
+        half = 2.5 * math.sqrt(variance) + self.tag.interval_jitter_s
+        return self.time_s + self.interval_s, half + self.tag.pulse_width_s / 8.0
+
+    def volume(self, half_s: float, half_band_hz: float) -> float:
+        """Independent cells in a window: of time and of frequency."""
+        width = self.tag.pulse_width_s
+        return (1.0 + 5.0 * half_s / width) * (1.0 + 3.0 * half_band_hz * width)
+
+    def step(self, slot: Slot) -> None:
+        """Take what was found at the next expected pulse."""
+        self._predict()
+        self.number += 1
+        slot.number = self.number
+        self.tested += 1
+        self.slots.append(slot)
+        del self.slots[: -max(2 * self.tag.k, 6)]
+        power = slot.measured.power
+        if self.confirmed:
+            self._follow(slot)
+        else:
+            self._try_to_confirm(slot)
+        if slot.state == "accepted":
+            self.since_accepted = 0
+            self._correct(slot.time_s, power)
+            gain = 0.5 if power > 30.0 else 0.25
+            self.offset_hz += gain * (slot.measured.offset_hz - self.offset_hz)
+        else:
+            self.since_accepted += 1
+            if self.confirmed and power > 4.0:
+                # Too weak to report, good enough to keep the phase from wandering.
+                self._correct(slot.time_s, power * 0.3)
+            if self.since_accepted > COAST_PULSES:
+                self.dead = True
+
+    def skip(self) -> None:
+        """Pass over an expected pulse that cannot be looked at: its samples are lost."""
+        self._predict()
+        self.number += 1
+        self.since_accepted += 1
+        if self.since_accepted > COAST_PULSES:
+            self.dead = True
+
+    def _try_to_confirm(self, slot: Slot) -> None:
+        self.gained += min(slot.measured.power, 14.0)
+        slot.state = "open"
+        if self.gained >= narrow_threshold(self.tested, _round(slot.volume), CONFIRM_FALSE):
+            self.confirmed = True
+            for other in self.slots:
+                if other.state == "open" and other.measured.power > WEAKEST_POWER:
+                    other.state = "accepted"
+                    self.last_accepted_s = other.time_s
+        elif self.tested >= max(2, self.tag.k):
+            self.dead = True
+
+    def _follow(self, slot: Slot) -> None:
+        k = self.tag.k
+        single = narrow_threshold(1, _round(slot.volume), FOLLOW_FALSE / k)
+        if slot.measured.power >= single:
+            slot.state = "accepted"
+            self.last_accepted_s = slot.time_s
+        recent = [s for s in self.slots if s.number > self.number - k]
+        if k > 1 and len(recent) == k:
+            total = sum(min(s.measured.power, 14.0) for s in recent)
+            volume = _round(max(s.volume for s in recent))
+            if total >= narrow_threshold(k, volume, FOLLOW_FALSE):
+                for other in recent:
+                    if other.state == "open" and other.measured.power > WEAKEST_POWER:
+                        other.state = "accepted"
+                        self.last_accepted_s = max(self.last_accepted_s, other.time_s)
+
+    def _timing_variance(self, power: float) -> float:
+        own = 0.08 * self.tag.pulse_width_s * math.sqrt(20.0 / max(power, 4.0))
+        return own**2 + (self.tag.interval_jitter_s / 2.0) ** 2
+
+    def _predict(self) -> None:
+        phase, cross, interval = self.variance
+        walk = (_INTERVAL_WALK * self.interval_s) ** 2
+        self.time_s += self.interval_s
+        self.variance = [
+            phase + 2.0 * cross + interval + _PHASE_WALK_S**2,
+            cross + interval,
+            interval + walk,
+        ]
+
+    def _correct(self, time_s: float, power: float) -> None:
+        phase, cross, interval = self.variance
+        total = phase + self._timing_variance(power)
+        gain_phase, gain_interval = phase / total, cross / total
+        miss = time_s - self.time_s
+        self.time_s += gain_phase * miss
+        self.interval_s += gain_interval * miss
+        self.variance = [
+            phase * (1.0 - gain_phase),
+            cross * (1.0 - gain_phase),
+            interval - gain_interval * cross,
+        ]
+
+
+def _round(volume: float) -> float:
+    """Volumes in steps of a tenth of their logarithm, so that thresholds can be kept."""
+    return math.exp(math.ceil(math.log(max(volume, 1.0)) * 10.0) / 10.0)
+
+
+@lru_cache(maxsize=4096)
+def narrow_threshold(k: int, volume: float, expected_false: float) -> float:
+    """Threshold of a sum of k maxima over small volumes, in noise powers."""
+    if k == 1:
+        return math.log(volume / expected_false)
+    low, high = 0.0, 14.0 * k
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if volume * group_tail(k, volume, middle) > expected_false:
+            low = middle
+        else:
+            high = middle
+    return high

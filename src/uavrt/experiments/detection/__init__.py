@@ -1,0 +1,1 @@
+"""What the detector can do, measured: signals, trials, and the tables of the claims."""
