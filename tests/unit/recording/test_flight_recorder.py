@@ -298,6 +298,53 @@ def test_a_flight_on_a_medium_without_write_access_is_read_with_its_write_ahead_
     assert len(read_flight(cut_off).pulse_poses) == 5
 
 
+def test_a_write_ahead_log_torn_anywhere_leaves_a_prefix_of_the_flight(
+    make_info: MakeInfo, make_pulse: MakePulse, tmp_path: Path
+) -> None:
+    info = make_info()
+    recorder = FlightRecorder.create(info)
+    recorder.close()  # the tables are in the database file
+    recorder = FlightRecorder.reopen(info.directory)
+    for number in range(20):
+        recorder.write_pulses([make_pulse(number)])
+        recorder.commit()
+    source = Path(info.directory)
+    whole = (source / "flight.sqlite-wal").read_bytes()
+    database = (source / "flight.sqlite").read_bytes()
+    recorder.close()
+    offsets = random.Random(3)
+    counts = []
+    for cut in sorted(offsets.randrange(len(whole) + 1) for _ in range(30)):
+        torn = tmp_path / f"torn at {cut}"
+        torn.mkdir()
+        (torn / "flight.sqlite").write_bytes(database)
+        # The length was written, the rest of the content was not: zeros, as ext4 leaves them.
+        (torn / "flight.sqlite-wal").write_bytes(whole[:cut] + bytes(len(whole) - cut))
+        read = read_flight(torn).pulse_poses
+        assert [one.pulse for one in read] == [make_pulse(n) for n in range(len(read))]
+        counts.append(len(read))
+    assert counts == sorted(counts)
+    assert counts[-1] >= 15
+
+
+def test_after_a_checkpoint_the_database_file_alone_has_everything(
+    make_info: MakeInfo,
+    make_pulse: MakePulse,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("uavrt.recording.flight_recorder.CHECKPOINT_S", 0.0)
+    info = make_info()
+    recorder = FlightRecorder.create(info)
+    recorder.write_pulses([make_pulse(number) for number in range(20)])
+    recorder.commit()
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    shutil.copy(Path(info.directory) / "flight.sqlite", alone)
+    assert len(read_flight(alone).pulse_poses) == 20
+    recorder.close()
+
+
 FILE_SIZE_LIMIT = """
 import json, resource, sys
 sys.path.insert(0, sys.argv[2])
