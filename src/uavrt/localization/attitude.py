@@ -1,0 +1,83 @@
+"""Where the antenna's axes point, for many attitudes at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization.antenna import AntennaPattern
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Headings:
+    """How the antenna pointed at each pulse."""
+
+    yaw_deg: NDArray[np.float64]
+    """(n,) boresight over ground, clockwise from true north."""
+    axes: NDArray[np.float64] | None = None
+    """(n, 3, 3) forward, right and down axis in north, east, down; None is a level antenna."""
+
+    @classmethod
+    def level(cls, yaw_deg: ArrayLike) -> "Headings":
+        """Make the headings of a level antenna."""
+        return cls(yaw_deg=np.atleast_1d(np.asarray(yaw_deg, np.float64)))
+
+    @classmethod
+    def from_quaternions(cls, quaternion_wxyz: ArrayLike) -> "Headings":
+        """Make headings from attitudes.
+
+        Parameters
+        ----------
+        quaternion_wxyz : (n, 4) array
+            Antenna frame (forward, right, down) to north-east-down, any length but zero.
+        """
+        q = np.atleast_2d(np.asarray(quaternion_wxyz, np.float64))
+        length = np.linalg.norm(q, axis=1, keepdims=True)
+        if q.shape[1] != 4 or not np.all(length > 1e-6):
+            raise UsageError(
+                "an attitude is not a quaternion", remedy="Drop the pulses without a pose"
+            )
+        w, x, y, z = (q / length).T
+        forward = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
+        right = (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x))
+        down = (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y))
+        axes = np.stack([np.stack(axis, axis=1) for axis in (forward, right, down)], axis=1)
+        yaw = np.degrees(np.arctan2(forward[1], forward[0])) % 360.0
+        return cls(yaw_deg=yaw, axes=axes)
+
+    def gain_db(
+        self, pattern: AntennaPattern, bearing_deg: NDArray[np.float64], elevation_deg: float
+    ) -> NDArray[np.float64]:
+        """Gain (n, b) [dB re boresight] towards bearings (b,) at one elevation.
+
+        Parameters
+        ----------
+        pattern : AntennaPattern
+            The antenna.
+        bearing_deg : (b,) float64 array
+            Directions over ground.
+        elevation_deg : float
+            Elevation of the tag seen from the drone, negative below it.
+        """
+        if self.axes is None and elevation_deg == 0.0:
+            return pattern.gain_db(bearing_deg[None, :] - self.yaw_deg[:, None])
+        bearing, elevation = np.radians(bearing_deg), np.radians(elevation_deg)
+        horizontal = np.cos(elevation)
+        towards = np.stack(
+            [
+                horizontal * np.cos(bearing),
+                horizontal * np.sin(bearing),
+                np.full_like(bearing, -np.sin(elevation)),
+            ]
+        )
+        axes = self.axes if self.axes is not None else _level_axes(self.yaw_deg)
+        forward, right, down = (axes[:, which, :] @ towards for which in range(3))
+        return pattern.gain_towards_db(forward, right, down)
+
+
+def _level_axes(yaw_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    cosine, sine = np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
+    zero, one = np.zeros_like(cosine), np.ones_like(cosine)
+    rows = ((cosine, sine, zero), (-sine, cosine, zero), (zero, zero, one))
+    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)

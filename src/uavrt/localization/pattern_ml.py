@@ -1,0 +1,216 @@
+"""The default bearing estimator: posterior over bearing from pattern and power law.
+
+Specified in reference/localization.md §1.5. It reads each pulse's power at its known time, asks
+of every bearing how probable these powers are, whatever the tag's strength and fading, and so
+needs no threshold; pulses that were missed count as "below the threshold".
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.attitude import Headings
+from uavrt.localization.pattern_likelihood import (
+    GRID_DEG,
+    GRID_STEP_DEG,
+    bearing_likelihood,
+)
+from uavrt.localization.power_law import FADINGS_DB, power_tables
+from uavrt.localization.records import Bearing
+from uavrt.localization.two_paths import two_paths
+
+_LOBE_DEG = 25.0
+_LEAST_FOR_CORRELATION = 12
+
+
+def pattern_ml(
+    headings: Headings,
+    matched_power: NDArray[np.float64],
+    missed_below: NDArray[np.float64],
+    noise_db: NDArray[np.float64],
+    *,
+    pattern: AntennaPattern,
+    elevation_deg: float = 0.0,
+    folds: int = 1,
+    fading_db: float | None = None,
+    heading_sigma_deg: float = 0.0,
+) -> Bearing:
+    """Estimate a bearing with its whole posterior.
+
+    Parameters
+    ----------
+    headings : Headings
+        Of the n heard, then the m missed pulses.
+    matched_power : (n,) float64 array
+        Matched power over noise power, noise included (mean S + 1).
+    missed_below : (m,) float64 array
+        Power below which the missed ones stayed.
+    noise_db : (n + m,) float64 array
+        Noise of each over the median noise.
+    pattern, elevation_deg
+        The antenna, and where the tag is seen below (negative) or above the horizon.
+    folds : int
+        Pulses summed in each value.
+    fading_db : float, optional
+        Known standard deviation of the fading; by default it is learnt.
+    heading_sigma_deg : float
+        Error that all headings share (compass, mounting, lag at one rate of turn).
+    """
+    fadings = FADINGS_DB if fading_db is None else (max(fading_db, 0.3),)
+    tables = power_tables(matched_power, missed_below, folds=folds, fadings_db=fadings)
+
+    def gain(bearing_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+        return headings.gain_db(pattern, bearing_deg, elevation_deg)
+
+    found = bearing_likelihood(tables, gain, noise_db)
+    best_deg = _peak_deg(found.log_density)
+    heard = len(matched_power)
+    model_db = found.level_db + gain(np.array([best_deg]))[:heard, 0] - noise_db[:heard]
+    residual = _residuals(matched_power, model_db, found.fading_db, folds)
+    chi2 = float(np.sum(residual**2) / max(1, heard - 2)) if heard else None
+    # Pulses near the threshold are seen only when luck was with them: they would look like a
+    # misfit, so those that could have been missed do not judge the shape.
+    sure = np.ones(heard, bool)
+    if len(missed_below):
+        sure = model_db > 10.0 * np.log10(missed_below.max()) + 1.5 * found.fading_db
+    correlation = _correlation(residual[sure], headings.yaw_deg[:heard][sure])
+    inflation = (1.0 + correlation) / (1.0 - correlation)
+    if fading_db is not None and chi2 is not None:
+        inflation *= max(1.0, chi2)
+    log_density = found.log_density / inflation
+    density = np.exp(log_density - log_density.max())
+    density /= density.sum()
+    double = two_paths(
+        headings.yaw_deg[:heard][sure],
+        matched_power[sure],
+        noise_db[:heard][sure],
+        pattern=pattern,
+        level_db=found.level_db,
+        fading_db=found.fading_db,
+        folds=folds,
+    )
+    paths_deg = None
+    if double is not None and double.suspected:
+        paths_deg = double.bearings_deg
+        spread = np.interp(GRID_DEG, np.arange(360.0), double.density, period=360.0)
+        density = 0.5 * density + 0.5 * spread / spread.sum()
+    density = _blurred(density, heading_sigma_deg)
+    off = np.abs(difference_deg(GRID_DEG, best_deg))
+    lobe = off <= _LOBE_DEG
+    variance = np.sum(density[lobe] * off[lobe] ** 2) / density[lobe].sum()
+    directional = _log_mean_exp(found.log_density)
+    return Bearing(
+        bearing_deg=best_deg % 360.0,
+        method="pattern_ml",
+        pulses=len(noise_db),
+        sigma_deg=float(np.sqrt(variance + GRID_STEP_DEG**2 / 12.0)),
+        interval90_deg=shortest_arc(density, 0.9),
+        second_lobe_probability=float(density[~lobe].sum()),
+        # A misfit makes the odds less certain just as it does the direction.
+        evidence=(directional - found.log_flat) / inflation,
+        reduced_chi2=chi2,
+        multipath_suspected=paths_deg is not None or _is_marked(int(sure.sum()), correlation),
+        paths_deg=paths_deg,
+        fading_db=found.fading_db,
+        level_db=found.level_db,
+        level_sigma_db=found.level_sigma_db * inflation**0.5,
+        posterior=_whole_degrees(density),
+    )
+
+
+def _log_mean_exp(values: NDArray[np.float64]) -> float:
+    top = float(values.max())
+    return top + float(np.log(np.mean(np.exp(values - top))))
+
+
+def _peak_deg(log_density: NDArray[np.float64]) -> float:
+    """Place of the maximum on the circle, refined by a parabola."""
+    top = int(np.argmax(log_density))
+    left, middle, right = (log_density[(top + shift) % len(GRID_DEG)] for shift in (-1, 0, 1))
+    curvature = 2.0 * middle - left - right
+    shift = 0.5 * (right - left) / curvature if curvature > 1e-12 else 0.0
+    return float(GRID_DEG[top] + GRID_STEP_DEG * np.clip(shift, -0.5, 0.5))
+
+
+def _residuals(
+    matched_power: NDArray[np.float64],
+    model_db: NDArray[np.float64],
+    fading_db: float,
+    folds: int,
+) -> NDArray[np.float64]:
+    """Measured minus expected power in decibel, over its standard deviation, cut at ± 4.
+
+    In decibel because fading is; the variance is that of noise and fading together,
+    (4.34)² (1 + 2 S) / (folds (1 + S)²) + (fading S / (1 + S))², S the expected SNR.
+    """
+    s = 10.0 ** (model_db / 10.0)
+    measured = 10.0 * np.log10(np.maximum(matched_power, 0.1))
+    expected = 10.0 * np.log10(1.0 + s)
+    noise = 18.86 * (1.0 + 2.0 * s) / (folds * (1.0 + s) ** 2)
+    residual = (measured - expected) / np.sqrt(noise + (fading_db * s / (1.0 + s)) ** 2)
+    return np.asarray(np.clip(residual, -4.0, 4.0))
+
+
+def _correlation(residual: NDArray[np.float64], yaw_deg: NDArray[np.float64]) -> float:
+    """How much neighbouring residuals hang together, in time or over heading; 0 to 0.9.
+
+    Fading that lasts, or a pattern that is not the antenna's, makes n pulses worth fewer. One
+    standard deviation of chance, 1/√n, is taken off.
+    """
+    count = len(residual)
+    if count < _LEAST_FOR_CORRELATION:
+        return 0.0
+    power = float(residual @ residual)
+    turned = residual[np.argsort(yaw_deg, kind="stable")]
+    in_time = float(residual[1:] @ residual[:-1]) / power
+    over_heading = float(turned @ np.roll(turned, 1)) / power
+    return float(np.clip(max(in_time, over_heading) - count**-0.5, 0.0, 0.9))
+
+
+def _is_marked(count: int, correlation: float) -> bool:
+    """Whether a correlation (less one sigma) is beyond chance: 3.3 sigma, 1 in 1000 or so."""
+    return count > 0 and correlation > 2.3 / math.sqrt(count)
+
+
+def _blurred(density: NDArray[np.float64], sigma_deg: float) -> NDArray[np.float64]:
+    """Convolve with a normal error on the circle."""
+    if sigma_deg <= 0.0:
+        return density
+    harmonics = np.fft.rfftfreq(len(density), 1.0 / len(density))
+    damping = np.exp(-0.5 * (harmonics * np.radians(sigma_deg)) ** 2)
+    blurred = np.maximum(np.fft.irfft(np.fft.rfft(density) * damping, len(density)), 0.0)
+    return np.asarray(blurred / blurred.sum())
+
+
+def shortest_arc(density: NDArray[np.float64], share: float) -> tuple[float, float]:
+    """Shortest arc that holds `share` of a probability given on `GRID_DEG`.
+
+    Returns
+    -------
+    tuple of 2 floats
+        From and to [deg], clockwise, each in [0, 360).
+    """
+    count = len(density)
+    edges = np.concatenate([[0.0], np.cumsum(np.tile(density, 2))])
+    goal = edges[:count] + share
+    after = np.clip(np.searchsorted(edges, goal), 1, 2 * count)
+    inside = density[(after - 1) % count]
+    part = np.divide(goal - edges[after - 1], inside, out=np.ones(count), where=inside > 0.0)
+    width = after - 1 + np.clip(part, 0.0, 1.0) - np.arange(count)
+    start = int(np.argmin(width))
+    low = (start - 0.5) * GRID_STEP_DEG
+    return float(low % 360.0), float((low + width[start] * GRID_STEP_DEG) % 360.0)
+
+
+def _whole_degrees(density: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(1440,) to (360,): the probability within half a degree of each whole one."""
+    per_degree = round(1.0 / GRID_STEP_DEG)
+    halves = per_degree // 2
+    total = sum(
+        (0.5 if abs(shift) == halves else 1.0) * np.roll(density, -shift)[::per_degree]
+        for shift in range(-halves, halves + 1)
+    )
+    return np.asarray(total, np.float64)

@@ -1,0 +1,74 @@
+"""What the estimators hand out."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+BearingMethod = Literal[
+    "pattern_ml",
+    "pca",
+    "pca_log",
+    "pca_amplitude",
+    "pearson",
+    "ls_linear",
+    "ls_db",
+    "max",
+]
+
+ACCEPTED_EVIDENCE = 3.0
+"""Least evidence (natural logarithm of a Bayes factor) for a bearing to be believed: odds of
+20 to 1. Fewer than 1 % of noise-only rotations and of steady interferers reach it."""
+BIMODAL_PROBABILITY = 0.05
+"""From this probability of another lobe on, a bearing is called ambiguous."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Bearing:
+    """Direction to a tag from one place, degrees clockwise from true north, [0, 360)."""
+
+    bearing_deg: float
+    """The most probable direction."""
+    method: BearingMethod
+    pulses: int
+    """Pulses and misses that went into it."""
+    sigma_deg: float | None = None
+    """Standard deviation inside the main lobe; None when the method has no statistics."""
+    interval90_deg: tuple[float, float] | None = None
+    """Shortest arc, clockwise from first to second, that holds 90 % of the posterior."""
+    second_lobe_probability: float | None = None
+    """Posterior probability of being more than 25° away from `bearing_deg`."""
+    evidence: float | None = None
+    """Natural logarithm of the Bayes factor "one direction" over "none": noise alone, or a
+    source equally strong at every heading."""
+    reduced_chi2: float | None = None
+    """Misfit of the powers to pattern and fading; about 1 for an honest model."""
+    multipath_suspected: bool = False
+    """The residuals hang together over heading, or two paths explain the powers much better:
+    there is a reflection, or the pattern is not this antenna's."""
+    paths_deg: tuple[float, float] | None = None
+    """Directions of the two paths when they are suspected, the stronger first; either may be
+    the tag's."""
+    fading_db: float | None = None
+    """Standard deviation of the pulses' fading, estimated."""
+    level_db: float | None = None
+    """SNR that a pulse has on boresight, estimated."""
+    level_sigma_db: float | None = None
+    confidence: float | None = None
+    """What the method itself calls confidence: tau of PCA, Pearson's correlation …"""
+    posterior: NDArray[np.float64] | None = None
+    """(360,) probability of the whole degrees 0, 1 … 359; sums to 1. What trackers consume."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether there is a direction in the data at all; methods without evidence say yes."""
+        return self.evidence is None or self.evidence >= ACCEPTED_EVIDENCE
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether another direction is nearly as good, or a reflection is likely."""
+        second = self.second_lobe_probability
+        return self.multipath_suspected or (
+            second is not None and second >= BIMODAL_PROBABILITY
+        )

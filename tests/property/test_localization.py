@@ -1,0 +1,76 @@
+"""Bearings and positions: what holds whatever the numbers."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavrt.localization import PATTERNS, estimate_bearing
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.power_law import power_tables
+
+angles = st.floats(0.0, 360.0, exclude_max=True)
+
+
+@given(st.sampled_from(sorted(PATTERNS)), st.floats(-720.0, 720.0))
+def test_a_pattern_is_mirrored_and_has_a_period_of_a_turn(name: str, angle: float) -> None:
+    pattern = PATTERNS[name]
+    here, mirrored, turned = pattern.gain_db([angle, -angle, angle + 360.0])
+    assert abs(here - mirrored) < 1e-9
+    assert abs(here - turned) < 1e-9
+    assert here <= 0.0
+
+
+@given(st.sampled_from(sorted(PATTERNS)), angles)
+def test_a_level_antenna_has_its_table_in_the_plane_of_its_elements(
+    name: str, angle: float
+) -> None:
+    turn = np.radians([angle])
+    gain = PATTERNS[name].gain_towards_db(np.cos(turn), np.sin(turn), np.zeros(1))
+    np.testing.assert_allclose(gain, PATTERNS[name].gain_db([angle]), atol=1e-5)
+
+
+@settings(deadline=None, max_examples=25)
+@given(angles, angles, st.integers(10, 40), st.floats(15.0, 60.0))
+def test_turning_the_world_turns_the_bearing(
+    bearing: float, turn: float, pulses: int, snr_db: float
+) -> None:
+    yaw = np.arange(pulses) * 360.0 / pulses
+    snr = snr_db + PATTERNS["RA-2A"].gain_db(bearing - yaw)
+    plain = estimate_bearing(yaw, snr, antenna="RA-2A")
+    turned = estimate_bearing(yaw + turn, snr, antenna="RA-2A")
+    assert abs(difference_deg(plain.bearing_deg, bearing)) < 2.0
+    assert abs(difference_deg(turned.bearing_deg, plain.bearing_deg + turn)) < 0.3
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.lists(st.tuples(angles, st.floats(-20.0, 70.0) | st.just(float("nan"))), min_size=1),
+    st.floats(0.0, 20.0),
+)
+def test_any_pulses_give_a_posterior_that_holds_together(
+    pulses: list[tuple[float, float]], threshold_db: float
+) -> None:
+    yaw, snr = np.array([(0.0, 12.0), *pulses]).T
+    found = estimate_bearing(yaw, snr, threshold_db=threshold_db)
+    assert found.posterior is not None
+    assert np.all(found.posterior >= 0.0)
+    assert abs(found.posterior.sum() - 1.0) < 1e-9
+    assert 0.0 <= found.bearing_deg < 360.0
+    assert found.sigma_deg is not None
+    assert 0.0 < found.sigma_deg <= 25.1
+    assert found.second_lobe_probability is not None
+    assert -1e-12 <= found.second_lobe_probability <= 1.0
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(0.01, 1e4), st.integers(1, 20), st.sampled_from([0.5, 2.5, 6.5]))
+def test_the_power_law_is_greatest_near_the_measured_power(
+    power: float, folds: int, fading_db: float
+) -> None:
+    tables = power_tables(np.array([power]), np.zeros(0), folds=folds, fadings_db=(fading_db,))
+    level = tables.lowest_db + 0.25 * int(np.argmax(tables.log_likelihood[0, :, 0]))
+    if power > 10.0:
+        # Fading skews the law towards lower levels by up to some tenths of a decibel.
+        assert abs(level - 10 * np.log10(power - 1.0)) < 1.5
+    if power < 0.5:
+        assert level < 0.0
