@@ -38,7 +38,7 @@ from uavrt.supervisor.flight import new_flight, share_tags
 from uavrt.supervisor.instance import Instance, self_status
 from uavrt.supervisor.output import OutputLog, warning_text
 from uavrt.supervisor.systemd import SystemdNotifier
-from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, ProcessRow, consumers_of
+from uavrt.supervisor.table import SUPERVISOR_TOPICS, ProcessRow, consumers_of, rows_for
 from uavrt.supervisor.transitions import Refused, Repeated, outcome
 from uavrt.supervisor.usage import children_of
 
@@ -72,6 +72,7 @@ class Supervisor:
         self, settings: Settings, *, on_record: Callable[[bytes], None] | None = None
     ) -> None:
         self.settings = settings
+        self._rows = rows_for(settings)
         self.clock = Clock.start()
         self.state = SystemState.IDLE
         self.tags: dict[int, Tag] = {}
@@ -108,7 +109,7 @@ class Supervisor:
         if self.state is SystemState.DETECTING:
             self.state = SystemState.HAS_TAGS
             await self._end_flight()
-        for row in reversed(PROCESSES):
+        for row in reversed(self._rows):
             await self._stop_row(row)
 
     def stop(self) -> None:
@@ -118,7 +119,7 @@ class Supervisor:
     def _ensure(self) -> None:
         """Start what should run and does not; end what is silent."""
         now_s = time.monotonic()
-        for row in PROCESSES:
+        for row in self._rows:
             if not row.runs(self.state):
                 continue
             for worker in range(self._worker_count() if row.per_worker else 1):
@@ -313,7 +314,7 @@ class Supervisor:
     async def _end_flight(self) -> None:
         """Stop receiver, then detectors; give the last pulses time; close the flight."""
         try:
-            for row in reversed(PROCESSES):
+            for row in reversed(self._rows):
                 if not row.runs(SystemState.HAS_TAGS):
                     await self._stop_row(row)
             await asyncio.sleep(LAST_PULSES_S)
@@ -368,7 +369,7 @@ class Supervisor:
         self._publish("status_text", StatusText(severity=severity, text=text))
 
     def _forward(self, topic: str, line: bytes) -> None:
-        for row in consumers_of(topic):
+        for row in consumers_of(topic, self._rows):
             instance = self._instances.setdefault(row.name, Instance(row.name, row, 0))
             instance.outbox.put(line)
             if instance.child is not None:

@@ -18,7 +18,7 @@ class Instance:
     name: str
     row: ProcessRow
     worker: int
-    outbox: Outbox = field(default_factory=Outbox)
+    outbox: Outbox = field(init=False)
     child: Child | None = None
     health: Health | None = None
     started_s: float = 0.0
@@ -30,6 +30,9 @@ class Instance:
     """CPU time of its earlier children."""
     memory_mb: float = 0.0
 
+    def __post_init__(self) -> None:
+        self.outbox = Outbox(self.row.backlog)
+
     def status(self) -> ProcessStatus:
         """Describe it now; measures the child."""
         child, health = self.child, self.health
@@ -40,7 +43,7 @@ class Instance:
             running=child is not None,
             pid=child.pid if child is not None else None,
             status=health.status if health else ("starting" if child else "stopped"),
-            ok=health.ok if health else child is None and self.stop_asked_s is not None,
+            ok=health.ok if health else child is not None or self.stop_asked_s is not None,
             restarts=self.restarts,
             cpu_s=self.cpu_s_before + (child.cpu_s if child is not None else 0.0),
             memory_mb=self.memory_mb,

@@ -11,9 +11,16 @@ from uavrt.ipc.topics import TOPICS, topic_of
 
 
 class Outbox:
-    """Lines for one process instance, in order."""
+    """Lines for one process instance, in order.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    backlog : int, optional
+        Keep no more lines of any topic than this; see `ProcessRow.backlog`.
+    """
+
+    def __init__(self, backlog: int | None = None) -> None:
+        self._backlog = backlog
         self._lines: deque[tuple[str, bytes]] = deque()
         self._waiting: Counter[str] = Counter()
         self._written = 0
@@ -29,7 +36,8 @@ class Outbox:
         topic = TOPICS[name]
         self._lines.append((name, line))
         self._waiting[name] += 1
-        if not topic.lossless and self._waiting[name] > topic.backlog:
+        limit = self._backlog if topic.lossless else topic.backlog
+        if limit is not None and self._waiting[name] > limit:
             self._drop_oldest(name)
 
     def put_first(self, line: bytes) -> None:

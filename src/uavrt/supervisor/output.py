@@ -13,8 +13,8 @@ from uavrt.messages import StatusText
 from uavrt.recording.layout import FlightLayout
 from uavrt.recording.process_log import ProcessLog
 
-RADIO_EVENT = b'"event": "radio says"'
-"""How the receiver marks a line of the radio program."""
+RADIO_EVENTS = (b'"event": "radio says"', b'"event": "starting radio"')
+"""How the receiver marks a line of the radio program, and its command."""
 
 _SEVERITY = {"warning": 4, "error": 3, "critical": 2}
 """Log level to MAVLink severity."""
@@ -61,7 +61,7 @@ class OutputLog:
 
     def write(self, process: str, line: bytes) -> None:
         """Keep a line with the time it was printed."""
-        path = self._path("radio" if RADIO_EVENT in line else process)
+        path = self._path("radio" if any(e in line for e in RADIO_EVENTS) else process)
         log = self._logs.setdefault(path, ProcessLog(path))
         stamp = time.strftime("%Y-%m-%dT%H:%M:%SZ ", time.gmtime())
         log.write(stamp + line.decode("utf-8", "replace"))

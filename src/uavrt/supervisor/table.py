@@ -8,6 +8,7 @@ nothing is sent to nobody. Modules are named by string: the table imports none o
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from uavrt.config.settings import Settings
 from uavrt.messages import SystemState
 
 Predicate = Callable[[SystemState], bool]
@@ -23,6 +24,16 @@ def while_detecting(state: SystemState) -> bool:
     return state is SystemState.DETECTING
 
 
+def on_every_drone(settings: Settings) -> bool:
+    """Run whatever the settings."""
+    return isinstance(settings, Settings)
+
+
+def with_ros2(settings: Settings) -> bool:
+    """Run where the gateway to ROS 2 is asked for."""
+    return settings.ros2.enabled
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessRow:
     """One row of the table."""
@@ -34,6 +45,11 @@ class ProcessRow:
     consumes: tuple[str, ...]
     """Topics that the supervisor passes on to it."""
     produces: tuple[str, ...]
+    configured: Callable[[Settings], bool] = on_every_drone
+    """Whether these settings ask for it at all."""
+    backlog: int | None = None
+    """Keep at most so many records of a topic for it while it is away, even of those that are
+    lossless for others; for a mere onlooker."""
     per_worker: bool = False
     """One instance for each detector worker."""
     silence_limit_s: float = 5.0
@@ -87,6 +103,28 @@ PROCESSES: tuple[ProcessRow, ...] = (
         memory_limit_mb=60.0,
     ),
     ProcessRow(
+        name="ros2",
+        module="uavrt.processes.ros2_gateway",
+        meaning="shows everything as ROS 2 nodes and topics; takes commands from there",
+        runs=always,
+        configured=with_ros2,
+        consumes=(
+            "pulse",
+            "pulse_pose",
+            "poses",
+            "flight",
+            "flight_end",
+            "command",
+            "command_reply",
+            "status_text",
+            "system_status",
+        ),
+        produces=("pulse", "command", "health", "status_text"),
+        backlog=200,
+        cpu_budget_percent=3.0,
+        memory_limit_mb=80.0,
+    ),
+    ProcessRow(
         name="detector",
         module="uavrt.processes.detector",
         meaning="finds the pulses of several tags",
@@ -114,6 +152,13 @@ SUPERVISOR_TOPICS = ("command", "health", "status_text")
 """Topics that the supervisor itself reads."""
 
 
-def consumers_of(topic: str) -> tuple[ProcessRow, ...]:
+def rows_for(settings: Settings) -> tuple[ProcessRow, ...]:
+    """Get the rows that these settings ask for."""
+    return tuple(row for row in PROCESSES if row.configured(settings))
+
+
+def consumers_of(
+    topic: str, rows: tuple[ProcessRow, ...] = PROCESSES
+) -> tuple[ProcessRow, ...]:
     """Get the rows that consume a topic."""
-    return tuple(row for row in PROCESSES if topic in row.consumes)
+    return tuple(row for row in rows if topic in row.consumes)

@@ -1,0 +1,151 @@
+"""The supervisor with its real processes: started, killed, stopped, abandoned."""
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from uavrt.config.settings import RadioSettings
+from uavrt.messages import SystemStatus
+from uavrt.recording import read_flight
+from uavrt.supervisor.usage import children_of
+
+pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
+
+
+def descendants(pid: int) -> set[int]:
+    found: set[int] = set()
+    waiting = [pid]
+    while waiting:
+        new = set(children_of(waiting.pop())) - found
+        found |= new
+        waiting += new
+    return found
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0] != "Z"
+    except OSError:
+        return False
+
+
+def until_status(
+    drone: Any, condition: Callable[[SystemStatus], bool], timeout_s: float
+) -> SystemStatus:
+    """Read the supervisor's records until a status is as wanted."""
+    deadline_s = time.monotonic() + timeout_s
+    last = None
+    while time.monotonic() < deadline_s:
+        for topic, record in drone.status.read(0.2):
+            if topic == "system_status":
+                last = record
+                if condition(record):
+                    return last
+    raise AssertionError(f"never came; last: {last}")
+
+
+def process(status: SystemStatus, name: str) -> Any:
+    return next(p for p in status.processes if p.process == name)
+
+
+def samples_of(status: SystemStatus) -> float:
+    known = {p.process: p for p in status.processes}
+    return known["receiver"].counters.get("samples", 0.0) if "receiver" in known else 0.0
+
+
+@pytest.fixture
+def detecting(drone_bay: Any, thesis_scenario: Any) -> Any:
+    """A drone that detects the thesis's tag by itself."""
+    tags = msgspec.json.encode(thesis_scenario.tags).decode()
+    drone = drone_bay.launch(thesis_scenario, tags)
+    until_status(drone, lambda s: samples_of(s) > 0, 30.0)
+    return drone
+
+
+def test_every_killed_process_comes_back_and_no_recorded_pulse_is_lost(detecting: Any) -> None:
+    status = until_status(
+        detecting,
+        lambda s: process(s, "recorder").counters.get("pulses_recorded", 0) >= 3,
+        40.0,
+    )
+    before = read_flight(status.flight_directory or "").pulse_poses
+    for name in ("connection", "detector-1", "receiver", "recorder"):
+        old = process(status, name).pid
+        os.kill(old, signal.SIGKILL)
+        status = until_status(
+            detecting,
+            lambda s, name=name, old=old: (  # type: ignore[misc]
+                process(s, name).pid not in (None, old)
+                and process(s, name).ok
+                and process(s, name).status not in ("starting", "waiting for samples")
+            ),
+            20.0,
+        )
+        assert process(status, name).restarts == 1
+        assert len(status.tags) == 1
+    status = until_status(
+        detecting,
+        lambda s: process(s, "recorder").counters.get("pulses_recorded", 0) >= 3,
+        40.0,
+    )
+    after = read_flight(status.flight_directory or "").pulse_poses
+    assert {item.pulse for item in before} <= {item.pulse for item in after}
+    assert len(after) > len(before)
+
+
+def test_a_killed_supervisor_leaves_nothing_behind(detecting: Any) -> None:
+    family = descendants(detecting.supervisor.pid)
+    assert len(family) >= 5  # four processes and the radio program
+    os.kill(detecting.supervisor.pid, signal.SIGKILL)
+    deadline_s = time.monotonic() + 10.0
+    while any(alive(pid) for pid in family) and time.monotonic() < deadline_s:
+        time.sleep(0.05)
+    assert not [pid for pid in family if alive(pid)]
+
+
+def test_a_stopped_process_counts_as_dead(detecting: Any) -> None:
+    status = until_status(detecting, lambda s: process(s, "detector-1").ok, 10.0)
+    old = process(status, "detector-1").pid
+    os.kill(old, signal.SIGSTOP)
+    status = until_status(
+        detecting, lambda s: process(s, "detector-1").pid not in (None, old), 25.0
+    )
+    assert not alive(old)
+
+
+def test_sigterm_stops_everything_in_good_order(detecting: Any) -> None:
+    status = until_status(
+        detecting,
+        lambda s: process(s, "recorder").counters.get("pulses_recorded", 0) >= 1,
+        40.0,
+    )
+    family = descendants(detecting.supervisor.pid)
+    detecting.supervisor.stop()
+    assert detecting.supervisor.exit_code == 0
+    assert not [pid for pid in family if alive(pid)]
+    flight = read_flight(status.flight_directory or "")
+    assert flight.pulse_poses
+    assert flight.info.tags[0].tag_id == 2
+
+
+def test_a_missing_radio_is_reported_and_the_system_goes_on(
+    drone_bay: Any, thesis_scenario: Any
+) -> None:
+    tags = msgspec.json.encode(thesis_scenario.tags).decode()
+    drone = drone_bay.launch(
+        thesis_scenario, tags, radio=RadioSettings(program=("no-such-radio-program",))
+    )
+    status = until_status(
+        drone,
+        lambda s: any(p.status == "radio absent" and not p.ok for p in s.processes),
+        30.0,
+    )
+    assert process(status, "connection").ok
+    log = (drone.directory / "supervisor.log").read_text()
+    assert "no-such-radio-program" in log
