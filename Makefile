@@ -23,7 +23,7 @@ docs: $(STAMP)          ## the manual, as HTML in docs/_build
 
 setup: $(STAMP)         ## only the environment
 
-$(STAMP): pyproject.toml $(wildcard hatch_build.py)
+$(STAMP): pyproject.toml hatch_build.py src/uavrt/mavlink/dialect.toml src/uavrt/mavlink/extra.xml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet -e '.[ground,analysis,dev]'

@@ -7,11 +7,23 @@ from itertools import pairwise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.mavlink import FrameParser, FrameWriter, PacedQueue, Priority, TimeSync, chunks_of
+from uavrt.clock import Clock
+from uavrt.mavlink import (
+    Component,
+    FrameParser,
+    FrameWriter,
+    Handlers,
+    PacedQueue,
+    Priority,
+    TimeSync,
+    chunks_of,
+)
 from uavrt.mavlink.dialect import MESSAGES, Ping, Statustext, Tunnel
 from uavrt.mavlink.frame import crc16_mcrf4xx
 from uavrt.mavlink.pacing import Tunnelled
 from uavrt.mavlink.statustext import TextAssembler
+from uavrt.simulation import demo_scenario
+from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
 
 PAYLOADS = st.binary(max_size=128)
 START_NS = 1_700_000_000 * 10**9
@@ -180,6 +192,36 @@ def test_a_text_of_any_length_comes_back_from_its_pieces(text: str) -> None:
     assert severity == 6
     # Padding may stand where a character of several bytes did not fit a piece.
     assert whole.replace(" ", "")[:300] == text.replace(" ", "")[:300]
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.lists(st.tuples(st.sampled_from(sorted(MESSAGES)), st.binary(max_size=255)), max_size=5),
+    st.tuples(st.integers(0, 255), st.integers(0, 255)),
+)
+def test_no_content_of_any_message_disturbs_the_component_or_the_autopilot(
+    contents: list[tuple[int, bytes]], sender: tuple[int, int]
+) -> None:
+    given_out: list[object] = []
+    handlers = Handlers(
+        attitude=given_out.append,
+        position=given_out.append,
+        tunnel=lambda payload, peer: given_out.append(payload),
+    )
+    component = Component(lambda message: None, handlers)
+    clock = Clock.start()
+    settings_ = AutopilotSettings(companion=("127.0.0.1", 9))
+    autopilot = FakeAutopilot(demo_scenario().vehicle_pose, settings_, clock)
+    for message_id, payload in contents:
+        message = MESSAGES[message_id].decode(payload)
+        raw = FrameWriter(*sender).encode(message)
+        (frame,) = FrameParser().feed(raw)
+        component.receive(frame, clock.now_ns())
+        component.tick(clock.now_ns())
+        autopilot.receive(autopilot.companion, frame, clock.now_ns())
+        autopilot.step(clock.now_ns())
+    tunnels = sum(MESSAGES[number] is Tunnel for number, _ in contents)
+    assert len(given_out) <= tunnels + len(contents)
 
 
 def test_struct_sizes_hold_no_hidden_pads() -> None:

@@ -142,7 +142,8 @@ class FrameParser:
         return frames
 
     def reset(self) -> None:
-        """Forget a half-received frame: the link was opened again."""
+        """Give up a half-received frame: the datagram ended or the link was opened again."""
+        self.skipped_bytes += len(self._buffer)
         self._buffer = b""
 
     def _skip_to_marker(self, buffer: bytes, place: int) -> int:

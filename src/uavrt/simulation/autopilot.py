@@ -8,6 +8,7 @@ its two links as PX4 v1.17 or ArduCopter 4.7 do (reference/mavlink.md §1). Run 
 """
 
 import asyncio
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -29,8 +30,9 @@ log = get_logger()
 
 Flavour = Literal["px4", "ardupilot"]
 
-WAKE_S = 0.004
-"""PX4's main loop in simulation."""
+BUSY_WAKE_S = 0.004
+"""PX4's main loop in simulation; while messages wait to be forwarded."""
+IDLE_WAKE_S = 0.010
 HEARTBEAT_NS = ns_from_s(1.0)
 TIMESYNC_NS: dict[Flavour, int] = {"px4": ns_from_s(0.1), "ardupilot": ns_from_s(10.0)}
 REBOOT_NS = ns_from_s(1.5)
@@ -125,7 +127,8 @@ class FakeAutopilot:
         try:
             while True:
                 self.step(self._clock.now_ns())
-                await asyncio.sleep(WAKE_S)
+                busy = len(self.companion.ring) or len(self.ground.ring)
+                await asyncio.sleep(BUSY_WAKE_S if busy else IDLE_WAKE_S)
         finally:
             self.close()
 
@@ -196,7 +199,7 @@ class FakeAutopilot:
             for frame in side.parser.feed(data):
                 release_ns = side.inward.release_ns(arrival_ns)
                 if release_ns is not None:
-                    self._later(release_ns, partial(self._take, side, frame, release_ns))
+                    self._later(release_ns, partial(self.receive, side, frame, release_ns))
 
         return take
 
@@ -208,7 +211,8 @@ class FakeAutopilot:
         else:
             asyncio.get_running_loop().call_later(wait_s, action)
 
-    def _take(self, side: _Side, frame: Frame, arrival_ns: int) -> None:
+    def receive(self, side: _Side, frame: Frame, arrival_ns: int) -> None:
+        """Take a frame of a link: answer it, pass it on, or both."""
         if arrival_ns < self._silent_until_ns:
             return
         side.routes.saw(frame)
@@ -289,7 +293,7 @@ class FakeAutopilot:
         result = MavResult.UNSUPPORTED
         match message.command:
             case MavCmd.SET_MESSAGE_INTERVAL:
-                result = self._set_interval(side, int(message.param1), message.param2)
+                result = self._set_interval(side, message.param1, message.param2)
             case MavCmd.PREFLIGHT_REBOOT_SHUTDOWN if message.param1 == 1:
                 result = MavResult.ACCEPTED
         ack = dialect.CommandAck(
@@ -302,10 +306,11 @@ class FakeAutopilot:
         if message.command == MavCmd.PREFLIGHT_REBOOT_SHUTDOWN and result == 0:
             self.reboot()
 
-    def _set_interval(self, side: _Side, message_id: int, interval_us: float) -> MavResult:
-        defaults = default_intervals_ns("px4", "companion")
-        if message_id not in defaults:
+    def _set_interval(self, side: _Side, number: float, interval_us: float) -> MavResult:
+        known = default_intervals_ns("px4", "companion")
+        if number not in known or not math.isfinite(interval_us):
             return MavResult.DENIED
+        message_id = int(number)
         side.due_ns.pop(message_id, None)
         side.intervals_ns.pop(message_id, None)
         if interval_us == 0:

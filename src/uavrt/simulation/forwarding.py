@@ -44,6 +44,9 @@ class ForwardRing:
         self.forwarded = 0
         self.dropped = 0
 
+    def __len__(self) -> int:
+        return len(self._items)
+
     def push(self, frame: Frame) -> bool:
         """Store a message; False when it does not fit."""
         size = len(frame.payload) + HEADER_BYTES + ITEM_BYTES
