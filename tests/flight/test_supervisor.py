@@ -44,9 +44,10 @@ def until_status(
     while time.monotonic() < deadline_s:
         for topic, record in drone.status.read(0.2):
             if topic == "system_status":
+                assert isinstance(record, SystemStatus)
                 last = record
                 if condition(record):
-                    return last
+                    return record
     raise AssertionError(f"never came; last: {last}")
 
 
