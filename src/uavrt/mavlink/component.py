@@ -14,6 +14,7 @@ from uavrt.mavlink.answers import answer_command
 from uavrt.mavlink.discovery import Discovery, Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.message import Message
+from uavrt.mavlink.samples import attitude_sample, position_sample
 from uavrt.mavlink.streams import StreamRequests
 from uavrt.mavlink.timesync import TimeSync
 from uavrt.messages import AttitudeSample, PositionSample
@@ -227,18 +228,17 @@ class Component:
         if time_ns is None:
             self.counters["poses_without_time"] += 1
         elif isinstance(message, dialect.AttitudeQuaternion):
-            quaternion = (message.q1, message.q2, message.q3, message.q4)
-            self._handlers.attitude(AttitudeSample(time_ns=time_ns, quaternion_wxyz=quaternion))
+            attitude = attitude_sample(message, time_ns)
+            if attitude is None:
+                self.counters["bad_attitudes"] += 1
+            else:
+                self._handlers.attitude(attitude)
         else:
-            self._handlers.position(
-                PositionSample(
-                    time_ns=time_ns,
-                    latitude_deg=message.lat / 1e7,
-                    longitude_deg=message.lon / 1e7,
-                    altitude_amsl_m=message.alt / 1e3,
-                    altitude_relative_m=message.relative_alt / 1e3,
-                )
-            )
+            position = position_sample(message, time_ns)
+            if position is None:
+                self.counters["positions_without_fix"] += 1
+            else:
+                self._handlers.position(position)
 
     def _tunnel(self, message: dialect.Tunnel, peer: Peer) -> None:
         if message.payload_length > len(message.payload):

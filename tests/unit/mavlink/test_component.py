@@ -237,6 +237,32 @@ def test_poses_come_out_on_our_clock(bench: Bench) -> None:
     assert (last_position.altitude_amsl_m, last_position.altitude_relative_m) == (2157.0, 50.0)
 
 
+def test_a_quaternion_that_is_none_is_counted_and_not_handed_on(bench: Bench) -> None:
+    bench.fly(2)
+    bench.attitudes.clear()
+    for parts in [(0.0, 0.0, 0.0, 0.0), (float("nan"), 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)]:
+        message = attitude(12_000)
+        message.q1, message.q2, message.q3, message.q4 = parts
+        bench.hear(message)
+    assert bench.attitudes == []
+    assert bench.component.counters["bad_attitudes"] == 3
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon"), [(0, 0), (900_000_001, 1), (1, 1_800_000_001), (-(2**31), 5)]
+)
+def test_a_position_without_a_fix_is_counted_and_not_handed_on(
+    bench: Bench, lat: int, lon: int
+) -> None:
+    bench.fly(2)
+    bench.positions.clear()
+    message = position(12_000)
+    message.lat, message.lon = lat, lon
+    bench.hear(message)
+    assert bench.positions == []
+    assert bench.component.counters["positions_without_fix"] == 1
+
+
 def test_times_are_right_again_soon_after_the_autopilot_restarts(bench: Bench) -> None:
     bench.fly(10, boot_start_ms=1_000_000)
     bench.attitudes.clear()
