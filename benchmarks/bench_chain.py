@@ -163,13 +163,10 @@ def tag_lines(tags: int) -> str:
 
 
 class Signal:
-    """Noise that never repeats (else it would beep), and the pulses of every fourth tag."""
+    """Noise, fresh for each block (repeated, it would beep), and every fourth tag's pulses."""
 
     def __init__(self, tags: int) -> None:
         self._random = np.random.default_rng(7)
-        # Each block is cut from a place of its own in 11 s of noise; one would hear seams.
-        noise = self._random.standard_normal((33_554_432, 2), np.float32)
-        self._noise = noise.view(np.complex64)[:, 0] * np.float32(0.01)
         time_s = np.arange(round(WIDTH_S * RATE_HZ)) / RATE_HZ
         # 20 dB: amplitude² × width × rate = 100 × variance (2 × 0.01² for both parts).
         amplitude = np.sqrt(100 * 2e-4 / (WIDTH_S * RATE_HZ))
@@ -181,8 +178,8 @@ class Signal:
 
     def block(self, number: int) -> memoryview:
         """Samples of one block."""
-        at = int(self._random.integers(self._noise.size - BLOCK))
-        samples = self._noise[at : at + BLOCK].copy()
+        noise = self._random.standard_normal((BLOCK, 2), np.float32)
+        samples = noise.view(np.complex64)[:, 0] * np.float32(0.01)
         start, interval = number * BLOCK, round(INTERVAL_S * RATE_HZ)
         for phase, pulse in self._pulses:
             before = (start - phase) // interval

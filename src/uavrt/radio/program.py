@@ -1,6 +1,7 @@
 """A radio's program as a child process: its samples, its words, its end."""
 
 import os
+import re
 import select
 import shutil
 import signal
@@ -31,6 +32,9 @@ _TERMINATE_S: Final = 2.0
 _LINES: Final = 12
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C")
 """Lines that some programs write every second, and that say nothing."""
+
+_LOST: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
+"""A program that knows what it lost says it so; the others' losses the arrivals show."""
 
 log = get_logger()
 
@@ -71,6 +75,7 @@ class ProgramSource(StreamSource):
         self._startup_s, self._stall_s = startup_s, stall_s
         self._lines: deque[str] = deque(maxlen=_LINES)
         self._line = b""
+        self._lost = 0
         for before in commands_before(settings):
             self._run_before(before)
         self._child = _start(command, self._program.package)
@@ -179,7 +184,13 @@ class ProgramSource(StreamSource):
             line = raw.decode("utf-8", "replace").strip()
             if line and not any(words in line for words in _PROGRESS):
                 self._lines.append(line)
+                if found := _LOST.search(line):
+                    self._lost += int(found[1])
                 log.info("radio says", program=self.name, line=line)
+
+    def _told_lost(self) -> int:
+        lost, self._lost = self._lost, 0
+        return lost
 
     def _check_end(self) -> None:
         """Say why the program ended, once its last whole samples are given."""

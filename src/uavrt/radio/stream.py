@@ -180,6 +180,10 @@ class StreamSource:
             return bool(self._poll.poll()) if not os.get_blocking(self._descriptor) else True
         return bool(self._poll.poll(timeout_s * 1000.0))
 
+    def _told_lost(self) -> int:
+        """Samples that the writer itself says it has lost; a hook."""
+        return 0
+
     def _check_end(self) -> None:
         """Raise what the end of the stream means, when nothing is left to give."""
         whole = self._filled // self._format.bytes_per_sample
@@ -232,14 +236,18 @@ class StreamSource:
         now_ns = self._clock.now_ns()
         took_s = (now_ns - self._level_ns) / NANOSECONDS_PER_SECOND
         self._level_ns = now_ns
+        told = self._told_lost()
+        self._index += told
+        self._keeper.skip(told)
         self._keeper.arrived(
             self._index + count + waiting // self._format.bytes_per_sample,
             now_ns,
             catching_up=full or took_s < 0.5 * self._block_s,
         )
-        lost = self._keeper.lost_samples()
+        inferred = self._keeper.lost_samples()
+        self._index += inferred
+        lost = told + inferred
         if lost:
-            self._index += lost
             self.samples_lost += lost
             log.warning("samples lost", count=lost, before_index=self._index)
         return lost

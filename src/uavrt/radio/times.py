@@ -183,9 +183,13 @@ class TimeKeeper:
             self._bins.pop()
         self._bin = None
         lost = round(step_s * self._nominal_hz)
-        # Time goes on where the gap ends: the correction at the new index is the old one.
-        self._given_s += lost / self._nominal_hz
+        self.skip(lost)
         return lost
+
+    def skip(self, samples: int) -> None:
+        """Leave out samples that are known to be lost; the caller's index skips them too."""
+        # Time goes on where the gap ends: the correction at the new index is the old one.
+        self._given_s += samples / self._nominal_hz
 
     def time_ns(self, index: int) -> int:
         """Time of a sample [ns, UTC]; to be asked in rising order of `index`.

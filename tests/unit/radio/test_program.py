@@ -296,6 +296,31 @@ def test_a_program_that_ignores_sigterm_is_killed_with_its_children(install: Ins
         source.read()
 
 
+def test_samples_that_a_program_says_it_lost_are_a_gap_in_the_stream(
+    install: Install,
+) -> None:
+    install(
+        "airspy_rx",
+        """
+        os.write(1, bytes(8 * 262200))
+        sys.stderr.write("4000 samples dropped: the reader is too slow\\n"); sys.stderr.flush()
+        time.sleep(0.3)
+        while True:
+            os.write(1, bytes(8 * 262200))
+        """,
+    )
+    source = ProgramSource(RadioSettings(), 148e6)
+    blocks = [source.read(timeout_s=10.0) for _ in range(4)]
+    source.close()
+    seen = [(b.sample_index, b.lost_before) for b in blocks if b is not None]
+    gaps = [lost for _, lost in seen]
+    assert sum(gaps) == 4000 == source.samples_lost
+    at = gaps.index(4000)
+    assert [index for index, _ in seen] == [
+        262200 * n + (4000 if n >= at else 0) for n in range(4)
+    ]
+
+
 def test_much_talk_on_stderr_does_not_stop_the_samples(install: Install) -> None:
     install(
         "airspy_rx",

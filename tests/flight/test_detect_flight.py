@@ -1,0 +1,113 @@
+"""`uavrt detect RECORDING --flight DIR`: for a tag that was added after the flight."""
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uavrt.cli import main
+from uavrt.clock import iso_utc
+from uavrt.messages import FlightInfo, Pose, Poses, Tag
+from uavrt.pose import from_euler_deg, yaw_deg
+from uavrt.recording import FlightRecorder, read_flight
+
+CENTER_HZ, RATE_HZ, SECONDS = 148.7e6, 375_000, 12
+START_NS = 1_714_543_200_000_000_000
+KNOWN = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.0,))
+
+
+@pytest.fixture
+def flown(tmp_path: Path) -> Path:
+    """A flight that turned at 30°/s, and a recording of it with a tag nobody had listed."""
+    directory = tmp_path / "flight_log_2024-05-01_06-00-00"
+    recorder = FlightRecorder.create(
+        FlightInfo(
+            directory=str(directory),
+            start_time_ns=START_NS,
+            clock_offset_ns=0,
+            center_frequency_hz=CENTER_HZ,
+            sample_rate_hz=3e6,
+            tags=(KNOWN,),
+        )
+    )
+    poses = tuple(
+        Pose(
+            time_ns=START_NS + n * 50_000_000,
+            latitude_deg=35.0,
+            longitude_deg=-111.0,
+            altitude_amsl_m=2200.0,
+            altitude_relative_m=100.0,
+            quaternion_wxyz=from_euler_deg(1.5 * n, 0.0, 0.0),
+        )
+        for n in range(20 * (SECONDS + 1))
+    )
+    recorder.write_poses(Poses(poses=poses))
+    recorder.close()
+    t = np.arange(RATE_HZ * SECONDS) / RATE_HZ
+    rng = np.random.default_rng(3)
+    x = 0.01 * rng.standard_normal((t.size, 2)).view(complex)[:, 0] / np.sqrt(2)
+    amplitude = 0.01 * np.sqrt(100.0 / (0.020 * RATE_HZ))
+    x += amplitude * ((t - 0.4) % 1.3 < 0.020) * np.exp(-2j * np.pi * 43_210.0 * t)
+    flat = np.column_stack((x.real, x.imag)).ravel()
+    (tmp_path / "iq.sigmf-data").write_bytes((flat * 32768).round().astype("<i2").tobytes())
+    meta = {
+        "global": {"core:datatype": "ci16_le", "core:sample_rate": RATE_HZ},
+        "captures": [
+            {
+                "core:sample_start": 0,
+                "core:frequency": CENTER_HZ,
+                "core:datetime": iso_utc(START_NS),
+            }
+        ],
+    }
+    (tmp_path / "iq.sigmf-meta").write_text(json.dumps(meta))
+    (tmp_path / "new.txt").write_text("14, 148656790, 1300, 20, 20, 5, 3, 0.01\n")
+    return directory
+
+
+def detect(*arguments: str) -> None:
+    """Run the command line to its good end."""
+    before = sys.argv
+    sys.argv = ["uavrt", "detect", *arguments]
+    try:
+        with pytest.raises(SystemExit) as end:
+            main()
+    finally:
+        sys.argv = before
+    assert not end.value.code
+
+
+def test_a_tag_added_afterwards_is_found_with_the_poses_of_the_flight(
+    flown: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = flown.parent
+    recording, tags = str(folder / "iq.sigmf-meta"), str(folder / "new.txt")
+    detect(recording, "--tags", tags, "--flight", str(flown))
+    said = capsys.readouterr().err
+    assert "0 without" in said
+    again = read_flight(said.strip().splitlines()[-1].removeprefix("flight: "))
+    assert Path(again.info.directory).parent == folder
+    assert Path(again.info.directory) != flown
+    assert len(again.pulse_poses) >= 8
+    for recorded in again.pulse_poses:
+        assert recorded.pulse.tag_id == 14
+        assert recorded.pose is not None
+        center_s = (recorded.pulse.start_time_ns - START_NS) / 1e9 + 0.010
+        error = yaw_deg(recorded.pose.quaternion_wxyz) - 30.0 * center_s
+        assert abs(math.remainder(error, 360.0)) < 0.1
+    # The flight itself is as it was.
+    assert read_flight(flown).pulse_poses == ()
+
+
+def test_a_new_flight_can_itself_be_searched_again(flown: Path) -> None:
+    folder = flown.parent
+    recording, tags = str(folder / "iq.sigmf-meta"), str(folder / "new.txt")
+    first, second = folder / "first", folder / "second"
+    detect(recording, "--tags", tags, "--flight", str(flown), "-o", str(first))
+    # Without --tags the tags of the flight are searched.
+    detect(recording, "--flight", str(first), "-o", str(second))
+    assert read_flight(second).pulse_poses == read_flight(first).pulse_poses
+    assert read_flight(second).info.tags[0].tag_id == 14
