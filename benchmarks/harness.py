@@ -137,7 +137,9 @@ def render_section(section: str, tables: Sequence[Table]) -> str:
 TOP = """# Results of `make bench`
 
 CPU % is CPU time per signal time in per cent of one core: the load at the real-time rate. Each
-section is written by `python -m benchmarks SECTION` and names its machine and date."""
+section is written by `python -m benchmarks SECTION` and names its machine and date. What fills
+vector units and caches suffers more from a busy neighbour core than what does not: ratios hold
+for a quiet machine."""
 
 
 def merge_section(old: str, section: str, text: str) -> str:

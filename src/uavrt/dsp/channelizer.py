@@ -22,7 +22,7 @@ from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import bank_taps, compatible_bank_taps
 from uavrt.errors import UsageError
 
-MATRIX_CHANNELS = 20
+MATRIX_CHANNELS = 32
 """Up to so many channels a small DFT matrix is cheaper than all M of an FFT (measured)."""
 
 GROUP = 8

@@ -110,7 +110,7 @@ def test_a_short_burst_comes_out_after_the_stated_latency(
 def test_few_channels_give_the_same_samples_as_all_channels() -> None:
     samples = noise(20_000)
     everything = Channelizer().process(samples)
-    for count in (1, 4, 5, 21, 60):
+    for count in (1, 4, 32, 33, 60):
         chosen = tuple(range(3, 3 + count))[::-1]
         few = Channelizer(in_use=chosen).process(samples)
         np.testing.assert_allclose(few, everything[list(chosen)], atol=2e-6)
