@@ -157,12 +157,20 @@ def _rtlsdr(settings: RadioSettings, frequency_hz: float, gain: int) -> list[str
     rest_ppm = settings.frequency_correction_ppm - ppm
     return [
         *("-f", str(round(frequency_hz / (1.0 + rest_ppm * 1e-6)))),
-        *("-s", _rate(settings), "-g", str(gain)),
+        *("-s", _rate(settings), "-g", str(gain), "-b", str(_rtl_block_bytes(settings))),
         # The library refuses to set the same correction twice, so 0 is left out.
         *(("-p", str(ppm)) if ppm else ()),
         *_serial("-d", settings),
         "-",
     ]
+
+
+def _rtl_block_bytes(settings: RadioSettings) -> int:
+    """Bytes that rtl_sdr writes at once: its 262 144 would be half a second at 250 kS/s."""
+    size = 16384
+    while size < 262_144 and 2 * size <= 2 * settings.sample_rate_hz * 0.0874:
+        size *= 2
+    return size
 
 
 def _hackrf(settings: RadioSettings, frequency_hz: float, gain: int) -> list[str]:

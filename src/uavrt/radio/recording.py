@@ -14,10 +14,10 @@ import numpy as np
 from uavrt.errors import FormatError
 from uavrt.messages import IQBlock
 from uavrt.radio.formats import SampleFormat, clean
-from uavrt.radio.stream import BLOCK_S, check_rates
+from uavrt.radio.stream import check_rates
 from uavrt.radio.times import NominalTimes
 
-_MAX_BLOCK: Final = 262_200
+_MAX_BLOCK: Final = 262_144
 """Samples in a block of a file (2 MiB); a recording of one channel is read 1 s at a time."""
 
 
@@ -77,7 +77,7 @@ class RecordingSource:
                 remedy="Check the recording's size and its --format",
             )
         rate_hz = layout.sample_rate_hz
-        samples = min(_MAX_BLOCK, max(64, round(rate_hz * max(BLOCK_S, 1.0))))
+        samples = min(_MAX_BLOCK, max(64, round(rate_hz)))
         self._samples = np.zeros(samples, np.complex64)
         self._raw = (
             self._samples.view(np.uint8)

@@ -14,7 +14,7 @@ from uavrt.config.settings import RadioSettings
 from uavrt.errors import RadioMissing, RadioStalled, RadioStopped
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
-from uavrt.radio.stream import BLOCK_S, check_rates
+from uavrt.radio.stream import block_length, check_rates
 from uavrt.radio.times import TimeKeeper
 
 _STALL_S: Final = 3.0
@@ -69,7 +69,7 @@ class SoapySource:
         self._clock = Clock.start() if clock is None else clock
         self._keeper = TimeKeeper(self._rate_hz)
         self._stall_s = stall_s
-        self._samples = np.zeros(max(64, round(BLOCK_S * self._rate_hz)), np.complex64)
+        self._samples = np.zeros(block_length(self._rate_hz), np.complex64)
         self._filled = 0
         self._index = 0
         self._last_s = monotonic_s()

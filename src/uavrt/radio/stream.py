@@ -26,7 +26,10 @@ from uavrt.radio.times import NominalTimes, TimeKeeper
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 BLOCK_S: Final = 0.0874
-"""Block length: 262 200 samples at 3 MS/s; longer adds latency, shorter adds wake-ups."""
+"""Block length, about; longer adds latency, shorter adds wake-ups."""
+_WRITE: Final = 16384
+"""Radio programs write whole multiples of this many samples (airspy_rx 65 536); a block that is
+one too, 262 144 at 3 MS/s, does not wait for a write of which it needs only the beginning."""
 PIPE_BYTES: Final = 1 << 20
 """Largest pipe that Linux gives without privilege (/proc/sys/fs/pipe-max-size)."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
@@ -52,6 +55,12 @@ def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
             f"center frequency {center_frequency_hz} Hz is not possible",
             remedy="Give --center-frequency in hertz, e.g. 148.7e6",
         )
+
+
+def block_length(sample_rate_hz: float, block_s: float = BLOCK_S) -> int:
+    """Samples in a block of about `block_s`."""
+    step = _WRITE if block_s * sample_rate_hz >= 2 * _WRITE else 8
+    return max(64, round(block_s * sample_rate_hz / step) * step)
 
 
 class StreamSource:
@@ -108,7 +117,7 @@ class StreamSource:
         self._nominal = (
             None if start_time_ns is None else NominalTimes(start_time_ns, sample_rate_hz)
         )
-        samples = max(64, round(block_s * sample_rate_hz / 8) * 8)
+        samples = block_length(sample_rate_hz, block_s)
         self._samples = np.zeros(samples, np.complex64)
         self._raw = (
             self._samples.view(np.uint8)

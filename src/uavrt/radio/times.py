@@ -28,7 +28,7 @@ _BIN_S = 0.5
 """One lowest arrival is kept for each stretch of this length."""
 _BINS = 600
 """Bins remembered: 5 min, over which a crystal's rate is constant to well under 1 ppm."""
-_MEASURED_AFTER_S = 10.0
+_MEASURED_AFTER_S = 30.0
 """Before this the envelope's slope is mostly jitter, and the nominal rate is reported."""
 _MAX_RATE_ERROR = 500e-6
 """No crystal is further off; more means a wrong nominal rate."""

@@ -99,7 +99,7 @@ RADIOS: list[tuple[RadioSettings, list[str]]] = [
     ),
     (
         RadioSettings(kind="rtlsdr", sample_rate_hz=250e3, frequency_correction_ppm=51.0),
-        ["-f", "148700500", "-s", "250000", "-g", "40", "-p", "51", "-"],
+        ["-f", "148700500", "-s", "250000", "-g", "40", "-b", "32768", "-p", "51", "-"],
     ),
     (
         RadioSettings(kind="hackrf", gain=70, serial="7", bias_tee=True),
@@ -234,7 +234,7 @@ def test_the_end_of_a_program_is_reported_with_its_last_words(
 
 
 def test_a_program_that_was_killed_is_reported_by_its_signal(install: Install) -> None:
-    install("airspy_rx", "os.write(1, bytes(3 * 8 * 262200)); os.kill(os.getpid(), 9)")
+    install("airspy_rx", "os.write(1, bytes(3 * 8 * 262144)); os.kill(os.getpid(), 9)")
     source = open_radio(RadioSettings(), 148e6)
     for _ in range(3):
         assert source.read(timeout_s=10.0) is not None
@@ -258,7 +258,7 @@ def test_a_program_that_gives_nothing_is_called_stalled(install: Install) -> Non
 
 
 def test_a_stall_after_samples_is_noticed_too(install: Install) -> None:
-    install("airspy_rx", "os.write(1, bytes(8 * 262200)); time.sleep(60)")
+    install("airspy_rx", "os.write(1, bytes(8 * 262144)); time.sleep(60)")
     source = ProgramSource(RadioSettings(), 148e6, startup_s=30.0, stall_s=0.2)
     assert source.read() is not None
     with pytest.raises(RadioStalled):
@@ -275,7 +275,7 @@ def test_a_program_that_ignores_sigterm_is_killed_with_its_children(install: Ins
         child = os.fork()
         if child:
             sys.stderr.write(f"child {child}\\n"); sys.stderr.flush()
-        os.write(1, bytes(8 * 262200))
+        os.write(1, bytes(8 * 262144))
         time.sleep(60)
         """,
     )
@@ -302,11 +302,11 @@ def test_samples_that_a_program_says_it_lost_are_a_gap_in_the_stream(
     install(
         "airspy_rx",
         """
-        os.write(1, bytes(8 * 262200))
+        os.write(1, bytes(8 * 262144))
         sys.stderr.write("4000 samples dropped: the reader is too slow\\n"); sys.stderr.flush()
         time.sleep(0.3)
         while True:
-            os.write(1, bytes(8 * 262200))
+            os.write(1, bytes(8 * 262144))
         """,
     )
     source = ProgramSource(RadioSettings(), 148e6)
@@ -317,7 +317,7 @@ def test_samples_that_a_program_says_it_lost_are_a_gap_in_the_stream(
     assert sum(gaps) == 4000 == source.samples_lost
     at = gaps.index(4000)
     assert [index for index, _ in seen] == [
-        262200 * n + (4000 if n >= at else 0) for n in range(4)
+        262144 * n + (4000 if n >= at else 0) for n in range(4)
     ]
 
 
@@ -328,7 +328,7 @@ def test_much_talk_on_stderr_does_not_stop_the_samples(install: Install) -> None
         for _ in range(20):
             sys.stderr.write("Streaming at 3.000 MSPS\\n" * 5000)
             sys.stderr.flush()
-            os.write(1, bytes(8 * 262200))
+            os.write(1, bytes(8 * 262144))
         """,
     )
     source = ProgramSource(RadioSettings(), 148e6)
