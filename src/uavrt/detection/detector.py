@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.grid import make_grid
+from uavrt.detection.grid import Spectrogram, make_grid
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
 from uavrt.detection.noise import RowNoise
 from uavrt.detection.refine import Measured, Refiner
@@ -34,6 +34,8 @@ from uavrt.messages import Pulse, SearchReport, Tag
 
 BATCH_S = 0.25
 """Samples gathered before the search goes on: latency against NumPy's price of a call."""
+NOISE_STRIDE = 4
+"""Of the columns, eight to a pulse, every fourth tells the noise as much as all."""
 _TRACK_BAND_HZ = 20.0
 _MAXIMUM_TRACKS = 12
 _SAMPLE_LIMIT_FACTOR = 4.0
@@ -114,7 +116,7 @@ class PulseDetector:
         grid, tag = self._grid, self.tag
         self._buffer.clear()
         self._noise = RowNoise(
-            hop_s=grid.hop_s,
+            column_s=grid.hop_s * NOISE_STRIDE,
             independent_per_s=1.0 / tag.pulse_width_s,
             circular=self.frequency_window_hz >= self.sample_rate_hz / 2.0,
         )
@@ -150,6 +152,7 @@ class PulseDetector:
             )
         self._first_noise_s = min(max(1.0, (tag.k - 1) * min(tag.pulse_intervals_s)), 6.0)
         self._waiting: list[NDArray[np.float32]] = []
+        self._spectrogram = Spectrogram(grid)
         self._column = 0
         self._clean = 0
         self._floor = 0.0
@@ -249,10 +252,16 @@ class PulseDetector:
     def _advance(self, upto: int, *, last: bool = False) -> None:
         """Clean, transform and search the samples up to an index."""
         grid, buffer = self._grid, self._buffer
+        if upto <= self._clean and not last:
+            return
         self._blank(self._clean, upto)
         self._clean = upto
-        first = self._column * grid.hop
-        power = grid.power(buffer.view(first, upto))
+        first = self._spectrogram.needed()
+        stretch = buffer.view(max(0, first), upto)
+        if first < 0 or last:
+            ends = np.zeros(grid.reach + grid.window if last else 0, np.complex64)
+            stretch = np.concatenate((np.zeros(max(0, -first), np.complex64), stretch, ends))
+        power = self._spectrogram.push(stretch)
         begin, self._column = self._column, self._column + len(power)
         if len(power):
             self._learn(power, begin, last=last)
@@ -309,7 +318,7 @@ class PulseDetector:
         if self._buffer.holes:
             whole = power[self._whole_columns(begin, len(power))]
         if self._noise.ready:
-            self._noise.update(whole)
+            self._noise.update(whole[::NOISE_STRIDE])
             return
         gathered = sum(len(block) for block in self._waiting) * self._grid.hop_s
         if gathered >= self._first_noise_s or last:
@@ -319,15 +328,15 @@ class PulseDetector:
             if self._buffer.holes:
                 start = begin + len(power) - len(everything)
                 everything = everything[self._whole_columns(start, len(everything))]
-            if len(everything) >= 16:
-                self._noise.start(everything)
+            if len(everything) >= 16 * NOISE_STRIDE:
+                self._noise.start(everything[::NOISE_STRIDE])
 
     def _whole_columns(self, begin: int, count: int) -> NDArray[np.bool_]:
         grid = self._grid
         whole = np.ones(count, np.bool_)
         for low, high in self._buffer.holes:
-            first = (low - grid.window) // grid.hop - begin
-            whole[max(0, first) : max(0, high // grid.hop + 1 - begin)] = False
+            first = (low - grid.window - grid.reach) // grid.hop - begin
+            whole[max(0, first) : max(0, (high + grid.reach) // grid.hop + 1 - begin)] = False
         return whole
 
     def _consider(self, found: list[Candidate], search: RateSearch) -> None:
@@ -381,7 +390,7 @@ class PulseDetector:
             apart = abs(measured.offset_hz - offset) / bin_hz
             leak = measured.power / max(1.0, math.pi * apart / 2.0) ** 2
             if (apart < 1.5 or leak > 0.2 * candidate.strength) and any(
-                abs(column * grid.hop - measured.start) < near for column in candidate.columns
+                abs(grid.start(column) - measured.start) < near for column in candidate.columns
             ):
                 return True
         return False
@@ -391,7 +400,7 @@ class PulseDetector:
     ) -> list[tuple[int, Measured]] | None:
         """Measure a candidate's pulses: place and pulse, those outside the samples left out."""
         grid = self._grid
-        starts = np.array(candidate.columns) * grid.hop
+        starts = np.array([grid.start(column) for column in candidate.columns])
         half = (search.reach + 1) * grid.hop
         margin = half + grid.window + 2
         kept = (starts > self._buffer.start + half) & (starts < self._buffer.end - margin)
@@ -403,7 +412,7 @@ class PulseDetector:
             float(grid.offsets_hz[candidate.row]),
             grid.sample_rate_hz / grid.window / 4.0,
             self._noise.level,
-            limit=search.limit,
+            climb=True,
         )
         if found is None:
             return None
@@ -458,6 +467,7 @@ class PulseDetector:
         """Test a track's next slot when its samples are there."""
         grid = self._grid
         time_s, half_s = track.expected()
+        spread_s = track.spread_s()
         half = half_s * self.sample_rate_hz
         start = self._buffer.index(self._epoch_ns + round(time_s * 1e9))
         if start + half + grid.window + 3 > upto:
@@ -468,7 +478,12 @@ class PulseDetector:
             return True
         band = _TRACK_BAND_HZ
         found = self._refiner.search(
-            np.array([start]), half, track.offset_hz, band, self._noise.level, limit=math.inf
+            np.array([start]),
+            half,
+            track.offset_hz,
+            band,
+            self._noise.level,
+            spread=spread_s * self.sample_rate_hz,
         )
         if found is None:
             track.skip()

@@ -23,6 +23,9 @@ SHORT_S = 1.0
 """Time constant of the alarm that the noise has risen."""
 RISE = 2.2
 """A short-term noise so many times the long-term one replaces it (3 % of pulses give 1.3)."""
+_RISEN = math.exp(-TRUNCATION / RISE)
+"""Share of the cells above the truncation at that rise."""
+_SETTLE_S = 1.0
 _NEIGHBOUR_REACH = 8
 """Rows on each side (two bins) whose median is the broadband noise."""
 
@@ -43,7 +46,7 @@ class RowNoise:
 
     Parameters
     ----------
-    hop_s : float
+    column_s : float
         Time between two columns.
     independent_per_s : float
         Independent cells a row has in a second: one over the pulse width.
@@ -51,13 +54,14 @@ class RowNoise:
         Whether the last row is the first's neighbour.
     """
 
-    def __init__(self, *, hop_s: float, independent_per_s: float, circular: bool) -> None:
-        self._hop_s = hop_s
+    def __init__(self, *, column_s: float, independent_per_s: float, circular: bool) -> None:
+        self._column_s = column_s
         self._independent_per_s = independent_per_s
         self._circular = circular
         self._long: NDArray[np.float32] | None = None
         self._exceeding: NDArray[np.float32] | None = None
         self._seen_s = 0.0
+        self._settled_s = 0.0
         self._level: NDArray[np.float32] = np.ones(1, np.float32)
 
     @property
@@ -91,7 +95,7 @@ class RowNoise:
             noise = np.maximum(noise, np.float32(1e-30))
         self._long = noise
         self._exceeding = np.maximum(1.0 - kept, np.float32(math.exp(-TRUNCATION)))
-        self._seen_s = len(power) * self._hop_s
+        self._seen_s = len(power) * self._column_s
         self._settle()
 
     def update(self, power: NDArray[np.float32]) -> None:
@@ -99,27 +103,28 @@ class RowNoise:
         if self._long is None or self._exceeding is None or not len(power):
             return
         mean, kept = _truncated(power, self._long)
-        span_s = len(power) * self._hop_s
+        span_s = len(power) * self._column_s
         self._seen_s += span_s
         weight = min(1.0, span_s * _SLOPE_GAIN / min(self._seen_s, LONG_S))
         short_weight = 1.0 - math.exp(-span_s / SHORT_S)
         self._exceeding += np.float32(short_weight) * ((1.0 - kept) - self._exceeding)
         self._long = self._long + np.float32(weight) * (mean - self._long)
-        rise = np.float32(-TRUNCATION) / np.log(np.clip(self._exceeding, 1e-3, 0.98))
-        risen = rise > RISE
-        if risen.any():
+        if float(self._exceeding.max()) > _RISEN:
+            rise = np.float32(-TRUNCATION) / np.log(np.clip(self._exceeding, 1e-3, 0.98))
+            risen = rise > RISE
             # Learn a rise at the short time constant; falls take the long one.
             self._long[risen] *= 1.0 + short_weight * (rise[risen] - 1.0)
             self._settle()
             self._level[risen] = np.maximum(
                 self._level[risen], self._long[risen] * rise[risen] / (1.0 + short_weight)
             )
-        else:
+        elif self._seen_s - self._settled_s > _SETTLE_S:
             self._settle()
 
     def _settle(self) -> None:
         """Take the median of the neighbours where a row does not stand out from it."""
         assert self._long is not None
+        self._settled_s = self._seen_s
         reach = min(_NEIGHBOUR_REACH, len(self._long) // 2)
         mode = "wrap" if self._circular else "edge"
         padded = np.pad(self._long, reach, mode=mode)  # type: ignore[call-overload]

@@ -71,7 +71,8 @@ class Refiner:
         half_band_hz: float,
         noise: NDArray[np.float32],
         *,
-        limit: float,
+        climb: bool = False,
+        spread: float = math.inf,
     ) -> list[Measured] | None:
         """Find pulses of one common frequency near expected starts.
 
@@ -84,42 +85,62 @@ class Refiner:
         offset_hz, half_band_hz : float
             Frequencies to look at.
         noise : ndarray of float32, shape (rows,)
-        limit : float
-            Most that one pulse adds to the choice of the common frequency.
+        climb : bool
+            Follow a peak that lies at the edge of the times looked at.
+        spread : float
+            Standard deviation of the expected starts [samples]: of several peaks the likeliest
+            is taken, not the highest.
 
         Returns
         -------
         list of Measured, or None
             None when the samples are no longer (or not yet) there.
         """
-        window = self._window
+        window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
         length = window + 2 * lead + 1
         first = np.floor(starts).astype(np.int64) - lead
-        buffer = self._buffer
         if int(first.min()) < buffer.start or int(first.max()) + length > buffer.end:
             return None
-        n = np.arange(length)
         rate = self._grid.sample_rate_hz
         count = max(3, 2 * math.ceil(half_band_hz / (0.15 * self._bin_hz)) + 1)
         frequencies = offset_hz + np.linspace(-half_band_hz, half_band_hz, count)
-        stretch = np.stack([buffer.view(int(a), int(a) + length) for a in first])
-        turn = np.exp((-2j * np.pi / rate) * frequencies[:, np.newaxis] * n)
-        sums = np.zeros((len(starts), count, length + 1), np.complex128)
+        turn = np.exp((-2j * np.pi / rate) * frequencies[:, np.newaxis] * np.arange(length))
+        power = self._filtered(first, length, turn)
+        if math.isfinite(spread):
+            away = (
+                first[:, np.newaxis] + np.arange(power.shape[2]) - starts[:, np.newaxis]
+            ) / spread
+            power -= (0.5 * window * self.noise_at(offset_hz, noise)) * away[:, np.newaxis] ** 2
+            np.maximum(power, 0.0, out=power)
+        best = power.max(axis=2)
+        # The root keeps one strong pulse from choosing alone for all.
+        common = int(np.sqrt(best).sum(axis=0).argmax())
+        at = power[:, common].argmax(axis=1)
+        edge = (at == 0) | (at == power.shape[2] - 1)
+        if climb and edge.any():
+            # The peak may lie beyond: a limited cell is as good on the flank of a strong pulse.
+            moved = first + np.where(at == 0, -lead, np.where(edge, lead, 0))
+            if int(moved.min()) >= buffer.start and int(moved.max()) + length <= buffer.end:
+                first = moved
+                at = self._filtered(first, length, turn[common : common + 1])[:, 0].argmax(
+                    axis=1
+                )
+        return [
+            self._polish(int(first[index] + at[index]), float(frequencies[common]), noise)
+            for index in range(len(starts))
+        ]
+
+    def _filtered(
+        self, first: NDArray[np.int64], length: int, turn: NDArray[np.complex128]
+    ) -> NDArray[np.float64]:
+        """Matched-filter power, shape (pulses, frequencies, starts)."""
+        window = self._window
+        stretch = np.stack([self._buffer.view(int(a), int(a) + length) for a in first])
+        sums = np.zeros((len(first), len(turn), length + 1), np.complex128)
         np.cumsum(stretch[:, np.newaxis, :] * turn[np.newaxis], axis=2, out=sums[..., 1:])
         filtered = sums[..., window:] - sums[..., :-window]
-        level = self.noise_at(offset_hz, noise)
-        power = (filtered.real**2 + filtered.imag**2) / (window * level)
-        best = power.max(axis=2)
-        common = int(np.minimum(best, limit).sum(axis=0).argmax())
-        if np.all(best.max(axis=1) > 4.0 * limit):  # strong: the limit hides the best
-            common = int(best.sum(axis=0).argmax())
-        result = []
-        for index in range(len(starts)):
-            at = int(power[index, common].argmax())
-            start = int(first[index]) + at
-            result.append(self._polish(start, float(frequencies[common]), noise))
-        return result
+        return np.asarray(filtered.real**2 + filtered.imag**2)
 
     def _polish(self, start: int, offset_hz: float, noise: NDArray[np.float32]) -> Measured:
         """Refine the frequency at a fixed time, then the time between samples."""

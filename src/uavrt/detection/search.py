@@ -217,12 +217,15 @@ class RateSearch:
         hits = np.flatnonzero(best >= self.threshold)
         if not len(hits):
             return
-        choice = totals[hits].argmax(axis=1)
         anchors = start + hits
         column, row = self._anchor_column[anchors], self._anchor_row[anchors]
         at = (column - self._base + self.span) * self._rows + row
-        others = flat[at[:, np.newaxis] + self._offsets[place][choice] * self._rows]
-        strength = (others.sum(axis=1) + self._anchor_power[anchors]) * inverse[row]
+        where = at[:, np.newaxis, np.newaxis] + self._offsets[place] * self._rows
+        strengths = flat[where].sum(axis=2) + self._anchor_power[anchors][:, np.newaxis]
+        # Of the intervals that the limit makes equal, the one with the most power.
+        strengths[totals[hits] < best[hits][:, np.newaxis] - 0.01] = 0.0
+        choice = strengths.argmax(axis=1)
+        strength = strengths.max(axis=1) * inverse[row]
         for hit in np.argsort(-strength)[:_CANDIDATES_AT_ONCE]:
             interval = float(self.intervals[int(choice[hit])])
             anchor = int(column[hit])

@@ -21,9 +21,10 @@ FOLLOW_FALSE = 0.01
 """Chance that noise is taken as a pulse of a confirmed track, per K intervals."""
 COAST_PULSES = 10
 """Expected pulses without one accepted, after which a track is lost."""
-WEAKEST_POWER = 2.5
+WEAKEST_POWER = 3.0
 """A pulse below this is not reported even as a member of a group: it is mostly noise."""
 WEAKEST_SHARE = 0.15
+VOUCH = 2.0
 _SURE_POWER = 12.0
 """Three pulses of this power each, an interval apart, are no accident: confirmed at once."""
 _INTERVAL_WALK = 1.5e-4
@@ -127,6 +128,12 @@ class Track:
         half = 2.5 * math.sqrt(variance) + self.tag.interval_jitter_s
         return self.time_s + self.interval_s, half + self.tag.pulse_width_s / 8.0
 
+    def spread_s(self) -> float:
+        """Standard deviation of the next pulse's time around `expected`."""
+        phase, cross, interval = self.variance
+        own = (0.08 * self.tag.pulse_width_s) ** 2 + self.tag.interval_jitter_s**2 / 3.0
+        return math.sqrt(phase + 2.0 * cross + interval + own)
+
     def volume(self, half_s: float, half_band_hz: float) -> float:
         """Independent cells in a window: of time and of frequency."""
         width = self.tag.pulse_width_s
@@ -185,14 +192,21 @@ class Track:
             slot.state = "accepted"
             self.last_accepted_s = slot.time_s
         recent = [s for s in self.slots if s.number > self.number - k]
-        if k > 1 and len(recent) == k:
-            total = sum(min(s.measured.power, 14.0) for s in recent)
-            volume = _round(max(s.volume for s in recent))
-            if total >= narrow_threshold(k, volume, FOLLOW_FALSE):
-                for other in recent:
-                    if other.state == "open" and other.measured.power > WEAKEST_POWER:
-                        other.state = "accepted"
-                        self.last_accepted_s = max(self.last_accepted_s, other.time_s)
+        if k == 1 or len(recent) < k:
+            return
+        limit = narrow_threshold(k, _round(max(s.volume for s in recent)), FOLLOW_FALSE)
+        for weak in recent:
+            own = weak.measured.power
+            if weak.state != "open" or own <= WEAKEST_POWER:
+                continue
+            # Its fellows vouch for a weak pulse no further than to twice its own power:
+            # between strong ones it is the noise in a null of the antenna.
+            total = own + sum(
+                min(s.measured.power, VOUCH * own) for s in recent if s is not weak
+            )
+            if total >= limit:
+                weak.state = "accepted"
+                self.last_accepted_s = max(self.last_accepted_s, weak.time_s)
 
     def _timing_variance(self, power: float) -> float:
         own = 0.08 * self.tag.pulse_width_s * math.sqrt(20.0 / max(power, 4.0))

@@ -1,0 +1,227 @@
+"""The detector as its users call it: blocks of samples in, pulses out."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uavrt.detection import OperatingMode, PulseDetector
+from uavrt.errors import ConfigError
+from uavrt.experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    make_samples,
+    noise,
+    pulse_train,
+)
+from uavrt.experiments.detection.trials import compare, detect
+
+
+def rotating_enr_db(time_s: float) -> float:
+    """30 degrees a second; 24 dB ahead, 2 dB behind."""
+    angle = math.radians(30.0 * time_s)
+    return 13.0 + 11.0 * math.cos(angle)
+
+
+@pytest.mark.parametrize("sample_rate_hz", [3750.0, 7500.0, 7575.7])
+def test_every_pulse_of_a_clear_tag_is_found_once_at_any_sample_rate(
+    sample_rate_hz: float,
+) -> None:
+    rng = np.random.default_rng(10)
+    truth = pulse_train(
+        rng, duration_s=30.0, interval_s=1.27, offset_hz=333.0, enr_db=20.0, jitter_s=0.005
+    )
+    samples = make_samples(rng, truth, duration_s=30.0, sample_rate_hz=sample_rate_hz)
+    pulses, detector = detect(samples, THESIS_TAG, sample_rate_hz=sample_rate_hz)
+    result = compare(pulses, truth, THESIS_TAG)
+    assert result.matched == len(truth)
+    assert result.false == 0
+    assert len(pulses) == len(truth) == detector.counters.pulses
+    assert math.sqrt(np.mean(np.square(result.time_errors_s))) < 1.5e-3
+    assert math.sqrt(np.mean(np.square(result.frequency_errors_hz))) < 3.5
+    assert abs(np.mean(result.snr_errors_db)) < 0.7
+
+
+def test_a_turning_antenna_loses_no_pulse_that_is_strong_enough() -> None:
+    detectable = found = false = 0
+    for seed in range(3):
+        rng = np.random.default_rng(20 + seed)
+        truth = pulse_train(
+            rng,
+            duration_s=60.0,
+            interval_s=1.254,
+            offset_hz=-120.0,
+            enr_db=rotating_enr_db,
+            jitter_s=0.005,
+        )
+        samples = make_samples(rng, truth, duration_s=60.0)
+        pulses, _ = detect(samples, THESIS_TAG, frequency_window_hz=500.0)
+        result = compare(pulses, truth, THESIS_TAG)
+        strong = [seen for seen, p in zip(result.found, truth, strict=True) if p.enr_db >= 14.0]
+        detectable += len(strong)
+        found += sum(strong)
+        false += result.false_confirmed
+    assert false <= 3
+    assert detectable > 60
+    assert found / detectable >= 0.95
+
+
+def test_the_first_pulses_of_a_stream_are_not_missed() -> None:
+    rng = np.random.default_rng(30)
+    truth = pulse_train(
+        rng, duration_s=4.2, interval_s=1.254, offset_hz=0.0, enr_db=17.0, first_s=0.1
+    )
+    pulses, _ = detect(make_samples(rng, truth, duration_s=4.2), THESIS_TAG)
+    result = compare(pulses, truth, THESIS_TAG)
+    assert result.matched == len(truth) == 4
+
+
+def test_flush_reports_a_group_whose_last_pulse_just_ended() -> None:
+    rng = np.random.default_rng(31)
+    truth = pulse_train(
+        rng, duration_s=2.66, interval_s=1.254, offset_hz=0.0, enr_db=17.0, first_s=0.1
+    )
+    samples = make_samples(rng, truth, duration_s=2.66)
+    pulses, _ = detect(samples, THESIS_TAG)
+    assert compare(pulses, truth, THESIS_TAG).matched == len(truth) == 3
+
+
+def test_groups_are_numbered_upwards_and_indexed_from_one() -> None:
+    rng = np.random.default_rng(32)
+    truth = pulse_train(rng, duration_s=25.0, interval_s=1.254, offset_hz=50.0, enr_db=20.0)
+    pulses, _ = detect(make_samples(rng, truth, duration_s=25.0), THESIS_TAG)
+    keys = [(p.group_sequence, p.group_index) for p in pulses]
+    assert len(set(keys)) == len(keys)
+    assert {index for _, index in keys} == {1, 2, 3}
+    assert {sequence for sequence, _ in keys} == set(range(1, max(keys)[0] + 1))
+
+
+def test_the_next_pulse_lies_where_a_confirmed_one_predicts_it() -> None:
+    rng = np.random.default_rng(33)
+    truth = pulse_train(
+        rng, duration_s=60.0, interval_s=1.29, offset_hz=50.0, enr_db=18.0, jitter_s=0.005
+    )
+    pulses, _ = detect(make_samples(rng, truth, duration_s=60.0), THESIS_TAG)
+    pulses.sort(key=lambda p: p.start_time_ns)
+    inside = 0
+    for now, then in itertools.pairwise(pulses[3:]):
+        assert now.predicted_next_start_ns is not None
+        assert now.predicted_next_end_ns is not None
+        inside += now.predicted_next_start_ns <= then.start_time_ns
+        inside += then.end_time_ns <= now.predicted_next_end_ns
+    assert inside >= 0.98 * 2 * (len(pulses) - 4)
+
+
+def test_lost_blocks_lose_their_pulses_only() -> None:
+    rng = np.random.default_rng(34)
+    truth = pulse_train(rng, duration_s=60.0, interval_s=1.254, offset_hz=0.0, enr_db=18.0)
+    samples = make_samples(rng, truth, duration_s=60.0)
+    detector = PulseDetector(
+        THESIS_TAG, sample_rate_hz=3750.0, center_frequency_hz=THESIS_TAG.frequency_hz
+    )
+    pulses = []
+    lost = 0
+    there = np.ones(len(samples), bool)
+    for first in range(0, len(samples), 327):
+        if rng.uniform() < 0.05 or 100_000 < first < 108_000:
+            lost += len(samples[first : first + 327])
+            there[first : first + 327] = False
+            continue
+        time_ns = START_NS + round(first / 3750.0 * 1e9)
+        pulses += detector.process(samples[first : first + 327], time_ns)
+    pulses += detector.flush()
+    result = compare(pulses, truth, THESIS_TAG)
+    assert result.false_confirmed == 0
+    heard = [there[round(p.start_s * 3750) :][:75].mean() > 0.6 for p in truth]
+    assert 35 < sum(heard) < len(truth)
+    assert all(seen for seen, whole in zip(result.found, heard, strict=True) if whole)
+    assert abs(detector.counters.samples_lost - lost) <= 327
+
+
+def test_stale_and_repeated_blocks_are_refused_and_counted() -> None:
+    rng = np.random.default_rng(35)
+    truth = pulse_train(rng, duration_s=20.0, interval_s=1.254, offset_hz=0.0, enr_db=20.0)
+    samples = make_samples(rng, truth, duration_s=20.0)
+    detector = PulseDetector(
+        THESIS_TAG, sample_rate_hz=3750.0, center_frequency_hz=THESIS_TAG.frequency_hz
+    )
+    pulses = []
+    for first in range(0, len(samples), 375):
+        time_ns = START_NS + round(first / 3750.0 * 1e9)
+        block = samples[first : first + 375]
+        pulses += detector.process(block, time_ns)
+        if first % 3750 == 0:
+            pulses += detector.process(block, time_ns)
+    pulses += detector.flush()
+    assert detector.counters.blocks_stale == 20
+    assert compare(pulses, truth, THESIS_TAG).matched == len(truth) == len(pulses)
+
+
+@pytest.mark.parametrize("jump_s", [1000.0, -1000.0])
+def test_a_jump_of_the_clock_is_survived(jump_s: float) -> None:
+    rng = np.random.default_rng(36)
+    detector = PulseDetector(
+        THESIS_TAG, sample_rate_hz=3750.0, center_frequency_hz=THESIS_TAG.frequency_hz
+    )
+    found = 0
+    for start_ns in (START_NS, START_NS + round(jump_s * 1e9)):
+        truth = pulse_train(rng, duration_s=15.0, interval_s=1.254, offset_hz=0.0, enr_db=20.0)
+        samples = make_samples(rng, truth, duration_s=15.0)
+        pulses = []
+        for first in range(0, len(samples), 375):
+            time_ns = start_ns + round(first / 3750.0 * 1e9)
+            pulses += detector.process(samples[first : first + 375], time_ns)
+        pulses += detector.flush() if found else []
+        found += compare(pulses, truth, THESIS_TAG, start_ns=start_ns).matched >= 9
+    assert found == 2
+    assert detector.counters.restarts == 1
+
+
+def test_searching_without_finding_is_reported_once_a_second_with_the_noise() -> None:
+    rng = np.random.default_rng(37)
+    detector = PulseDetector(
+        THESIS_TAG, sample_rate_hz=3750.0, center_frequency_hz=THESIS_TAG.frequency_hz
+    )
+    samples = 2.0 * noise(rng, 75_000)
+    for first in range(0, len(samples), 375):
+        detector.process(samples[first : first + 375], START_NS + round(first / 3750.0 * 1e9))
+    reports = detector.search_reports()
+    assert 14 <= len(reports) <= 19
+    assert all(0.0 < report.best_score < 1.0 for report in reports)
+    assert reports[-1].noise_psd == pytest.approx(4.0 / 3750.0, rel=0.1)
+    assert detector.search_reports() == []
+
+
+def test_a_known_frequency_is_searched_only_around_it() -> None:
+    rng = np.random.default_rng(38)
+    truth = pulse_train(rng, duration_s=20.0, interval_s=1.254, offset_hz=300.0, enr_db=20.0)
+    samples = make_samples(rng, truth, duration_s=20.0)
+    known, _ = detect(samples, THESIS_TAG, operating_mode=OperatingMode.KNOWN_HARD_LOCK)
+    anywhere, _ = detect(
+        samples,
+        THESIS_TAG,
+        frequency_window_hz=100.0,
+        operating_mode=OperatingMode.ALL_NEVER_LOCK,
+    )
+    assert known == []
+    assert compare(anywhere, truth, THESIS_TAG).matched == len(truth)
+
+
+@pytest.mark.parametrize(
+    ("tag", "center_hz"),
+    [
+        (THESIS_TAG, 148_713_000.0),
+        (replace(THESIS_TAG, k=0), THESIS_TAG.frequency_hz),
+        (replace(THESIS_TAG, false_alarm_probability=1.0), THESIS_TAG.frequency_hz),
+        (replace(THESIS_TAG, pulse_intervals_s=(0.05,)), THESIS_TAG.frequency_hz),
+        (replace(THESIS_TAG, pulse_width_s=0.0005), THESIS_TAG.frequency_hz),
+    ],
+)
+def test_a_tag_that_cannot_be_searched_is_refused_with_a_remedy(
+    tag: object, center_hz: float
+) -> None:
+    with pytest.raises(ConfigError) as refusal:
+        PulseDetector(tag, sample_rate_hz=3750.0, center_frequency_hz=center_hz)  # type: ignore[arg-type]
+    assert refusal.value.remedy
