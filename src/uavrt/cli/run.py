@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from uavrt.config import load_settings, read_tags
 from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError
+from uavrt.mavlink import parse_address
 
 DEFAULT_CONFIG = Path("uavrt.toml")
 
@@ -51,6 +52,8 @@ def run(
         settings = replace(
             settings, recording=replace(settings.recording, directory=str(flight_dir))
         )
+    if settings.mavlink.address:
+        parse_address(settings.mavlink.address)
     _check_writable(Path(settings.recording.directory))
     arguments = [msgspec.json.encode(settings).decode()]
     if tags is not None:

@@ -1,0 +1,53 @@
+"""What a user gets for a mistake: a clear error that names the remedy, and an exit code."""
+
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+def uavrt(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "uavrt.cli", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        timeout=60,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["run", "--mavlink", "bogus://x"], "bogus"),
+        (["run", "--config", "none.toml"], "none.toml"),
+        (["run", "--tags", "none.txt"], "none.txt"),
+        (["run", "--flight-dir", "/proc/flights"], "--flight-dir"),
+        (["ground", "--start"], "--tags"),
+        (["ground", "--mavlink", "serial:///dev/no-such-port:57600"], "no-such-port"),
+        (["ground", "-o", "/proc/ground"], "-o"),
+        (["demo", "--duration", "10"], "40"),
+        (["no-such-command"], "no-such-command"),
+    ],
+)
+def test_a_mistake_is_refused_with_its_remedy(
+    tmp_path: Path, arguments: list[str], says: str
+) -> None:
+    finished = uavrt(*arguments, cwd=tmp_path)
+    assert finished.returncode != 0
+    said = finished.stdout + finished.stderr
+    assert says in said
+    assert "Traceback" not in said
+
+
+def test_a_port_in_use_is_named(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        finished = uavrt("ground", "--mavlink", f"udpin://127.0.0.1:{port}", cwd=tmp_path)
+    assert finished.returncode == 2
+    assert str(port) in finished.stderr
+    assert "Traceback" not in finished.stderr
