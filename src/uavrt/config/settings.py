@@ -114,6 +114,28 @@ class RecordingSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Ros2Settings:
+    """``[ros2]``: the gateway to ROS 2; needs the extra ``uavrt[ros2]``."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
+    enabled: bool = False
+    """Show the drone side as ROS 2 nodes and topics."""
+    interfaces: tuple[str, ...] = ()
+    """Network interfaces besides the loopback, like ["eth0"]; whoever is on them may listen,
+    and command unless accept_commands is false."""
+    domain_id: Annotated[int, Interval(ge=0, le=232)] | None = None
+    """ROS domain; left out: the environment's ROS_DOMAIN_ID, else 0."""
+    gid_bytes: Literal[16, 24] = 16
+    """Size of an identifier in ROS 2's node list: 24 for Humble and Galactic, else 16."""
+    accept_commands: bool = True
+    """Take tags, start and stop from ROS 2; false: only show."""
+    accept_pulses: bool = False
+    """Take pulses that detectors on other computers publish; they get a pose and go to the
+    ground like our own."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """All of ``uavrt.toml``."""
 
@@ -124,5 +146,6 @@ class Settings:
     antenna: AntennaSettings = field(default_factory=AntennaSettings)
     detection: DetectionSettings = field(default_factory=DetectionSettings)
     recording: RecordingSettings = field(default_factory=RecordingSettings)
+    ros2: Ros2Settings = field(default_factory=Ros2Settings)
     status_socket: str | None = None
     """Path of a Unix socket on which the supervisor shows its topics as JSON lines."""

@@ -68,6 +68,15 @@ def test_pulses_are_all_kept_and_old_texts_are_dropped_and_counted(
     assert outbox.dropped["status_text"] == max(0, texts - kept)
 
 
+@given(st.integers(0, 300), st.integers(1, 50))
+def test_an_onlooker_that_is_away_is_kept_only_the_newest_pulses(pulses: int, kept: int) -> None:
+    outbox = Outbox(kept)
+    for number in range(pulses):
+        outbox.put(pulse(number))
+    assert drain(outbox) == [pulse(number) for number in range(max(0, pulses - kept), pulses)]
+    assert outbox.dropped["pulse"] == max(0, pulses - kept)
+
+
 def test_a_restarted_process_gets_its_assignment_first_and_half_a_line_again() -> None:
     outbox = Outbox()
     big = encode_record("status_text", StatusText(severity=6, text="x" * 5_000_000))

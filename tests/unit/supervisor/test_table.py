@@ -1,8 +1,9 @@
 import importlib
 
+from uavrt.config.settings import Ros2Settings, Settings
 from uavrt.ipc import TOPICS
 from uavrt.messages import SystemState
-from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of
+from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of, rows_for
 
 PUBLISHED_BY_SUPERVISOR = {
     "assignment",
@@ -57,5 +58,12 @@ def test_only_the_sample_chain_depends_on_the_state() -> None:
     running = {
         state: {row.name for row in PROCESSES if row.runs(state)} for state in SystemState
     }
-    assert running[SystemState.DETECTING] == {"recorder", "connection", "detector", "receiver"}
-    assert running[SystemState.IDLE] == {"recorder", "connection"}
+    always = {"recorder", "connection", "ros2"}
+    assert running[SystemState.DETECTING] == {*always, "detector", "receiver"}
+    assert running[SystemState.IDLE] == always
+
+
+def test_the_gateway_to_ros_2_runs_only_where_it_is_asked_for() -> None:
+    asked = Settings(ros2=Ros2Settings(enabled=True))
+    assert set(rows_for(asked)) == set(PROCESSES)
+    assert {row.name for row in set(PROCESSES) - set(rows_for(Settings()))} == {"ros2"}

@@ -1,0 +1,90 @@
+"""The gateway process: the drone side as ROS 2 nodes and topics.
+
+An onlooker: whatever happens to it or to its network, detection goes on (`ProcessRow.backlog`,
+a low priority, and a supervisor that restarts it like any other).
+"""
+
+import os
+from typing import TYPE_CHECKING
+
+from uavrt.errors import ConfigError, LinkError
+from uavrt.ipc import ProcessFrame
+from uavrt.log import get_logger
+from uavrt.messages import FlightInfo
+from uavrt.ros2.gateway import Gateway
+
+if TYPE_CHECKING:
+    from uavrt.ros2.dds import Participant
+
+log = get_logger()
+
+TICK_S = 0.05
+NICENESS = 10
+"""A flood from the network must not take time from the detectors."""
+RETRY_S = 10.0
+
+
+def main() -> None:
+    """Show and listen until told to end."""
+    os.nice(NICENESS)
+    with ProcessFrame.start() as frame:
+        participant = join(frame)
+        if participant is None:
+            return
+        try:
+            serve(frame, participant)
+        finally:
+            participant.close()
+
+
+def join(frame: ProcessFrame) -> "Participant | None":
+    """Join the ROS 2 network; stay off, alive and say why as long as that is impossible."""
+    while frame.running:
+        try:
+            # Imported here: without the extra, the gateway says so and stays off.
+            from uavrt.ros2.dds import Participant
+
+            return Participant(frame.assignment.settings.ros2)
+        except ImportError as error:
+            reason = f"off: uavrt[ros2] is not installed ({error})"
+        except (ConfigError, LinkError) as error:
+            reason = f"off: {error}"
+        log.warning("ROS 2 gateway off", reason=reason)
+        wait(frame, reason, RETRY_S)
+    return None
+
+
+def wait(frame: ProcessFrame, reason: str, seconds: float) -> None:
+    """Do nothing for a while but take in records and give signs of life."""
+    end_ns = frame.clock.now_ns() + round(seconds * 1e9)
+    while frame.running and frame.clock.now_ns() < end_ns:
+        frame.receive(timeout_s=0.5)
+        frame.report(reason, ok=False)
+
+
+def serve(frame: ProcessFrame, participant: "Participant") -> None:
+    """Pass records to ROS 2 and commands from there."""
+    assignment = frame.assignment
+    gateway = Gateway(
+        participant, assignment.settings, frame.send, frame.clock.now_ns, assignment.flight
+    )
+
+    def counters() -> dict[str, float]:
+        return gateway.counters | {
+            "ros2_messages_dropped": participant.dropped,
+            "ros2_messages_unsent": participant.unsent,
+        }
+
+    log.info("ROS 2 nodes are up", domain=participant.domain_id)
+    while frame.running:
+        for topic, record in frame.receive(timeout_s=TICK_S):
+            if isinstance(record, FlightInfo):
+                gateway.take_flight(record if topic == "flight" else None)
+            else:
+                gateway.take(record)
+        gateway.tick()
+        frame.report(f"domain {participant.domain_id}", counters=counters)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,393 @@
+"""What the gateway says and hears: the drone's records as ROS 2 messages, and commands back.
+
+It knows nothing of sockets: it is given records, messages and the time, and returns records.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from uavrt.config.settings import Settings
+from uavrt.errors import FormatError
+from uavrt.messages import (
+    Command,
+    CommandName,
+    CommandReply,
+    FlightInfo,
+    Pose,
+    Poses,
+    Pulse,
+    PulsePose,
+    StatusText,
+    SystemState,
+    SystemStatus,
+    Tag,
+)
+from uavrt.pose import Mounting
+from uavrt.ros2 import convert, graph
+from uavrt.ros2.cdr import decode
+from uavrt.ros2.graph import AIRSPY, COMPONENTS, START_STOP, TOPICS, RosTopic
+from uavrt.ros2.messages import (
+    ERROR,
+    OK,
+    DiagnosticArray,
+    DiagnosticStatus,
+    Flag,
+    Header,
+    Log,
+    RosMessage,
+    RosPulse,
+    RosTag,
+)
+from uavrt.ros2.status import component_status
+
+SOURCE = "ros2"
+STATUS_PERIOD_S = 0.5
+POSE_PERIOD_S = 0.5
+HEARTBEAT_PERIOD_S = 1.0
+MESSAGES_AT_ONCE = 20
+"""Received messages handled in one tick: at 20 ticks a second 400 a second, a hundred tags in a
+quarter of a second; a flood costs no more than this."""
+REMEMBERED_PULSES = 1000
+"""Pulses from other computers that must not be sent back to where they came from."""
+
+LOG_LEVELS = (50, 50, 50, 40, 30, 20, 20, 10)
+"""Level of ``rosout`` for each severity of MAVLink, 0 emergency to 7 debug."""
+
+
+class Bus(Protocol):
+    """The ROS 2 side, as the gateway needs it."""
+
+    def publish(self, topic: str, message: RosMessage, node: str | None = None) -> None:
+        """Send a message."""
+
+    def take(self, limit: int) -> list[tuple[RosTopic, bytes]]:
+        """Get messages that have arrived."""
+
+
+class Gateway:
+    """Both directions; see the module's text.
+
+    Parameters
+    ----------
+    bus : Bus
+        The ROS 2 side.
+    settings : Settings
+        The drone side's settings.
+    send : callable
+        Takes a topic and a record for the supervisor.
+    now_ns : callable
+        Time [ns, UTC].
+    flight : FlightInfo or None
+        The flight in progress.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        settings: Settings,
+        send: Callable[[str, object], None],
+        now_ns: Callable[[], int],
+        flight: FlightInfo | None = None,
+    ) -> None:
+        self._bus = bus
+        self._settings = settings
+        self._send = send
+        self._now_ns = now_ns
+        self._flight = flight
+        self._mounting = Mounting.from_settings(settings.antenna)
+        self._status: SystemStatus | None = None
+        self._status_heard_ns = 0
+        self._pose: Pose | None = None
+        self._next_status_ns = self._next_pose_ns = 0
+        self._next_heartbeat_ns: dict[int, int] = {}
+        # Unlike any number of an earlier life of this process: the supervisor answers a number
+        # it has seen before with the old reply.
+        self._request_id = now_ns() // 1_000_000
+        self._asked: OrderedDict[int, Command] = OrderedDict()
+        self._uploading = False
+        self._foreign: OrderedDict[tuple[int, int], None] = OrderedDict()
+        self.counters: dict[str, float] = {
+            "ros2_pulses_published": 0,
+            "ros2_commands": 0,
+            "ros2_messages_refused": 0,
+            "ros2_pulses_taken": 0,
+        }
+
+    # ------------------------------------------------- from the drone to ROS 2
+
+    def take(self, record: Any) -> None:
+        """Show a record of the drone side."""
+        match record:
+            case Pulse():
+                self._show_pulse(record)
+            case PulsePose():
+                directory = self._tag_directory(record.pulse.tag_id)
+                message = convert.pulse_pose_to_ros(record, directory)
+                self._bus.publish("pulse_pose", message)
+            case Poses(poses=poses) if poses:
+                self._pose = poses[-1]
+            case SystemStatus():
+                self._status, self._status_heard_ns = record, self._now_ns()
+            case Command() if record.source != SOURCE:
+                self._show_command(record)
+            case CommandReply():
+                self._show_reply(record)
+            case StatusText():
+                self.log(record.severity, record.text)
+
+    def take_flight(self, flight: FlightInfo | None) -> None:
+        """Show that a flight has started, or (None) ended."""
+        started, self._flight = flight is not None and self._flight is None, flight
+        if started and flight is not None:
+            self._show_start(flight)
+        elif flight is None:
+            for component in COMPONENTS:
+                self._control(component, self._order("stop", "stop all"))
+
+    def log(self, severity: int, text: str, node: str = START_STOP) -> None:
+        """Write a line of ``rosout``; `severity` is MAVLink's."""
+        message = Log(
+            stamp=convert.time_to_ros(self._now_ns()),
+            level=LOG_LEVELS[max(0, min(7, severity))],
+            name=node,
+            msg=text,
+        )
+        self._bus.publish(graph.LOG_TOPIC, message, node)
+
+    def tick(self) -> None:
+        """Handle what has arrived and send what is due; call it 20 times a second."""
+        for topic, cdr in self._bus.take(MESSAGES_AT_ONCE):
+            self._hear(topic, cdr)
+        now_ns = self._now_ns()
+        if now_ns >= self._next_status_ns:
+            self._next_status_ns = _next_due(self._next_status_ns, now_ns, STATUS_PERIOD_S)
+            self._show_status(now_ns)
+        if self._pose is not None and now_ns >= self._next_pose_ns:
+            self._next_pose_ns = _next_due(self._next_pose_ns, now_ns, POSE_PERIOD_S)
+            pose, self._pose = self._mounting.antenna_pose(self._pose), None
+            self._bus.publish("antenna_pose", convert.pose_stamped(pose))
+        self._show_heartbeats(now_ns)
+
+    def _show_pulse(self, pulse: Pulse) -> None:
+        if (pulse.tag_id, pulse.start_time_ns) in self._foreign:
+            return
+        self.counters["ros2_pulses_published"] += 1
+        directory = self._tag_directory(pulse.tag_id)
+        self._bus.publish("pulse", convert.pulse_to_ros(pulse, directory))
+
+    def _show_command(self, command: Command) -> None:
+        """Show what the ground station asks, as the original passed it on."""
+        match command.name:
+            case "add_tag" if command.tag is not None:
+                self._bus.publish("store_tag_information", convert.tag_to_ros(command.tag))
+            case "end_tags":
+                self._bus.publish("release_tag_information", Flag(data=True))
+            case "start_detection":
+                order = self._order("start", "start all", frame="start_command_subprocesses")
+                self._bus.publish("control_start_subprocess", order)
+            case "stop_detection":
+                order = self._order("stop", "stop all", frame="stop_command_subprocesses")
+                self._bus.publish("control_stop_subprocess", order)
+
+    def _show_start(self, flight: FlightInfo) -> None:
+        """Tell each component what it starts with: one message for each tag's detector."""
+        center = {"center_frequency": f"{flight.center_frequency_hz / 1e6:.6f}"}
+        radio = self._order("start", self._settings.radio.kind, center)
+        self._control("channelizer", self._order("start", "receiver", center))
+        self._control("airspy_csdr_netcat", radio)
+        for tag in flight.tags:
+            values = center | {"config_path": self._tag_directory(tag.tag_id)}
+            self._control("detector", self._order("start", f"tag_id_{tag.tag_id}", values))
+
+    def _control(self, component: str, order: DiagnosticArray) -> None:
+        """Publish an order to a component and its echo."""
+        self._bus.publish(f"control_{component}_subprocess", order)
+        self._bus.publish(f"status_{component}_subprocess", order)
+
+    def _order(
+        self,
+        what: str,
+        hardware_id: str,
+        values: Mapping[str, object] | None = None,
+        *,
+        frame: str = "control",
+    ) -> DiagnosticArray:
+        status = DiagnosticStatus(
+            level=OK,
+            name="NA",
+            message=what,
+            hardware_id=hardware_id,
+            values=convert.key_values(values or {}),
+        )
+        header = Header(stamp=convert.time_to_ros(self._now_ns()), frame_id=frame)
+        return DiagnosticArray(header=header, status=(status,))
+
+    def _show_status(self, now_ns: int) -> None:
+        header = Header(stamp=convert.time_to_ros(now_ns), frame_id="status")
+        age_s = (now_ns - self._status_heard_ns) * 1e-9
+        for component in COMPONENTS:
+            self._bus.publish(
+                f"status_{component}_subprocess",
+                DiagnosticArray(
+                    header=header,
+                    status=component_status(component, self._status, age_s, self._settings),
+                ),
+            )
+
+    def _show_heartbeats(self, now_ns: int) -> None:
+        """Say that detectors live, each tag in its turn within the second."""
+        status = self._status
+        if status is None or status.state is not SystemState.DETECTING:
+            self._next_heartbeat_ns.clear()
+            return
+        if now_ns - self._status_heard_ns > 3e9:
+            return
+        workers = [p for p in status.processes if p.process.startswith("detector-")]
+        for index, tag in enumerate(status.tags):
+            due_ns = self._next_heartbeat_ns.get(tag.tag_id)
+            if due_ns is None:
+                self._next_heartbeat_ns[tag.tag_id] = now_ns + index * 10_000_000 % 10**9
+            elif now_ns >= due_ns:
+                self._next_heartbeat_ns[tag.tag_id] = _next_due(
+                    due_ns, now_ns, HEARTBEAT_PERIOD_S
+                )
+                if workers and workers[index % len(workers)].running:
+                    directory = self._tag_directory(tag.tag_id)
+                    self._bus.publish("pulse", convert.heartbeat(tag.tag_id, now_ns, directory))
+
+    def _tag_directory(self, tag_id: int) -> str:
+        root = self._flight.directory if self._flight is not None else ""
+        return f"{root}/detector_log/tag_id_{tag_id}" if root else ""
+
+    # ------------------------------------------------- from ROS 2 to the drone
+
+    def _hear(self, topic: RosTopic, cdr: bytes) -> None:
+        """Handle one message from the network; what makes no sense is refused and counted."""
+        if topic.name == "pulse_pose":
+            return
+        try:
+            self._act(topic.name, decode(topic.message, cdr))
+        except FormatError as error:
+            self._refuse(str(error))
+
+    def _act(self, topic: str, message: RosMessage) -> None:
+        match message:
+            case RosPulse():
+                self._take_pulse(message)
+            case _ if not self._settings.ros2.accept_commands:
+                self._refuse("commands from ROS 2 are off (accept_commands = false)")
+            case RosTag():
+                self._take_tag(convert.tag_from_ros(message))
+            case Flag():
+                if message.data:
+                    self._uploading = False
+                    self._ask("end_tags")
+            case DiagnosticArray() if topic in (
+                "control_start_subprocess",
+                "control_stop_subprocess",
+            ):
+                self._take_order(topic, message)
+            case DiagnosticArray():
+                self._refuse_part(topic, message)
+
+    def _take_tag(self, tag: Tag) -> None:
+        """Begin an upload with the first tag; the original has no message for that."""
+        receiving = self._status is not None and (
+            self._status.state is SystemState.RECEIVING_TAGS
+        )
+        if not self._uploading and not receiving:
+            self._ask("start_tags")
+        self._uploading = True
+        self._ask("add_tag", tag=tag)
+
+    def _take_order(self, topic: str, order: DiagnosticArray) -> None:
+        expected = "start" if topic == "control_start_subprocess" else "stop"
+        if not order.status or order.status[0].message != expected:
+            raise FormatError(f"{topic}: the first status must have the message '{expected}'")
+        if expected == "stop":
+            self._ask("stop_detection")
+            return
+        values = {item.key: item.value for item in order.status[0].values}
+        try:
+            megahertz = values.get("center_frequency")
+            gain = values.get("gain")
+            self._ask(
+                "start_detection",
+                center_frequency_hz=None if megahertz is None else float(megahertz) * 1e6,
+                gain=None if gain is None else int(gain),
+            )
+        except ValueError as error:
+            raise FormatError(f"{topic}: {error}") from error
+
+    def _refuse_part(self, topic: str, order: DiagnosticArray) -> None:
+        """Refuse to start or stop one component alone, in the component's own status."""
+        component = topic.removeprefix("control_").removesuffix("_subprocess")
+        reason = "not alone: publish to control_start_subprocess or control_stop_subprocess"
+        first = order.status[0] if order.status else DiagnosticStatus()
+        refused = DiagnosticStatus(
+            level=ERROR,
+            name=first.name,
+            message=reason,
+            hardware_id=first.hardware_id,
+            values=first.values,
+        )
+        self._bus.publish(
+            f"status_{component}_subprocess",
+            DiagnosticArray(header=order.header, status=(refused,)),
+        )
+        self._refuse(f"{topic}: {reason}", node=COMPONENTS.get(component, AIRSPY))
+
+    def _take_pulse(self, message: RosPulse) -> None:
+        """Pass on a pulse of another computer's detector, if such are wanted."""
+        if message.frequency == 0.0 or not self._settings.ros2.accept_pulses:
+            return
+        pulse = convert.pulse_from_ros(message, int(self.counters["ros2_pulses_taken"]))
+        key = (pulse.tag_id, pulse.start_time_ns)
+        if key not in self._foreign:
+            self._foreign[key] = None
+            while len(self._foreign) > REMEMBERED_PULSES:
+                self._foreign.popitem(last=False)
+            self.counters["ros2_pulses_taken"] += 1
+            self._send("pulse", pulse)
+
+    def _ask(self, name: CommandName, **details: Any) -> None:
+        self._request_id += 1
+        command = Command(name=name, request_id=self._request_id, source=SOURCE, **details)
+        self._asked[command.request_id] = command
+        while len(self._asked) > MESSAGES_AT_ONCE * 10:
+            self._asked.popitem(last=False)
+        self.counters["ros2_commands"] += 1
+        self._send("command", command)
+
+    def _show_reply(self, reply: CommandReply) -> None:
+        """Write the supervisor's answer into the log."""
+        asked = self._asked.pop(reply.request_id, None)
+        if asked is None or asked.name != reply.name:
+            return
+        if reply.accepted:
+            text = f"{reply.name}: {reply.message}" if reply.message else reply.name
+            self.log(6, text)
+        else:
+            if reply.name in ("start_tags", "add_tag"):
+                self._uploading = False
+            self.log(4, f"{reply.name} refused: {reply.message}")
+
+    def _refuse(self, reason: str, node: str = START_STOP) -> None:
+        self.counters["ros2_messages_refused"] += 1
+        # A hundred lines say it; a flood must not fill everybody's log.
+        if self.counters["ros2_messages_refused"] <= 100:
+            self.log(4, reason[:500], node)
+
+
+def _next_due(due_ns: int, now_ns: int, period_s: float) -> int:
+    """Keep the beat, unless so late that it is lost."""
+    period_ns = round(period_s * 1e9)
+    return due_ns + period_ns if now_ns - due_ns < period_ns else now_ns + period_ns
+
+
+assert set(COMPONENTS) == {
+    name.removeprefix("status_").removesuffix("_subprocess")
+    for name in TOPICS
+    if name.startswith("status_")
+}

@@ -1,0 +1,165 @@
+"""The ROS 2 graph as two tables: the nodes, and the topics between them.
+
+It is the original system's graph (thesis Fig. 2.1; reference/control.md §1.1 and §1.2), so that
+its tools and habits go on working. The endpoints, the type hashes and the documentation derive
+from here.
+"""
+
+from dataclasses import dataclass
+
+from uavrt.ros2.messages import (
+    DiagnosticArray,
+    Flag,
+    Log,
+    PoseStamped,
+    RosMessage,
+    RosPulse,
+    RosPulsePose,
+    RosTag,
+)
+
+TELEMETRY = "TelemetryComponent"
+COMMAND = "CommandComponent"
+START_STOP = "StartStopComponent"
+AIRSPY = "AirspyCSDRNetcatComponent"
+CHANNELIZER = "ChannelizerComponent"
+DETECTOR = "DetectorComponent"
+
+NODES: dict[str, str] = {
+    TELEMETRY: "the antenna's pose; pulses with their pose",
+    COMMAND: "what the ground station asks",
+    START_STOP: "the supervisor's state",
+    AIRSPY: "the radio",
+    CHANNELIZER: "the receiver",
+    DETECTOR: "the detectors",
+}
+"""Name and meaning; their order is that of the data's way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosTopic:
+    """One row of the table."""
+
+    name: str
+    message: type[RosMessage]
+    publisher: str
+    subscribers: tuple[str, ...]
+    meaning: str
+    depth: int = 10
+    """Messages kept for a subscriber that missed some."""
+
+
+TOPICS: dict[str, RosTopic] = {
+    topic.name: topic
+    for topic in (
+        RosTopic(
+            name="antenna_pose",
+            message=PoseStamped,
+            publisher=TELEMETRY,
+            subscribers=(),
+            meaning="where the antenna is and how it points, twice a second",
+        ),
+        RosTopic(
+            name="pulse",
+            message=RosPulse,
+            publisher=DETECTOR,
+            subscribers=(TELEMETRY,),
+            meaning="a pulse as detected; with frequency 0 a detector's sign of life",
+            # A group of K pulses of many tags comes at once; ten would not outlast a lost
+            # datagram.
+            depth=100,
+        ),
+        RosTopic(
+            name="pulse_pose",
+            message=RosPulsePose,
+            publisher=TELEMETRY,
+            subscribers=(COMMAND,),
+            meaning="a pulse with the antenna's pose at its centre",
+            depth=100,
+        ),
+        RosTopic(
+            name="control_start_subprocess",
+            message=DiagnosticArray,
+            publisher=COMMAND,
+            subscribers=(START_STOP,),
+            meaning="start detecting",
+        ),
+        RosTopic(
+            name="control_stop_subprocess",
+            message=DiagnosticArray,
+            publisher=COMMAND,
+            subscribers=(START_STOP,),
+            meaning="stop detecting",
+        ),
+        RosTopic(
+            name="store_tag_information",
+            message=RosTag,
+            publisher=COMMAND,
+            subscribers=(START_STOP,),
+            meaning="a tag to look for",
+            depth=200,
+        ),
+        RosTopic(
+            name="release_tag_information",
+            message=Flag,
+            publisher=COMMAND,
+            subscribers=(START_STOP,),
+            meaning="that was the last tag",
+        ),
+        RosTopic(
+            name="control_airspy_csdr_netcat_subprocess",
+            message=DiagnosticArray,
+            publisher=START_STOP,
+            subscribers=(AIRSPY,),
+            meaning="the radio is started or stopped",
+        ),
+        RosTopic(
+            name="control_channelizer_subprocess",
+            message=DiagnosticArray,
+            publisher=START_STOP,
+            subscribers=(CHANNELIZER,),
+            meaning="the receiver is started or stopped",
+        ),
+        RosTopic(
+            name="control_detector_subprocess",
+            message=DiagnosticArray,
+            publisher=START_STOP,
+            subscribers=(DETECTOR,),
+            meaning="a tag's detector is started; all are stopped",
+            depth=200,
+        ),
+        RosTopic(
+            name="status_airspy_csdr_netcat_subprocess",
+            message=DiagnosticArray,
+            publisher=AIRSPY,
+            subscribers=(),
+            meaning="the radio's state, twice a second; an echo after each control message",
+        ),
+        RosTopic(
+            name="status_channelizer_subprocess",
+            message=DiagnosticArray,
+            publisher=CHANNELIZER,
+            subscribers=(),
+            meaning="the receiver's state, twice a second; an echo after each control message",
+        ),
+        RosTopic(
+            name="status_detector_subprocess",
+            message=DiagnosticArray,
+            publisher=DETECTOR,
+            subscribers=(),
+            meaning="each tag's detector, twice a second; an echo after each control message",
+        ),
+    )
+}
+
+COMPONENTS = {
+    "airspy_csdr_netcat": AIRSPY,
+    "channelizer": CHANNELIZER,
+    "detector": DETECTOR,
+}
+"""Components that take ``control_<name>_subprocess`` and tell ``status_<name>_subprocess``."""
+
+LOG_TOPIC = "rosout"
+"""Every node publishes its log here; the newest `LOG_DEPTH` reach late subscribers."""
+LOG_MESSAGE = Log
+LOG_DEPTH = 1000

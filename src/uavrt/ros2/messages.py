@@ -1,0 +1,243 @@
+"""The ROS 2 messages that uavrt speaks, as dataclasses.
+
+The annotations are the definitions: the .msg text, the type hash, the bytes and the DDS type
+derive from them (`uavrt.ros2.interface`, `uavrt.ros2.cdr`). Field names, order and units are
+the original system's (reference/control.md §1.4), so that its nodes interoperate; the standard
+types are those of ROS 2 Humble to Kilted. An absent number is NaN, an absent time is zero.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+Bool = Annotated[bool, "bool"]
+Byte = Annotated[int, "byte"]
+UInt8 = Annotated[int, "uint8"]
+UInt16 = Annotated[int, "uint16"]
+Int32 = Annotated[int, "int32"]
+UInt32 = Annotated[int, "uint32"]
+Float64 = Annotated[float, "float64"]
+String = Annotated[str, "string"]
+
+
+class RosMessage:
+    """Base of all messages; `ros_name` is the package and the type."""
+
+    __slots__ = ()
+    ros_name: ClassVar[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Time(RosMessage):
+    """A moment: seconds UTC since 1970 and nanoseconds."""
+
+    ros_name: ClassVar[str] = "builtin_interfaces/Time"
+    sec: Int32 = 0
+    nanosec: UInt32 = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Header(RosMessage):
+    """Time and frame (here: kind) of a message."""
+
+    ros_name: ClassVar[str] = "std_msgs/Header"
+    stamp: Time = Time()
+    frame_id: String = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flag(RosMessage):
+    """One truth value."""
+
+    ros_name: ClassVar[str] = "std_msgs/Bool"
+    data: Bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point(RosMessage):
+    """Here: latitude [deg], longitude [deg], altitude above mean sea level [m]."""
+
+    ros_name: ClassVar[str] = "geometry_msgs/Point"
+    x: Float64 = 0.0
+    y: Float64 = 0.0
+    z: Float64 = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quaternion(RosMessage):
+    """Antenna frame (forward, right, down) to north-east-down."""
+
+    ros_name: ClassVar[str] = "geometry_msgs/Quaternion"
+    x: Float64 = 0.0
+    y: Float64 = 0.0
+    z: Float64 = 0.0
+    w: Float64 = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosPose(RosMessage):
+    """Position and orientation."""
+
+    ros_name: ClassVar[str] = "geometry_msgs/Pose"
+    position: Point = Point()
+    orientation: Quaternion = Quaternion()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseStamped(RosMessage):
+    """A pose and its time."""
+
+    ros_name: ClassVar[str] = "geometry_msgs/PoseStamped"
+    header: Header = Header()
+    pose: RosPose = RosPose()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeyValue(RosMessage):
+    """A named value as text."""
+
+    ros_name: ClassVar[str] = "diagnostic_msgs/KeyValue"
+    key: String = ""
+    value: String = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DiagnosticStatus(RosMessage):
+    """State of one thing; the levels are numbers, not the characters '0' and '2'."""
+
+    ros_name: ClassVar[str] = "diagnostic_msgs/DiagnosticStatus"
+    level: Byte = 0
+    name: String = ""
+    message: String = ""
+    hardware_id: String = ""
+    values: tuple[KeyValue, ...] = ()
+
+
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
+"""Levels of a `DiagnosticStatus`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DiagnosticArray(RosMessage):
+    """States of several things, or an order to a component (``start``, ``stop``)."""
+
+    ros_name: ClassVar[str] = "diagnostic_msgs/DiagnosticArray"
+    header: Header = Header()
+    status: tuple[DiagnosticStatus, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Log(RosMessage):
+    """A line of ``/rosout``; levels 10 debug, 20 info, 30 warn, 40 error, 50 fatal."""
+
+    ros_name: ClassVar[str] = "rcl_interfaces/Log"
+    stamp: Time = Time()
+    level: UInt8 = 20
+    name: String = ""
+    msg: String = ""
+    file: String = ""
+    function: String = ""
+    line: UInt32 = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosPulse(RosMessage):
+    """A pulse of a tag; with a frequency of 0 the detector's sign of life."""
+
+    ros_name: ClassVar[str] = "uavrt_interfaces/Pulse"
+    detector_dir: String = ""
+    tag_id: UInt32 = 0
+    frequency: Float64 = 0.0
+    """[MHz]"""
+    start_time: Time = Time()
+    end_time: Time = Time()
+    predict_next_start: Time = Time()
+    predict_next_end: Time = Time()
+    snr: Float64 = 0.0
+    """[dB]"""
+    stft_score: Float64 = 0.0
+    group_ind: UInt16 = 0
+    group_snr: Float64 = 0.0
+    """[dB]"""
+    detection_status: Bool = False
+    confirmed_status: Bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosPulsePose(RosMessage):
+    """A pulse and the antenna's pose at its centre; all NaN where no pose is known."""
+
+    ros_name: ClassVar[str] = "uavrt_interfaces/PulsePose"
+    pulse: RosPulse = RosPulse()
+    antenna_pose: RosPose = RosPose()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosTag(RosMessage):
+    """A tag to look for: frequency in Hz, times in ms."""
+
+    ros_name: ClassVar[str] = "uavrt_interfaces/Tag"
+    tag_id: UInt32 = 0
+    frequency: Float64 = 0.0
+    pulse_duration: Float64 = 0.0
+    interpulse_time_1: Float64 = 0.0
+    interpulse_time_uncert: Float64 = 0.0
+    interpulse_time_jitter: Float64 = 0.0
+    interpulse_time_2: Float64 = 0.0
+    k: UInt32 = 0
+    false_alarm_probability: Float64 = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gid16(RosMessage):
+    """Identifier of a participant or endpoint, ROS 2 Iron and newer."""
+
+    ros_name: ClassVar[str] = "rmw_dds_common/Gid"
+    data: Annotated[bytes, 16] = bytes(16)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeEntitiesInfo16(RosMessage):
+    """A node and the endpoints that are its own."""
+
+    ros_name: ClassVar[str] = "rmw_dds_common/NodeEntitiesInfo"
+    node_namespace: Annotated[str, "string<=256"] = "/"
+    node_name: Annotated[str, "string<=256"] = ""
+    reader_gid_seq: tuple[Gid16, ...] = ()
+    writer_gid_seq: tuple[Gid16, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParticipantEntitiesInfo16(RosMessage):
+    """The nodes of one participant: how ROS 2 knows their names."""
+
+    ros_name: ClassVar[str] = "rmw_dds_common/ParticipantEntitiesInfo"
+    gid: Gid16 = Gid16()
+    node_entities_info_seq: tuple[NodeEntitiesInfo16, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gid24(RosMessage):
+    """Identifier of a participant or endpoint, ROS 2 Foxy to Humble."""
+
+    ros_name: ClassVar[str] = "rmw_dds_common/Gid"
+    data: Annotated[bytes, 24] = bytes(24)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeEntitiesInfo24(RosMessage):
+    """As `NodeEntitiesInfo16`, with the longer identifiers."""
+
+    ros_name: ClassVar[str] = "rmw_dds_common/NodeEntitiesInfo"
+    node_namespace: Annotated[str, "string<=256"] = "/"
+    node_name: Annotated[str, "string<=256"] = ""
+    reader_gid_seq: tuple[Gid24, ...] = ()
+    writer_gid_seq: tuple[Gid24, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParticipantEntitiesInfo24(RosMessage):
+    """As `ParticipantEntitiesInfo16`, with the longer identifiers."""
+
+    ros_name: ClassVar[str] = "rmw_dds_common/ParticipantEntitiesInfo"
+    gid: Gid24 = Gid24()
+    node_entities_info_seq: tuple[NodeEntitiesInfo24, ...] = ()

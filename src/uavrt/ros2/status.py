@@ -1,0 +1,97 @@
+"""The state of the original's three components, read from the state of our processes.
+
+The radio's program and the channelizer are one process here, the receiver; a detector process
+serves several tags. Each component speaks of its own things: the radio by its kind and serial
+number, the receiver, and each tag (reference/control.md §1.3, where the levels were characters
+and the hardware ids all the same).
+"""
+
+from collections.abc import Iterator
+
+from uavrt.config.settings import Settings
+from uavrt.messages import ProcessStatus, SystemState, SystemStatus
+from uavrt.ros2.convert import key_values
+from uavrt.ros2.messages import ERROR, OK, STALE, WARN, DiagnosticStatus, KeyValue
+
+STALE_AFTER_S = 3.0
+"""The supervisor tells its state once a second."""
+
+
+def component_status(
+    component: str, status: SystemStatus | None, age_s: float, settings: Settings
+) -> tuple[DiagnosticStatus, ...]:
+    """Describe one component; nothing while nothing is to run.
+
+    Parameters
+    ----------
+    component : str
+        ``airspy_csdr_netcat``, ``channelizer`` or ``detector``.
+    status : SystemStatus or None
+        The drone side, as last told.
+    age_s : float
+        How long ago that was [s].
+    """
+    if status is None or status.state is not SystemState.DETECTING:
+        return ()
+    stale = age_s > STALE_AFTER_S
+    return tuple(
+        DiagnosticStatus(
+            level=STALE if stale else _level(component, process),
+            name=f"{component}_component",
+            message="stale" if stale else _word(component, process),
+            hardware_id=hardware_id,
+            values=_values(component, process, status),
+        )
+        for hardware_id, process in _parts(component, status, settings)
+    )
+
+
+def _parts(
+    component: str, status: SystemStatus, settings: Settings
+) -> Iterator[tuple[str, ProcessStatus | None]]:
+    """Yield each thing the component answers for, with the process that does its work."""
+    processes = {process.process: process for process in status.processes}
+    receiver = processes.get("receiver")
+    match component:
+        case "airspy_csdr_netcat":
+            serial = settings.radio.serial
+            kind = settings.radio.kind
+            yield f"{kind} {serial}" if serial else kind, receiver
+        case "channelizer":
+            yield "receiver", receiver
+        case _:
+            workers = [p for p in status.processes if p.process.startswith("detector-")]
+            for index, tag in enumerate(status.tags):
+                # The supervisor deals the tags out in turn.
+                worker = workers[index % len(workers)] if workers else None
+                yield f"tag_id_{tag.tag_id}", worker
+
+
+def _level(component: str, process: ProcessStatus | None) -> int:
+    if process is None or not process.running:
+        return ERROR
+    if process.ok:
+        return OK
+    # The receiver lives but has no radio: that is the radio's error.
+    return ERROR if component == "airspy_csdr_netcat" else WARN
+
+
+def _word(component: str, process: ProcessStatus | None) -> str:
+    return "dead" if _level(component, process) == ERROR else "alive"
+
+
+def _values(
+    component: str, process: ProcessStatus | None, status: SystemStatus
+) -> tuple[KeyValue, ...]:
+    if process is None:
+        return ()
+    values: dict[str, object] = {
+        "process": process.process,
+        "status": process.status,
+        "restarts": process.restarts,
+    }
+    if process.pid is not None:
+        values["pid"] = process.pid
+    if component != "detector" and status.center_frequency_hz is not None:
+        values["center_frequency"] = f"{status.center_frequency_hz / 1e6:.6f}"
+    return key_values(values)
