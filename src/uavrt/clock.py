@@ -46,6 +46,11 @@ def monotonic_s() -> float:
     return time.monotonic()
 
 
+def wall_ns() -> int:
+    """Time of the wall clock now [ns, UTC], for log lines only: it may step."""
+    return time.time_ns()
+
+
 def cpu_s() -> float:
     """CPU time used by this process so far [s]."""
     return time.process_time()

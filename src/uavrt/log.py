@@ -1,39 +1,116 @@
 """Logging: short facts with keys, one JSON object a line on stderr.
 
-The supervisor collects the lines of all its children. On a terminal the lines are coloured text
-instead. Levels: info is what an operator would tell a colleague; warning and above also reach
-the ground as status texts.
+The supervisor collects the lines of all its children. On a terminal the lines are text for
+people instead. Levels: info is what an operator would tell a colleague; warning and above also
+reach the ground as status texts.
+
+Sixty lines of our own, because every process pays for a library: structlog took 9 MB and 0.09 s
+in each (docs/decisions/0091-our-own-log-lines.md).
 """
 
+import json
 import logging
 import sys
+import traceback
+from dataclasses import dataclass, field
+from typing import Any, TextIO
 
-import structlog
+from uavrt.clock import iso_utc, wall_ns
+
+_NAMES = {
+    logging.DEBUG: "debug",
+    logging.INFO: "info",
+    logging.WARNING: "warning",
+    logging.ERROR: "error",
+    logging.CRITICAL: "critical",
+}
+_COLOURS = {"debug": "2", "info": "32", "warning": "33", "error": "31", "critical": "1;31"}
 
 
-def configure_logging(process: str, *, level: int = logging.INFO) -> None:
-    """Send log events of this process to stderr; bind its name to each of them."""
-    renderer: structlog.types.Processor = (
-        structlog.dev.ConsoleRenderer()
-        if sys.stderr.isatty()
-        else structlog.processors.JSONRenderer()
+@dataclass(slots=True)
+class _Sink:
+    """Where the lines of this process go."""
+
+    process: str = ""
+    level: int = logging.INFO
+    stream: TextIO | None = None
+    """None: whatever stderr is now."""
+    broken: int = field(default=0)
+    """Lines that nobody took: stderr closed, or the reader gone."""
+
+
+_sink = _Sink()
+
+
+class Logger:
+    """Writes events: ``log.warning("samples lost", count=3)``."""
+
+    def debug(self, event: str, **facts: Any) -> None:
+        """Log what only a developer wants to see."""
+        self.log(logging.DEBUG, event, **facts)
+
+    def info(self, event: str, **facts: Any) -> None:
+        """Log what an operator would tell a colleague."""
+        self.log(logging.INFO, event, **facts)
+
+    def warning(self, event: str, **facts: Any) -> None:
+        """Log what the operator should know now."""
+        self.log(logging.WARNING, event, **facts)
+
+    def error(self, event: str, **facts: Any) -> None:
+        """Log what does not work."""
+        self.log(logging.ERROR, event, **facts)
+
+    def exception(self, event: str, **facts: Any) -> None:
+        """Log an error with the exception being handled."""
+        self.log(logging.ERROR, event, exception=traceback.format_exc(), **facts)
+
+    def log(self, level: int, event: str, **facts: Any) -> None:
+        """Log at a level of the standard library's `logging`."""
+        if level < _sink.level:
+            return
+        stream = _sink.stream or sys.stderr
+        name = _NAMES.get(level, str(level))
+        try:
+            write = _text if stream.isatty() else _json
+            stream.write(write(name, event, facts) + "\n")
+            stream.flush()
+        except (OSError, ValueError):
+            _sink.broken += 1
+
+
+def _json(level: str, event: str, facts: dict[str, Any]) -> str:
+    return json.dumps(
+        {
+            "process": _sink.process,
+            **facts,
+            "event": event,
+            "level": level,
+            "timestamp": iso_utc(wall_ns()),
+        },
+        default=repr,
+        ensure_ascii=False,
     )
-    structlog.configure(
-        processors=[
-            structlog.contextvars.merge_contextvars,
-            structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            structlog.processors.format_exc_info,
-            renderer,
-        ],
-        wrapper_class=structlog.make_filtering_bound_logger(level),
-        logger_factory=structlog.PrintLoggerFactory(file=sys.stderr),
-        cache_logger_on_first_use=True,
+
+
+def _text(level: str, event: str, facts: dict[str, Any]) -> str:
+    details = " ".join(f"{name}={value}" for name, value in facts.items())
+    return (
+        f"\x1b[2m{iso_utc(wall_ns())}\x1b[0m \x1b[{_COLOURS.get(level, '0')}m{level:<8}\x1b[0m "
+        f"{_sink.process}: {event} {details}".rstrip()
     )
-    structlog.contextvars.bind_contextvars(process=process)
 
 
-def get_logger() -> structlog.typing.FilteringBoundLogger:
-    """Get the logger: ``log.warning("samples lost", count=…)``."""
-    logger: structlog.typing.FilteringBoundLogger = structlog.get_logger()
-    return logger
+_logger = Logger()
+
+
+def configure_logging(
+    process: str, *, level: int = logging.INFO, stream: TextIO | None = None
+) -> None:
+    """Send log events of this process to stderr, each with its name."""
+    _sink.process, _sink.level, _sink.stream = process, level, stream
+
+
+def get_logger() -> Logger:
+    """Get the logger."""
+    return _logger

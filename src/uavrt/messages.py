@@ -7,10 +7,12 @@ the sample blocks, which have their own road.
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    # Half of the processes never see a sample; NumPy would cost each 12 MB and 0.1 s.
+    import numpy as np
+    from numpy.typing import NDArray
 
 DetectionStatus = Literal["subthreshold", "detected", "confirmed"]
 """How sure a pulse is: below the threshold (seen by a track), above it, or part of a track."""
@@ -243,7 +245,7 @@ class IQBlock:
     missing; a gap is a fact in the stream, not something to guess from times.
     """
 
-    samples: NDArray[np.complex64]
+    samples: "NDArray[np.complex64]"
     """(n,) complex64; valid until the source is read again, copy to keep."""
     sample_index: int
     """Index of the first sample since the source started, lost ones counted."""
@@ -263,7 +265,7 @@ class ChannelBlock:
     """Channel number from 0: 0 is the radio centre, then upwards, wrapping to the negative."""
     center_frequency_hz: float
     """Frequency of the channel's centre, absolute."""
-    samples: NDArray[np.complex64]
+    samples: "NDArray[np.complex64]"
     """(n,) complex64; a tone of amplitude A in the channel has amplitude A here."""
     sample_index: int
     """Index of the first sample of this channel since the start, lost ones counted."""

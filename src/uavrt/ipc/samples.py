@@ -29,14 +29,6 @@ BACKLOG_BYTES = 16 * 1024 * 1024
 """Kept for one detector: 16 MiB are 280 s of one channel, 2.8 s of a hundred."""
 MAX_SAMPLES = 8192
 """A larger block is cut, so that a datagram stays below the default send buffer of 208 KiB."""
-SEND_BUFFER_BYTES = 4 * 1024 * 1024
-
-
-def make_sample_sockets() -> tuple[socket.socket, socket.socket]:
-    """Make a pair (sender's end, receiver's end) with a buffer as large as allowed."""
-    sender, receiver = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-    sender.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-    return sender, receiver
 
 
 class ChannelSender:

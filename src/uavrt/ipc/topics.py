@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from uavrt import messages
 from uavrt.ipc.assignment import Assignment
@@ -132,7 +131,7 @@ TOPICS: dict[str, Topic] = {
 
 def _plain(value: Any) -> Any:
     """Turn a NumPy scalar into Python's own number; nothing else is let through."""
-    if isinstance(value, np.generic):
+    if type(value).__module__ == "numpy" and getattr(value, "shape", None) == ():
         return value.item()
     raise TypeError(f"{type(value).__name__} cannot travel between processes")
 

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import asdict
 
 from uavrt.detection import PulseDetector
-from uavrt.ipc import ChannelReceiver, ProcessFrame
+from uavrt.ipc import ProcessFrame
+from uavrt.ipc.samples import ChannelReceiver
 from uavrt.messages import ChannelBlock, Pulse, Tag
 
 SELECT_S = 0.2

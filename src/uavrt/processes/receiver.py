@@ -11,11 +11,12 @@ from pathlib import Path
 from uavrt.clock import monotonic_s
 from uavrt.dsp import FrontEnd
 from uavrt.errors import RadioError, RecordingError, UavrtError
-from uavrt.ipc import ChannelSender, ProcessFrame
+from uavrt.ipc import ProcessFrame
+from uavrt.ipc.samples import ChannelSender
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, IQBlock
 from uavrt.radio import SampleSource, open_radio
-from uavrt.recording import IQRecorder
+from uavrt.recording.iq_recorder import IQRecorder
 from uavrt.recording.layout import FlightLayout
 
 log = get_logger()

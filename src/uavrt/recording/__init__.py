@@ -1,4 +1,7 @@
-"""The flight directory: written so that nothing is lost, read whatever happened to it."""
+"""The flight directory: written so that nothing is lost, read whatever happened to it.
+
+The recorder of samples, `uavrt.recording.iq_recorder`, needs NumPy and is not loaded here.
+"""
 
 from uavrt.recording.detector_config import (
     DetectorConfig,
@@ -8,7 +11,6 @@ from uavrt.recording.detector_config import (
 )
 from uavrt.recording.flight_reader import Flight, read_flight, read_health, read_search_reports
 from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.iq_recorder import IQRecorder
 from uavrt.recording.layout import FlightLayout, new_flight_directory
 from uavrt.recording.process_log import ProcessLog
 from uavrt.recording.pulse_files import (
@@ -26,7 +28,6 @@ __all__ = [
     "Flight",
     "FlightLayout",
     "FlightRecorder",
-    "IQRecorder",
     "ProcessLog",
     "PulseFormat",
     "PulseWriter",

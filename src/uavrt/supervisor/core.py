@@ -20,7 +20,7 @@ from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
 from uavrt.ipc import Assignment, decode_record, encode_record
 from uavrt.ipc.parent import adopt_orphans
-from uavrt.ipc.samples import make_sample_sockets
+from uavrt.ipc.sample_sockets import make_sample_sockets
 from uavrt.ipc.topics import topic_of
 from uavrt.log import get_logger
 from uavrt.messages import (

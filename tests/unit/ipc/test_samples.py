@@ -3,7 +3,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.ipc import samples as samples_module
-from uavrt.ipc.samples import MAX_SAMPLES, ChannelReceiver, ChannelSender, make_sample_sockets
+from uavrt.ipc.sample_sockets import make_sample_sockets
+from uavrt.ipc.samples import MAX_SAMPLES, ChannelReceiver, ChannelSender
 from uavrt.messages import ChannelBlock
 
 RATE_HZ = 7500.0

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from uavrt.errors import RecordingError
 from uavrt.messages import IQBlock
-from uavrt.recording import IQRecorder
+from uavrt.recording.iq_recorder import IQRecorder
 
 RATE_HZ = 375_000.0
 START_NS = 1_700_205_419_230_494_976

@@ -1,0 +1,74 @@
+"""Log lines: JSON for the supervisor, whatever is logged, and never a reason to stop."""
+
+import io
+import json
+import logging
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uavrt.log import configure_logging, get_logger
+
+
+@pytest.fixture(autouse=True)
+def _restored() -> Iterator[None]:
+    yield
+    configure_logging("")
+
+
+@given(
+    event=st.text(),
+    facts=st.dictionaries(
+        st.text("abcdefgh_", min_size=1),
+        st.none() | st.integers() | st.floats() | st.text() | st.binary(),
+    ),
+)
+def test_every_event_is_one_line_of_json(event: str, facts: dict[str, object]) -> None:
+    stream = io.StringIO()
+    configure_logging("recorder", stream=stream)
+    get_logger().log(logging.WARNING, event, **facts)
+    text = stream.getvalue()
+    assert text.count("\n") == 1
+    line = json.loads(text)
+    assert (line["event"], line["level"], line["process"]) == (event, "warning", "recorder")
+    assert facts.keys() <= line.keys()
+
+
+def test_events_below_the_level_are_left_out() -> None:
+    stream = io.StringIO()
+    configure_logging("x", level=logging.WARNING, stream=stream)
+    get_logger().info("not this")
+    get_logger().error("this")
+    assert [json.loads(line)["event"] for line in stream.getvalue().splitlines()] == ["this"]
+
+
+def test_an_exception_is_logged_with_its_traceback() -> None:
+    stream = io.StringIO()
+    configure_logging("x", stream=stream)
+    try:
+        raise KeyError("gone")
+    except KeyError:
+        get_logger().exception("failed", step=3)
+    line = json.loads(stream.getvalue())
+    assert line["step"] == 3
+    assert "KeyError: 'gone'" in line["exception"]
+
+
+def test_a_closed_stream_does_not_stop_the_process() -> None:
+    stream = io.StringIO()
+    stream.close()
+    configure_logging("x", stream=stream)
+    get_logger().warning("nobody hears this")
+
+
+@pytest.mark.parametrize("module", ["supervisor.__main__", "processes.recorder"])
+def test_processes_that_see_no_samples_do_not_load_numpy(module: str) -> None:
+    code = f"import sys, uavrt.{module}; print('numpy' in sys.modules, 'rich' in sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert loaded.stdout.split() == ["False", "False"]
