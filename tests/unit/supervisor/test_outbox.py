@@ -74,7 +74,7 @@ def test_an_onlooker_that_is_away_is_kept_only_the_newest_pulses(pulses: int, ke
     for number in range(pulses):
         outbox.put(pulse(number))
     assert drain(outbox) == [pulse(number) for number in range(max(0, pulses - kept), pulses)]
-    assert outbox.dropped["pulse"] == max(0, pulses - kept)
+    assert outbox.dropped["pulse_pose"] == max(0, pulses - kept)
 
 
 def test_a_restarted_process_gets_its_assignment_first_and_half_a_line_again() -> None:
