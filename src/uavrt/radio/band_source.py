@@ -1,0 +1,279 @@
+"""Samples of a band that a program sends as UDP datagrams, cut anywhere.
+
+The thesis pipes ``airspy_rx | csdr fir_decimate_cc 8 … | netcat -u localhost 10000``. netcat
+sends what it happens to read, so the datagrams are pieces of one stream of bytes: of any size,
+ending within a sample as often as not. The original reads fixed 2039 samples of each and throws
+the rest away (reference/detector.md §1.2); here bytes are joined until a sample is whole.
+
+What the system drops when our buffer is full is told by it (SO_RXQ_OVFL, a count of
+datagrams) and becomes a gap of so many times the last datagram's size. That keeps the
+alignment of samples too; without the count a loss is told by its step in the arrival times,
+and the alignment by the exponents of the floats.
+"""
+
+import select
+import socket
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.clock import Clock, monotonic_s
+from uavrt.log import get_logger
+from uavrt.messages import IQBlock
+from uavrt.radio.stream import BLOCK_S, check_rates
+from uavrt.radio.times import NominalTimes, TimeKeeper
+from uavrt.radio.udp_address import listen, parse_udp_address
+
+SAMPLE_BYTES: Final = 8
+_LARGEST: Final = 65_536
+_SO_RXQ_OVFL: Final = 40
+"""Linux, asm-generic/socket.h; Python does not name it."""
+_COUNT_SPACE: Final = socket.CMSG_SPACE(4)
+
+log = get_logger()
+
+
+class BandDatagramSource:
+    """Complex64 samples at a UDP port, in datagrams of any size; a `SampleSource`.
+
+    Parameters
+    ----------
+    address : str
+        ``udp://localhost:10000``.
+    sample_rate_hz, center_frequency_hz : float
+        What the sender was told.
+    clock : Clock, optional
+        Where arrival times come from.
+    start_time_ns : int, optional
+        Time of the first sample [ns, UTC]; then times follow from the nominal rate alone.
+    block_s : float
+        Length of a block [s].
+
+    Raises
+    ------
+    RadioError
+        The port cannot be listened to.
+    ConfigError, FormatError
+        Not an address, or not a rate.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        sample_rate_hz: float,
+        center_frequency_hz: float,
+        clock: Clock | None = None,
+        start_time_ns: int | None = None,
+        block_s: float = BLOCK_S,
+    ) -> None:
+        check_rates(sample_rate_hz, center_frequency_hz)
+        self.name = address
+        self.samples_lost = 0
+        self.datagrams_lost = 0
+        """Dropped by the system because we were too slow, as far as it tells."""
+        self.realigned = 0
+        """Times that samples began elsewhere in the stream of bytes than before."""
+        self._rate_hz = sample_rate_hz
+        self._center_hz = center_frequency_hz
+        self._clock = Clock.start() if clock is None else clock
+        self._keeper = TimeKeeper(sample_rate_hz)
+        self._nominal = (
+            None if start_time_ns is None else NominalTimes(start_time_ns, sample_rate_hz)
+        )
+        self._want = SAMPLE_BYTES * max(64, round(block_s * sample_rate_hz))
+        self._joiner = ByteJoiner()
+        self._blocks: list[tuple[NDArray[np.complex64], int]] = []
+        self._index = 0
+        self._overflows: dict[socket.socket, int] = {}
+        self._sockets = listen(*parse_udp_address(address))
+        self._poll = select.poll()
+        for sock in self._sockets:
+            self._poll.register(sock, select.POLLIN)
+            try:
+                sock.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+            except OSError:
+                log.debug("the system does not count dropped datagrams")
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Nominal sample rate [Hz]."""
+        return self._rate_hz
+
+    @property
+    def center_frequency_hz(self) -> float:
+        """Radio frequency at the middle of the band [Hz]."""
+        return self._center_hz
+
+    @property
+    def total_samples(self) -> int | None:
+        """None: a live stream."""
+        return None
+
+    def read(self, timeout_s: float | None = None) -> IQBlock | None:
+        """Get the next block; see `SampleSource.read`.
+
+        When the sender pauses, the block is what has come so far.
+        """
+        deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
+        while True:
+            self._receive()
+            if self._joiner.has_gap or self._joiner.filled >= self._want:
+                return self._block()
+            left_s = None if deadline_s is None else deadline_s - monotonic_s()
+            if left_s is not None and left_s <= 0.0:
+                return self._block() if self._joiner.filled >= SAMPLE_BYTES else None
+            self._poll.poll(None if left_s is None else left_s * 1000.0)
+
+    def close(self) -> None:
+        """Close the port."""
+        for sock in self._sockets:
+            sock.close()
+        self._sockets = []
+
+    def _receive(self) -> None:
+        for sock in self._sockets:
+            while self._joiner.filled < self._want and not self._joiner.has_gap:
+                try:
+                    payload, ancillary, _, _ = sock.recvmsg(_LARGEST, _COUNT_SPACE)
+                except BlockingIOError:
+                    break
+                lost = 0
+                for level, kind, data in ancillary:
+                    if (level, kind) == (socket.SOL_SOCKET, _SO_RXQ_OVFL):
+                        count = int.from_bytes(data[:4], "little")
+                        lost = (count - self._overflows.get(sock, 0)) & 0xFFFF_FFFF
+                        self._overflows[sock] = count
+                self.datagrams_lost += lost
+                self._joiner.put(payload, lost)
+
+    def _block(self) -> IQBlock:
+        samples, lost_before, self.realigned = self._joiner.take()
+        now_ns = self._clock.now_ns()
+        self._index += lost_before
+        self._keeper.skip(lost_before)
+        if self._nominal is None:
+            self._keeper.arrived(self._index + len(samples), now_ns)
+            inferred = self._keeper.lost_samples()
+            self._index += inferred
+            lost_before += inferred
+        if lost_before:
+            self.samples_lost += lost_before
+            log.warning("samples lost", count=lost_before, before_index=self._index)
+        times = self._nominal or self._keeper
+        block = IQBlock(
+            samples=samples,
+            sample_index=self._index,
+            time_ns=times.time_ns(self._index),
+            sample_rate_hz=times.sample_rate_hz,
+            lost_before=lost_before,
+        )
+        self._index += len(samples)
+        return block
+
+
+class ByteJoiner:
+    """Joins pieces of a stream of bytes to complex64 samples; pure.
+
+    A gap ends what can be taken at once: `take` gives what is before it, then what is after.
+    """
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+        self._after: bytes | None = None
+        self._lost_bytes = 0
+        self._lost_before = 0
+        self._last_size = 0
+        self._cut = 0
+        self._realigned = 0
+        self.filled = 0
+        """Bytes that can be taken before the next gap."""
+
+    @property
+    def has_gap(self) -> bool:
+        """A gap follows what is here; nothing more can be put before that is taken."""
+        return self._after is not None
+
+    def put(self, payload: bytes, lost: int = 0) -> None:
+        """Take in the next piece, before which `lost` pieces were lost.
+
+        Raises
+        ------
+        ValueError
+            What is before the last gap has not been taken.
+        """
+        if self.has_gap:
+            raise ValueError("take what is before the gap first")
+        if lost:
+            self._after = payload
+            self._lost_bytes = lost * (self._last_size or len(payload))
+        else:
+            self._append(payload)
+        self._last_size = len(payload)
+
+    def take(self) -> tuple[NDArray[np.complex64], int, int]:
+        """Get the whole samples that are here.
+
+        Returns
+        -------
+        samples : (n,) complex64 array
+            A copy; values that are not numbers are zeros.
+        lost_before : int
+            Samples lost before the first.
+        realigned : int
+            How often the alignment was corrected so far.
+        """
+        data = b"".join(self._parts)
+        skip = misalignment(data)
+        if skip:
+            self._realigned += 1
+            data = data[skip:]
+        whole = len(data) // SAMPLE_BYTES * SAMPLE_BYTES
+        rest = data[whole:]
+        samples = np.frombuffer(data, "<c8", whole // SAMPLE_BYTES).astype(np.complex64)
+        bad = ~np.isfinite(samples)
+        if bad.any():
+            samples[bad] = 0.0
+        lost_before, self._lost_before = self._lost_before, 0
+        if self._after is None:
+            self._parts = [rest] if rest else []
+        else:
+            # The sample that the gap cuts is lost as well, with both of its ends.
+            lost = len(rest) + self._lost_bytes
+            self._cut = -lost % SAMPLE_BYTES
+            self._lost_before = (lost + self._cut) // SAMPLE_BYTES
+            payload, self._after, self._lost_bytes = self._after, None, 0
+            self._parts = []
+            self._append(payload)
+        self.filled = sum(map(len, self._parts))
+        return samples, lost_before, self._realigned
+
+    def _append(self, payload: bytes) -> None:
+        """Keep a piece, less the end of a sample that a gap has cut."""
+        kept = payload[self._cut :]
+        self._cut = max(0, self._cut - len(payload))
+        self._parts.append(kept)
+        self.filled += len(kept)
+
+
+def misalignment(data: bytes) -> int:
+    """Bytes to skip until floats begin, 0 to 3; 0 when that cannot be told.
+
+    The fourth byte of a little-endian float32 holds sign and most of the exponent: samples of
+    a radio, 1e-9 to 1e4 in size, have 0x30 to 0x46 there, or are zero; the bytes of the
+    mantissa are anything. Shifted by one to three bytes, most values fall outside.
+    """
+    # 4096 floats tell enough; fewer than 64 tell too little.
+    count = min(len(data) // 4 - 1, 4096)
+    if count < 64:
+        return 0
+    octets = np.frombuffer(data, np.uint8, 4 * count + 4)
+    fractions = []
+    for skip in range(4):
+        high = octets[skip + 3 : skip + 3 + 4 * count : 4] & 0x7F
+        fractions.append(float(np.mean((high >= 0x30) & (high <= 0x46))))
+    if fractions[0] > 0.5:
+        return 0
+    best = int(np.argmax(fractions))
+    return best if fractions[best] > 0.9 else 0

@@ -1,0 +1,120 @@
+"""Channels to UDP ports, as the original channelizer does, for its detectors and others."""
+
+import socket
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.messages import ChannelBlock
+from uavrt.radio.channel_datagram import SAMPLES, StampStyle, encode_channel_datagram
+from uavrt.radio.udp_address import send_socket
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+
+@dataclass(slots=True)
+class _Frame:
+    """The frame of a channel that is being filled."""
+
+    samples: NDArray[np.complex64] = field(
+        default_factory=lambda: np.zeros(SAMPLES, np.complex64)
+    )
+    filled: int = 0
+    time_ns: int = 0
+
+
+class ChannelDatagramSender:
+    """Cuts channels into frames of 1024 samples and sends each to the channel's ports.
+
+    Never waits: nobody listens (refused), or the system has no room (counted as dropped).
+
+    Parameters
+    ----------
+    ports : mapping of int to sequence of int
+        Ports of each channel that is sent; blocks of others are passed over.
+    host : str
+        Where to send.
+    style : {"seconds", "milliseconds"}
+        How stamps are written.
+    """
+
+    def __init__(
+        self,
+        ports: Mapping[int, Sequence[int]],
+        *,
+        host: str = "127.0.0.1",
+        style: StampStyle = "seconds",
+    ) -> None:
+        self._host = host
+        self._style: StampStyle = style
+        self._ports = {channel: tuple(numbers) for channel, numbers in ports.items()}
+        self._frames = {channel: _Frame() for channel in self._ports}
+        # One socket for each port: a refusal shows at the next datagram of the same socket.
+        self._sockets: dict[int, socket.socket] = {}
+        for numbers in self._ports.values():
+            for port in numbers:
+                sock = self._sockets[port] = send_socket(host)
+                sock.connect((host, port))
+        self.datagrams = 0
+        """Sent, heard or not."""
+        self.unheard = 0
+        """Of these, known to have found nobody listening."""
+        self.dropped = 0
+        """Not sent, for want of room."""
+
+    def send(self, block: ChannelBlock) -> None:
+        """Take the next block of a channel; send the frames that it completes.
+
+        A frame has no place for a gap within it: the gap is filled with zeros as far as the
+        frame goes, and the next frame begins where samples begin again.
+        """
+        frame = self._frames.get(block.channel)
+        if frame is None:
+            return
+        if block.lost_before and frame.filled:
+            zeros = min(block.lost_before, SAMPLES - frame.filled)
+            frame.samples[frame.filled : frame.filled + zeros] = 0.0
+            frame.filled += zeros
+            if frame.filled == SAMPLES:
+                self._complete(block.channel, frame)
+        done = 0
+        while done < len(block.samples):
+            if frame.filled == 0:
+                frame.time_ns = block.time_ns + round(
+                    done * NANOSECONDS_PER_SECOND / block.sample_rate_hz
+                )
+            part = block.samples[done : done + SAMPLES - frame.filled]
+            frame.samples[frame.filled : frame.filled + len(part)] = part
+            frame.filled += len(part)
+            done += len(part)
+            if frame.filled == SAMPLES:
+                self._complete(block.channel, frame)
+
+    def close(self) -> None:
+        """Close the sockets; an unfinished frame is not sent, as in the original."""
+        for sock in self._sockets.values():
+            sock.close()
+
+    def _complete(self, channel: int, frame: _Frame) -> None:
+        datagram = encode_channel_datagram(frame.samples, frame.time_ns, self._style)
+        frame.filled = 0
+        for port in self._ports[channel]:
+            self._send(self._sockets[port], datagram)
+
+    def _send(self, sock: socket.socket, datagram: bytes) -> None:
+        # The refusal of the datagram before is told by an error, once, and nothing is sent.
+        for attempt in range(2):
+            try:
+                sock.send(datagram)
+            except ConnectionRefusedError:
+                self.unheard += 1 - attempt
+            except BlockingIOError:
+                self.dropped += 1
+                return
+            except OSError:
+                self.dropped += 1  # the network is down; the next one may find it up
+                return
+            else:
+                self.datagrams += 1
+                return

@@ -1,0 +1,232 @@
+"""Samples of one channel from the original channelizer's datagrams (or from ours).
+
+The stamps put the frames in order: a frame that comes before its turn waits a little for the
+missing one; what does not come is a gap; what comes after its turn has passed is dropped.
+"""
+
+import select
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.clock import monotonic_s
+from uavrt.errors import FormatError
+from uavrt.log import get_logger
+from uavrt.messages import IQBlock
+from uavrt.radio.channel_datagram import StampStyle, decode_channel_datagram, stamp_style
+from uavrt.radio.stream import check_rates
+from uavrt.radio.udp_address import listen, parse_udp_address
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+TOLERANCE_S: Final = 0.005
+"""Stamps so far from where they are expected are the next frame all the same: the thesis's are
+cut to 1 ms, and the original's step by 5.4 ms at worst when it starts counting anew."""
+HELD_FRAMES: Final = 4
+"""A missing frame is waited for until so many later ones are here: 1.1 s of a channel."""
+SILENCE_S: Final = 1.5
+"""After so long without a datagram what is held is given, whatever is missing."""
+RESTART_FRAMES: Final = 3
+"""So many frames in a row before their turn are not late: the sender's clock was set back."""
+_LARGEST: Final = 65_536
+LONGEST_GAP_S: Final = 3600.0
+"""A longer jump ahead is a sender with another clock, not lost samples."""
+
+log = get_logger()
+
+
+class ChannelDatagramSource:
+    """A channel's samples at a UDP port; a `SampleSource`.
+
+    Parameters
+    ----------
+    address : str
+        ``udp://127.0.0.1:20000``.
+    sample_rate_hz : float
+        Rate of the channel; the original's is 3750.
+    center_frequency_hz : float
+        Frequency of the channel's centre.
+    style : {"seconds", "milliseconds"}, optional
+        How stamps are written; None: told by the first one.
+
+    Raises
+    ------
+    RadioError
+        The port cannot be listened to.
+    ConfigError, FormatError
+        Not an address, or not a rate.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        sample_rate_hz: float,
+        center_frequency_hz: float,
+        style: StampStyle | None = None,
+    ) -> None:
+        check_rates(sample_rate_hz, center_frequency_hz)
+        self.name = address
+        self.samples_lost = 0
+        self.late = 0
+        """Datagrams dropped because later ones had been used, or twice."""
+        self.refused = 0
+        """Datagrams that are no frames."""
+        self._rate_hz = sample_rate_hz
+        self._center_hz = center_frequency_hz
+        self._style = style
+        self._frames = FrameOrder(sample_rate_hz)
+        self._index = 0
+        self._arrived_s = monotonic_s()
+        self._sockets = listen(*parse_udp_address(address))
+        self._poll = select.poll()
+        for sock in self._sockets:
+            self._poll.register(sock, select.POLLIN)
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Nominal sample rate [Hz]."""
+        return self._rate_hz
+
+    @property
+    def center_frequency_hz(self) -> float:
+        """Frequency of the channel's centre [Hz]."""
+        return self._center_hz
+
+    @property
+    def total_samples(self) -> int | None:
+        """None: a live stream."""
+        return None
+
+    def read(self, timeout_s: float | None = None) -> IQBlock | None:
+        """Get the next frame in order; see `SampleSource.read`."""
+        deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
+        while True:
+            self._receive()
+            silent = monotonic_s() - self._arrived_s > SILENCE_S
+            frame = self._frames.take(wait=not silent)
+            self.late = self._frames.late
+            if frame is not None:
+                return self._block(*frame)
+            left_s = None if deadline_s is None else deadline_s - monotonic_s()
+            if left_s is not None and left_s <= 0.0:
+                return None
+            self._poll.poll(1000.0 * (SILENCE_S if left_s is None else min(left_s, SILENCE_S)))
+
+    def close(self) -> None:
+        """Close the port."""
+        for sock in self._sockets:
+            sock.close()
+        self._sockets = []
+
+    def _receive(self) -> None:
+        """Take in what waits, as much as can be put in order at once."""
+        for sock in self._sockets:
+            while self._frames.waiting <= HELD_FRAMES:
+                try:
+                    payload = sock.recv(_LARGEST)
+                except BlockingIOError:
+                    break
+                self._arrived_s = monotonic_s()
+                self._accept(payload)
+
+    def _accept(self, payload: bytes) -> None:
+        try:
+            time_ns, samples = decode_channel_datagram(payload, self._style)
+        except FormatError as error:
+            if self.refused == 0:
+                log.warning("not a channel's datagram", port=self.name, reason=str(error))
+            self.refused += 1
+            return
+        self._style = stamp_style(payload) if self._style is None else self._style
+        bad = ~np.isfinite(samples)
+        if bad.any():
+            samples[bad] = 0.0
+        self._frames.put(time_ns, samples)
+
+    def _block(self, time_ns: int, samples: NDArray[np.complex64], lost: int) -> IQBlock:
+        self._index += lost
+        self.samples_lost += lost
+        block = IQBlock(
+            samples=samples,
+            sample_index=self._index,
+            time_ns=time_ns,
+            sample_rate_hz=self._rate_hz,
+            lost_before=lost,
+        )
+        self._index += len(samples)
+        return block
+
+
+class FrameOrder:
+    """Puts stamped frames in order; pure.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Of the frames.
+    """
+
+    def __init__(self, sample_rate_hz: float) -> None:
+        self._rate_hz = sample_rate_hz
+        self._tolerance_ns = round(TOLERANCE_S * NANOSECONDS_PER_SECOND)
+        self._held: list[tuple[int, NDArray[np.complex64]]] = []
+        self._early: list[tuple[int, NDArray[np.complex64]]] = []
+        self._expected_ns: int | None = None
+        self.late = 0
+        """Frames that were dropped: their turn had passed, or they came twice."""
+
+    @property
+    def waiting(self) -> int:
+        """Frames that have not been taken."""
+        return len(self._held)
+
+    def put(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
+        """Take in a frame, in any order."""
+        if self._expected_ns is not None and time_ns < self._expected_ns - self._tolerance_ns:
+            self._put_early(time_ns, samples)
+            return
+        self._early.clear()
+        if any(abs(time_ns - held) <= self._tolerance_ns for held, _ in self._held):
+            self.late += 1
+            return
+        self._held.append((time_ns, samples))
+        self._held.sort(key=lambda frame: frame[0])
+
+    def take(self, *, wait: bool = True) -> tuple[int, NDArray[np.complex64], int] | None:
+        """Get the next frame: its time [ns], its samples, and the samples lost before it.
+
+        Parameters
+        ----------
+        wait : bool
+            False: nothing more will come, give what is here.
+        """
+        if not self._held:
+            return None
+        time_ns, samples = self._held[0]
+        ahead_ns = 0 if self._expected_ns is None else time_ns - self._expected_ns
+        if wait and ahead_ns > self._tolerance_ns and len(self._held) <= HELD_FRAMES:
+            return None
+        del self._held[0]
+        self._expected_ns = time_ns + self._duration_ns(len(samples))
+        is_gap = self._tolerance_ns < ahead_ns < LONGEST_GAP_S * NANOSECONDS_PER_SECOND
+        lost = round(ahead_ns * self._rate_hz / NANOSECONDS_PER_SECOND) if is_gap else 0
+        return time_ns, samples, lost
+
+    def _put_early(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
+        """A frame whose turn has passed; several that follow each other are a new start."""
+        self.late += 1
+        if self._early:
+            last_ns, last = self._early[-1]
+            follows_ns = last_ns + self._duration_ns(len(last))
+            if abs(time_ns - follows_ns) > self._tolerance_ns:
+                self._early.clear()
+        self._early.append((time_ns, samples))
+        if len(self._early) == RESTART_FRAMES:
+            self._held = [*self._early]
+            self._early.clear()
+            self.late -= RESTART_FRAMES
+            self._expected_ns = None
+
+    def _duration_ns(self, samples: int) -> int:
+        return round(samples * NANOSECONDS_PER_SECOND / self._rate_hz)

@@ -1,0 +1,106 @@
+"""UDP addresses as the user writes them, and sockets with room for bursts."""
+
+import errno
+import socket
+from typing import Final
+
+from uavrt.errors import ConfigError, RadioError
+
+BUFFER_BYTES: Final = 4 * 1024 * 1024
+"""Asked of the system for each socket: 1.4 s of a 375 kS/s band, minutes of one channel. The
+system gives at most /proc/sys/net/core/rmem_max."""
+
+_PREFIX: Final = "udp://"
+
+
+def is_udp_address(text: str) -> bool:
+    """Tell whether a text is meant as ``udp://HOST:PORT``."""
+    return text.startswith(_PREFIX)
+
+
+def parse_udp_address(text: str) -> tuple[str, int]:
+    """Split ``udp://HOST:PORT`` or ``HOST:PORT``; an IPv6 address stands in brackets.
+
+    Raises
+    ------
+    ConfigError
+        Not such an address.
+    """
+    host, colon, port = text.removeprefix(_PREFIX).rstrip("/").rpartition(":")
+    host = host.removeprefix("[").removesuffix("]")
+    if not (colon and host and port.isascii() and port.isdigit() and 0 < int(port) < 65_536):
+        raise ConfigError(
+            f"{text!r} is not a UDP address", remedy="Write it as 127.0.0.1:20000"
+        )
+    return host, int(port)
+
+
+def listen(host: str, port: int) -> list[socket.socket]:
+    """Open sockets for every address that a name has.
+
+    ``localhost`` may be ``::1`` first for the sender (netcat) and 127.0.0.1 for us; a datagram
+    to the other one would vanish. So all of them are listened to.
+
+    Raises
+    ------
+    RadioError
+        The port is in use, or the address is not of this computer.
+    """
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+        places = {(family, address) for family, _, _, _, address in found}
+        if host == "localhost":
+            places |= {
+                (socket.AF_INET, ("127.0.0.1", port)),
+                (socket.AF_INET6, ("::1", port, 0, 0)),
+            }
+    except OSError as error:
+        raise RadioError(f"no address {host}: {error.strerror}") from error
+    sockets: list[socket.socket] = []
+    fault: OSError | None = None
+    for family, address in sorted(places, key=str):
+        try:
+            sock = socket.socket(family, socket.SOCK_DGRAM)
+        except OSError:
+            continue  # a kernel without IPv6
+        try:
+            if family == socket.AF_INET6:
+                sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+            sock.setblocking(False)
+            sock.bind(address)
+        except OSError as error:
+            sock.close()
+            if family == socket.AF_INET or fault is None:
+                fault = error
+            continue
+        sockets.append(sock)
+    # With "localhost" the other family may be off; an IPv4 port in use is a fault all the same.
+    in_use = fault is not None and fault.errno == errno.EADDRINUSE
+    if not sockets or in_use:
+        for sock in sockets:
+            sock.close()
+        raise RadioError(
+            f"cannot listen to UDP {host}:{port}: "
+            f"{fault.strerror if fault is not None else 'no such address'}",
+            remedy="End the other program that listens there, or choose another port",
+        )
+    return sockets
+
+
+def send_socket(host: str) -> socket.socket:
+    """Open a socket to send from, with a large buffer, that never blocks.
+
+    Raises
+    ------
+    RadioError
+        The name is unknown.
+    """
+    try:
+        family = socket.getaddrinfo(host, 0, type=socket.SOCK_DGRAM)[0][0]
+    except OSError as error:
+        raise RadioError(f"no address {host}: {error.strerror}") from error
+    sock = socket.socket(family, socket.SOCK_DGRAM)
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
+    sock.setblocking(False)
+    return sock

@@ -1,0 +1,229 @@
+"""Channels over UDP on the loopback: sent, received, lost, out of order."""
+
+import socket
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavrt.errors import ConfigError, RadioError
+from uavrt.messages import ChannelBlock
+from uavrt.radio.channel_datagram import decode_channel_datagram, encode_channel_datagram
+from uavrt.radio.channel_sender import ChannelDatagramSender
+from uavrt.radio.channel_source import HELD_FRAMES, ChannelDatagramSource, FrameOrder
+from uavrt.radio.udp_address import listen, parse_udp_address
+
+RATE_HZ = 3750.0
+START_NS = 1_700_000_000_000_000_000
+FRAME_NS = round(1024 * 1e9 / RATE_HZ)
+
+
+def frame(number: int, start_ns: int = START_NS) -> tuple[int, np.ndarray]:
+    """Frame whose samples count on from those of the frame before."""
+    return start_ns + number * FRAME_NS, np.arange(1024 * number, 1024 * (number + 1)).astype(
+        np.complex64
+    )
+
+
+def taken(order: FrameOrder) -> list[tuple[int, int]]:
+    """All that can be taken: each frame's number, and the samples lost before it."""
+    found = []
+    while (got := order.take()) is not None:
+        found.append((int(got[1][0].real) // 1024, got[2]))
+    return found
+
+
+def test_frames_in_order_pass_at_once() -> None:
+    order = FrameOrder(RATE_HZ)
+    for number in range(5):
+        order.put(*frame(number))
+        assert taken(order) == [(number, 0)]
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.permutations(range(1, 1 + HELD_FRAMES)))
+def test_frames_that_overtake_each_other_are_put_in_order(arrival: list[int]) -> None:
+    order = FrameOrder(RATE_HZ)
+    found = []
+    for number in (0, *arrival, 5, 6):
+        order.put(*frame(number))
+        found += taken(order)
+    assert found == [(number, 0) for number in range(7)]
+    assert order.late == 0
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.sets(st.integers(1, 30), max_size=20))
+def test_frames_that_never_come_are_gaps_of_their_length(missing: set[int]) -> None:
+    order = FrameOrder(RATE_HZ)
+    found = []
+    for number in range(40):
+        if number not in missing:
+            order.put(*frame(number))
+        found += taken(order)
+    assert [number for number, _ in found] == [n for n in range(40) if n not in missing]
+    assert sum(lost for _, lost in found) == 1024 * len(missing)
+    # Each gap stands before the frame that follows it.
+    index = 0
+    for number, lost in found:
+        index += lost
+        assert index == 1024 * number
+        index += 1024
+
+
+def test_a_frame_after_its_turn_or_twice_is_dropped_and_counted() -> None:
+    order = FrameOrder(RATE_HZ)
+    found = []
+    for number in (0, 1, 3, 3, 4, 5, 6, 7, 2, 8):
+        order.put(*frame(number))
+        found += taken(order)
+    assert [number for number, _ in found] == [0, 1, 3, 4, 5, 6, 7, 8]
+    assert order.late == 2
+
+
+def test_a_clock_that_is_set_back_starts_anew_after_three_frames() -> None:
+    order = FrameOrder(RATE_HZ)
+    for number in range(4):
+        order.put(*frame(number))
+        taken(order)
+    found = []
+    for number in range(4, 9):
+        order.put(*frame(number, START_NS - 3_600_000_000_000))
+        found += taken(order)
+    assert found == [(4, 0), (5, 0), (6, 0), (7, 0), (8, 0)]
+    assert order.late == 0
+
+
+def test_stamps_that_creep_are_followed_without_a_gap() -> None:
+    order = FrameOrder(RATE_HZ)
+    for number in range(2000):
+        # A clock 200 ppm off: 109 ms after 2000 frames, 55 µs in each.
+        time_ns, samples = frame(number)
+        order.put(time_ns + number * FRAME_NS // 5000, samples)
+        assert taken(order) == [(number, 0)]
+
+
+@pytest.fixture
+def source() -> Iterator[ChannelDatagramSource]:
+    opened = ChannelDatagramSource(
+        f"udp://127.0.0.1:{free_port()}", sample_rate_hz=RATE_HZ, center_frequency_hz=148.71e6
+    )
+    yield opened
+    opened.close()
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return int(sock.getsockname()[1])
+
+
+def block(first: int, count: int, *, lost: int = 0, channel: int = 45) -> ChannelBlock:
+    """Samples that say their index."""
+    return ChannelBlock(
+        channel=channel,
+        center_frequency_hz=148.71e6,
+        samples=np.arange(first, first + count).astype(np.complex64),
+        sample_index=first,
+        time_ns=START_NS + round(first * 1e9 / RATE_HZ),
+        sample_rate_hz=RATE_HZ,
+        lost_before=lost,
+    )
+
+
+def test_what_is_sent_arrives_whole_however_the_blocks_are_cut(
+    source: ChannelDatagramSource,
+) -> None:
+    port = parse_udp_address(source.name)[1]
+    sender = ChannelDatagramSender({45: [port]})
+    rng = np.random.default_rng(1)
+    index = 0
+    received = []
+    while index < 200_000:
+        count = int(rng.integers(1, 3000))
+        sender.send(block(index, count))
+        sender.send(block(index, count, channel=46))  # not asked for
+        index += count
+        while (got := source.read(0.0)) is not None:
+            assert got.lost_before == 0
+            received.append(got)
+    sender.close()
+    assert sender.datagrams == len(received) == index // 1024
+    assert sender.dropped == sender.unheard == 0
+    samples = np.concatenate([got.samples for got in received])
+    np.testing.assert_array_equal(samples, np.arange(len(samples)))
+    for got in received:
+        assert abs(got.time_ns - START_NS - got.sample_index * 1e9 / RATE_HZ) < 2
+
+
+def test_a_hundred_channels_in_a_burst_of_a_second_lose_nothing() -> None:
+    sockets = {channel: listen("127.0.0.1", free_port())[0] for channel in range(100)}
+    ports = {channel: [sock.getsockname()[1]] for channel, sock in sockets.items()}
+    sender = ChannelDatagramSender(ports)
+    for channel in ports:
+        sender.send(block(0, 4096, channel=channel))
+    for sock in sockets.values():
+        for number in range(4):
+            time_ns, samples = decode_channel_datagram(sock.recv(65_536))
+            np.testing.assert_array_equal(samples, frame(number)[1])
+            assert abs(time_ns - frame(number)[0]) < 2
+        sock.close()
+    sender.close()
+    assert sender.datagrams == 400
+
+
+def test_a_gap_within_a_frame_is_zeros_and_the_rest_of_it_a_gap_of_the_stamps(
+    source: ChannelDatagramSource,
+) -> None:
+    sender = ChannelDatagramSender({45: [parse_udp_address(source.name)[1]]})
+    sender.send(block(0, 1000))
+    sender.send(block(2000, 1024, lost=1000))
+    sender.close()
+    first = source.read(1.0)
+    assert first is not None
+    np.testing.assert_array_equal(first.samples[:1000], np.arange(1000))
+    assert not first.samples[1000:].any()
+    second = source.read(5.0)  # held for the missing until nothing comes any more
+    assert second is not None
+    assert second.lost_before == 976
+    assert second.sample_index == 2000
+    np.testing.assert_array_equal(second.samples, np.arange(2000, 3024))
+
+
+def test_nobody_listening_disturbs_nobody() -> None:
+    sender = ChannelDatagramSender({45: [free_port()]})
+    for number in range(10):
+        sender.send(block(1024 * number, 1024))
+    sender.close()
+    assert sender.datagrams == 10
+    assert sender.dropped == 0
+
+
+def test_what_is_no_frame_is_counted_and_passed_over(source: ChannelDatagramSource) -> None:
+    port = parse_udp_address(source.name)[1]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.sendto(b"hello", ("127.0.0.1", port))
+        sock.sendto(encode_channel_datagram(frame(3)[1], START_NS), ("127.0.0.1", port))
+    got = source.read(5.0)
+    assert got is not None
+    assert got.time_ns == START_NS
+    assert source.refused == 1
+
+
+def test_a_port_in_use_is_named(source: ChannelDatagramSource) -> None:
+    with pytest.raises(RadioError, match=source.name.removeprefix("udp://")):
+        ChannelDatagramSource(source.name, sample_rate_hz=RATE_HZ, center_frequency_hz=148.71e6)
+
+
+@pytest.mark.parametrize("text", ["udp://", "udp://host", "host:0", "host:70000", ":20", "a:b"])
+def test_what_is_no_address_is_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match="UDP address"):
+        parse_udp_address(text)
+
+
+def test_addresses_are_read_with_and_without_their_scheme() -> None:
+    assert parse_udp_address("udp://127.0.0.1:20090/") == ("127.0.0.1", 20090)
+    assert parse_udp_address("localhost:10000") == ("localhost", 10000)
+    assert parse_udp_address("udp://[::1]:10000") == ("::1", 10000)
