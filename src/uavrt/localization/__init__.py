@@ -2,13 +2,33 @@
 
 from uavrt.localization.antenna import PATTERNS, AntennaPattern, monopole_gain_db
 from uavrt.localization.bearing import estimate_bearing
-from uavrt.localization.records import Bearing, BearingMethod
+from uavrt.localization.level_evidence import Propagation
+from uavrt.localization.position import Stations, estimate_position
+from uavrt.localization.power_evidence import PowerTrack
+from uavrt.localization.records import (
+    Bearing,
+    BearingMethod,
+    Ellipse,
+    Position,
+    PositionGrid,
+    PositionMethod,
+)
+from uavrt.localization.tangent_plane import TangentPlane
 
 __all__ = [
     "PATTERNS",
     "AntennaPattern",
     "Bearing",
     "BearingMethod",
+    "Ellipse",
+    "Position",
+    "PositionGrid",
+    "PositionMethod",
+    "PowerTrack",
+    "Propagation",
+    "Stations",
+    "TangentPlane",
     "estimate_bearing",
+    "estimate_position",
     "monopole_gain_db",
 ]

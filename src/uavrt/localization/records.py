@@ -72,3 +72,58 @@ class Bearing:
         return self.multipath_suspected or (
             second is not None and second >= BIMODAL_PROBABILITY
         )
+
+
+PositionMethod = Literal["bayes", "mle", "rmr", "mest", "rmr_ahead", "mest_lenth"]
+"""``mle``, ``rmr`` and ``mest`` as the original system computes them; ``rmr_ahead`` and
+``mest_lenth`` as they were meant."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PositionGrid:
+    """A probability over the ground: the heat map."""
+
+    latitude_deg: float
+    """Of the local plane's origin."""
+    longitude_deg: float
+    east_m: NDArray[np.float64]
+    """(x,) centres of the cells, from the origin."""
+    north_m: NDArray[np.float64]
+    """(y,)."""
+    probability: NDArray[np.float64]
+    """(y, x) of each cell; sums to 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ellipse:
+    """Where a tag is with 95 % probability, were its law normal."""
+
+    semi_major_m: float
+    semi_minor_m: float
+    orientation_deg: float
+    """Direction of the long axis, clockwise from true north, [0, 180)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Position:
+    """Where a tag is."""
+
+    latitude_deg: float
+    longitude_deg: float
+    method: PositionMethod
+    stations: int
+    """Bearings that went into it."""
+    pulses: int = 0
+    """Powers that went into it, missed ones included."""
+    radius50_m: float | None = None
+    """Circle around the point that holds the tag with 50 % probability; None: not known."""
+    radius95_m: float | None = None
+    ellipse95: Ellipse | None = None
+    outlier_probabilities: tuple[float, ...] | None = None
+    """For each bearing, that it has nothing to do with the tag."""
+    level_db: float | None = None
+    """SNR that the tag would have 100 m away, when powers were used."""
+    path_loss_exponent: float | None = None
+    at_edge: bool = False
+    """The search area cuts the probability: the tag may lie farther out."""
+    grid: PositionGrid | None = None

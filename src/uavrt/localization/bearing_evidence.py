@@ -1,0 +1,97 @@
+"""What bearings say about a place: each one's density, mixed with the chance that it errs."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.angles import difference_deg
+
+_STEP_DEG = 0.25
+_BLURS_DEG = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+"""A bearing seen from within a wide cell of a grid is as blurred as the cell is wide."""
+UNKNOWN_SIGMAS_DEG = (1.5, 3.0, 6.0, 12.0, 24.0)
+"""Common standard deviations weighed against each other when bearings come without one."""
+
+_Floats = NDArray[np.float64]
+
+
+class BearingEvidence:
+    """Log-likelihood of places, given bearings from stations.
+
+    Parameters
+    ----------
+    east_m, north_m : (n,) float64 arrays
+        Stations in the local plane.
+    posterior : (n, 360) float64 array
+        Probability of whole degrees, for each bearing.
+    outlier_share : float
+        Probability that a bearing has nothing to do with the tag.
+    """
+
+    def __init__(
+        self, east_m: _Floats, north_m: _Floats, posterior: _Floats, *, outlier_share: float
+    ) -> None:
+        self._east_m = east_m
+        self._north_m = north_m
+        self._outlier = outlier_share / 360.0
+        self._tables = self._blurred(posterior) * (1.0 - outlier_share) + self._outlier
+
+    @staticmethod
+    def _blurred(density: _Floats) -> _Floats:
+        """(n, blurs, 1440) density per degree."""
+        stations, steps = density.shape
+        count = round(360.0 / _STEP_DEG)
+        grid = np.arange(count) * _STEP_DEG
+        places = np.arange(steps) * (360.0 / steps)
+        fine = np.stack(
+            [np.interp(grid, places, row * (steps / 360.0), period=360.0) for row in density]
+        )
+        harmonics = np.fft.rfft(fine, axis=1)
+        order = np.arange(harmonics.shape[1])
+        blurs = np.radians(np.array(_BLURS_DEG))[:, None]
+        damping = np.exp(-0.5 * (blurs * order) ** 2)
+        tables = np.fft.irfft(harmonics[:, None, :] * damping[None, :, :], count, axis=2)
+        return np.asarray(np.maximum(tables, 0.0)).reshape(stations, len(_BLURS_DEG), count)
+
+    def densities(self, east_m: _Floats, north_m: _Floats, cell_m: float) -> _Floats:
+        """(n, places): density of each bearing towards each place, per degree.
+
+        Parameters
+        ----------
+        east_m, north_m : (places,) float64 arrays
+            The places.
+        cell_m : float
+            Width of the cell that a place stands for.
+        """
+        out = np.empty((len(self._east_m), len(east_m)))
+        for station, table in enumerate(self._tables):
+            dx, dy = east_m - self._east_m[station], north_m - self._north_m[station]
+            # A cell of width c has a standard deviation of c / √12 across the ray.
+            spread = np.degrees(cell_m / 3.46 / np.maximum(np.hypot(dx, dy), cell_m))
+            blur = np.searchsorted(_BLURS_DEG[1:], spread * 0.75)
+            place = np.remainder(np.degrees(np.arctan2(dx, dy)), 360.0) / _STEP_DEG
+            below = place.astype(np.intp)
+            part = place - below
+            count = table.shape[1]
+            low, high = table[blur, below % count], table[blur, (below + 1) % count]
+            out[station] = low + part * (high - low)
+        return out
+
+    def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: float) -> _Floats:
+        """(places,) logarithm of the product of all bearings' densities."""
+        return np.asarray(np.log(self.densities(east_m, north_m, cell_m)).sum(axis=0))
+
+    def outlier_probabilities(
+        self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: float
+    ) -> tuple[float, ...]:
+        """Probability that each bearing errs, over a posterior of places."""
+        share = self._outlier / self.densities(east_m, north_m, cell_m)
+        return tuple(float(min(1.0, p)) for p in share @ probability)
+
+
+def von_mises(bearing_deg: _Floats, sigma_deg: _Floats) -> _Floats:
+    """(n, 1440) von Mises probabilities, kappa = 1 / sigma²; sigma at least 0.3°."""
+    kappa = 1.0 / np.radians(np.maximum(sigma_deg, 0.3)) ** 2
+    grid = np.arange(0.0, 360.0, _STEP_DEG)
+    off = np.radians(difference_deg(grid[None, :], bearing_deg[:, None]))
+    density = np.exp(kappa[:, None] * (np.cos(off) - 1.0))
+    return np.asarray(density / density.sum(axis=1, keepdims=True))
