@@ -345,10 +345,11 @@ class PulseDetector:
         for candidate in found:
             if self._explained(candidate, search, taken):
                 continue
-            places = self._measure(candidate, search)
-            if places is None:
+            measured = self._measure(candidate, search)
+            if measured is None or measured[0] < search.threshold:
                 continue
-            group = [measured for _, measured in places]
+            statistic, places = measured
+            group = [pulse for _, pulse in places]
             if any(_share_a_pulse(group, other, self._grid.window) for other in taken):
                 continue
             taken.append(group)
@@ -360,7 +361,12 @@ class PulseDetector:
             if reason is not None:
                 self.counters.reject(reason)
                 continue
-            track = Track(tag=self.tag, rate=search.rate, offset_hz=0.0, score=candidate.score)
+            track = Track(
+                tag=self.tag,
+                rate=search.rate,
+                offset_hz=0.0,
+                score=statistic / search.threshold,
+            )
             track.begin(
                 [
                     (place, self._seconds(m.start), self._buffer.time_ns(m.start), m)
@@ -397,8 +403,8 @@ class PulseDetector:
 
     def _measure(
         self, candidate: Candidate, search: RateSearch
-    ) -> list[tuple[int, Measured]] | None:
-        """Measure a candidate's pulses: place and pulse, those outside the samples left out."""
+    ) -> tuple[float, list[tuple[int, Measured]]] | None:
+        """Measure a candidate: statistic, and its pulses with their places among the K."""
         grid = self._grid
         starts = np.array([grid.start(column) for column in candidate.columns])
         half = (search.reach + 1) * grid.hop
@@ -413,10 +419,12 @@ class PulseDetector:
             grid.sample_rate_hz / grid.window / 4.0,
             self._noise.level,
             climb=True,
+            limit=search.limit,
         )
         if found is None:
             return None
-        return list(zip(np.flatnonzero(kept).tolist(), found, strict=True))
+        statistic, pulses = found
+        return statistic, list(zip(np.flatnonzero(kept).tolist(), pulses, strict=True))
 
     def _refusal(self, group: list[Measured], search: RateSearch) -> str | None:
         """Why a group above the threshold is no tag, or None."""
@@ -488,7 +496,7 @@ class PulseDetector:
         if found is None:
             track.skip()
             return True
-        measured = found[0]
+        measured = found[1][0]
         track.step(
             Slot(
                 number=0,

@@ -22,6 +22,9 @@ CELL_LIMIT = 14.0
 
 Without a limit one impulse carries a group. The limit costs nothing at the threshold: it lowers
 the false alarms of noise as much (measured: docs/explanation/detection.md)."""
+COARSE = 0.93
+"""A cell's power falls by up to 0.3 dB between the grid's points: sums from here on are
+measured again on the samples, and that measure must reach the threshold."""
 _ANCHORS_AT_ONCE = 96
 _CANDIDATES_AT_ONCE = 8
 _DENSE_FROM_K = 9
@@ -32,7 +35,7 @@ class Candidate:
     """A hypothesis whose statistic reached the threshold."""
 
     score: float
-    """The statistic over the threshold."""
+    """The statistic on the grid over the threshold; a candidate from `COARSE` on."""
     strength: float
     """The sum without the limit on a cell, in noise powers: settles ties of strong pulses."""
     rate: int
@@ -75,6 +78,7 @@ class RateSearch:
         self.rate = rate
         self.k = k
         self.threshold = threshold
+        self._coarse = COARSE * threshold
         self.limit = CELL_LIMIT if k > 1 else math.inf
         self._rows = rows
         self.reach = max(1, math.ceil(jitter_s / hop_s - 0.25))
@@ -143,7 +147,7 @@ class RateSearch:
         self._append(largest)
         if self.dense:
             return self._search_dense(noise)
-        needed = np.float32(self.threshold / self.k) * noise
+        needed = np.float32(self._coarse / self.k) * noise
         peaks = np.flatnonzero((middle >= needed) & (middle == largest))
         row = peaks % self._rows
         self._anchor_column = np.concatenate((self._anchor_column, first + peaks // self._rows))
@@ -214,7 +218,7 @@ class RateSearch:
     ) -> None:
         """Note the anchors whose best interval reaches the threshold."""
         best = totals.max(axis=1)
-        hits = np.flatnonzero(best >= self.threshold)
+        hits = np.flatnonzero(best >= self._coarse)
         if not len(hits):
             return
         anchors = start + hits
@@ -257,7 +261,7 @@ class RateSearch:
             for back in range(self.k):
                 at = top - round(back * float(interval))
                 total += scaled[at : at + count]
-            hits = np.flatnonzero(total.max(axis=0) >= self.threshold)
+            hits = np.flatnonzero(total.max(axis=0) >= self._coarse)
             for row in hits:
                 column = int(total[:, row].argmax())
                 found.append(

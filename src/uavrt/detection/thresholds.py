@@ -61,8 +61,10 @@ def group_tail(k: int, spread: float, threshold: float) -> float:
 
 
 _FACTOR_K = np.log(np.array([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0]))
-_FACTOR_LOG = np.log(np.array([7.5, 20.0, 25.0, 100.0, 250.0, 450.0, 250.0, 500.0]))
-"""Calibrated factor on the effective number of hypotheses, by K."""
+_FACTOR_LOG = np.log(np.array([16.5, 19.0, 24.0, 32.0, 60.0, 75.0, 60.0, 150.0]))
+"""Effective hypotheses of one independent cell and interval, by K: calibrated."""
+_INTERVAL_POWER = np.array([1.0, 1.40, 1.42, 1.43, 1.46, 1.57, 1.60, 1.60])
+"""Power with which the number of intervals counts, by K: calibrated."""
 
 
 def effective_hypotheses(
@@ -92,7 +94,8 @@ def effective_hypotheses(
     width_s = pulse_width_s / 2.0 + reach_s
     intervals = 1.0 + (k - 1) * uncertainty_s / width_s if k > 1 else 1.0
     factor = math.exp(float(np.interp(math.log(k), _FACTOR_K, _FACTOR_LOG)))
-    return factor * cells * intervals
+    power = float(np.interp(math.log(k), _FACTOR_K, _INTERVAL_POWER))
+    return factor * cells * float(intervals**power)
 
 
 def spread(*, reach_s: float, pulse_width_s: float) -> float:
