@@ -30,6 +30,10 @@ class DetectorConfig:
     sample_rate_hz: float
     data_port: int
     log_path: str = ""
+    operating_mode: str = "freqSearchHardLock"
+    """One of the original's four (`uavrt.detection.OperatingMode`); theirs is the default."""
+    excluded_hz: tuple[tuple[float, float], ...] = ()
+    """Stretches not to search, from and to, relative to the channel's centre."""
 
 
 def detector_config(tag: Tag, center_frequency_hz: float, log_path: str = "") -> DetectorConfig:
@@ -76,8 +80,8 @@ def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> N
         ("tipu", tag.interval_uncertainty_s),
         ("tipj", tag.interval_jitter_s),
         ("K", tag.k),
-        ("opMode", "freqSearchHardLock"),
-        ("excldFreqs", "[Inf, -Inf]"),
+        ("opMode", config.operating_mode),
+        ("excldFreqs", _stretches_text(config.excluded_hz)),
         ("falseAlarmProb", tag.false_alarm_probability),
         ("dataRecordPath", config.log_path),
         ("logPath", config.log_path),
@@ -142,6 +146,8 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
             sample_rate_hz=float(values["Fs"]),
             data_port=int(values.get("portData", "0")),
             log_path=values.get("logPath", ""),
+            operating_mode=values.get("opMode", "freqSearchHardLock"),
+            excluded_hz=_stretches(values.get("excldFreqs", "")),
         )
     except KeyError as error:
         raise FormatError(
@@ -151,3 +157,26 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
         raise FormatError(
             f"{name} is not a detectorConfig.txt: {error}", remedy="Correct that line"
         ) from None
+
+
+def _stretches(text: str) -> tuple[tuple[float, float], ...]:
+    """Read MATLAB's ``[lo, hi; lo, hi]``; an empty stretch like ``[Inf, -Inf]`` is none.
+
+    Raises
+    ------
+    ValueError
+        Not pairs of numbers.
+    """
+    found = []
+    for row in text.strip().removeprefix("[").removesuffix("]").split(";"):
+        cells = row.replace(",", " ").split()
+        if cells:
+            low, high = map(float, cells)
+            if low <= high:
+                found.append((low, high))
+    return tuple(found)
+
+
+def _stretches_text(stretches: tuple[tuple[float, float], ...]) -> str:
+    rows = "; ".join(f"{low!r}, {high!r}" for low, high in stretches)
+    return f"[{rows or 'Inf, -Inf'}]"

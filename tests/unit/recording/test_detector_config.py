@@ -1,5 +1,6 @@
 """``detectorConfig.txt`` as the original detector reads it, and read from it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -112,8 +113,35 @@ def test_the_last_record_of_an_original_file_counts(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    "mode",
+    ["freqSearchHardLock", "freqSearchSoftLock", "freqKnownHardLock", "freqAllNeverLock"],
+)
+def test_mode_and_excluded_stretches_are_written_and_read(tmp_path: Path, mode: str) -> None:
+    path = tmp_path / "detectorConfig.txt"
+    excluded = ((-1200.0, -1100.5), (0.0, 10.0))
+    config = replace(
+        detector_config(TAG, 148.7e6, "/logs"), operating_mode=mode, excluded_hz=excluded
+    )
+    write_detector_config(path, config, TIME_NS)
+    assert original_reader(path.read_text())["excldFreqs"] == "[-1200.0, -1100.5; 0.0, 10.0]"
+    assert read_detector_config(path) == config
+
+
+def test_no_excluded_stretch_is_read_as_none(tmp_path: Path) -> None:
+    path = tmp_path / "detectorConfig.txt"
+    write_detector_config(path, detector_config(TAG, 148.7e6), TIME_NS)
+    assert "excldFreqs:\t[Inf, -Inf]\n" in path.read_text()
+    assert read_detector_config(path).excluded_hz == ()
+
+
+@pytest.mark.parametrize(
     ("text", "word"),
     [
+        (
+            "ID:\t2\nchannelCenterFreqMHz:\t1\ntip:\t1\nFs:\t1\ntagFreqMHz:\t1\ntp:\t1\n"
+            "excldFreqs:\t[1, 2, 3]\n",
+            "is not a detectorConfig.txt",
+        ),
         ("", "has no"),
         ("ID:\t2\n", "has no tip"),
         ("ID:\tx\ntip:\t1\nFs:\t1\ntagFreqMHz:\t1\ntp:\t1\n", "is not a detectorConfig.txt"),

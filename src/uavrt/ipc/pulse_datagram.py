@@ -1,0 +1,177 @@
+"""Pulses as the original detector sends them to its controller: 96 bytes by UDP.
+
+Twelve float64, little endian, to 127.0.0.1:50000 (reference/detector.md §6.1)::
+
+    offset  field
+    0       tag_id
+    8       frequency_hz           absolute, whole hertz
+    16      start_time_s           since 1970; float64 resolves 0.24 µs today
+    24      predict_next_start_s   0: none
+    32      snr_db
+    40      stft_score             statistic over threshold
+    48      group_sequence
+    56      group_index            1 to K
+    64      group_snr_db
+    72      detection_status       0 below the threshold, 1 detected, 2 confirmed,
+                                   3 searched and found nothing
+    80      confirmed              0 or 1
+    88      noise_psd
+
+The four states are the successor's; the original knows 0 and 1. A heartbeat is a record with
+only the tag's number: frequency 0. A record of state 3 has number, frequency, time, score and
+noise.
+"""
+
+import math
+import socket
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from uavrt.errors import FormatError, LinkError
+from uavrt.messages import DetectionStatus, Pulse, SearchReport
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+RECORD: Final = struct.Struct("<12d")
+DEFAULT_PORT: Final = 50_000
+HEARTBEAT_S: Final = 1.0
+"""The successor's period; the original sends one before each search, about every 3.6 s."""
+
+_STATES: Final[dict[DetectionStatus, int]] = {"subthreshold": 0, "detected": 1, "confirmed": 2}
+NOTHING_FOUND: Final = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PulseRecord:
+    """The twelve numbers, as they are on the wire."""
+
+    tag_id: float
+    frequency_hz: float = 0.0
+    start_time_s: float = 0.0
+    predict_next_start_s: float = 0.0
+    snr_db: float = 0.0
+    stft_score: float = 0.0
+    group_sequence: float = 0.0
+    group_index: float = 0.0
+    group_snr_db: float = 0.0
+    detection_status: float = 0.0
+    confirmed: float = 0.0
+    noise_psd: float = 0.0
+
+    @property
+    def is_heartbeat(self) -> bool:
+        """True for a sign of life, which has no frequency."""
+        return self.frequency_hz == 0.0
+
+    def encode(self) -> bytes:
+        """Write the 96 bytes."""
+        return RECORD.pack(*(getattr(self, name) for name in self.__slots__))
+
+    @classmethod
+    def decode(cls, payload: bytes) -> "PulseRecord":
+        """Read the 96 bytes; any float is taken, the original sends infinite ones.
+
+        Raises
+        ------
+        FormatError
+            Another number of bytes.
+        """
+        if len(payload) != RECORD.size:
+            raise FormatError(
+                f"a pulse record has {RECORD.size} bytes, this one {len(payload)}",
+                remedy="Check that the sender is a detector",
+            )
+        return cls(**dict(zip(cls.__slots__, RECORD.unpack(payload), strict=True)))
+
+
+def record_of_pulse(pulse: Pulse) -> PulseRecord:
+    """Convert a pulse."""
+    return PulseRecord(
+        tag_id=pulse.tag_id,
+        frequency_hz=round(pulse.frequency_hz),
+        start_time_s=pulse.start_time_ns / NANOSECONDS_PER_SECOND,
+        predict_next_start_s=(pulse.predicted_next_start_ns or 0) / NANOSECONDS_PER_SECOND,
+        snr_db=pulse.snr_db,
+        stft_score=pulse.score,
+        group_sequence=pulse.group_sequence,
+        group_index=pulse.group_index,
+        group_snr_db=pulse.group_snr_db,
+        detection_status=_STATES[pulse.detection_status],
+        confirmed=pulse.confirmed,
+        noise_psd=pulse.noise_psd,
+    )
+
+
+def record_of_search(report: SearchReport) -> PulseRecord:
+    """Convert "searched, nothing found"."""
+    return PulseRecord(
+        tag_id=report.tag_id,
+        frequency_hz=round(report.frequency_hz),
+        start_time_s=report.time_ns / NANOSECONDS_PER_SECOND,
+        stft_score=report.best_score,
+        detection_status=NOTHING_FOUND,
+        noise_psd=report.noise_psd,
+    )
+
+
+class PulseDatagramSender:
+    """Sends pulse records and heartbeats; never waits, and whether somebody listens is his.
+
+    Parameters
+    ----------
+    host, port : str, int
+        Where to.
+    tag_ids : sequence of int
+        Tags that heartbeats are sent for.
+
+    Raises
+    ------
+    LinkError
+        The name is unknown.
+    """
+
+    def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:
+        try:
+            family, _, _, _, self._place = socket.getaddrinfo(
+                host, port, type=socket.SOCK_DGRAM
+            )[0]
+        except OSError as error:
+            raise LinkError(
+                f"no address {host}: {error.strerror}", remedy="Check the name"
+            ) from error
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._tag_ids = tuple(tag_ids)
+        self._last_heartbeat_s = -math.inf
+        self.sent = 0
+        self.dropped = 0
+        """Not sent, for want of room or of a network."""
+
+    def send_pulses(self, pulses: Iterable[Pulse]) -> None:
+        """Send pulses, each once."""
+        for pulse in pulses:
+            self._send(record_of_pulse(pulse))
+
+    def send_reports(self, reports: Iterable[SearchReport]) -> None:
+        """Send what was searched in vain."""
+        for report in reports:
+            self._send(record_of_search(report))
+
+    def heartbeat(self, now_s: float) -> None:
+        """Send a heartbeat for each tag when a second has passed on a monotonic clock."""
+        if now_s - self._last_heartbeat_s >= HEARTBEAT_S:
+            self._last_heartbeat_s = now_s
+            for tag_id in self._tag_ids:
+                self._send(PulseRecord(tag_id=tag_id))
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _send(self, record: PulseRecord) -> None:
+        try:
+            self._socket.sendto(record.encode(), self._place)
+            self.sent += 1
+        except OSError:
+            self.dropped += 1
