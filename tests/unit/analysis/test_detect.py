@@ -143,11 +143,15 @@ def test_progress_is_told_after_each_block() -> None:
 
 
 def test_what_cannot_be_searched_is_refused() -> None:
-    radio = {"sample_rate_hz": 250e3, "center_frequency_hz": CENTER_HZ}
     with pytest.raises(ConfigError, match="tags"):
-        DetectionChain([], **radio)
+        DetectionChain([], sample_rate_hz=250e3, center_frequency_hz=CENTER_HZ)
     with pytest.raises(ConfigError, match="window"):
-        DetectionChain([TAG], frequency_window_hz=float("nan"), **radio)
+        DetectionChain(
+            [TAG],
+            sample_rate_hz=250e3,
+            center_frequency_hz=CENTER_HZ,
+            frequency_window_hz=float("nan"),
+        )
     with pytest.raises(TunerError, match=r"148\.7"):
         DetectionChain([TAG], sample_rate_hz=250e3, center_frequency_hz=140e6)
     with pytest.raises(UsageError):
