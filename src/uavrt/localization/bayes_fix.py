@@ -65,10 +65,20 @@ class GridPosterior:
             _refined(self.north_m, self.log_density[:, column], int(row)),
         )
 
-    def radius_m(self, share: float) -> float:
-        """Radius of the circle around the most probable point that holds some share."""
+    def geometric_median(self) -> tuple[float, float]:
+        """East and north [m] of the point with the least expected error (Weiszfeld)."""
         east, north = self.places()
-        x, y = self.most_probable()
+        weight = self.probability.ravel()
+        x, y = float(weight @ east), float(weight @ north)
+        for _ in range(30):
+            pull = weight / np.maximum(np.hypot(east - x, north - y), 0.5 * self.cell_m)
+            x, y = float(pull @ east / pull.sum()), float(pull @ north / pull.sum())
+        return x, y
+
+    def radius_m(self, share: float, point: tuple[float, float]) -> float:
+        """Radius of the circle around a point that holds some share."""
+        east, north = self.places()
+        x, y = point
         distance = np.hypot(east - x, north - y)
         order = np.argsort(distance)
         held = np.cumsum(self.probability.ravel()[order])

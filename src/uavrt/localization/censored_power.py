@@ -1,8 +1,9 @@
 """The same regression when pulses were missed because they were weak.
 
 A fit to the heard pulses alone takes the lucky ones for the rule: at the rim of hearing the
-loss looks flat. Each miss is therefore filled in by what it must have been on average, given that it
-stayed below the threshold, and the fit repeated (expectation maximisation of Tobin's model).
+loss looks flat. Each miss is therefore filled in by what it must have been on average, given
+that it stayed below the threshold, and the fit repeated (expectation maximisation of Tobin's
+model).
 """
 
 from dataclasses import dataclass

@@ -221,7 +221,10 @@ def _bayes(
     margin = max_range_m or (max(300.0, 0.5 * length) if stations is None else _BEARING_RANGE_M)
     cells = _BEARING_CELLS if track is None else _POWER_CELLS
     grid = grid_posterior(log_likelihood, _area(tracks, margin), cells=cells)
-    east, north = grid.most_probable()
+    # Powers alone leave mirror images and long tails, where the most probable place is often
+    # the wrong one: 41 m against 34 m in a tenth of surveys, with equal medians.
+    point = grid.geometric_median() if stations is None else grid.most_probable()
+    east, north = point
     latitude, longitude = plane.to_geodetic(east, north)
     fit = None if track is None else track.fit(np.array([east]), np.array([north]))
     return Position(
@@ -230,8 +233,8 @@ def _bayes(
         method="bayes",
         stations=0 if stations is None else len(stations.bearing_deg),
         pulses=0 if powers is None else len(powers.snr_db),
-        radius50_m=grid.radius_m(0.5),
-        radius95_m=grid.radius_m(0.95),
+        radius50_m=grid.radius_m(0.5, point),
+        radius95_m=grid.radius_m(0.95, point),
         ellipse95=grid.ellipse(),
         outlier_probabilities=_outliers(bearings, grid),
         level_db=None if fit is None else float(fit.level_db[0]),

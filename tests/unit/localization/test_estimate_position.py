@@ -1,0 +1,292 @@
+"""Positions: exact where nothing errs, honest where something does."""
+
+from typing import get_args
+
+import numpy as np
+import pytest
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization import (
+    PATTERNS,
+    Position,
+    PositionMethod,
+    PowerTrack,
+    Propagation,
+    Stations,
+    TangentPlane,
+    estimate_bearing,
+    estimate_position,
+    monopole_gain_db,
+)
+
+METHODS = get_args(PositionMethod)
+PLANE = TangentPlane(latitude_deg=35.18, longitude_deg=-111.66)
+LINE = (np.linspace(-250.0, 250.0, 6), np.zeros(6))
+SQUARE = (np.array([-300.0, 300.0, 300.0, -300.0]), np.array([-300.0, -300.0, 300.0, 300.0]))
+
+Floats = NDArray[np.float64]
+
+
+def stations(
+    places: tuple[Floats, Floats],
+    tag: tuple[float, float],
+    errors_deg: Floats | float = 0.0,
+    sigma_deg: float | None = 3.0,
+) -> Stations:
+    east, north = places
+    latitude, longitude = PLANE.to_geodetic(east, north)
+    return Stations(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        bearing_deg=np.degrees(np.arctan2(tag[0] - east, tag[1] - north)) + errors_deg,
+        sigma_deg=None if sigma_deg is None else np.full(len(east), sigma_deg),
+    )
+
+
+def miss_m(found: Position, tag: tuple[float, float]) -> float:
+    east, north = PLANE.to_local(found.latitude_deg, found.longitude_deg)
+    return float(np.hypot(east - tag[0], north - tag[1]))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("tag", [(0.0, 400.0), (-120.0, 250.0), (310.0, -500.0)])
+def test_bearings_without_error_meet_at_the_tag(
+    method: PositionMethod, tag: tuple[float, float]
+) -> None:
+    found = estimate_position(stations(LINE, tag), method=method)
+    assert found.method == method
+    assert found.stations == 6
+    # With 3° errors the posterior is 100 m long here, and a cell of the grid some metres.
+    assert miss_m(found, tag) < 5.0
+
+
+def test_two_bearings_cross_at_one_point_for_the_estimators_of_lenth() -> None:
+    two = (np.array([0.0, 500.0]), np.zeros(2))
+    for method in METHODS[1:]:
+        assert (
+            miss_m(
+                estimate_position(stations(two, (200.0, 300.0)), method=method), (200.0, 300.0)
+            )
+            < 0.05
+        )
+
+
+def test_one_bearing_gives_a_wedge() -> None:
+    found = estimate_position(stations((np.zeros(1), np.zeros(1)), (0.0, 500.0)))
+    assert found.at_edge
+    assert found.ellipse95 is not None
+    assert found.ellipse95.semi_major_m > 2 * found.ellipse95.semi_minor_m
+    assert min(found.ellipse95.orientation_deg, 180 - found.ellipse95.orientation_deg) < 5.0
+
+
+def test_parallel_bearings_have_no_position_but_a_region() -> None:
+    parallel = Stations(
+        latitude_deg=np.array([35.0, 35.0, 35.0]),
+        longitude_deg=np.array([-111.0, -110.999, -110.998]),
+        bearing_deg=np.zeros(3),
+        sigma_deg=np.full(3, 5.0),
+    )
+    with pytest.raises(UsageError, match="bayes"):
+        estimate_position(parallel, method="mle")
+    assert estimate_position(parallel).at_edge
+
+
+def runs_with_a_gross_bearing(
+    rng: Generator, places: tuple[Floats, Floats], tag: tuple[float, float], count: int
+) -> list[tuple[int, Stations]]:
+    out = []
+    for _ in range(count):
+        errors = rng.normal(0, 3.0, len(places[0]))
+        bad = int(rng.integers(len(errors)))
+        errors[bad] = rng.uniform(40, 320)
+        out.append((bad, stations(places, tag, errors)))
+    return out
+
+
+@pytest.mark.parametrize(
+    ("places", "tag", "median_m"), [(LINE, (0.0, 400.0), 31.0), (SQUARE, (50.0, 100.0), 30.0)]
+)
+def test_one_gross_bearing_is_found_out_and_does_no_harm(
+    places: tuple[Floats, Floats], tag: tuple[float, float], median_m: float
+) -> None:
+    rng = np.random.default_rng(31)
+    errors, named = [], 0
+    for bad, given in runs_with_a_gross_bearing(rng, places, tag, 60):
+        found = estimate_position(given)
+        errors.append(miss_m(found, tag))
+        assert found.outlier_probabilities is not None
+        named += found.outlier_probabilities[bad] > 0.5
+    assert np.median(errors) <= median_m
+    assert np.max(errors) < 1500.0
+    assert named >= 0.6 * 60
+
+
+def test_the_circle_of_95_percent_holds_the_tag_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(32)
+    inside = 0
+    for _ in range(100):
+        found = estimate_position(stations(LINE, (0.0, 400.0), rng.normal(0, 6.0, 6), 6.0))
+        assert found.radius95_m is not None
+        inside += miss_m(found, (0.0, 400.0)) <= found.radius95_m
+    assert 89 <= inside <= 100
+
+
+def test_bearings_without_a_known_error_are_weighed_by_their_scatter() -> None:
+    rng = np.random.default_rng(33)
+    radii = []
+    for sigma in (1.0, 10.0):
+        given = stations(LINE, (0.0, 400.0), rng.normal(0, sigma, 6), None)
+        found = estimate_position(given)
+        assert found.radius50_m is not None
+        radii.append(found.radius50_m)
+    assert radii[1] > 2.0 * radii[0]
+
+
+def test_the_original_m_estimator_rejects_nothing_and_lenths_does() -> None:
+    """Its kappa is 1/A(C) instead of A⁻¹(C): 2.2 for any bearings."""
+    errors = np.array([0.5, -0.5, 0.3, 25.0, -0.4, 0.2])
+    given = stations(LINE, (0.0, 400.0), errors)
+    as_original = miss_m(estimate_position(given, method="mest"), (0.0, 400.0))
+    maximum = miss_m(estimate_position(given, method="mle"), (0.0, 400.0))
+    right = miss_m(estimate_position(given, method="mest_lenth"), (0.0, 400.0))
+    assert as_original == pytest.approx(maximum, rel=0.1)
+    assert right < 0.1 * maximum
+
+
+def test_levels_of_the_rotations_narrow_the_distance() -> None:
+    """Three stations around a point 500 m from the tag, path loss known (experiment L5)."""
+    turns = np.radians([90.0, 210.0, 330.0])
+    places = (115.0 * np.cos(turns), 115.0 * np.sin(turns))
+    tag = (0.0, 500.0)
+    plain = stations(places, tag, 0.0, 2.0)
+    distance = np.hypot(places[0] - tag[0], places[1] - tag[1])
+    fused = Stations(
+        latitude_deg=plain.latitude_deg,
+        longitude_deg=plain.longitude_deg,
+        bearing_deg=plain.bearing_deg,
+        sigma_deg=plain.sigma_deg,
+        level_db=70.0 - 25.0 * np.log10(distance),
+        level_sigma_db=np.full(3, 0.26),
+    )
+    known = Propagation(exponent=2.5, exponent_sigma=0.05, shadowing_db=0.0)
+    without, together = estimate_position(plain), estimate_position(fused, propagation=known)
+    assert miss_m(together, tag) < 5.0
+    assert together.radius50_m is not None
+    assert without.radius50_m is not None
+    assert together.radius50_m < 0.7 * without.radius50_m
+
+
+def lawnmower() -> tuple[Floats, Floats]:
+    """300 m square, lines 50 m apart, a pulse each 9 m."""
+    corners = [
+        (x, y) for k, x in enumerate(range(0, 301, 50)) for y in ((0, 300), (300, 0))[k % 2]
+    ]
+    path = np.array(corners, np.float64)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    pulses = np.arange(0.0, along[-1], 9.0)
+    return np.interp(pulses, along, path[:, 0]), np.interp(pulses, along, path[:, 1])
+
+
+def survey(
+    tag: tuple[float, float], fading_db: Floats, threshold_db: float | None = None
+) -> PowerTrack:
+    east, north = lawnmower()
+    distance = np.sqrt((east - tag[0]) ** 2 + (north - tag[1]) ** 2 + 40.0**2)
+    gain = monopole_gain_db(np.degrees(np.arcsin(40.0 / distance)))
+    snr = 40.0 - 25.0 * np.log10(distance / 100.0) + gain + fading_db
+    if threshold_db is not None:
+        snr = np.where(snr < threshold_db, np.nan, snr)
+    latitude, longitude = PLANE.to_geodetic(east, north)
+    return PowerTrack(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=np.full(len(east), 40.0),
+        snr_db=snr,
+        threshold_db=threshold_db or 10.0,
+    )
+
+
+def test_a_survey_with_a_monopole_finds_the_tag_and_not_the_ring_of_strongest_signal() -> None:
+    rng = np.random.default_rng(34)
+    errors, inside = [], 0
+    for _ in range(40):
+        tag = (float(rng.uniform(0, 300)), float(rng.uniform(0, 300)))
+        found = estimate_position(None, survey(tag, rng.normal(0, 3.0, len(lawnmower()[0]))))
+        errors.append(miss_m(found, tag))
+        assert found.radius95_m is not None
+        inside += errors[-1] <= found.radius95_m
+    assert np.median(errors) <= 5.5  # the bound is 5.1 rms
+    assert np.quantile(errors, 0.9) <= 12.0
+    assert 34 <= inside <= 40
+
+
+def test_pulses_missed_for_weakness_do_not_flatten_the_path_loss() -> None:
+    """Two thirds of the pulses are below the threshold."""
+    tag = (120.0, 170.0)
+    fading = np.random.default_rng(35).normal(0, 3.0, len(lawnmower()[0]))
+    track = survey(tag, fading, threshold_db=39.0)
+    assert np.mean(np.isnan(track.snr_db)) > 0.4
+    found = estimate_position(None, track)
+    assert found.path_loss_exponent == pytest.approx(2.5, abs=0.5)
+    assert miss_m(found, tag) < 15.0
+
+
+def test_bearings_and_powers_go_together() -> None:
+    tag = (120.0, 260.0)
+    track = survey(tag, np.random.default_rng(36).normal(0, 4.0, len(lawnmower()[0])))
+    places = (np.array([0.0, 300.0]), np.zeros(2))
+    found = estimate_position(stations(places, tag), track)
+    assert (found.stations, found.pulses) == (2, len(track.snr_db))
+    assert miss_m(found, tag) < 15.0
+
+
+def test_estimated_bearings_go_straight_into_a_position() -> None:
+    rng = np.random.default_rng(37)
+    tag = (60.0, 380.0)
+    yaw = np.arange(0.0, 360.0, 9.0)
+    bearings = []
+    for east in LINE[0][::2]:
+        truth = np.degrees(np.arctan2(tag[0] - east, tag[1]))
+        level = 20.0 + PATTERNS["RA-23K"].gain_db(truth - yaw) + rng.normal(0, 2, len(yaw))
+        bearings.append(estimate_bearing(yaw, level))
+    latitude, longitude = PLANE.to_geodetic(LINE[0][::2], np.zeros(3))
+    found = estimate_position(Stations.of(latitude, longitude, bearings))
+    assert found.radius95_m is not None
+    assert miss_m(found, tag) < min(100.0, found.radius95_m)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"method": "guess"}, "mest"),
+        ({"stations": None}, "neither"),
+        (
+            {"stations": stations((np.zeros(1), np.zeros(1)), (0.0, 9.0)), "method": "mle"},
+            "two",
+        ),
+        (
+            {
+                "stations": Stations(
+                    latitude_deg=np.zeros(2), longitude_deg=np.zeros(3), bearing_deg=np.zeros(2)
+                )
+            },
+            "length",
+        ),
+        (
+            {
+                "stations": Stations(
+                    latitude_deg=np.array([np.nan]),
+                    longitude_deg=np.zeros(1),
+                    bearing_deg=np.zeros(1),
+                )
+            },
+            "finite",
+        ),
+    ],
+)
+def test_what_has_no_position_is_refused_by_name(change: dict[str, object], word: str) -> None:
+    arguments = {"stations": stations(LINE, (0.0, 400.0)), **change}
+    with pytest.raises(UsageError, match=word):
+        estimate_position(**arguments)  # type: ignore[arg-type]
