@@ -1,0 +1,541 @@
+"""The real gateway process on the loopback, seen by a second participant."""
+
+import socket
+from typing import Any
+
+import pytest
+
+from uavrt.config.settings import Ros2Settings
+from uavrt.messages import (
+    Command,
+    CommandReply,
+    FlightInfo,
+    Pose,
+    Poses,
+    ProcessStatus,
+    Pulse,
+    PulsePose,
+    StatusText,
+    SystemState,
+    SystemStatus,
+    Tag,
+)
+from uavrt.ros2 import TOPICS, encode, full_name, type_hash
+from uavrt.ros2.convert import pulse_pose_to_ros, pulse_to_ros, tag_to_ros
+
+PULSE = "uavrt_interfaces/msg/Pulse"
+ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
+INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
+
+TAGS = tuple(
+    Tag(
+        tag_id=tag_id,
+        frequency_hz=148.71e6 + 5e3 * tag_id,
+        pulse_width_s=0.02,
+        pulse_intervals_s=(1.254,),
+        interval_uncertainty_s=0.06,
+        interval_jitter_s=0.01,
+    )
+    for tag_id in (2, 4, 6)
+)
+
+FLIGHT = FlightInfo(
+    directory="/flights/flight_log_2026-05-01_08-15-00",
+    start_time_ns=1_777_623_300_000_000_000,
+    clock_offset_ns=0,
+    center_frequency_hz=148.705e6,
+    sample_rate_hz=3e6,
+    tags=TAGS,
+)
+
+POSE = Pose(
+    time_ns=1_777_623_301_009_000_000,
+    latitude_deg=47.0,
+    longitude_deg=8.5,
+    altitude_amsl_m=500.0,
+    altitude_relative_m=40.0,
+    quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+)
+
+
+def a_pulse(number: int) -> Pulse:
+    start_ns = 1_777_623_301_019_828_320 + number * 1_254_000_000
+    return Pulse(
+        tag_id=2,
+        frequency_hz=148_720_012.5,
+        start_time_ns=start_ns,
+        end_time_ns=start_ns + 20_000_000,
+        snr_db=20.5,
+        group_snr_db=20.25,
+        score=2.5,
+        group_index=1 + number % 3,
+        group_sequence=number // 3,
+        noise_psd=1e-9,
+        detection_status="confirmed",
+        confirmed=True,
+        rate=1,
+        predicted_next_start_ns=start_ns + 1_194_000_000,
+        predicted_next_end_ns=start_ns + 1_314_000_000,
+    )
+
+
+def a_status(time_ns: int, *processes: ProcessStatus) -> SystemStatus:
+    return SystemStatus(
+        time_ns=time_ns,
+        state=SystemState.DETECTING,
+        flight_directory=FLIGHT.directory,
+        center_frequency_hz=FLIGHT.center_frequency_hz,
+        tags=TAGS,
+        processes=processes,
+    )
+
+
+def a_process(name: str, *, running: bool = True, ok: bool = True) -> ProcessStatus:
+    return ProcessStatus(
+        process=name,
+        running=running,
+        pid=4321 if running else None,
+        status="detecting" if ok else "radio absent",
+        ok=ok,
+        restarts=0,
+        cpu_s=1.0,
+        memory_mb=50.0,
+    )
+
+
+def node_list(ros_peer: Any, wait_until: Any, read: Any) -> Any:
+    """The newest list of nodes that the gateway has told."""
+    found: list[Any] = []
+
+    def come() -> bool:
+        found.extend(ros_peer.read(cdr, INFO) for cdr in read())
+        return bool(found)
+
+    wait_until(come)
+    return found[-1]
+
+
+def collect(wait_until: Any, read: Any, count: int) -> list[bytes]:
+    """At least so many samples."""
+    found: list[bytes] = []
+
+    def enough() -> bool:
+        found.extend(read())
+        return len(found) >= count
+
+    wait_until(enough)
+    return found
+
+
+def test_the_nodes_of_the_thesis_are_seen_and_vanish_at_the_end(
+    launch: Any, ros_peer: Any, wait_until: Any
+) -> None:
+    read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
+    gateway = launch()
+    info = node_list(ros_peer, wait_until, read)
+    nodes = {node.node_name: node for node in info.node_entities_info_seq}
+    assert set(nodes) == {
+        "StartStopComponent",
+        "AirspyCSDRNetcatComponent",
+        "ChannelizerComponent",
+        "DetectorComponent",
+        "TelemetryComponent",
+        "CommandComponent",
+    }
+    for name, node in nodes.items():
+        assert node.node_namespace == "/"
+        published = [t for t in TOPICS.values() if t.publisher == name]
+        assert len(node.writer_gid_seq) == len(published) + 1  # and rosout
+        subscribed = [t for t in TOPICS.values() if name in t.subscribers]
+        assert len(node.reader_gid_seq) == len(subscribed)
+    assert gateway.close() == 0
+    assert len(node_list(ros_peer, wait_until, read).node_entities_info_seq) == 0
+
+
+def test_every_topic_has_the_name_type_hash_and_quality_of_service_of_ros_2(
+    launch: Any, ros_peer: Any, wait_until: Any
+) -> None:
+    launch()
+    wait_until(lambda: {f"rt/{name}" for name in TOPICS} <= set(ros_peer.endpoints()))
+    endpoints = ros_peer.endpoints()
+    for name, topic in TOPICS.items():
+        endpoint = endpoints[f"rt/{name}"]
+        package, _, short = full_name(topic.message).split("/")
+        assert endpoint.type_name == f"{package}::msg::dds_::{short}_"
+        policies = {policy.__scope__: policy for policy in endpoint.qos}
+        assert policies["Userdata"].data == f"typehash={type_hash(topic.message)};".encode()
+        assert "Reliable" in str(policies["Reliability"])
+        assert "Volatile" in str(policies["Durability"])
+
+
+def test_pulses_arrive_byte_for_byte_with_and_without_a_pose(
+    launch: Any, ros_peer: Any, wait_until: Any
+) -> None:
+    pulses = ros_peer.listen("pulse", PULSE)
+    poses = ros_peer.listen("pulse_pose", "uavrt_interfaces/msg/PulsePose")
+    gateway = launch(flight=FLIGHT)
+    wait_until(lambda: {"rt/pulse", "rt/pulse_pose"} <= set(ros_peer.endpoints()))
+    gateway.receive("health")
+    directory = f"{FLIGHT.directory}/detector_log/tag_id_2"
+    sent = [a_pulse(number) for number in range(60)]
+    # The reader and the writer have found each other when the first pulse comes through.
+    first: list[bytes] = []
+
+    def connected() -> bool:
+        gateway.send("pulse", sent[0])
+        gateway.send("pulse_pose", PulsePose(pulse=sent[0], pose=POSE))
+        first.extend(pulses())
+        return bool(first) and bool(poses())
+
+    wait_until(connected)
+    for pulse in sent[1:]:
+        gateway.send("pulse", pulse)
+        gateway.send("pulse_pose", PulsePose(pulse=pulse, pose=None))
+    last = encode(pulse_to_ros(sent[-1], directory))
+    got: list[bytes] = []
+
+    def all_there() -> bool:
+        got.extend(pulses())
+        return any(trimmed(cdr, last) for cdr in got)
+
+    wait_until(all_there)
+    expected = [encode(pulse_to_ros(pulse, directory)) for pulse in sent[1:]]
+    later = [cdr for cdr in got if not trimmed(cdr, encode(pulse_to_ros(sent[0], directory)))]
+    assert len(later) == len(expected)
+    for cdr, ours in zip(later, expected, strict=True):
+        assert trimmed(cdr, ours)
+    message = ros_peer.read(later[0], PULSE)
+    assert message.frequency == pytest.approx(148.7200125)
+    assert message.start_time.nanosec == sent[1].start_time_ns % 10**9
+    with_pose = [cdr for cdr in collect(wait_until, poses, 59) if cdr]
+    absent = encode(pulse_pose_to_ros(PulsePose(pulse=sent[-1], pose=None), directory))
+    assert trimmed(with_pose[-1], absent)
+    theirs = ros_peer.read(with_pose[-1], "uavrt_interfaces/msg/PulsePose")
+    assert theirs.antenna_pose.position.x != theirs.antenna_pose.position.x
+
+
+def trimmed(cdr: bytes, ours: bytes) -> bool:
+    """Whether a sample is these bytes, with DDS's padding to four and nothing else."""
+    return cdr[4 : len(ours)] == ours[4:] and cdr[len(ours) :].strip(b"\0") == b""
+
+
+def test_tags_start_and_stop_become_commands_for_the_supervisor(
+    launch: Any, ros_peer: Any
+) -> None:
+    gateway = launch()
+    for topic, name in (
+        ("store_tag_information", "uavrt_interfaces/msg/Tag"),
+        ("release_tag_information", "std_msgs/msg/Bool"),
+        ("control_start_subprocess", ARRAY),
+        ("control_stop_subprocess", ARRAY),
+    ):
+        ros_peer.advertise(topic, name)
+    for tag in TAGS:
+        ros_peer.publish("store_tag_information", tag_message(ros_peer, tag))
+    commands = gateway.receive("command", 4)
+    assert [c.name for c in commands] == ["start_tags", "add_tag", "add_tag", "add_tag"]
+    assert [c.tag for c in commands[1:]] == list(TAGS)
+    ros_peer.publish("release_tag_information", ros_peer.new("std_msgs/msg/Bool", True))
+    assert gateway.receive("command")[0].name == "end_tags"
+    ros_peer.publish(
+        "control_start_subprocess",
+        order(ros_peer, "start", center_frequency="148.705", gain="15"),
+    )
+    (start,) = gateway.receive("command")
+    assert (start.name, start.source) == ("start_detection", "ros2")
+    assert start.center_frequency_hz == pytest.approx(148.705e6)
+    assert start.gain == 15
+    ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+    (stop,) = gateway.receive("command")
+    assert stop.name == "stop_detection"
+    numbers = [c.request_id for c in (*commands, start, stop)]
+    assert sorted(set(numbers)) == numbers
+
+
+def tag_message(ros_peer: Any, tag: Tag) -> Any:
+    ours = tag_to_ros(tag)
+    names = type(ours).__slots__
+    return ros_peer.new("uavrt_interfaces/msg/Tag", *(getattr(ours, name) for name in names))
+
+
+def order(ros_peer: Any, what: str, **values: str) -> Any:
+    """What an operator publishes to start or stop."""
+    stamp = ros_peer.new("builtin_interfaces/msg/Time", 0, 0)
+    header = ros_peer.new("std_msgs/msg/Header", stamp, "by hand")
+    pairs = [
+        ros_peer.new("diagnostic_msgs/msg/KeyValue", key, value)
+        for key, value in values.items()
+    ]
+    status = ros_peer.new(
+        "diagnostic_msgs/msg/DiagnosticStatus", 0, "NA", what, f"{what} all", pairs
+    )
+    return ros_peer.new(ARRAY, header, [status])
+
+
+def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
+    launch: Any, ros_peer: Any, wait_until: Any
+) -> None:
+    tags = ros_peer.listen("store_tag_information", "uavrt_interfaces/msg/Tag")
+    start = ros_peer.listen("control_start_subprocess", ARRAY)
+    detector = ros_peer.listen("control_detector_subprocess", ARRAY)
+    gateway = launch()
+    number = iter(range(1, 1000))
+    seen: list[bytes] = []
+
+    def ask(name: str, tag: Tag | None = None) -> None:
+        request: Any = Command(
+            name=name,  # type: ignore[arg-type]
+            request_id=next(number),
+            tag=tag,
+            source="mavlink 255/190",
+        )
+        gateway.send("command", request)
+
+    def connected() -> bool:
+        ask("start_detection")
+        ask("add_tag", TAGS[0])
+        gateway.send("flight", FLIGHT)
+        gateway.send("flight_end", FLIGHT)
+        seen.extend(detector())
+        return bool(start()) and bool(tags()) and bool(seen)
+
+    wait_until(connected)
+    ask("add_tag", TAGS[1])
+    shown = collect(wait_until, tags, 1)[-1]
+    assert trimmed(shown, encode(tag_to_ros(TAGS[1])))
+    ids: set[str] = set()
+
+    def each_tag_has_its_detector() -> bool:
+        gateway.send("flight", FLIGHT)
+        gateway.send("flight_end", FLIGHT)
+        seen.extend(detector())
+        ids.update(ros_peer.read(cdr, ARRAY).status[0].hardware_id for cdr in seen)
+        return len(ids) >= 4
+
+    wait_until(each_tag_has_its_detector)
+    assert ids == {"tag_id_2", "tag_id_4", "tag_id_6", "stop all"}
+
+
+def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
+    launch: Any, ros_peer: Any, wait_until: Any
+) -> None:
+    names = ("airspy_csdr_netcat", "channelizer", "detector")
+    reads = {name: ros_peer.listen(f"status_{name}_subprocess", ARRAY) for name in names}
+    gateway = launch(flight=FLIGHT)
+    found: dict[str, Any] = {}
+
+    def told() -> bool:
+        gateway.send(
+            "system_status",
+            a_status(
+                gateway.clock.now_ns(),
+                a_process("receiver", ok=False),
+                a_process("detector-1"),
+                a_process("detector-2", running=False),
+            ),
+        )
+        for name, read in reads.items():
+            for cdr in read():
+                message = ros_peer.read(cdr, ARRAY)
+                if message.status:
+                    found[name] = message
+        return set(found) == set(names)
+
+    wait_until(told)
+    (radio,) = found["airspy_csdr_netcat"].status
+    assert (radio.level, radio.message, radio.hardware_id) == (2, "dead", "airspy")
+    (channelizer,) = found["channelizer"].status
+    assert (channelizer.level, channelizer.message) == (1, "alive")
+    assert [(s.level, s.message, s.hardware_id) for s in found["detector"].status] == [
+        (0, "alive", "tag_id_2"),
+        (2, "dead", "tag_id_4"),
+        (0, "alive", "tag_id_6"),
+    ]
+    assert all(s.name == "detector_component" for s in found["detector"].status)
+    assert found["detector"].header.frame_id == "status"
+
+
+def test_detectors_that_live_beat_with_frequency_0_and_dead_ones_do_not(
+    launch: Any, ros_peer: Any, wait_until: Any
+) -> None:
+    read = ros_peer.listen("pulse", PULSE)
+    gateway = launch(flight=FLIGHT)
+    beats: list[Any] = []
+
+    def two_beats_each() -> bool:
+        gateway.send(
+            "system_status",
+            a_status(
+                gateway.clock.now_ns(),
+                a_process("detector-1"),
+                a_process("detector-2", running=False),
+            ),
+        )
+        beats.extend(ros_peer.read(cdr, PULSE) for cdr in read())
+        ids = [beat.tag_id for beat in beats]
+        return ids.count(2) >= 2 and ids.count(6) >= 2
+
+    wait_until(two_beats_each)
+    assert {beat.tag_id for beat in beats} == {2, 6}
+    assert {beat.frequency for beat in beats} == {0.0}
+
+
+def test_the_antenna_s_pose_and_the_log_are_told(
+    launch: Any, ros_peer: Any, wait_until: Any
+) -> None:
+    poses = ros_peer.listen("antenna_pose", "geometry_msgs/msg/PoseStamped")
+    logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
+    gateway = launch()
+    gateway.send("status_text", StatusText(severity=3, text="radio absent"))
+    told: list[Any] = []
+
+    def come() -> bool:
+        gateway.send("poses", Poses(poses=(POSE,)))
+        told.extend(poses())
+        return bool(told)
+
+    wait_until(come)
+    message = ros_peer.read(told[0], "geometry_msgs/msg/PoseStamped")
+    assert message.header.frame_id == "antenna_pose"
+    assert message.header.stamp.nanosec == POSE.time_ns % 10**9
+    assert (message.pose.position.x, message.pose.position.y) == (47.0, 8.5)
+    # The log reaches whoever comes late: it was written before we were found.
+    line = ros_peer.read(collect(wait_until, logs, 1)[0], "rcl_interfaces/msg/Log")
+    assert (line.level, line.msg, line.name) == (40, "radio absent", "StartStopComponent")
+
+
+def test_a_refused_command_is_told_with_its_reason(
+    launch: Any, ros_peer: Any, wait_until: Any
+) -> None:
+    logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
+    gateway = launch()
+    ros_peer.advertise("control_start_subprocess", ARRAY)
+    ros_peer.publish("control_start_subprocess", order(ros_peer, "start"))
+    (command,) = gateway.receive("command")
+    gateway.send(
+        "command_reply",
+        CommandReply(
+            request_id=command.request_id,
+            name=command.name,
+            accepted=False,
+            message="no tags: send tags first",
+        ),
+    )
+    line = ros_peer.read(collect(wait_until, logs, 1)[-1], "rcl_interfaces/msg/Log")
+    assert (line.level, line.msg) == (30, "start_detection refused: no tags: send tags first")
+
+
+def test_nonsense_is_refused_and_counted_and_the_next_command_is_obeyed(
+    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+) -> None:
+    gateway = launch()
+    ros_peer.advertise("store_tag_information", "uavrt_interfaces/msg/Tag")
+    ros_peer.advertise("control_start_subprocess", ARRAY)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for port in (10, 11, 12, 13):
+            for length in (0, 20, 1000):
+                place = ("127.0.0.1", 7400 + 250 * ros_domain + port)
+                stranger.sendto(b"RTPS\2\1" + b"\xff" * length, place)
+    nobody = ros_peer.new("uavrt_interfaces/msg/Tag", *([0] * 9))
+    ros_peer.publish("store_tag_information", nobody)
+    ros_peer.publish("control_start_subprocess", order(ros_peer, "launch the missiles"))
+    ros_peer.publish("control_start_subprocess", order(ros_peer, "start", gain="much"))
+    empty = ros_peer.new(ARRAY, order(ros_peer, "start").header, [])
+    ros_peer.publish("control_start_subprocess", empty)
+    ros_peer.publish("store_tag_information", tag_message(ros_peer, TAGS[0]))
+    assert [c.name for c in gateway.receive("command", 2)] == ["start_tags", "add_tag"]
+
+    def refused() -> float:
+        return float(gateway.receive("health")[0].counters["ros2_messages_refused"])
+
+    wait_until(lambda: refused() == 4)
+
+
+def test_a_component_alone_is_neither_started_nor_stopped_and_says_so(
+    launch: Any, ros_peer: Any, wait_until: Any
+) -> None:
+    status = ros_peer.listen("status_detector_subprocess", ARRAY)
+    launch()
+    ros_peer.advertise("control_detector_subprocess", ARRAY)
+    echoes: list[Any] = []
+
+    def refused() -> bool:
+        ros_peer.publish("control_detector_subprocess", order(ros_peer, "stop"))
+        messages = [ros_peer.read(cdr, ARRAY) for cdr in status()]
+        echoes.extend(m.status[0] for m in messages if m.status)
+        return bool(echoes)
+
+    wait_until(refused)
+    assert (echoes[0].level, echoes[0].hardware_id) == (2, "stop all")
+    assert "control_stop_subprocess" in echoes[0].message
+
+
+def test_commands_are_not_obeyed_where_the_settings_forbid_them(
+    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+) -> None:
+    gateway = launch(Ros2Settings(enabled=True, domain_id=ros_domain, accept_commands=False))
+    ros_peer.advertise("control_stop_subprocess", ARRAY)
+    ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+
+    def counters() -> dict[str, float]:
+        return dict(gateway.receive("health")[0].counters)
+
+    wait_until(lambda: counters()["ros2_messages_refused"] == 1)
+    assert counters()["ros2_commands"] == 0
+
+
+def test_the_domain_comes_from_the_environment(
+    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+) -> None:
+    launch(Ros2Settings(enabled=True), ROS_DOMAIN_ID=str(ros_domain))
+    wait_until(lambda: "rt/pulse" in ros_peer.endpoints())
+
+
+def test_a_site_s_own_configuration_of_cyclone_is_honoured(
+    launch: Any, ros_domain: int, tmp_path: Any, wait_until: Any
+) -> None:
+    trace = tmp_path / "cyclone.log"
+    config = (
+        "<CycloneDDS><Domain><General><Interfaces>"
+        '<NetworkInterface address="127.0.0.1"/></Interfaces></General>'
+        f"<Tracing><Verbosity>config</Verbosity><OutputFile>{trace}</OutputFile></Tracing>"
+        "</Domain></CycloneDDS>"
+    )
+    gateway = launch(CYCLONEDDS_URI=config)
+    gateway.receive("health")
+    wait_until(lambda: trace.exists() and trace.stat().st_size > 0)
+
+
+def test_a_domain_that_is_none_keeps_the_gateway_off_and_says_why(launch: Any) -> None:
+    gateway = launch(Ros2Settings(enabled=True), ROS_DOMAIN_ID="field")
+    (health,) = gateway.receive("health")
+    assert not health.ok
+    assert "ROS_DOMAIN_ID" in health.status
+    assert gateway.close() == 0
+
+
+def test_without_the_extra_the_gateway_stays_off_and_says_so(
+    launch: Any, tmp_path: Any
+) -> None:
+    (tmp_path / "cyclonedds.py").write_text("raise ImportError('no wheel for this computer')")
+    gateway = launch(PYTHONPATH=str(tmp_path))
+    (health,) = gateway.receive("health")
+    assert not health.ok
+    assert "uavrt[ros2] is not installed" in health.status
+    assert gateway.close() == 0
+
+
+def test_humble_and_galactic_get_their_longer_identifiers(
+    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+) -> None:
+    from rosbags.typesys import get_types_from_msg
+
+    text = "char[24] data"
+    del ros_peer.types.fielddefs["rmw_dds_common/msg/Gid"]
+    ros_peer.types.types.pop("rmw_dds_common/msg/Gid")
+    ros_peer.types.register(get_types_from_msg(text, "rmw_dds_common/msg/Gid"))
+    read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
+    launch(Ros2Settings(enabled=True, domain_id=ros_domain, gid_bytes=24))
+    info = node_list(ros_peer, wait_until, read)
+    assert len(info.node_entities_info_seq) == 6
+    assert len(info.gid.data) == 24
