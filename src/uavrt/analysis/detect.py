@@ -4,17 +4,17 @@ One front end, one detector for each tag, all in this process and this thread: w
 processes do, without the sockets between.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from uavrt.clock import monotonic_s
-from uavrt.detection import PulseDetector
+from uavrt.detection import OperatingMode, PulseDetector
 from uavrt.dsp import FrontEnd
 from uavrt.errors import ConfigError, UavrtError
-from uavrt.messages import IQBlock, Pulse, Tag
+from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
 from uavrt.radio import SampleSource
 
 _LOOK_S: Final = 0.5
@@ -33,6 +33,12 @@ class DetectionChain:
     frequency_window_hz : float
         Half-width of the search around each tag's nominal frequency; more than the channel
         holds means the whole channel.
+    operating_modes : mapping of int to OperatingMode, optional
+        For each tag's number; without one the soft lock.
+    excluded_hz : sequence of (float, float)
+        Absolute stretches in which no pulse is reported, bounds included.
+    on_channel : callable, optional
+        Takes each block of a channel before the detectors do; its samples are numbers.
 
     Raises
     ------
@@ -51,6 +57,9 @@ class DetectionChain:
         sample_rate_hz: float,
         center_frequency_hz: float,
         frequency_window_hz: float = 500.0,
+        operating_modes: Mapping[int, OperatingMode] | None = None,
+        excluded_hz: Sequence[tuple[float, float]] = (),
+        on_channel: Callable[[ChannelBlock], None] | None = None,
     ) -> None:
         if not tags:
             raise ConfigError("there are no tags to look for", remedy="Name a tag file")
@@ -61,6 +70,9 @@ class DetectionChain:
             )
         self.invalid_samples = 0
         """Samples of a channel that were not numbers and were replaced by zero."""
+        self._excluded_hz = tuple(excluded_hz)
+        self._on_channel = on_channel
+        modes = {} if operating_modes is None else operating_modes
         self._front_end = FrontEnd(
             sample_rate_hz=sample_rate_hz,
             center_frequency_hz=center_frequency_hz,
@@ -76,6 +88,7 @@ class DetectionChain:
                     sample_rate_hz=plan.channel_rate_hz,
                     center_frequency_hz=centers_hz[channel],
                     frequency_window_hz=frequency_window_hz,
+                    operating_mode=modes.get(tag.tag_id, OperatingMode.SEARCH_SOFT_LOCK),
                 )
             )
 
@@ -92,17 +105,30 @@ class DetectionChain:
             if not good.all():
                 self.invalid_samples += int(np.count_nonzero(~good))
                 samples = np.where(good, samples, np.complex64(0.0))
+                channel = replace(channel, samples=samples)
+            if self._on_channel is not None:
+                self._on_channel(channel)
             for detector in self._detectors[channel.channel]:
                 found += detector.process(samples, channel.time_ns)
-        return found
+        return self._reported(found)
 
     def flush(self) -> list[Pulse]:
         """End the stream: get the pulses of all groups that are complete."""
+        return self._reported([p for detector in self._all() for p in detector.flush()])
+
+    def search_reports(self) -> list[SearchReport]:
+        """Take what was searched in vain since the last call, about one a second and tag."""
+        return [r for detector in self._all() for r in detector.search_reports()]
+
+    def _all(self) -> list[PulseDetector]:
+        return [detector for detectors in self._detectors.values() for detector in detectors]
+
+    def _reported(self, pulses: list[Pulse]) -> list[Pulse]:
+        """Leave out the pulses in excluded stretches."""
         return [
             pulse
-            for detectors in self._detectors.values()
-            for detector in detectors
-            for pulse in detector.flush()
+            for pulse in pulses
+            if not any(low <= pulse.frequency_hz <= high for low, high in self._excluded_hz)
         ]
 
 
@@ -139,8 +165,12 @@ def detect(
     write: Callable[[Sequence[Pulse]], None],
     *,
     frequency_window_hz: float = 500.0,
+    operating_modes: Mapping[int, OperatingMode] | None = None,
+    excluded_hz: Sequence[tuple[float, float]] = (),
     should_stop: Callable[[], bool] = lambda: False,
     on_progress: Callable[[int, int | None], None] | None = None,
+    on_channel: Callable[[ChannelBlock], None] | None = None,
+    on_reports: Callable[[Sequence[SearchReport]], None] | None = None,
     summary: DetectionSummary | None = None,
 ) -> DetectionSummary:
     """Find the pulses of tags in all samples of a source.
@@ -155,10 +185,14 @@ def detect(
         Takes pulses as soon as they are found.
     frequency_window_hz : float
         Half-width of the search around each tag's nominal frequency.
+    operating_modes, excluded_hz, on_channel
+        As of `DetectionChain`.
     should_stop : callable
         Asked at least twice a second; True ends the run in good order.
     on_progress : callable, optional
         Takes the samples done and their total after each block.
+    on_reports : callable, optional
+        Takes what was searched in vain, maybe nothing; called at least twice a second.
     summary : DetectionSummary, optional
         Filled while running, so that it is there also after an error.
 
@@ -173,6 +207,9 @@ def detect(
         sample_rate_hz=source.sample_rate_hz,
         center_frequency_hz=source.center_frequency_hz,
         frequency_window_hz=frequency_window_hz,
+        operating_modes=operating_modes,
+        excluded_hz=excluded_hz,
+        on_channel=on_channel,
     )
     summary.pulses = {tag.tag_id: 0 for tag in tags}
     summary.confirmed = dict(summary.pulses)
@@ -199,6 +236,8 @@ def detect(
             summary.elapsed_s = monotonic_s() - begun_s
             if on_progress is not None:
                 on_progress(summary.samples, source.total_samples)
+        if on_reports is not None:
+            on_reports(chain.search_reports())
     hand_over(chain.flush())
     summary.stopped = stopped
     summary.invalid_samples = chain.invalid_samples
