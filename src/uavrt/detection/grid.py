@@ -237,7 +237,8 @@ def _band_filter(
     beta = 0.1102 * (_STOPBAND_DB - 8.7)
     taps = cutoff * np.sinc(cutoff * n) * np.kaiser(len(n), beta)
     taps /= taps.sum()
-    return np.asarray(taps * np.exp(2j * np.pi * offset_hz / sample_rate_hz * n))
+    # The samples are correlated with these taps, not convolved: hence the sign.
+    return np.asarray(taps * np.exp(-2j * np.pi * offset_hz / sample_rate_hz * n))
 
 
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
