@@ -1,0 +1,65 @@
+"""The demo's flight, from the simulator through the front end to the detectors.
+
+Strong and weak pulses, an antenna that turns, samples far below 1.0, 7500 S/s channels: what
+the synthetic tests beside this file do not have.
+"""
+
+import pytest
+
+from uavrt.demo.summary import summarize_tag
+from uavrt.detection import PulseDetector
+from uavrt.dsp import FrontEnd
+from uavrt.messages import Pulse
+from uavrt.simulation import World, demo_scenario
+from uavrt.simulation.source import SimulatedSource
+
+RATE_HZ = 375_000.0
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_the_pulses_of_a_turning_drone_are_found(seed: int) -> None:
+    scenario = demo_scenario(60.0, seed)
+    source = SimulatedSource(
+        scenario, center_frequency_hz=148_678_500.0, sample_rate_hz=RATE_HZ, duration_s=60.0
+    )
+    front_end = FrontEnd(
+        sample_rate_hz=RATE_HZ,
+        center_frequency_hz=148_678_500.0,
+        frequencies_hz=[tag.frequency_hz for tag in scenario.tags],
+    )
+    detectors: dict[int, PulseDetector] = {}
+    found: list[Pulse] = []
+    while True:
+        try:
+            block = source.read()
+        except EOFError:
+            break
+        assert block is not None
+        for channel in front_end.process(block):
+            for tag in scenario.tags:
+                if front_end.channel_of(tag.frequency_hz) == channel.channel:
+                    detector = detectors.setdefault(
+                        tag.tag_id,
+                        PulseDetector(
+                            tag,
+                            sample_rate_hz=channel.sample_rate_hz,
+                            center_frequency_hz=channel.center_frequency_hz,
+                        ),
+                    )
+                    found += detector.process(channel.samples, channel.time_ns)
+    for detector in detectors.values():
+        found += detector.flush()
+    truth = World(scenario).truth(
+        scenario.start_time_ns, scenario.start_time_ns + 59_500_000_000
+    )
+    tags = [summarize_tag(tag, truth, found, []) for tag in scenario.tags]
+    detectable = sum(tag.detectable for tag in tags)
+    assert sum(tag.detectable_detected for tag in tags) >= 0.95 * detectable
+    assert sum(tag.false for tag in tags) <= 3
+    for tag in tags:
+        assert tag.snr_error_db is not None
+        assert abs(tag.snr_error_db) < 0.5
+        assert tag.frequency_error_hz is not None
+        assert tag.frequency_error_hz < 5.0
+        assert tag.time_error_ms is not None
+        assert tag.time_error_ms < 1.5
