@@ -14,6 +14,7 @@ from uavrt.localization.records import (
     PositionMethod,
 )
 from uavrt.localization.tangent_plane import TangentPlane
+from uavrt.localization.turns import Turn, find_turns
 
 __all__ = [
     "PATTERNS",
@@ -28,7 +29,9 @@ __all__ = [
     "Propagation",
     "Stations",
     "TangentPlane",
+    "Turn",
     "estimate_bearing",
     "estimate_position",
+    "find_turns",
     "monopole_gain_db",
 ]

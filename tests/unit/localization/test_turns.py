@@ -1,0 +1,121 @@
+"""Turns in place are found in the poses, and only they."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization import TangentPlane, Turn, find_turns
+
+RATE_HZ = 5.0
+START_NS = 1_700_000_000_000_000_000
+PLANE = TangentPlane(latitude_deg=-41.2, longitude_deg=174.9)
+
+
+@dataclass
+class Flight:
+    """A flight made of manoeuvres, with hover drift, GNSS and compass noise."""
+
+    yaw: list[float] = field(default_factory=lambda: [0.0])
+    east: list[float] = field(default_factory=lambda: [0.0])
+
+    def hover(self, seconds: float) -> "Flight":
+        return self.turn(0.0, seconds)
+
+    def turn(self, degrees: float, seconds: float) -> "Flight":
+        steps = max(1, round(seconds * RATE_HZ))
+        self.yaw += list(self.yaw[-1] + degrees * np.arange(1, steps + 1) / steps)
+        self.east += [self.east[-1]] * steps
+        return self
+
+    def fly(self, metres: float, speed: float = 8.0) -> "Flight":
+        steps = round(metres / speed * RATE_HZ)
+        self.yaw += [self.yaw[-1]] * steps
+        self.east += list(self.east[-1] + metres * np.arange(1, steps + 1) / steps)
+        return self
+
+    def stops(self, count: int, dwell_s: float, way: float = 1.0) -> "Flight":
+        for _ in range(count - 1):
+            self.hover(dwell_s).turn(way * 360.0 / count, 2.0)
+        return self.hover(dwell_s)
+
+    def seconds(self) -> float:
+        return len(self.yaw) / RATE_HZ
+
+    def turns(self) -> list[Turn]:
+        rng = np.random.default_rng(len(self.yaw))
+        count = len(self.yaw)
+        time_ns: NDArray[np.int64] = START_NS + (np.arange(count) * 1e9 / RATE_HZ).astype(
+            np.int64
+        )
+        drift = np.cumsum(rng.normal(0, 0.03, (2, count)), axis=1)
+        east = np.array(self.east) + drift[0] + rng.normal(0, 0.1, count)
+        north = drift[1] + rng.normal(0, 0.1, count)
+        yaw = np.remainder(np.array(self.yaw) + rng.normal(0, 0.5, count), 360.0)
+        return find_turns(time_ns, yaw, *PLANE.to_geodetic(east, north))
+
+
+def seconds_of(turn: Turn) -> list[float]:
+    return [(turn.start_time_ns - START_NS) / 1e9, (turn.end_time_ns - START_NS) / 1e9]
+
+
+@pytest.mark.parametrize("degrees", [360.0, -360.0, 300.0, -720.0])
+def test_a_continuous_turn_is_found_whichever_way_round(degrees: float) -> None:
+    flight = Flight().fly(200).hover(20)
+    begin = flight.seconds()
+    flight.turn(degrees, 60)
+    end = flight.seconds()
+    (turn,) = flight.hover(30).fly(100).turns()
+    assert turn.turned_deg == pytest.approx(degrees, abs=8.0)
+    assert turn.stops == 0
+    assert seconds_of(turn) == pytest.approx([begin, end], abs=2.5)
+
+
+@pytest.mark.parametrize(("count", "way"), [(8, 1.0), (8, -1.0), (16, 1.0)])
+def test_a_turn_of_stops_holds_all_its_stops(count: int, way: float) -> None:
+    (turn,) = Flight().fly(300).stops(count, 10.0, way).fly(300).turns()
+    assert turn.stops == count
+    assert turn.turned_deg == pytest.approx(way * 360.0 * (count - 1) / count, abs=6.0)
+    assert turn.widest_gap_deg <= 360.0 / count + 6.0
+
+
+def test_a_pause_does_not_end_a_turn() -> None:
+    (turn,) = Flight().fly(100).hover(5).turn(150, 25).hover(40).turn(210, 35).hover(5).turns()
+    assert turn.turned_deg == pytest.approx(360.0, abs=8.0)
+
+
+def test_turns_at_several_places_are_told_apart() -> None:
+    turns = Flight().turn(360, 40).fly(200).turn(-360, 40).fly(200).stops(8, 5.0).turns()
+    assert [turn.stops for turn in turns] == [0, 0, 8]
+    east = [float(PLANE.to_local(turn.latitude_deg, turn.longitude_deg)[0]) for turn in turns]
+    assert east == pytest.approx([0.0, 200.0, 400.0], abs=5.0)
+
+
+def test_back_and_forth_is_two_turns() -> None:
+    turns = Flight().hover(5).turn(360, 40).turn(-360, 40).hover(5).turns()
+    assert [np.sign(turn.turned_deg) for turn in turns] == [1.0, -1.0]
+
+
+def test_a_circle_flown_is_no_turn_in_place() -> None:
+    angle = np.arange(0, 360, 2.0)
+    time_ns = START_NS + (np.arange(len(angle)) * 4e8).astype(np.int64)
+    places = PLANE.to_geodetic(60 * np.cos(np.radians(angle)), 60 * np.sin(np.radians(angle)))
+    assert find_turns(time_ns, 360.0 - angle, *places) == []
+
+
+def test_looking_around_is_no_turn() -> None:
+    assert Flight().turn(120, 10).turn(-200, 20).turn(90, 10).fly(500).turns() == []
+
+
+def test_a_pause_of_minutes_ends_a_turn() -> None:
+    assert Flight().turn(170, 30).hover(400).turn(170, 30).turns() == []
+
+
+def test_poses_out_of_order_are_refused() -> None:
+    zero = np.zeros(5)
+    with pytest.raises(UsageError, match="rise"):
+        find_turns(np.zeros(5, np.int64), zero, zero, zero)
+    with pytest.raises(UsageError, match="number"):
+        find_turns(np.arange(6), zero, zero, zero)
