@@ -111,6 +111,8 @@ class RecordingSettings:
     """Also record the decimated band while detecting (cs16 SigMF, about 5.4 GB an hour)."""
     minimum_free_mb: Annotated[float, Ge(0.0)] = 500.0
     """Below this much free space IQ recording stops; pulses and poses go on."""
+    remove_oldest_flights: bool = False
+    """Below that, remove the oldest flight directories, never the present one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,6 +5,8 @@ import os
 import signal
 import sys
 
+PARENT_VARIABLE = "UAVRT_PARENT_PID"
+"""Environment variable with the process id of the supervisor that started this process."""
 _PR_SET_PDEATHSIG = 1
 """prctl(2): signal to get when the parent thread ends."""
 _PR_SET_CHILD_SUBREAPER = 36
@@ -20,11 +22,12 @@ def adopt_orphans() -> None:
 def die_with_parent() -> None:
     """Be killed when the parent ends, even by SIGKILL, even while this process is stopped.
 
-    The parent may have ended before the kernel was told; then this process ends now.
+    The parent may have ended before the kernel was told, and this process have got another
+    one; then it ends now.
     """
     if not sys.platform.startswith("linux"):
         return
-    parent = os.getppid()
+    parent = int(os.environ.get(PARENT_VARIABLE) or os.getppid())
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent or parent == 1:
         os.kill(os.getpid(), signal.SIGKILL)

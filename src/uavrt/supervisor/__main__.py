@@ -13,23 +13,28 @@ import msgspec
 from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
 from uavrt.log import configure_logging, get_logger
-from uavrt.messages import Command, Tag
+from uavrt.messages import Command, SystemState, Tag
 from uavrt.supervisor.core import Supervisor
 from uavrt.supervisor.viewers import Viewers
 
 
 async def supervise(settings: Settings, tags: tuple[Tag, ...]) -> None:
-    """Run until SIGTERM or SIGINT; with tags, start detecting at once."""
+    """Run until SIGTERM or SIGINT; with tags, start detecting at once.
+
+    A flight that was cut off goes on, with its own tags.
+    """
     viewers = Viewers()
     supervisor = Supervisor(settings, on_record=viewers.show)
     viewers.supervisor = supervisor
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, supervisor.stop)
-    for command in start_commands(tags):
-        reply = supervisor.command(command)
-        if not reply.accepted:
-            raise UavrtError(f"cannot start detecting: {reply.message}")
+    supervisor.claim()
+    if supervisor.mission.state is not SystemState.DETECTING:
+        for command in start_commands(tags):
+            reply = supervisor.command(command)
+            if not reply.accepted:
+                raise UavrtError(f"cannot start detecting: {reply.message}")
     server = await viewers.serve(settings.status_socket) if settings.status_socket else None
     try:
         await supervisor.run()

@@ -11,9 +11,10 @@ import time
 from collections.abc import Callable, Sequence
 
 from uavrt.ipc.link import LINK_VARIABLE, LineBuffer
+from uavrt.ipc.parent import PARENT_VARIABLE
 from uavrt.log import get_logger
 from uavrt.supervisor.outbox import Outbox
-from uavrt.supervisor.usage import usage_of
+from uavrt.supervisor.usage import own_usage, usage_of
 
 log = get_logger()
 
@@ -58,8 +59,12 @@ class Child:
     ) -> None:
         self.name = name
         self.exit_code: int | None = None
+        self.heard = False
+        """It has said something: it is past its imports."""
+        self.killed = False
         self.last_heard_s = time.monotonic()
-        self.cpu_s = 0.0
+        self.cpu_s = self.own_cpu_s = 0.0
+        self.own_memory_mb = 0.0
         self._loop = asyncio.get_running_loop()
         self._outbox = outbox
         self._on_line, self._on_output, self._on_exit = on_line, on_output, on_exit
@@ -77,6 +82,7 @@ class Child:
                 env=os.environ
                 | {
                     LINK_VARIABLE: str(theirs.fileno()),
+                    PARENT_VARIABLE: str(os.getpid()),
                     "OPENBLAS_NUM_THREADS": "1",
                     "OMP_NUM_THREADS": "1",
                     "PYTHONUNBUFFERED": "1",
@@ -113,12 +119,16 @@ class Child:
 
     def kill(self) -> None:
         """End it and everything in its process group now."""
+        self.killed = True
         self._signal_group(signal.SIGKILL)
 
     def measure(self) -> float:
-        """Update `cpu_s`; get the resident memory [MB]."""
+        """Measure it; get the resident memory [MB], with that of its children."""
         if self.exit_code is not None:
             return 0.0
+        own = own_usage(self.pid)
+        self.own_cpu_s = max(self.own_cpu_s, own.cpu_s)
+        self.own_memory_mb = own.memory_mb
         usage = usage_of(self.pid)
         self.cpu_s = max(self.cpu_s, usage.cpu_s)
         return usage.memory_mb
@@ -140,6 +150,7 @@ class Child:
         if not data:
             self._loop.remove_reader(self._sock)
             return False
+        self.heard = True
         self.last_heard_s = time.monotonic()
         for line in self._lines.feed(data):
             self._on_line(line)

@@ -1,4 +1,4 @@
-"""Opening a flight: the radio's frequency, the directory, and which worker has which tag."""
+"""Opening a flight: its directory, and which worker has which tag."""
 
 from pathlib import Path
 
@@ -14,41 +14,30 @@ def share_tags(tags: tuple[Tag, ...], workers: int) -> tuple[tuple[Tag, ...], ..
 
 
 def new_flight(
-    settings: Settings,
-    tags: tuple[Tag, ...],
-    clock: Clock,
-    *,
-    center_frequency_hz: float | None,
+    settings: Settings, tags: tuple[Tag, ...], clock: Clock, *, center_frequency_hz: float
 ) -> FlightInfo:
-    """Choose the radio frequency and make the flight's directory.
-
-    Parameters
-    ----------
-    center_frequency_hz : float or None
-        Chosen by the operator; else by the settings; else by the tuner.
+    """Make the flight's directory.
 
     Raises
     ------
-    TunerError
-        No radio frequency serves all the tags.
     RecordingError
         The directory cannot be made.
     """
-    # Imported when first needed: NumPy would double the supervisor's memory for nothing.
-    from uavrt.dsp.tuner import tune
-
-    center_hz = center_frequency_hz or settings.radio.center_frequency_hz
-    if center_hz is None:
-        center_hz = tune([tag.frequency_hz for tag in tags]).center_frequency_hz
     start_ns = clock.now_ns()
     return FlightInfo(
         directory=str(_make_directory(Path(settings.recording.directory), start_ns)),
         start_time_ns=start_ns,
         clock_offset_ns=clock.offset_ns,
-        center_frequency_hz=center_hz,
+        center_frequency_hz=center_frequency_hz,
         sample_rate_hz=settings.radio.sample_rate_hz,
         tags=tags,
     )
+
+
+def last_written_ns(directory: Path) -> int | None:
+    """Get when a flight was written to last [ns, wall clock], None without one."""
+    times = [path.stat().st_mtime_ns for path in directory.glob("*") if path.is_file()]
+    return max(times, default=None)
 
 
 def _make_directory(parent: Path, start_ns: int) -> Path:

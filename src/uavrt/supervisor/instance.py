@@ -1,14 +1,17 @@
 """One process of the table, running or not; it outlives its child."""
 
 import os
-import resource
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from uavrt.messages import Health, ProcessStatus, SystemState
+from uavrt.supervisor.budget import BudgetWatch
 from uavrt.supervisor.child import Child
 from uavrt.supervisor.outbox import Outbox
+from uavrt.supervisor.restarts import Restarts
 from uavrt.supervisor.table import ProcessRow
+from uavrt.supervisor.usage import Usage
 
 
 @dataclass(slots=True)
@@ -19,41 +22,64 @@ class Instance:
     row: ProcessRow
     worker: int
     outbox: Outbox = field(init=False)
+    budget: BudgetWatch = field(init=False)
+    restarts: Restarts = field(default_factory=Restarts)
     child: Child | None = None
     health: Health | None = None
-    started_s: float = 0.0
     stop_asked_s: float | None = None
-    not_before_s: float = 0.0
-    failures: int = 0
-    restarts: int = 0
     cpu_s_before: float = 0.0
-    """CPU time of its earlier children."""
+    """CPU time of its earlier children, with their own children."""
+    own_cpu_s_before: float = 0.0
+    """CPU time of its earlier children alone."""
     memory_mb: float = 0.0
+    last_words: str = ""
+    """The last warning or error it printed, for the operator if it ends."""
 
     def __post_init__(self) -> None:
         self.outbox = Outbox(self.row.backlog)
+        self.budget = BudgetWatch(
+            self.name,
+            cpu_percent=self.row.cpu_budget_percent,
+            memory_mb=self.row.memory_limit_mb,
+        )
 
     def status(self) -> ProcessStatus:
         """Describe it now; measures the child."""
         child, health = self.child, self.health
         if child is not None:
             self.memory_mb = child.measure()
+        degraded = self.restarts.degraded(time.monotonic())
+        word = health.status if health else ("starting" if child else "stopped")
         return ProcessStatus(
             process=self.name,
             running=child is not None,
             pid=child.pid if child is not None else None,
-            status=health.status if health else ("starting" if child else "stopped"),
-            ok=health.ok if health else child is not None or self.stop_asked_s is not None,
-            restarts=self.restarts,
+            status=f"degraded: {self.restarts.last_reason}" if degraded else word,
+            ok=not degraded
+            and (health.ok if health else child is not None or self.stop_asked_s is not None),
+            restarts=self.restarts.total,
             cpu_s=self.cpu_s_before + (child.cpu_s if child is not None else 0.0),
             memory_mb=self.memory_mb,
             counters=health.counters if health else {},
         )
 
+    def over_budget(self, now_s: float) -> str | None:
+        """Compare what it used lately with its row; a text when it is too much."""
+        child = self.child
+        if child is None:
+            return None
+        return self.budget.check(
+            now_s, self.own_cpu_s_before + child.own_cpu_s, child.own_memory_mb
+        )
 
-def self_status(state: SystemState, instances: Iterable[Instance]) -> ProcessStatus:
+
+def self_status(
+    state: SystemState,
+    instances: Iterable[Instance],
+    usage: Usage,
+    counters: dict[str, float],
+) -> ProcessStatus:
     """Describe the supervisor itself, with what its outboxes had to drop."""
-    usage = resource.getrusage(resource.RUSAGE_SELF)
     return ProcessStatus(
         process="supervisor",
         running=True,
@@ -61,9 +87,10 @@ def self_status(state: SystemState, instances: Iterable[Instance]) -> ProcessSta
         status=state.value,
         ok=True,
         restarts=0,
-        cpu_s=usage.ru_utime + usage.ru_stime,
-        memory_mb=usage.ru_maxrss / 1e3,
-        counters={
+        cpu_s=usage.cpu_s,
+        memory_mb=usage.memory_mb,
+        counters=counters
+        | {
             f"dropped_{instance.name}_{topic}": float(count)
             for instance in instances
             for topic, count in instance.outbox.dropped.items()

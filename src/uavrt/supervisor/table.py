@@ -52,8 +52,10 @@ class ProcessRow:
     lossless for others; for a mere onlooker."""
     per_worker: bool = False
     """One instance for each detector worker."""
-    silence_limit_s: float = 5.0
-    """Alive but silent for longer counts as dead."""
+    silence_limit_s: float = 3.0
+    """Alive but silent for longer counts as dead. Every process speaks once a second."""
+    start_limit_s: float = 20.0
+    """The same for the first word, which comes after the imports."""
     cpu_budget_percent: float
     """Of one core of the reference machine, with 100 tags."""
     memory_limit_mb: float
@@ -82,6 +84,8 @@ PROCESSES: tuple[ProcessRow, ...] = (
         produces=("recorded_pulse_pose", "health", "status_text"),
         cpu_budget_percent=2.0,
         memory_limit_mb=60.0,
+        # A memory card may take seconds over an fsync; killing the writer would not hurry it.
+        silence_limit_s=8.0,
     ),
     ProcessRow(
         name="connection",
@@ -144,7 +148,8 @@ PROCESSES: tuple[ProcessRow, ...] = (
         produces=("health", "status_text"),
         cpu_budget_percent=3.5,
         memory_limit_mb=120.0,
-        silence_limit_s=8.0,
+        # A radio program that ignores SIGTERM is waited for 2 s before it is killed.
+        silence_limit_s=5.0,
     ),
 )
 

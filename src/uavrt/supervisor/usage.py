@@ -1,10 +1,12 @@
 """CPU time and memory of a process and all its descendants, from ``/proc``."""
 
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,18 +28,54 @@ def children_of(pid: int) -> tuple[int, ...]:
     return tuple(int(child) for child in text.split())
 
 
+def own_usage(pid: int) -> Usage:
+    """Measure a process without its children; zeros when it has gone."""
+    return _usage(pid, last_field=13)
+
+
+def descendants_of(pid: int) -> tuple[int, ...]:
+    """Get all living descendants of a process."""
+    found: list[int] = []
+    waiting = [pid]
+    while waiting:
+        new = children_of(waiting.pop())
+        found += new
+        waiting += new
+    return tuple(found)
+
+
 def usage_of(pid: int) -> Usage:
     """Measure a process and its living descendants; zeros when it has gone."""
     cpu_s = memory_mb = 0.0
-    waiting = [pid]
-    while waiting:
-        current = waiting.pop()
-        try:
-            fields = Path(f"/proc/{current}/stat").read_text().rpartition(") ")[2].split()
-        except (OSError, IndexError):
-            continue
-        # After the name: state is field 0, utime..cstime 11..14, rss 21 (man 5 proc).
-        cpu_s += sum(int(field) for field in fields[11:15]) / _TICKS_PER_S
-        memory_mb += int(fields[21]) * os.sysconf("SC_PAGE_SIZE") / 1e6
-        waiting += children_of(current)
+    for current in (pid, *descendants_of(pid)):
+        usage = _usage(current, last_field=15)
+        cpu_s += usage.cpu_s
+        memory_mb += usage.memory_mb
     return Usage(cpu_s, memory_mb)
+
+
+def _usage(pid: int, *, last_field: int) -> Usage:
+    """Read ``/proc/PID/stat``: after the name, state is field 0; utime, stime and those of the
+    dead children are 11 to 14, rss is 21 (proc(5)).
+    """
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2].split()
+    except OSError:
+        return Usage(0.0, 0.0)
+    if len(fields) < 22:
+        return Usage(0.0, 0.0)
+    ticks = sum(int(field) for field in fields[11:last_field])
+    return Usage(ticks / _TICKS_PER_S, int(fields[21]) * _PAGE_BYTES / 1e6)
+
+
+def pss_mb(pid: int) -> float:
+    """Get the proportional set size [MB]: a page shared by n processes counts 1/n in each.
+
+    The sum over processes is the memory they take together. 0 when the process has gone.
+    """
+    try:
+        rollup = Path(f"/proc/{pid}/smaps_rollup").read_text()
+    except OSError:
+        return 0.0
+    found = re.search(r"^Pss:\s+(\d+) kB", rollup, re.MULTILINE)
+    return int(found.group(1)) * 1024 / 1e6 if found else 0.0

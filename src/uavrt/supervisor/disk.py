@@ -1,0 +1,84 @@
+"""The disk guard: says when room runs out, and makes room if that is wanted.
+
+A full disk never stops detection: the recorder keeps what it cannot write and tries again, the
+processes' output is dropped and counted.
+"""
+
+import os
+import shutil
+from pathlib import Path
+
+from uavrt.config.settings import RecordingSettings
+from uavrt.log import get_logger
+
+log = get_logger()
+
+FLIGHT_PREFIX = "flight_log_"
+
+
+class DiskGuard:
+    """Watches the free space where flights are kept.
+
+    Parameters
+    ----------
+    directory : Path
+        Where flight directories are made.
+    settings : RecordingSettings
+        The limit, and whether old flights may be removed.
+    """
+
+    def __init__(self, directory: Path, settings: RecordingSettings) -> None:
+        self._directory = directory
+        self._limit_mb = settings.minimum_free_mb
+        self._may_prune = settings.remove_oldest_flights
+        self._flight: Path | None = None
+        self._warned = False
+        self.free_mb = float("inf")
+
+    def flying(self, flight: Path | None) -> None:
+        """Say which flight is being written; it is never removed."""
+        self._flight = flight
+
+    def check(self) -> list[tuple[int, str]]:
+        """Measure; get texts (severity, text) for the operator. Runs in a thread of its own."""
+        self.free_mb = self._measure()
+        texts: list[tuple[int, str]] = []
+        while self.free_mb < self._limit_mb and self._may_prune:
+            removed = self._remove_oldest()
+            if removed is None:
+                break
+            self.free_mb = self._measure()
+            texts.append((4, f"Disk nearly full: removed {removed.name}"))
+        if self.free_mb >= self._limit_mb:
+            self._warned = False
+        elif not self._warned:
+            self._warned = True
+            texts.append(
+                (4, f"Disk nearly full: {self.free_mb:.0f} MB free. Detection goes on")
+            )
+        return texts
+
+    def _measure(self) -> float:
+        try:
+            usage = os.statvfs(self._directory)
+        except OSError:
+            return float("inf")
+        return usage.f_bavail * usage.f_frsize / 1e6
+
+    def _remove_oldest(self) -> Path | None:
+        """Remove the oldest flight but the present one; None when there is no other."""
+        flights = sorted(
+            path
+            for path in self._directory.glob(f"{FLIGHT_PREFIX}*")
+            if path.is_dir()
+            and not path.is_symlink()
+            and (self._flight is None or path.resolve() != self._flight.resolve())
+        )
+        for oldest in flights:
+            try:
+                shutil.rmtree(oldest)
+            except OSError as error:
+                log.warning("flight not removed", flight=oldest.name, reason=str(error))
+                continue
+            return oldest
+        return None

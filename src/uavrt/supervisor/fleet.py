@@ -1,0 +1,234 @@
+"""The processes that should run: started, watched, restarted, stopped, by the table's rows."""
+
+import asyncio
+import contextlib
+import os
+import signal
+import socket
+import time
+from collections.abc import Callable, Iterable, Sequence
+
+from uavrt.config.settings import Settings
+from uavrt.ipc import Assignment, encode_record
+from uavrt.ipc.sample_sockets import make_sample_sockets
+from uavrt.log import get_logger
+from uavrt.messages import FlightInfo, SystemState, Tag
+from uavrt.supervisor.child import Child
+from uavrt.supervisor.flight import share_tags
+from uavrt.supervisor.instance import Instance
+from uavrt.supervisor.mission import Mission, Tell
+from uavrt.supervisor.restarts import DEGRADED_AFTER
+from uavrt.supervisor.table import ProcessRow
+from uavrt.supervisor.usage import children_of
+
+log = get_logger()
+
+LineHandler = Callable[[Instance, bytes], None]
+
+
+class Fleet:
+    """All instances of the table's rows.
+
+    Parameters
+    ----------
+    rows : sequence of ProcessRow
+        In start order.
+    mission : Mission
+        Says what is to be done; state, tags, flight, settings and clock are read from it.
+    workers : int
+        Detector processes at most.
+    tell : callable
+        Sends a text (severity, text) to the operator.
+    on_line, on_output : callable
+        Get each record and each printed line of an instance.
+    wake : callable
+        Called when something has ended, so that `ensure` comes soon.
+    """
+
+    def __init__(
+        self,
+        rows: Sequence[ProcessRow],
+        mission: Mission,
+        *,
+        workers: int,
+        tell: Tell,
+        on_line: LineHandler,
+        on_output: LineHandler,
+        wake: Callable[[], None],
+    ) -> None:
+        self._rows = tuple(rows)
+        self._mission = mission
+        self._workers = workers
+        self._tell = tell
+        self._on_line, self._on_output, self._wake = on_line, on_output, wake
+        self._instances: dict[str, Instance] = {}
+        self._sample_sockets: list[tuple[socket.socket, socket.socket]] = []
+
+    @property
+    def instances(self) -> Iterable[Instance]:
+        """Every instance that ever ran or was sent something."""
+        return self._instances.values()
+
+    def instance_of(self, row: ProcessRow) -> Instance:
+        """Get the only instance of a row, running or not."""
+        return self._instances.setdefault(row.name, Instance(row.name, row, 0))
+
+    # ------------------------------------------------------------------ running
+
+    def ensure(self) -> None:
+        """Start what should run and does not; end what is silent."""
+        now_s = time.monotonic()
+        for instance in self._wanted():
+            if instance.child is None and now_s >= instance.restarts.not_before_s:
+                self._start(instance)
+            elif instance.child is not None:
+                self._watch(instance, instance.child, now_s)
+
+    def _wanted(self) -> Iterable[Instance]:
+        for row in self._rows:
+            if not row.runs(self._mission.state):
+                continue
+            for worker in range(self._worker_count() if row.per_worker else 1):
+                name = f"{row.name}-{worker + 1}" if row.per_worker else row.name
+                yield self._instances.setdefault(name, Instance(name, row, worker))
+
+    def _worker_count(self) -> int:
+        return max(1, min(self._workers, len(self._mission.tags)))
+
+    def _start(self, instance: Instance) -> None:
+        instance.outbox.forget("assignment")
+        instance.outbox.put_first(encode_record("assignment", self._assignment(instance)))
+        instance.stop_asked_s = None
+        instance.health = None
+        instance.child = Child(
+            name=instance.name,
+            module=instance.row.module,
+            outbox=instance.outbox,
+            pass_fds=self._fds_of(instance),
+            on_line=lambda line: self._on_line(instance, line),
+            on_output=lambda line: self._on_output(instance, line),
+            on_exit=lambda code: self._on_exit(instance, code),
+        )
+        instance.restarts.started(time.monotonic())
+        log.info("started", child=instance.name, pid=instance.child.pid)
+
+    def _watch(self, instance: Instance, child: Child, now_s: float) -> None:
+        """Kill a child that has said nothing for too long."""
+        if instance.stop_asked_s is not None or child.killed:
+            return
+        limit_s = instance.row.silence_limit_s if child.heard else instance.row.start_limit_s
+        silent_s = now_s - child.last_heard_s
+        if silent_s > limit_s:
+            instance.last_words = f"silent for {silent_s:.0f} s"
+            child.kill()
+
+    def _on_exit(self, instance: Instance, exit_code: int) -> None:
+        child, instance.child = instance.child, None
+        if child is not None:
+            instance.cpu_s_before += child.cpu_s
+            instance.own_cpu_s_before += child.own_cpu_s
+        self._end_orphans()
+        instance.memory_mb = 0.0
+        if instance.stop_asked_s is not None:
+            log.info("stopped", child=instance.name, exit_code=exit_code)
+            return
+        reason = f"{how_it_ended(exit_code)}{instance.last_words and ': '}{instance.last_words}"
+        self._report_restart(instance, reason)
+        instance.last_words = ""
+        self._wake()
+
+    def _report_restart(self, instance: Instance, reason: str) -> None:
+        restarts = instance.restarts
+        delay_s = restarts.ended(time.monotonic(), reason)
+        if restarts.in_a_row < DEGRADED_AFTER:
+            self._tell(4, f"{instance.name} {reason}: restarting it")
+        elif restarts.in_a_row == DEGRADED_AFTER:
+            self._tell(
+                3,
+                f"{instance.name} degraded: ended {restarts.in_a_row} times in a row, "
+                f"now tried every {delay_s:.0f} s. Last: {reason}",
+            )
+
+    def _end_orphans(self) -> None:
+        """End what a killed child has left behind, above all a radio program."""
+        known = {i.child.pid for i in self._instances.values() if i.child is not None}
+        for pid in set(children_of(os.getpid())) - known:
+            with contextlib.suppress(ProcessLookupError, ChildProcessError, PermissionError):
+                log.warning("ending an orphan", pid=pid)
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
+
+    # ----------------------------------------------------------------- stopping
+
+    async def stop_flight(self) -> None:
+        """Stop what runs only while detecting: the receiver first, then the detectors."""
+        for row in reversed(self._rows):
+            if not row.runs(SystemState.HAS_TAGS):
+                await self._stop_row(row)
+        for sockets in self._sample_sockets:
+            for sock in sockets:
+                sock.close()
+        self._sample_sockets = []
+
+    async def stop_all(self) -> None:
+        """Stop everything, in reverse order."""
+        for row in reversed(self._rows):
+            await self._stop_row(row)
+
+    async def _stop_row(self, row: ProcessRow) -> None:
+        """Stop all instances of a row: SIGTERM, then SIGKILL."""
+        running = [i for i in self._instances.values() if i.row is row and i.child is not None]
+        for instance in running:
+            instance.stop_asked_s = time.monotonic()
+            if instance.child is not None:
+                instance.child.terminate()
+        deadline_s = time.monotonic() + row.stop_timeout_s
+        while any(i.child is not None for i in running):
+            if time.monotonic() > deadline_s:
+                for instance in running:
+                    if instance.child is not None:
+                        self._tell(4, f"{instance.name} did not stop: killed")
+                        instance.child.kill()
+                deadline_s = time.monotonic() + row.stop_timeout_s
+            await asyncio.sleep(0.02)
+
+    # --------------------------------------------------------------- assignment
+
+    def make_sample_roads(self) -> None:
+        """Make the sockets of a new flight, from the receiver to each detector."""
+        self._sample_sockets = [make_sample_sockets() for _ in range(self._worker_count())]
+
+    def _fds_of(self, instance: Instance) -> tuple[int, ...]:
+        if instance.row.name == "receiver":
+            return tuple(sender.fileno() for sender, _ in self._sample_sockets)
+        if instance.row.per_worker:
+            return (self._sample_sockets[instance.worker][1].fileno(),)
+        return ()
+
+    def _assignment(self, instance: Instance) -> Assignment:
+        mission = self._mission
+        tags: tuple[Tag, ...] = (*mission.tags.values(),)
+        shares = share_tags(tags, self._worker_count())
+        settings: Settings = mission.settings
+        flight: FlightInfo | None = mission.flight
+        return Assignment(
+            process=instance.name,
+            settings=settings,
+            clock_offset_ns=mission.clock.offset_ns,
+            flight=flight,
+            tags=shares[instance.worker] if instance.row.per_worker else tags,
+            worker_of_tag={
+                tag.tag_id: worker for worker, share in enumerate(shares) for tag in share
+            },
+            sample_fds=self._fds_of(instance),
+        )
+
+
+def how_it_ended(exit_code: int) -> str:
+    """Say how a process ended, from its exit code (negative: the signal)."""
+    if exit_code >= 0:
+        return f"ended (exit {exit_code})"
+    try:
+        return f"was killed ({signal.Signals(-exit_code).name})"
+    except ValueError:
+        return f"was killed (signal {-exit_code})"

@@ -1,0 +1,238 @@
+"""What the operator has asked for: state, tags, flight. It knows no processes."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from uavrt.clock import Clock, wall_ns
+from uavrt.config.settings import Settings
+from uavrt.errors import UavrtError
+from uavrt.log import get_logger
+from uavrt.messages import Command, CommandReply, FlightInfo, SystemState, Tag
+from uavrt.supervisor.flight import last_written_ns, new_flight
+from uavrt.supervisor.memory import SavedState, StateStore, boot_id
+from uavrt.supervisor.transitions import Refused, Repeated, outcome
+from uavrt.supervisor.tuning import ask_tuner
+
+log = get_logger()
+
+REPLIES_KEPT = 64
+RESUME_WITHIN_S = 900.0
+"""After a restart of the computer, detection goes on by itself only if the flight was written
+to so lately: a battery change or a brown-out in the air, but not last week's flight."""
+
+Tell = Callable[[int, str], None]
+
+
+class Mission:
+    """State, tags and flight; every change is saved before it is acknowledged.
+
+    Parameters
+    ----------
+    settings : Settings
+        The drone side's settings.
+    store : StateStore
+        Where the state is kept over an unclean end.
+    tell : callable
+        Sends a text (severity, text) to the operator.
+    on_start, on_stop : callable
+        Called when a flight begins, and when its end was asked for.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        store: StateStore,
+        *,
+        tell: Tell,
+        on_start: Callable[[FlightInfo], None],
+        on_stop: Callable[[], None],
+    ) -> None:
+        self.settings = settings
+        self.clock = Clock.start()
+        self.state = SystemState.IDLE
+        self.tags: dict[int, Tag] = {}
+        self.flight: FlightInfo | None = None
+        self.ending = False
+        """The flight's last pulses are on their way; a new one cannot begin yet."""
+        self._gain: int | None = None
+        self._store = store
+        self._tell, self._on_start, self._on_stop = tell, on_start, on_stop
+        self._replies: dict[tuple[str, int], CommandReply] = {}
+
+    # ------------------------------------------------------------------ memory
+
+    def resume(self) -> bool:
+        """Go on where a supervisor that did not stop in good order was; True if detecting.
+
+        Within the same boot the flight goes on with its clock. After a restart of the computer
+        the clock is a new one, and so must the flight be; see `RESUME_WITHIN_S`.
+        """
+        saved = self._store.load()
+        if saved is None:
+            return False
+        self.tags = {tag.tag_id: tag for tag in saved.tags}
+        self._use_gain(saved.gain)
+        self.state = SystemState.HAS_TAGS if self.tags else SystemState.IDLE
+        flight = saved.flight
+        if saved.state is SystemState.DETECTING and flight is not None:
+            if saved.boot_id == boot_id():
+                self.clock = Clock(saved.clock_offset_ns)
+                self._continue(flight)
+            elif _recent(flight):
+                self._try_new_flight(flight.center_frequency_hz)
+        self._save()
+        log.info("resumed", state=self.state.value, tags=len(self.tags))
+        return self.state is SystemState.DETECTING
+
+    def _continue(self, flight: FlightInfo) -> None:
+        if not Path(flight.directory).is_dir():
+            self._try_new_flight(flight.center_frequency_hz)
+            return
+        self.flight, self.state = flight, SystemState.DETECTING
+        self._on_start(flight)
+        self._tell(4, f"Supervisor restarted: detecting {len(self.tags)} tags again")
+
+    def _try_new_flight(self, center_frequency_hz: float) -> None:
+        try:
+            self.begin_flight(center_frequency_hz)
+        except UavrtError as error:
+            self._tell(3, f"Supervisor restarted, but cannot detect: {error}")
+            return
+        self.state = SystemState.DETECTING
+        self._tell(4, f"Computer restarted: detecting {len(self.tags)} tags again")
+
+    def forget(self) -> None:
+        """Forget everything: the end is in good order."""
+        self._store.forget()
+
+    def _save(self) -> None:
+        self._store.save(
+            SavedState(
+                boot_id=boot_id(),
+                clock_offset_ns=self.clock.offset_ns,
+                state=self.state,
+                tags=(*self.tags.values(),),
+                flight=self.flight,
+                gain=self._gain,
+            )
+        )
+
+    # ---------------------------------------------------------------- commands
+
+    def command(self, command: Command) -> CommandReply:
+        """Carry out a command, or say why not; a repeated one gets the same reply."""
+        key = (command.source, command.request_id)
+        if key not in self._replies:
+            self._replies[key] = self._decide(command)
+            while len(self._replies) > REPLIES_KEPT:
+                del self._replies[next(iter(self._replies))]
+        return self._replies[key]
+
+    def _decide(self, command: Command) -> CommandReply:
+        if self.ending and command.name == "start_detection":
+            return _reply(command, False, "stopping: try again in a moment")
+        result = outcome(self.state, command.name)
+        if isinstance(result, Refused):
+            return _reply(command, False, result.reason)
+        if isinstance(result, Repeated):
+            return _reply(command, True, result.message)
+        try:
+            message = self._carry_out(command)
+        except UavrtError as error:
+            return _reply(command, False, str(error))
+        changed, self.state = self.state is not result.state, result.state
+        if changed:
+            log.info(
+                "state", state=self.state.value, command=command.name, source=command.source
+            )
+            self._save()
+        return _reply(command, True, message)
+
+    def _carry_out(self, command: Command) -> str:
+        match command.name:
+            case "start_tags":
+                self.tags.clear()
+            case "add_tag":
+                self._add_tag(command.tag)
+            case "end_tags":
+                if not self.tags:
+                    raise UavrtError("no tag was sent: send TAG before END_TAGS")
+                return f"{len(self.tags)} tags"
+            case "start_detection":
+                if command.gain is not None:
+                    self._use_gain(command.gain)
+                return self.begin_flight(command.center_frequency_hz).directory
+            case "stop_detection":
+                self.ending = True
+                self._on_stop()
+                return self.flight.directory if self.flight else ""
+            case "raw_capture":
+                raise UavrtError("no raw capture")
+        return ""
+
+    def _add_tag(self, tag: Tag | None) -> None:
+        if tag is None:
+            raise UavrtError("the tag is missing")
+        if self.tags.get(tag.tag_id, tag) != tag:
+            raise UavrtError(f"tag {tag.tag_id} was already sent with other values")
+        self.tags[tag.tag_id] = tag
+
+    def _use_gain(self, gain: int | None) -> None:
+        if gain is not None:
+            radio = replace(self.settings.radio, gain=gain)
+            self.settings = replace(self.settings, radio=radio)
+            self._gain = gain
+
+    # ------------------------------------------------------------------ flight
+
+    def begin_flight(self, center_frequency_hz: float | None) -> FlightInfo:
+        """Choose the radio's frequency (the operator's, the settings', the tuner's); begin.
+
+        Raises
+        ------
+        TunerError
+            No radio frequency serves all the tags.
+        RecordingError
+            The flight's directory cannot be made.
+        """
+        radio = self.settings.radio
+        warnings: tuple[str, ...] = ()
+        center_hz = center_frequency_hz or radio.center_frequency_hz
+        if center_hz is None:
+            tuning = ask_tuner(
+                [tag.frequency_hz for tag in self.tags.values()], radio.sample_rate_hz
+            )
+            center_hz, warnings = tuning.center_frequency_hz, tuning.warnings
+        self.flight = new_flight(
+            self.settings,
+            (*self.tags.values(),),
+            self.clock,
+            center_frequency_hz=center_hz,
+        )
+        self._on_start(self.flight)
+        self._tell(6, f"Detecting {len(self.tags)} tags at {center_hz:.0f} Hz")
+        for warning in warnings:
+            self._tell(5, warning)
+        return self.flight
+
+    def flight_ended(self) -> FlightInfo | None:
+        """Take note that the last pulse is on its way; get the flight that was."""
+        flight, self.flight = self.flight, None
+        self.ending = False
+        self._save()
+        return flight
+
+
+def _recent(flight: FlightInfo) -> bool:
+    written_ns = last_written_ns(Path(flight.directory))
+    # A computer without a battery-backed clock may wake up in the past: that is recent too.
+    return written_ns is not None and wall_ns() - written_ns < RESUME_WITHIN_S * 1e9
+
+
+def _reply(command: Command, accepted: bool, message: str) -> CommandReply:
+    if not accepted:
+        log.warning("command refused", command=command.name, reason=message)
+    return CommandReply(
+        request_id=command.request_id, name=command.name, accepted=accepted, message=message
+    )
