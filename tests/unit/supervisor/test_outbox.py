@@ -69,7 +69,9 @@ def test_pulses_are_all_kept_and_old_texts_are_dropped_and_counted(
 
 
 @given(st.integers(0, 300), st.integers(1, 50))
-def test_an_onlooker_that_is_away_is_kept_only_the_newest_pulses(pulses: int, kept: int) -> None:
+def test_an_onlooker_that_is_away_is_kept_only_the_newest_pulses(
+    pulses: int, kept: int
+) -> None:
     outbox = Outbox(kept)
     for number in range(pulses):
         outbox.put(pulse(number))

@@ -1,0 +1,119 @@
+"""Restart policy, budgets and the disk guard."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uavrt.config.settings import RecordingSettings
+from uavrt.supervisor.budget import REPEAT_S, SLOWER, WINDOW_S, BudgetWatch
+from uavrt.supervisor.disk import DiskGuard
+from uavrt.supervisor.restarts import DEGRADED_AFTER, DELAYS_S, SETTLED_S, Restarts
+
+
+def test_the_first_restart_comes_at_once_and_the_next_ones_ever_later() -> None:
+    restarts = Restarts()
+    waits = []
+    now_s = 100.0
+    for _ in range(8):
+        restarts.started(now_s)
+        waits.append(restarts.ended(now_s + 0.1, "ended (exit 1)"))
+        assert restarts.not_before_s == pytest.approx(now_s + 0.1 + waits[-1])
+        now_s += 1.0
+    assert tuple(waits) == (*DELAYS_S, *[DELAYS_S[-1]] * 3)
+    assert restarts.degraded(now_s)
+    assert restarts.total == 8
+
+
+@given(st.integers(1, 12))
+def test_one_settled_life_forgives_all(ends: int) -> None:
+    restarts = Restarts()
+    for _ in range(ends):
+        restarts.started(0.0)
+        restarts.ended(0.1, "x")
+    assert restarts.degraded(0.2) == (ends >= DEGRADED_AFTER)
+    restarts.started(10.0)
+    assert not restarts.degraded(10.1 + SETTLED_S)
+    assert restarts.ended(10.1 + SETTLED_S, "x") == 0.0
+
+
+def watched(cpu_percent: float, seconds: int, memory_mb: float = 10.0) -> list[str]:
+    watch = BudgetWatch("detector-1", cpu_percent=5.0, memory_mb=100.0)
+    texts = [watch.check(t, t * cpu_percent / 100.0, memory_mb) for t in range(seconds)]
+    return [text for text in texts if text is not None]
+
+
+def test_a_process_within_its_budget_is_not_mentioned() -> None:
+    assert watched(5.0 * SLOWER * 0.99, 1000) == []
+
+
+def test_a_busy_process_is_reported_after_a_while_and_not_every_second() -> None:
+    texts = watched(5.0 * SLOWER * 1.5, round(WINDOW_S + REPEAT_S + 10))
+    assert len(texts) == 2
+    assert "detector-1 uses 30 % of a core" in texts[0]
+    assert watched(5.0 * SLOWER * 1.5, round(WINDOW_S)) == []
+
+
+def test_a_growing_process_is_reported() -> None:
+    assert "uses 101 MB (100 MB)" in watched(0.0, 5, memory_mb=101.0)[0]
+
+
+def flights(directory: Path, *names: str) -> list[Path]:
+    made = [directory / f"flight_log_{name}" for name in names]
+    for path in made:
+        (path / "iq").mkdir(parents=True)
+        (path / "flight.sqlite").write_bytes(b"x")
+    return made
+
+
+def test_without_leave_nothing_is_removed_and_the_operator_hears_once(tmp_path: Path) -> None:
+    flights(tmp_path, "2026-01-01", "2026-01-02")
+    guard = DiskGuard(tmp_path, RecordingSettings(minimum_free_mb=1e12))
+    first = guard.check()
+    assert len(first) == 1
+    assert "Disk nearly full" in first[0][1]
+    assert guard.check() == []
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_the_oldest_go_first_and_the_present_flight_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, two, three = flights(tmp_path, "2026-01-01", "2026-01-02", "2026-01-03")
+    other = tmp_path / "photographs"
+    other.mkdir()
+    guard = DiskGuard(
+        tmp_path, RecordingSettings(minimum_free_mb=100.0, remove_oldest_flights=True)
+    )
+    # Each flight here "weighs" 40 MB of a disk of 200.
+    monkeypatch.setattr(
+        guard, "_measure", lambda: 200.0 - 40.0 * len(list(tmp_path.glob("flight_log_*")))
+    )
+    guard.flying(one)
+    texts = [text for _, text in guard.check()]
+    assert texts == [f"Disk nearly full: removed {two.name}"]
+    assert one.exists()
+    assert three.exists()
+    assert other.exists()
+
+
+def test_the_only_flight_is_never_removed(tmp_path: Path) -> None:
+    (only,) = flights(tmp_path, "2026-01-01")
+    settings = RecordingSettings(minimum_free_mb=1e12, remove_oldest_flights=True)
+    guard = DiskGuard(tmp_path, settings)
+    guard.flying(only)
+    assert "Detection goes on" in guard.check()[0][1]
+    assert only.exists()
+
+
+def test_a_link_to_elsewhere_is_not_followed(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "thesis.tex").write_text("years of work")
+    directory = tmp_path / "flights"
+    directory.mkdir()
+    (directory / "flight_log_2020").symlink_to(elsewhere)
+    settings = RecordingSettings(minimum_free_mb=1e12, remove_oldest_flights=True)
+    DiskGuard(directory, settings).check()
+    assert (elsewhere / "thesis.tex").exists()
