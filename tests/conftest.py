@@ -65,8 +65,8 @@ class RosPeer:
         reader = DataReader(self._participant, topic_entity, qos=qos)
         return lambda: [s.cdr for s in reader.take(1000) if hasattr(s, "cdr")]
 
-    def advertise(self, topic: str, type_name: str) -> Any:
-        """Make a publisher like `ros2 topic pub`; wait until somebody listens."""
+    def advertise(self, topic: str, type_name: str, *, subscribers: int = 1) -> Any:
+        """Make a publisher like `ros2 topic pub -w N`; wait until so many listen."""
         from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
         from cyclonedds.util import duration
@@ -79,7 +79,7 @@ class RosPeer:
             Policy.WriterDataLifecycle(autodispose=False),
         )
         writer = DataWriter(self._participant, self._topic(f"rt/{topic}", type_name), qos=qos)
-        until(lambda: len(writer.get_matched_subscriptions()) > 0)
+        until(lambda: len(writer.get_matched_subscriptions()) >= subscribers)
         self._writers[topic] = writer
         return writer
 

@@ -1,0 +1,154 @@
+"""A whole flight commanded and watched over ROS 2, with the network at its worst."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from uavrt.config.settings import Ros2Settings
+from uavrt.messages import SystemState, SystemStatus
+from uavrt.recording import read_flight
+from uavrt.ros2.convert import tag_to_ros
+
+pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
+
+ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
+PULSE_POSE = "uavrt_interfaces/msg/PulsePose"
+
+SUBSCRIBER = """
+import sys
+from uavrt.config.settings import Ros2Settings
+from uavrt.ros2.dds import Participant
+Participant(Ros2Settings(domain_id=int(sys.argv[1])))
+print("listening", flush=True)
+sys.stdin.read()
+"""
+"""Another computer's gateway: its readers are reliable, as those of any ROS 2 node."""
+
+
+@pytest.fixture
+def subscriber(ros_domain: int) -> Iterator[subprocess.Popen[str]]:
+    """A reliable subscriber in a process of its own."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", SUBSCRIBER, str(ros_domain)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdin is not None
+    assert process.stdout.readline() == "listening\n"
+    yield process
+    process.kill()
+    process.wait()
+    process.stdout.close()
+    process.stdin.close()
+
+
+class Watch:
+    """What the supervisor tells and what ROS 2 hears, read together."""
+
+    def __init__(self, drone: Any, pulses: Callable[[], list[bytes]]) -> None:
+        self._drone = drone
+        self._pulses = pulses
+        self.heard: list[bytes] = []
+        self.status: SystemStatus | None = None
+
+    def look(self) -> None:
+        for _, record in self._drone.status.read(0.2):
+            if isinstance(record, SystemStatus):
+                self.status = record
+        self.heard += self._pulses()
+
+    def process(self, name: str) -> Any:
+        assert self.status is not None
+        return next(p for p in self.status.processes if p.process == name)
+
+    def state(self) -> SystemState | None:
+        return None if self.status is None else self.status.state
+
+
+def order(ros_peer: Any, what: str) -> Any:
+    stamp = ros_peer.new("builtin_interfaces/msg/Time", 0, 0)
+    header = ros_peer.new("std_msgs/msg/Header", stamp, "")
+    status = ros_peer.new("diagnostic_msgs/msg/DiagnosticStatus", 0, "NA", what, "", [])
+    return ros_peer.new(ARRAY, header, [status])
+
+
+def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
+    drone_bay: Any,
+    thesis_scenario: Any,
+    ros_domain: int,
+    ros_peer: Any,
+    subscriber: subprocess.Popen[str],
+    wait_until: Any,
+) -> None:
+    drone = drone_bay.launch(
+        thesis_scenario, ros2=Ros2Settings(enabled=True, domain_id=ros_domain)
+    )
+    watch = Watch(drone, ros_peer.listen("pulse_pose", PULSE_POSE))
+
+    def seen(condition: Callable[[], object]) -> None:
+        def look() -> bool:
+            watch.look()
+            return watch.status is not None and bool(condition())
+
+        wait_until(look, 60.0)
+
+    # Tags and start come from ROS 2 alone.
+    for topic, name in (
+        ("store_tag_information", "uavrt_interfaces/msg/Tag"),
+        ("release_tag_information", "std_msgs/msg/Bool"),
+        ("control_start_subprocess", ARRAY),
+        ("control_stop_subprocess", ARRAY),
+    ):
+        # The drone and the other subscriber.
+        ros_peer.advertise(topic, name, subscribers=2)
+    for tag in thesis_scenario.tags:
+        ours = tag_to_ros(tag)
+        values = [getattr(ours, name) for name in type(ours).__slots__]
+        ros_peer.publish(
+            "store_tag_information", ros_peer.new("uavrt_interfaces/msg/Tag", *values)
+        )
+    seen(lambda: watch.state() is SystemState.RECEIVING_TAGS)
+    ros_peer.publish("release_tag_information", ros_peer.new("std_msgs/msg/Bool", True))
+    seen(lambda: watch.state() is SystemState.HAS_TAGS)
+    ros_peer.publish("control_start_subprocess", order(ros_peer, "start"))
+    seen(lambda: len(watch.heard) >= 3)
+
+    # A subscriber stops, a publisher goes wild, the gateway is killed.
+    subscriber.send_signal(signal.SIGSTOP)
+    for _ in range(3000):
+        ros_peer.publish(
+            "store_tag_information", ros_peer.new("uavrt_interfaces/msg/Tag", *([0] * 9))
+        )
+        ros_peer.publish("control_start_subprocess", order(ros_peer, "start"))
+    heard = len(watch.heard)
+    seen(lambda: len(watch.heard) >= heard + 3)
+    old = watch.process("ros2").pid
+    os.kill(old, signal.SIGKILL)
+    seen(lambda: watch.process("ros2").pid not in (None, old))
+    heard = len(watch.heard)
+    seen(lambda: len(watch.heard) >= heard + 3)
+    assert watch.state() is SystemState.DETECTING
+    restarts = {p.process: p.restarts for p in watch.status.processes}  # type: ignore[union-attr]
+    assert restarts.pop("ros2") == 1
+    assert set(restarts.values()) == {0}
+    assert watch.process("receiver").counters["samples_lost"] == 0
+    directory = watch.status.flight_directory  # type: ignore[union-attr]
+
+    ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+    seen(lambda: watch.state() is SystemState.HAS_TAGS)
+    recorded = read_flight(directory or "")
+    starts_ns = {item.pulse.start_time_ns for item in recorded.pulse_poses}
+    told = [ros_peer.read(cdr, PULSE_POSE) for cdr in watch.heard]
+    for message in told:
+        time = message.pulse.start_time
+        assert time.sec * 10**9 + time.nanosec in starts_ns
+        assert message.antenna_pose.position.x == pytest.approx(
+            thesis_scenario.home.latitude_deg, abs=0.01
+        )
