@@ -21,14 +21,14 @@ from uavrt.detection.samples import (
     SampleBuffer,
     blank_impulses,
 )
-from uavrt.detection.search import Candidate, RateSearch
+from uavrt.detection.search import Candidate, RateSearch, jitter_reach
 from uavrt.detection.thresholds import (
     decision_interval_s,
     effective_hypotheses,
     spread,
     threshold,
 )
-from uavrt.detection.tracks import Slot, Track
+from uavrt.detection.tracks import Slot, Track, log_evidence
 from uavrt.errors import ConfigError
 from uavrt.messages import Pulse, SearchReport, Tag
 
@@ -38,6 +38,7 @@ NOISE_STRIDE = 4
 """Of the columns, eight to a pulse, every fourth tells the noise as much as all."""
 _TRACK_BAND_HZ = 20.0
 _MAXIMUM_TRACKS = 12
+_UNIFORMITY = 0.3
 _SAMPLE_LIMIT_FACTOR = 4.0
 
 
@@ -123,7 +124,7 @@ class PulseDetector:
         bandwidth = min(2.0 * self.frequency_window_hz, self.sample_rate_hz)
         self._searches = []
         for rate, interval_s in enumerate(tag.pulse_intervals_s, start=1):
-            reach_s = max(1, math.ceil(tag.interval_jitter_s / grid.hop_s - 0.25)) * grid.hop_s
+            reach_s = jitter_reach(tag.interval_jitter_s, grid.hop_s) * grid.hop_s
             hypotheses = effective_hypotheses(
                 k=tag.k,
                 bandwidth_hz=bandwidth,
@@ -345,10 +346,9 @@ class PulseDetector:
         for candidate in found:
             if self._explained(candidate, search, taken):
                 continue
-            measured = self._measure(candidate, search)
-            if measured is None or measured[0] < search.threshold:
+            places = self._measure(candidate, search)
+            if places is None:
                 continue
-            statistic, places = measured
             group = [pulse for _, pulse in places]
             if any(_share_a_pulse(group, other, self._grid.window) for other in taken):
                 continue
@@ -365,7 +365,7 @@ class PulseDetector:
                 tag=self.tag,
                 rate=search.rate,
                 offset_hz=0.0,
-                score=statistic / search.threshold,
+                score=candidate.score,
             )
             track.begin(
                 [
@@ -403,8 +403,8 @@ class PulseDetector:
 
     def _measure(
         self, candidate: Candidate, search: RateSearch
-    ) -> tuple[float, list[tuple[int, Measured]]] | None:
-        """Measure a candidate: statistic, and its pulses with their places among the K."""
+    ) -> list[tuple[int, Measured]] | None:
+        """Measure a candidate's pulses, with their places among the K."""
         grid = self._grid
         starts = np.array([grid.start(column) for column in candidate.columns])
         half = (search.reach + 1) * grid.hop
@@ -419,17 +419,18 @@ class PulseDetector:
             grid.sample_rate_hz / grid.window / 4.0,
             self._noise.level,
             climb=True,
-            limit=search.limit,
         )
         if found is None:
             return None
-        statistic, pulses = found
-        return statistic, list(zip(np.flatnonzero(kept).tolist(), pulses, strict=True))
+        return list(zip(np.flatnonzero(kept).tolist(), found, strict=True))
 
     def _refusal(self, group: list[Measured], search: RateSearch) -> str | None:
         """Why a group above the threshold is no tag, or None."""
         bin_hz = self.sample_rate_hz / self._grid.window
         total = 0.0
+        floor = _UNIFORMITY * min(60.0, max(pulse.power for pulse in group))
+        if self._is_the_other_rate(group, search):
+            return "a pulse of the other rate between"
         for pulse in group:
             offset, power = self._refiner.strongest(pulse)
             apart = abs(offset - pulse.offset_hz)
@@ -439,12 +440,42 @@ class PulseDetector:
                 leak = 4.0 * power / (math.pi * apart / bin_hz) ** 2
                 if power > 3.0 * pulse.power and leak > pulse.power:
                     return "side lobe of a stronger signal"
+            if len(self.tag.pulse_intervals_s) > 1 and pulse.power < floor:
+                return "a pulse of the rate is missing"
             pulse.contrast = self._refiner.contrast(pulse)
             local = pulse.power / pulse.contrast
             total += min(pulse.power / (local if local > 3.0 else 1.0), search.limit)
         if total < search.threshold * 0.97:
             return "no contrast with its surroundings"
         return None
+
+    def _is_the_other_rate(self, group: list[Measured], search: RateSearch) -> bool:
+        """Whether the tag's other rate has pulses between those of the group.
+
+        Every second pulse of a rate is a train of twice the interval; the pulses between give
+        it away.
+        """
+        if len(self.tag.pulse_intervals_s) < 2 or len(group) < 2:
+            return False
+        nominal = self.tag.pulse_intervals_s
+        scale = (group[-1].start - group[0].start) / (
+            max(1, search.k - 1) * nominal[search.rate - 1]
+        )
+        other = nominal[2 - search.rate] * scale
+        strength = min(max(sum(p.enr for p in group) / len(group), 8.0), 30.0)
+        width = self._grid.window
+        half = self.tag.interval_jitter_s * self.sample_rate_hz + width / 8.0
+        evidence = 0.0
+        at = group[0].start + other
+        while at < group[-1].start - width:
+            if all(abs(at - p.start) > half + width for p in group):
+                found = self._refiner.search(
+                    np.array([at]), half, group[0].offset_hz, _TRACK_BAND_HZ, self._noise.level
+                )
+                if found is not None:
+                    evidence += log_evidence(found[0].power, strength)
+            at += other
+        return evidence > 0.0
 
     def _overlaps(self, track: Track, group: list[Measured]) -> bool:
         return _share_a_pulse(group, [s.measured for s in track.slots], self._grid.window)
@@ -467,9 +498,21 @@ class PulseDetector:
         """Look where the tracks expect their next pulses."""
         for track in self._tracks:
             while not track.dead and self._step(track, upto):
+                if len(self.tag.pulse_intervals_s) > 1 and track.confirmed:
+                    self._follow_rival(track, upto)
                 self._reporter.settle(self._tracks, self._nominal_hz, self._now_s())
         self._reporter.settle(self._tracks, self._nominal_hz, self._now_s())
         self._tracks = [t for t in self._tracks if not t.dead]
+
+    def _follow_rival(self, track: Track, upto: int) -> None:
+        """Let the other rate look for its pulses up to the same time, and compare."""
+        rival = track.rival
+        while rival is not None and rival.time_s < track.time_s and not rival.dead:
+            if not self._step(rival, upto):
+                break
+        if rival is not None and rival.dead:
+            track.rival = None
+        track.settle_rivalry()
 
     def _step(self, track: Track, upto: int) -> bool:
         """Test a track's next slot when its samples are there."""
@@ -496,7 +539,7 @@ class PulseDetector:
         if found is None:
             track.skip()
             return True
-        measured = found[1][0]
+        measured = found[0]
         track.step(
             Slot(
                 number=0,

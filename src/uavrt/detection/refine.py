@@ -73,8 +73,7 @@ class Refiner:
         *,
         climb: bool = False,
         spread: float = math.inf,
-        limit: float = math.inf,
-    ) -> tuple[float, list[Measured]] | None:
+    ) -> list[Measured] | None:
         """Find pulses of one common frequency near expected starts.
 
         Parameters
@@ -92,15 +91,10 @@ class Refiner:
             Standard deviation of the expected starts [samples]: of several peaks the likeliest
             is taken, not the highest.
 
-        limit : float
-            Most that one pulse adds to the statistic.
-
         Returns
         -------
-        (statistic, list of Measured), or None
-            The statistic of the search on this all but continuous grid, in noise powers: the
-            largest sum, at one frequency, of the pulses' powers. None when the samples
-            are no longer (or not yet) there.
+        list of Measured, or None
+            None when the samples are no longer (or not yet) there.
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -120,7 +114,6 @@ class Refiner:
             power -= (0.5 * window * self.noise_at(offset_hz, noise)) * away[:, np.newaxis] ** 2
             np.maximum(power, 0.0, out=power)
         best = power.max(axis=2) / (window * self.noise_at(offset_hz, noise))
-        statistic = float(np.minimum(best, limit).sum(axis=0).max())
         # The root keeps one strong pulse from choosing alone for all.
         common = int(np.sqrt(best).sum(axis=0).argmax())
         at = power[:, common].argmax(axis=1)
@@ -133,7 +126,7 @@ class Refiner:
                 at = self._filtered(first, length, turn[common : common + 1])[:, 0].argmax(
                     axis=1
                 )
-        return statistic, [
+        return [
             self._polish(int(first[index] + at[index]), float(frequencies[common]), noise)
             for index in range(len(starts))
         ]

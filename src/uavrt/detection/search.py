@@ -22,9 +22,6 @@ CELL_LIMIT = 14.0
 
 Without a limit one impulse carries a group. The limit costs nothing at the threshold: it lowers
 the false alarms of noise as much (measured: docs/explanation/detection.md)."""
-COARSE = 0.93
-"""A cell's power falls by up to 0.3 dB between the grid's points: sums from here on are
-measured again on the samples, and that measure must reach the threshold."""
 _ANCHORS_AT_ONCE = 96
 _CANDIDATES_AT_ONCE = 8
 _DENSE_FROM_K = 9
@@ -35,7 +32,7 @@ class Candidate:
     """A hypothesis whose statistic reached the threshold."""
 
     score: float
-    """The statistic on the grid over the threshold; a candidate from `COARSE` on."""
+    """The statistic over the threshold."""
     strength: float
     """The sum without the limit on a cell, in noise powers: settles ties of strong pulses."""
     rate: int
@@ -78,10 +75,9 @@ class RateSearch:
         self.rate = rate
         self.k = k
         self.threshold = threshold
-        self._coarse = COARSE * threshold
         self.limit = CELL_LIMIT if k > 1 else math.inf
         self._rows = rows
-        self.reach = max(1, math.ceil(jitter_s / hop_s - 0.25))
+        self.reach = jitter_reach(jitter_s, hop_s)
         intervals = interval_grid(
             interval_s=interval_s,
             uncertainty_s=uncertainty_s,
@@ -147,7 +143,7 @@ class RateSearch:
         self._append(largest)
         if self.dense:
             return self._search_dense(noise)
-        needed = np.float32(self._coarse / self.k) * noise
+        needed = np.float32(self.threshold / self.k) * noise
         peaks = np.flatnonzero((middle >= needed) & (middle == largest))
         row = peaks % self._rows
         self._anchor_column = np.concatenate((self._anchor_column, first + peaks // self._rows))
@@ -218,7 +214,7 @@ class RateSearch:
     ) -> None:
         """Note the anchors whose best interval reaches the threshold."""
         best = totals.max(axis=1)
-        hits = np.flatnonzero(best >= self._coarse)
+        hits = np.flatnonzero(best >= self.threshold)
         if not len(hits):
             return
         anchors = start + hits
@@ -261,7 +257,7 @@ class RateSearch:
             for back in range(self.k):
                 at = top - round(back * float(interval))
                 total += scaled[at : at + count]
-            hits = np.flatnonzero(total.max(axis=0) >= self._coarse)
+            hits = np.flatnonzero(total.max(axis=0) >= self.threshold)
             for row in hits:
                 column = int(total[:, row].argmax())
                 found.append(
@@ -278,6 +274,15 @@ class RateSearch:
                 )
         found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
         return found
+
+
+def jitter_reach(jitter_s: float, hop_s: float) -> int:
+    """Columns to look to either side of where a pulse should be.
+
+    Two pulses that are both off by their utmost are rare, and a pulse a little beyond the reach
+    is still seen by its flank: 0.7 of the bound loses less than the smaller search gains.
+    """
+    return max(1, math.ceil(0.7 * jitter_s / hop_s - 0.25))
 
 
 def interval_grid(

@@ -25,6 +25,9 @@ WEAKEST_POWER = 3.0
 """A pulse below this is not reported even as a member of a group: it is mostly noise."""
 WEAKEST_SHARE = 0.15
 VOUCH = 2.0
+_RIVAL_WINS = 12.0
+"""Lead in log-likelihood at which the other rate is taken: one clear pulse missing."""
+_RIVAL_BEATEN = 40.0
 _SURE_POWER = 12.0
 """Three pulses of this power each, an interval apart, are no accident: confirmed at once."""
 _INTERVAL_WALK = 1.5e-4
@@ -77,6 +80,10 @@ class Track:
     sequences: dict[int, int] = field(default_factory=dict)
     """Group sequence of each group of K lattice places."""
     last_accepted_s: float = 0.0
+    rival: "Track | None" = None
+    """The same transmitter at the tag's other rate, should it have switched."""
+    evidence: float = 0.0
+    """Log-likelihood gained since the rival was set up."""
 
     def begin(self, pulses: list[tuple[int, float, int, Measured]]) -> None:
         """Start from a detected group.
@@ -148,6 +155,8 @@ class Track:
         self.slots.append(slot)
         del self.slots[: -max(2 * self.tag.k, 6)]
         power = slot.measured.power
+        if self.rival is not None or self.confirmed:
+            self.evidence += log_evidence(power, self.strength)
         if self.confirmed:
             self._follow(slot)
         else:
@@ -172,6 +181,69 @@ class Track:
         self.since_accepted += 1
         if self.since_accepted > COAST_PULSES:
             self.dead = True
+
+    @property
+    def strength(self) -> float:
+        """ENR of the recent accepted pulses, limited to what a fade leaves."""
+        recent = [s.measured.enr for s in self.slots if s.state in ("accepted", "reported")]
+        level = sum(recent[-4:]) / max(1, len(recent[-4:]))
+        return min(max(level, 8.0), 30.0)
+
+    def set_up_rival(self) -> None:
+        """Put the tag's other rate beside this one, from the last accepted pulse on."""
+        tag = self.tag
+        if len(tag.pulse_intervals_s) < 2 or not self.confirmed:
+            return
+        heard = [s for s in self.slots if s.state in ("accepted", "reported")]
+        if not heard:
+            return
+        start, rate = heard[-1], 3 - self.rate
+        rival = Track(tag=tag, rate=rate, offset_hz=self.offset_hz, score=self.score)
+        rival.begin([(0, start.time_s, start.time_ns, start.measured)])
+        rival.number = 0
+        rival.time_s = start.time_s
+        # The crystal's error is the same at both rates.
+        nominal = tag.pulse_intervals_s
+        rival.interval_s *= self.interval_s / nominal[self.rate - 1]
+        rival.slots[0].state = "reported"
+        rival.confirmed = True
+        self.rival, self.evidence = rival, 0.0
+        self.evidence = sum(
+            log_evidence(s.measured.power, self.strength)
+            for s in self.slots
+            if s.number > start.number
+        )
+
+    def settle_rivalry(self) -> None:
+        """Switch the rate when the rival explains more; renew a rival that lags."""
+        rival = self.rival
+        if rival is None or self.evidence - rival.evidence > _RIVAL_BEATEN:
+            self.set_up_rival()
+            return
+        # Compare over the same time only.
+        ahead = min(self.time_s, rival.time_s) + 0.5 * min(self.interval_s, rival.interval_s)
+        own = sum(
+            log_evidence(s.measured.power, self.strength)
+            for s in self.slots
+            if rival.slots[0].time_s + self.tag.pulse_width_s < s.time_s < ahead
+        )
+        others = [s for s in rival.slots[1:] if s.time_s < ahead]
+        theirs = sum(log_evidence(s.measured.power, self.strength) for s in others)
+        if theirs - own > _RIVAL_WINS and any(s.state == "accepted" for s in others):
+            self._become(rival)
+
+    def _become(self, rival: "Track") -> None:
+        """Go on at the rival's rate."""
+        self.rate = rival.rate
+        self.time_s, self.interval_s = rival.time_s, rival.interval_s
+        self.variance, self.number = rival.variance, rival.number
+        self.slots = rival.slots
+        self.offset_hz = rival.offset_hz
+        self.since_accepted = rival.since_accepted
+        self.last_accepted_s = rival.last_accepted_s
+        self.sequences = {}
+        self.rival = None
+        self.set_up_rival()
 
     def _try_to_confirm(self, slot: Slot) -> None:
         self.gained += min(slot.measured.power, 14.0)
@@ -234,6 +306,18 @@ class Track:
             cross * (1.0 - gain_phase),
             interval - gain_interval * cross,
         ]
+
+
+def log_evidence(power: float, strength: float) -> float:
+    """Log-likelihood ratio of a pulse of ENR `strength` to none, for a cell's power.
+
+    log I0(2 sqrt(strength × power)) - strength, with the asymptotic form of the Bessel function
+    (error below 0.05 from an argument of 2).
+    """
+    argument = 2.0 * math.sqrt(strength * max(power, 0.0))
+    if argument < 2.0:
+        return argument * argument / 4.0 - strength
+    return argument - 0.5 * math.log(2.0 * math.pi * argument) - strength
 
 
 def _round(volume: float) -> float:

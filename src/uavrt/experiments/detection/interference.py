@@ -1,0 +1,131 @@
+"""Everything that is not the tag: carriers, impulses, coloured noise."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def carrier(
+    rng: np.random.Generator,
+    count: int,
+    *,
+    offset_hz: float,
+    level_db: float,
+    sample_rate_hz: float = 3750.0,
+    drift_hz_per_s: float = 0.0,
+    modulation: float = 0.0,
+    modulation_hz: float = 1.3,
+    bin_s: float = 0.02,
+) -> NDArray[np.complex64]:
+    """A continuous carrier.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    count : int
+        Samples.
+    offset_hz : float
+        Frequency relative to the channel's centre, at the start.
+    level_db : float
+        Power over the noise in one bin of `bin_s`: what the spectrogram shows.
+    sample_rate_hz, drift_hz_per_s : float
+    modulation, modulation_hz : float
+        Depth and frequency of an amplitude modulation.
+    bin_s : float
+
+    Returns
+    -------
+    ndarray of complex64, shape (count,)
+    """
+    t = np.arange(count) / sample_rate_hz
+    amplitude = math.sqrt(10.0 ** (level_db / 10.0) / (bin_s * sample_rate_hz))
+    phase = 2.0 * np.pi * (offset_hz * t + 0.5 * drift_hz_per_s * t * t)
+    wave = np.exp(1j * (phase + rng.uniform(0.0, 2.0 * np.pi)))
+    wave *= amplitude * (1.0 + modulation * np.sin(2.0 * np.pi * modulation_hz * t))
+    return wave.astype(np.complex64)
+
+
+def impulses(
+    rng: np.random.Generator,
+    count: int,
+    *,
+    per_s: float,
+    level_db: float,
+    length_s: float = 1e-3,
+    sample_rate_hz: float = 3750.0,
+    regular: bool = False,
+) -> NDArray[np.complex64]:
+    """Bursts of wideband noise.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    count : int
+    per_s : float
+        Mean number in a second.
+    level_db : float
+        Power of a sample of a burst over the noise power of a sample.
+    length_s, sample_rate_hz : float
+    regular : bool
+        Evenly spaced, as a serial port makes them, instead of at random.
+
+    Returns
+    -------
+    ndarray of complex64, shape (count,)
+    """
+    wave = np.zeros(count, np.complex64)
+    length = max(1, round(length_s * sample_rate_hz))
+    duration = count / sample_rate_hz
+    if regular:
+        starts = np.arange(rng.uniform(0.0, 1.0 / per_s), duration, 1.0 / per_s)
+    else:
+        starts = rng.uniform(0.0, duration, rng.poisson(per_s * duration))
+    scale = math.sqrt(0.5 * 10.0 ** (level_db / 10.0))
+    for start in (starts * sample_rate_hz).astype(int):
+        stop = min(start + length, count)
+        burst = rng.standard_normal((stop - start, 2)) @ np.array([1.0, 1j])
+        wave[start:stop] += (scale * burst).astype(np.complex64)
+    return wave
+
+
+def coloured_noise(
+    rng: np.random.Generator,
+    count: int,
+    *,
+    tilt_db: float = 0.0,
+    edge: bool = False,
+    hum: bool = False,
+    sample_rate_hz: float = 3750.0,
+) -> NDArray[np.complex64]:
+    """Noise of about unit power with a shaped spectrum.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    count : int
+    tilt_db : float
+        Difference of the density between the channel's two edges.
+    edge : bool
+        Fall by 40 dB from 1600 Hz to the edge, as behind a channelizer.
+    hum : bool
+        Noise lines 1.5 Hz wide at multiples of 100 Hz, 12 dB in a bin.
+    sample_rate_hz : float
+
+    Returns
+    -------
+    ndarray of complex64, shape (count,)
+    """
+    spectrum = rng.standard_normal((count, 2)) @ np.array([1.0, 1j]) * math.sqrt(0.5)
+    frequency = np.fft.fftfreq(count, 1.0 / sample_rate_hz)
+    level_db = tilt_db * frequency / sample_rate_hz
+    if edge:
+        nyquist = sample_rate_hz / 2.0
+        start = 0.85 * nyquist
+        level_db -= 40.0 * np.clip((np.abs(frequency) - start) / (nyquist - start), 0.0, 1.0)
+    density = 10.0 ** (level_db / 10.0)
+    if hum:
+        lines = np.abs((frequency + 50.0) % 100.0 - 50.0) < 0.75
+        density = density + lines * (10.0**1.2 * 50.0 / 1.5)
+    shaped = spectrum * np.sqrt(density)
+    return np.asarray(np.fft.ifft(shaped) * math.sqrt(count), np.complex64)
