@@ -18,6 +18,10 @@ app.command("uavrt.cli.run:run")
 app.command("uavrt.cli.ground:ground")
 app.command("uavrt.cli.detect:detect")
 app.command("uavrt.cli.simulate:simulate")
+app.command("uavrt.cli.bearing:bearing")
+app.command("uavrt.cli.localize:localize")
+app.command("uavrt.cli.channelize:channelize")
+app.command("uavrt.cli.export:export")
 app.command("uavrt.cli.tags:tags")
 
 

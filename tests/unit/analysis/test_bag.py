@@ -1,0 +1,232 @@
+"""A flight as rosbag2, read back by an independent reader."""
+
+import json
+import math
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosReliability
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from uavrt.analysis.bag import export_bag
+from uavrt.cli.app import app
+from uavrt.config.settings import AntennaSettings, Settings
+from uavrt.errors import FormatError, UsageError
+from uavrt.messages import (
+    FlightInfo,
+    Pose,
+    Poses,
+    Pulse,
+    PulsePose,
+    SearchReport,
+    StatusText,
+    Tag,
+)
+from uavrt.recording import FlightRecorder, read_flight
+from uavrt.ros2 import TOPICS, encode, type_hash
+from uavrt.ros2.convert import pulse_pose_to_ros
+
+INTERFACES = Path(__file__).parents[3] / "ros" / "uavrt_interfaces" / "msg"
+START_NS = 1_777_623_301_019_828_320
+TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+
+
+def a_pulse(number: int) -> Pulse:
+    start_ns = START_NS + 10**9 + number * 1_254_000_000
+    return Pulse(
+        tag_id=2,
+        frequency_hz=148_710_012.5,
+        start_time_ns=start_ns,
+        end_time_ns=start_ns + 20_000_000,
+        snr_db=20.5,
+        group_snr_db=20.25,
+        score=2.5,
+        group_index=1 + number % 3,
+        group_sequence=number // 3,
+        noise_psd=1e-9,
+        detection_status="confirmed",
+        confirmed=True,
+        rate=1,
+        predicted_next_start_ns=start_ns + 1_194_000_000,
+        predicted_next_end_ns=start_ns + 1_314_000_000,
+    )
+
+
+def a_pose(time_ns: int) -> Pose:
+    return Pose(
+        time_ns=time_ns,
+        latitude_deg=47.4,
+        longitude_deg=8.5,
+        altitude_amsl_m=500.0,
+        altitude_relative_m=40.0,
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+    )
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Path:
+    """A flight of 30 pulses, the last without a pose, on an antenna turned by 90°."""
+    info = FlightInfo(
+        directory=str(tmp_path / "flight_log_2026-05-01_08-15-00"),
+        start_time_ns=START_NS,
+        clock_offset_ns=0,
+        center_frequency_hz=148.705e6,
+        sample_rate_hz=3e6,
+        tags=(TAG,),
+    )
+    settings = Settings(antenna=AntennaSettings(yaw_offset_deg=90.0))
+    recorder = FlightRecorder.create(info, settings)
+    pulses = [a_pulse(number) for number in range(30)]
+    recorder.write_pulses(pulses)
+    recorder.write_pulse_poses(
+        PulsePose(pulse=pulse, pose=a_pose(pulse.start_time_ns) if number < 29 else None)
+        for number, pulse in enumerate(pulses)
+    )
+    recorder.write_poses(
+        Poses(poses=tuple(a_pose(START_NS + number * 50_000_000) for number in range(100)))
+    )
+    recorder.write_status_text(StatusText(severity=4, text="radio absent"), START_NS + 5)
+    recorder.write_search_report(
+        SearchReport(
+            tag_id=2,
+            time_ns=START_NS + 2 * 10**9,
+            frequency_hz=148.71e6,
+            noise_psd=1e-9,
+            best_score=0.5,
+        )
+    )
+    recorder.close()
+    return Path(info.directory)
+
+
+@pytest.fixture
+def types() -> Any:
+    """The messages as the ament package and rosbags have them."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for path in INTERFACES.glob("*.msg"):
+        name = f"uavrt_interfaces/msg/{path.stem}"
+        store.register(get_types_from_msg(path.read_text(encoding="utf-8"), name))
+    return store
+
+
+def test_every_pulse_of_a_flight_is_in_the_bag_byte_for_byte(
+    flight: Path, tmp_path: Path, types: Any
+) -> None:
+    bag = export_bag(flight, tmp_path / "bag")
+    with AnyReader([bag.directory], default_typestore=types) as reader:
+        got = {
+            name: [(time, bytes(raw)) for c, time, raw in reader.messages() if c.topic == name]
+            for name in ("/pulse", "/pulse_pose")
+        }
+    recorded = read_flight(flight).pulse_poses
+    directory = str(flight / "detector_log" / "tag_id_2")
+    assert [raw for _, raw in got["/pulse_pose"]] == [
+        encode(pulse_pose_to_ros(item, directory)) for item in recorded
+    ]
+    assert [time for time, _ in got["/pulse_pose"]] == [
+        item.pulse.end_time_ns for item in recorded
+    ]
+    read = [
+        types.deserialize_cdr(raw, "uavrt_interfaces/msg/Pulse") for _, raw in got["/pulse"]
+    ]
+    assert [m.frequency for m in read].count(0.0) == 1  # "searched, nothing found"
+    assert len(read) == 31
+    last = types.deserialize_cdr(got["/pulse_pose"][-1][1], "uavrt_interfaces/msg/PulsePose")
+    assert math.isnan(last.antenna_pose.position.x)
+
+
+def test_the_bag_says_types_hashes_and_quality_of_service(flight: Path, tmp_path: Path) -> None:
+    bag = export_bag(flight, tmp_path / "bag")
+    with Reader(bag.directory) as reader:
+        topics = {connection.topic[1:]: connection for connection in reader.connections}
+        assert reader.message_count == sum(bag.messages.values())
+        assert {name: topic.msgcount for name, topic in topics.items()} == bag.messages
+    for name, connection in topics.items():
+        (qos,) = connection.ext.offered_qos_profiles
+        assert qos.reliability is QosReliability.RELIABLE
+        late = name == "rosout"
+        kept = QosDurability.TRANSIENT_LOCAL if late else QosDurability.VOLATILE
+        assert qos.durability is kept
+        if not late:
+            assert connection.digest == type_hash(TOPICS[name].message)
+    assert set(topics) == {
+        "pulse",
+        "pulse_pose",
+        "antenna_pose",
+        "store_tag_information",
+        "release_tag_information",
+        "control_start_subprocess",
+        "rosout",
+    }
+
+
+def test_the_file_alone_is_read_too_and_describes_itself(
+    flight: Path, tmp_path: Path, types: Any
+) -> None:
+    from mcap.reader import make_reader
+
+    bag = export_bag(flight, tmp_path / "bag")
+    with bag.file.open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        times = [message.log_time for _, _, message in reader.iter_messages()]
+        (described,) = reader.iter_metadata()
+        summary = reader.get_summary()
+    assert times == sorted(times)
+    assert summary is not None
+    assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+    inside = json.loads(described.metadata["serialized_metadata"])
+    assert inside == json.loads((bag.directory / "metadata.yaml").read_text(encoding="utf-8"))
+    with AnyReader([bag.file], default_typestore=types) as whole:
+        assert whole.message_count == len(times)
+
+
+def test_the_antenna_s_pose_has_the_mounting_in_it(
+    flight: Path, tmp_path: Path, types: Any
+) -> None:
+    bag = export_bag(flight, tmp_path / "bag")
+    with AnyReader([bag.directory], default_typestore=types) as reader:
+        (connection,) = (c for c in reader.connections if c.topic == "/antenna_pose")
+        _, _, raw = next(reader.messages([connection]))
+        message: Any = reader.deserialize(raw, connection.msgtype)
+    assert message.header.frame_id == "antenna_pose"
+    orientation = message.pose.orientation
+    # North-looking vehicle, antenna 90° to the right: half an angle of 45°.
+    assert orientation.w == pytest.approx(math.sqrt(0.5))
+    assert orientation.z == pytest.approx(math.sqrt(0.5))
+
+
+def test_a_bag_is_not_written_over_another(flight: Path, tmp_path: Path) -> None:
+    export_bag(flight, tmp_path / "bag")
+    with pytest.raises(UsageError, match="does not exist yet"):
+        export_bag(flight, tmp_path / "bag")
+
+
+def test_settings_of_the_flight_that_cannot_be_read_are_named(
+    flight: Path, tmp_path: Path
+) -> None:
+    with closing(sqlite3.connect(flight / "flight.sqlite")) as database, database:
+        database.execute("UPDATE flight SET settings = '{]'")
+    with pytest.raises(FormatError, match="settings"):
+        export_bag(flight, tmp_path / "bag")
+
+
+def test_a_settings_record_travels_as_the_recorder_writes_it(flight: Path) -> None:
+    text = read_flight(flight).settings_json
+    assert text is not None
+    assert msgspec.json.decode(text, type=Settings).antenna.yaw_offset_deg == 90.0
+
+
+def test_the_command_writes_into_the_flight_and_lists_the_topics(
+    flight: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    app(["export", str(flight), "--mcap"], result_action="return_value")
+    printed = capsys.readouterr().out
+    assert "30  /pulse_pose" in printed
+    assert (flight / "bag" / "bag_0.mcap").exists()
