@@ -6,6 +6,7 @@ are simulated.
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -28,6 +29,8 @@ from uavrt.ipc.link import LineBuffer
 from uavrt.simulation import Scenario
 
 STOP_TIMEOUT_S = 15.0
+_END_WITH_US = ("setpriv", "--pdeathsig", "TERM", "--") if shutil.which("setpriv") else ()
+"""Words before a command by which the kernel asks it to end when we end, even by SIGKILL."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +112,7 @@ class Program:
         self.cpu_s = 0.0
         with log.open("wb") as output:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", *arguments],
+                [*_END_WITH_US, sys.executable, "-m", *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
