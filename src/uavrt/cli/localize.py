@@ -1,0 +1,76 @@
+"""``uavrt localize``: where the tags of a flight are."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from uavrt.analysis.positions import TagPosition
+
+
+def localize(
+    flight: Path,
+    *,
+    method: str = "bayes",
+    antenna: str = "RA-23K",
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Estimate where each tag is, from its bearings.
+
+    Parameters
+    ----------
+    flight
+        A flight directory, or a bearings.csv.
+    method
+        bayes (a region with its probability); or mle, rmr, mest as the original system computes
+        them; or rmr_ahead, mest_lenth as they were meant.
+    antenna
+        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2.
+    as_json
+        Print a list of objects.
+    """
+    from uavrt.analysis.positions import read_positions
+
+    found = read_positions(flight, method=method, antenna=antenna)  # type: ignore[arg-type]
+    if as_json:
+        print(json.dumps([_record(one) for one in found if one.position], indent=2))
+        return
+    for one in found:
+        print(_sentence(one))
+    if not found:
+        print(f"{flight}: no bearings")
+
+
+def _record(one: "TagPosition") -> dict[str, Any]:
+    found = one.position
+    assert found is not None
+    ellipse = found.ellipse95
+    return {
+        "tag_id": one.tag_id,
+        "method": found.method,
+        "latitude_deg": found.latitude_deg,
+        "longitude_deg": found.longitude_deg,
+        "radius50_m": found.radius50_m,
+        "radius95_m": found.radius95_m,
+        "semi_major95_m": None if ellipse is None else ellipse.semi_major_m,
+        "semi_minor95_m": None if ellipse is None else ellipse.semi_minor_m,
+        "orientation_deg": None if ellipse is None else ellipse.orientation_deg,
+        "bearings": found.stations,
+        "outlier_probabilities": found.outlier_probabilities,
+        "at_edge": found.at_edge,
+    }
+
+
+def _sentence(one: "TagPosition") -> str:
+    found = one.position
+    if found is None:
+        return f"tag {one.tag_id}: no position: {one.reason}"
+    text = f"tag {one.tag_id}: {found.latitude_deg:.5f}, {found.longitude_deg:.5f}"
+    if found.radius50_m is not None and found.radius95_m is not None:
+        text += f", within {found.radius50_m:.0f} m (50 %), {found.radius95_m:.0f} m (95 %)"
+    text += f", from {found.stations} bearing(s)"
+    if found.at_edge:
+        text += "; it may be farther out"
+    return text

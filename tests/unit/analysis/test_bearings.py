@@ -1,0 +1,199 @@
+"""From a recorded flight to bearings and positions, by library and by command."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uavrt.analysis.bearings import bearings_of_flight, bearings_of_pulses, read_bearings
+from uavrt.analysis.positions import read_positions
+from uavrt.errors import FormatError, UsageError
+from uavrt.localization import PATTERNS, TangentPlane
+from uavrt.localization.angles import difference_deg
+from uavrt.messages import FlightInfo, Pose, Pulse, PulsePose, Tag
+from uavrt.recording import Flight, PulseWriter
+
+PLANE = TangentPlane(latitude_deg=35.18, longitude_deg=-111.66)
+START_NS = 1_700_000_000_000_000_000
+TAG = (150.0, 420.0)
+STATIONS = ((-250.0, 0.0), (0.0, 0.0), (250.0, 30.0))
+INTERVAL_S = 1.25
+TURN_S = 50.0
+LEG_S = 40.0
+
+
+def place(time_s: float) -> tuple[float, float, float]:
+    """East, north, heading: a turn at each station, flights between them."""
+    index, within = divmod(time_s, TURN_S + LEG_S)
+    here = STATIONS[min(int(index), 2)]
+    there = STATIONS[min(int(index) + 1, 2)]
+    part = max(0.0, within - TURN_S) / LEG_S
+    east, north = (a + part * (b - a) for a, b in zip(here, there, strict=True))
+    return east, north, 30.0 + 360.0 * min(1.0, within / TURN_S)
+
+
+def pose_at(time_s: float, offset_deg: float = 0.0) -> Pose:
+    east, north, heading = place(time_s)
+    latitude, longitude = PLANE.to_geodetic(east, north)
+    half = math.radians(heading + offset_deg) / 2
+    return Pose(
+        time_ns=START_NS + round(time_s * 1e9),
+        latitude_deg=float(latitude),
+        longitude_deg=float(longitude),
+        altitude_amsl_m=2140.0,
+        altitude_relative_m=40.0,
+        quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+    )
+
+
+def flown(*, offset_deg: float = 0.0, threshold_db: float = 8.0, seed: int = 4) -> Flight:
+    """A flight with one tag; weak pulses are not heard."""
+    rng = np.random.default_rng(seed)
+    seconds = 3 * TURN_S + 2 * LEG_S
+    pulses = []
+    for number, time in enumerate(np.arange(0.4, seconds - 1, INTERVAL_S)):
+        east, north, heading = place(time)
+        bearing = math.degrees(math.atan2(TAG[0] - east, TAG[1] - north))
+        gain = PATTERNS["RA-23K"].gain_db([bearing - heading - offset_deg])[0]
+        snr = 24.0 + gain + rng.normal(0, 2.0)
+        if snr < threshold_db:
+            continue
+        start_ns = START_NS + round(time * 1e9)
+        pulse = Pulse(
+            tag_id=2,
+            frequency_hz=148e6,
+            start_time_ns=start_ns,
+            end_time_ns=start_ns + 20_000_000,
+            snr_db=float(snr),
+            group_snr_db=float(snr),
+            score=2.0,
+            group_index=1,
+            group_sequence=number,
+            noise_psd=1e-10,
+            detection_status="confirmed",
+            confirmed=True,
+            rate=1,
+            predicted_next_start_ns=None,
+            predicted_next_end_ns=None,
+        )
+        pulses.append(PulsePose(pulse=pulse, pose=pose_at(time, offset_deg)))
+    tag = Tag(tag_id=2, frequency_hz=148e6, pulse_width_s=0.02, pulse_intervals_s=(INTERVAL_S,))
+    info = FlightInfo(
+        directory="here",
+        start_time_ns=START_NS,
+        clock_offset_ns=0,
+        center_frequency_hz=148e6,
+        sample_rate_hz=3e6,
+        tags=(tag,),
+    )
+    return Flight(
+        info=info,
+        settings_json=None,
+        pulse_poses=tuple(pulses),
+        poses=tuple(pose_at(float(time)) for time in np.arange(0.0, seconds, 0.25)),
+        status_texts=(),
+        notes=(),
+    )
+
+
+def true_bearing(number: int) -> float:
+    east, north = STATIONS[number]
+    return math.degrees(math.atan2(TAG[0] - east, TAG[1] - north))
+
+
+def write(pulses: tuple[PulsePose, ...], path: Path) -> Path:
+    with path.open("w", encoding="utf-8") as stream:
+        writer = PulseWriter(stream, "jsonl")
+        for pulse in pulses:
+            writer.write(pulse)
+    return path
+
+
+@pytest.mark.parametrize("offset_deg", [0.0, 90.0])
+def test_each_turn_of_a_flight_gives_a_bearing_wherever_the_antenna_points(
+    offset_deg: float,
+) -> None:
+    """The offset is in the pulses' poses already; the vehicle's have none."""
+    found = bearings_of_flight(flown(offset_deg=offset_deg))
+    assert len(found) == 3
+    for number, one in enumerate(found):
+        assert abs(difference_deg(one.bearing.bearing_deg, true_bearing(number))) < 10.0
+        assert one.bearing.accepted
+        # Misses are counted too: 40 pulses come in a turn, half of them are heard.
+        assert one.bearing.pulses >= 36
+
+
+def test_a_log_of_one_turn_is_one_bearing_and_pca_takes_all_its_pulses(tmp_path: Path) -> None:
+    flight = flown()
+    first = [one for one in flight.pulse_poses if one.pulse.start_time_ns < START_NS + 5e10]
+    path = write(tuple(first), tmp_path / "turn.jsonl")
+    (found,) = read_bearings(path, method="pca")
+    assert found.bearing.pulses == len(first)
+    assert (found.start_time_ns, found.end_time_ns) == (
+        first[0].pulse.start_time_ns,
+        first[-1].pulse.end_time_ns,
+    )
+
+
+def test_a_log_of_a_whole_flight_is_cut_into_its_turns(tmp_path: Path) -> None:
+    path = write(flown(threshold_db=-20.0).pulse_poses, tmp_path / "flight.jsonl")
+    assert len(read_bearings(path)) == 3
+
+
+def test_pulses_without_poses_are_refused_with_the_reason() -> None:
+    blind = [PulsePose(pulse=one.pulse, pose=None) for one in flown().pulse_poses]
+    with pytest.raises(UsageError, match="autopilot"):
+        bearings_of_pulses(blind)
+    assert bearings_of_pulses([]) == []
+
+
+BEARINGS = """\
+2,a.csv,{0:.6f},0.9,35.180000,-111.662745,40,2147,1684766889.8,1684767153.8
+2,b.csv,{1:.6f},NaN,35.180000,-111.660000,,2147.2,1684767889.8,1684768153.8
+2,c.csv,{2:.6f},0.06,35.180270,-111.657255,40,2147,1684768889.8,1684769153.8
+7,c.csv,12.5,0.06,35.180270,-111.657255,40,2147,1684768889.8,1684769153.8
+"""
+
+
+@pytest.mark.parametrize("method", ["mle", "rmr", "mest", "bayes"])
+def test_a_bearings_csv_of_the_original_gives_positions(tmp_path: Path, method: str) -> None:
+    path = tmp_path / "bearings.csv"
+    path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
+    positions = read_positions(path, method=method)  # type: ignore[arg-type]
+    assert [one.tag_id for one in positions] == [2, 7]
+    found = positions[0].position
+    assert found is not None
+    east, north = PLANE.to_local(found.latitude_deg, found.longitude_deg)
+    assert math.hypot(float(east) - TAG[0], float(north) - TAG[1]) < 12.0
+    if method != "bayes":
+        assert positions[1].position is None
+        assert "two" in (positions[1].reason or "")
+
+
+def test_a_line_that_is_no_bearing_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "bearings.csv"
+    path.write_text("2,a.csv,12.0\n", encoding="utf-8")
+    with pytest.raises(FormatError, match="line 1"):
+        read_positions(path)
+
+
+def uavrt(*arguments: str) -> str:
+    command = [sys.executable, "-m", "uavrt.cli", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def test_the_commands_print_lists_for_other_programs(tmp_path: Path) -> None:
+    pulses = write(flown().pulse_poses, tmp_path / "flight.csv.jsonl")
+    bearings = json.loads(uavrt("bearing", str(pulses), "--method", "ls_db", "--json"))
+    assert [set(one) >= {"tag_id", "bearing_deg", "sigma_deg", "method"} for one in bearings]
+    path = tmp_path / "bearings.csv"
+    path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
+    (position, _) = json.loads(uavrt("localize", str(path), "--json"))
+    assert position["tag_id"] == 2
+    assert position["method"] == "bayes"
+    assert 0 < position["radius50_m"] < position["radius95_m"]
+    assert "tag 7" in uavrt("localize", str(path), "--method", "mle")
