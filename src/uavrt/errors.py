@@ -11,7 +11,8 @@
     ├── RadioError                 the receiver hardware or its program
     │   ├── RadioMissing           no such program or no device
     │   ├── RadioStopped           the stream ended; holds the exit reason
-    │   └── RadioStalled           alive but no samples
+    │   ├── RadioStalled           alive but no samples
+    │   └── RadioGarbled           gives something, but not samples
     ├── LinkError                  MAVLink: port in use, no such serial port, broken link
     ├── TunnelError                a tunnel payload that is not valid; holds the payload
     ├── PoseUnavailable            no pose around that time (yet, or any more)
@@ -84,6 +85,10 @@ class RadioStopped(RadioError):
 
 class RadioStalled(RadioError):
     """The radio's program is alive but gives no samples."""
+
+
+class RadioGarbled(RadioError):
+    """What the radio's program gives cannot be samples."""
 
 
 class LinkError(UavrtError):

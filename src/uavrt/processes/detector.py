@@ -33,12 +33,16 @@ class DetectorBank:
         self._detectors: dict[int, list[PulseDetector]] = {}
         self.samples = 0
         self.samples_lost = 0
+        self.last_sample_ns = 0
         self.samples_invalid = 0
 
     def process(self, block: ChannelBlock) -> list[Pulse]:
         """Feed a block to the detectors of its channel; get the pulses found."""
         self.samples += len(block.samples)
         self.samples_lost += block.lost_before
+        self.last_sample_ns = block.time_ns + round(
+            len(block.samples) * 1e9 / block.sample_rate_hz
+        )
         if block.channel not in self._detectors:
             self._detectors[block.channel] = self._make(block)
         samples = self._finite(block.samples)
@@ -69,6 +73,8 @@ class DetectorBank:
         total: dict[str, float] = {
             "samples": self.samples,
             "samples_lost": self.samples_lost,
+            # float64 holds a time of today to 0.3 µs.
+            "last_sample_ns": float(self.last_sample_ns),
             "samples_invalid": self.samples_invalid,
             "detectors": len(self.all()),
         }
@@ -120,11 +126,16 @@ def main() -> None:
             select.select([receiver.fileno(), frame.link.fileno()], [], [], SELECT_S)
             frame.receive()
             detect_all(frame, receiver, bank)
-            frame.report("detecting" if bank.samples else "waiting", counters=bank.counters)
+            tell_health(frame, bank)
         detect_all(frame, receiver, bank)
         for pulse in bank.flush():
             frame.send("pulse", pulse)
         frame.report("stopped", counters=bank.counters, last=True)
+
+
+def tell_health(frame: ProcessFrame, bank: DetectorBank) -> None:
+    """Send the health if it is due."""
+    frame.report("detecting" if bank.samples else "waiting", counters=bank.counters)
 
 
 def detect_all(frame: ProcessFrame, receiver: ChannelReceiver, bank: DetectorBank) -> None:
@@ -132,6 +143,8 @@ def detect_all(frame: ProcessFrame, receiver: ChannelReceiver, bank: DetectorBan
     while (block := receiver.receive()) is not None:
         for pulse in bank.process(block):
             frame.send("pulse", pulse)
+        # After a restart seconds of samples may wait here; it must not seem dead meanwhile.
+        tell_health(frame, bank)
     for detector in bank.all():
         for report in detector.search_reports():
             frame.send("search_report", report)

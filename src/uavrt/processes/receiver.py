@@ -10,12 +10,13 @@ from pathlib import Path
 
 from uavrt.clock import monotonic_s
 from uavrt.dsp import FrontEnd
-from uavrt.errors import RadioError, RecordingError, UavrtError
+from uavrt.errors import RecordingError, UavrtError
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.samples import ChannelSender
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, IQBlock
 from uavrt.radio import SampleSource, open_radio
+from uavrt.radio.sanity import SampleCheck
 from uavrt.recording.iq_recorder import IQRecorder
 from uavrt.recording.layout import FlightLayout
 
@@ -54,6 +55,8 @@ class Receiver:
             worker = assignment.worker_of_tag[tag.tag_id]
             self._workers_of_channel.setdefault(channel, set()).add(worker)
         self._recorder = self._open_recorder(frame, flight)
+        self._check = SampleCheck("the radio")
+        self.failures = 0
         self.samples = 0
         self.samples_lost = 0
         self.first_sample_ns = 0
@@ -85,11 +88,18 @@ class Receiver:
             len(block.samples) * 1e9 / block.sample_rate_hz
         )
         band = self._front_end.decimate(block)
+        self._check.look(band)
         if self._recorder is not None:
             self._recorder.put(band)
         for channel in self._front_end.channelize(band):
             for worker in self._workers_of_channel[channel.channel]:
                 self._senders[worker].send(channel)
+
+    def forget(self) -> None:
+        """Start the filters anew: what comes next does not continue what was."""
+        self.failures += 1
+        self._front_end.reset()
+        self._check = SampleCheck("the radio")
 
     def flush(self) -> None:
         """Try again to send what the detectors have not taken yet."""
@@ -106,6 +116,7 @@ class Receiver:
         counters: dict[str, float] = {
             "samples": self.samples,
             "samples_lost": self.samples_lost,
+            "radio_failures": self.failures,
             # float64 holds a time of today to 0.3 µs.
             "first_sample_ns": float(self.first_sample_ns),
             "last_sample_ns": float(self.last_sample_ns),
@@ -132,17 +143,21 @@ def main() -> None:
         if flight is None:
             raise UavrtError("the receiver was started without a flight")
         receiver = Receiver(frame, flight)
-        last_failure_s = -RETRY_WINDOW_S
+        last_failure_s, reason_told = -RETRY_WINDOW_S, ""
         try:
             while frame.running:
                 try:
                     receive(frame, receiver, flight)
-                except (RadioError, EOFError) as error:
+                except (UavrtError, EOFError) as error:
                     delay_s = (
                         RETRY_S if monotonic_s() - last_failure_s < RETRY_WINDOW_S else 0.0
                     )
                     last_failure_s = monotonic_s()
-                    log.warning("radio absent", reason=str(error) or "the stream ended")
+                    receiver.forget()
+                    reason = str(error) or "the stream ended"
+                    if reason != reason_told or delay_s == 0.0:
+                        log.warning("radio absent", reason=reason)
+                    reason_told = reason
                     wait(frame, receiver, delay_s)
         finally:
             receiver.close()
@@ -154,6 +169,7 @@ def receive(frame: ProcessFrame, receiver: Receiver, flight: FlightInfo) -> None
     source: SampleSource = open_radio(
         frame.assignment.settings.radio, flight.center_frequency_hz, clock=frame.clock
     )
+    flowing = False
     try:
         while frame.running:
             block = source.read(timeout_s=READ_TIMEOUT_S)
@@ -161,9 +177,12 @@ def receive(frame: ProcessFrame, receiver: Receiver, flight: FlightInfo) -> None
                 receiver.flush()
             else:
                 receiver.process(block)
+                if receiver.failures and not flowing:
+                    frame.tell(5, "Radio gives samples again")
+                flowing = True
             frame.receive()
             frame.report(
-                "receiving" if receiver.samples else "waiting for samples",
+                "receiving" if flowing else "waiting for samples",
                 counters=receiver.counters,
             )
     finally:

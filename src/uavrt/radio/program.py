@@ -26,7 +26,8 @@ from uavrt.radio.stream import StreamSource
 
 _STARTUP_S: Final = 10.0
 """Opening a device and loading its firmware takes up to some seconds."""
-_STALL_S: Final = 3.0
+_STALL_S: Final = 1.0
+"""A radio gives a buffer every few milliseconds; programs pass them on at once."""
 _TERMINATE_S: Final = 2.0
 """From SIGTERM to SIGKILL: airspy_rx stops in 0.1 s, if its USB transfers end."""
 _LINES: Final = 12
