@@ -1,7 +1,10 @@
 """Where samples come from: radio programs, pipes and files behind one interface."""
 
+from uavrt.radio.band_source import BandDatagramSource
+from uavrt.radio.channel_sender import ChannelDatagramSender
+from uavrt.radio.channel_source import ChannelDatagramSource
 from uavrt.radio.formats import CF32, CI8, CS16, CU8, FORMATS, SampleFormat, sample_format
-from uavrt.radio.opening import open_radio, open_recording, open_stream
+from uavrt.radio.opening import open_channel, open_radio, open_recording, open_stream
 from uavrt.radio.program import ProgramSource, check_device
 from uavrt.radio.programs import PROGRAMS, RadioProgram, receive_command
 from uavrt.radio.recording import Layout, RecordingSource, Segment
@@ -17,6 +20,9 @@ __all__ = [
     "CU8",
     "FORMATS",
     "PROGRAMS",
+    "BandDatagramSource",
+    "ChannelDatagramSender",
+    "ChannelDatagramSource",
     "Layout",
     "NominalTimes",
     "ProgramSource",
@@ -29,6 +35,7 @@ __all__ = [
     "StreamSource",
     "TimeKeeper",
     "check_device",
+    "open_channel",
     "open_radio",
     "open_recording",
     "open_stream",

@@ -6,6 +6,7 @@ from typing import Literal
 from uavrt.clock import Clock
 from uavrt.config.settings import RadioSettings
 from uavrt.errors import FormatError
+from uavrt.radio.channel_source import ChannelDatagramSource
 from uavrt.radio.formats import FORMATS, sample_format
 from uavrt.radio.program import ProgramSource
 from uavrt.radio.recording import Layout, RecordingSource, file_size, raw_layout
@@ -88,6 +89,34 @@ def open_stream(
         center_frequency_hz=_told(center_frequency_hz, "center-frequency", "standard input"),
         start_time_ns=start_time_ns,
         clock=clock,
+    )
+
+
+def open_channel(
+    address: str, *, sample_rate_hz: float | None, center_frequency_hz: float | None
+) -> ChannelDatagramSource:
+    """Listen to one channel of the original channelizer, or of ours.
+
+    Parameters
+    ----------
+    address : str
+        ``udp://127.0.0.1:20090``.
+    sample_rate_hz : float, optional
+        Rate of the channel; None: the original's, 3750 Hz.
+    center_frequency_hz : float, optional
+        Frequency of the channel's centre; must be told.
+
+    Raises
+    ------
+    FormatError
+        The frequency is not told.
+    ConfigError, RadioError
+        Not an address, or not a free one.
+    """
+    return ChannelDatagramSource(
+        address,
+        sample_rate_hz=3750.0 if sample_rate_hz is None else sample_rate_hz,
+        center_frequency_hz=_told(center_frequency_hz, "center-frequency", address),
     )
 
 
