@@ -39,6 +39,8 @@ NOISE_STRIDE = 4
 _TRACK_BAND_HZ = 20.0
 _MAXIMUM_TRACKS = 12
 _UNIFORMITY = 0.3
+_STRONG = 30.0
+_OFF_ROW_HZ = 8.0
 _SAMPLE_LIMIT_FACTOR = 4.0
 
 
@@ -412,16 +414,23 @@ class PulseDetector:
         kept = (starts > self._buffer.start + half) & (starts < self._buffer.end - margin)
         if not kept.any():
             return None
-        found = self._refiner.search(
-            starts[kept],
-            half,
-            float(grid.offsets_hz[candidate.row]),
-            grid.sample_rate_hz / grid.window / 4.0,
-            self._noise.level,
-            climb=True,
-        )
-        if found is None:
-            return None
+        offset = float(grid.offsets_hz[candidate.row])
+        for _ in range(3):
+            found = self._refiner.search(
+                starts[kept],
+                half,
+                offset,
+                self.sample_rate_hz / grid.window / 4.0,
+                self._noise.level,
+                climb=True,
+            )
+            if found is None:
+                return None
+            strongest = max(found, key=lambda pulse: pulse.power)
+            if strongest.power < _STRONG or abs(strongest.offset_hz - offset) < _OFF_ROW_HZ:
+                break
+            # The limit on a cell lets noise choose among the rows of a strong pulse.
+            offset = strongest.offset_hz
         return list(zip(np.flatnonzero(kept).tolist(), found, strict=True))
 
     def _refusal(self, group: list[Measured], search: RateSearch) -> str | None:

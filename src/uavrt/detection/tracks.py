@@ -23,7 +23,8 @@ COAST_PULSES = 10
 """Expected pulses without one accepted, after which a track is lost."""
 WEAKEST_POWER = 3.0
 """A pulse below this is not reported even as a member of a group: it is mostly noise."""
-WEAKEST_SHARE = 0.15
+WEAKEST_SHARE = 0.3
+"""Two strong pulses and the best noise at a third place make a group: this share unmasks it."""
 VOUCH = 2.0
 _RIVAL_WINS = 12.0
 """Lead in log-likelihood at which the other rate is taken: one clear pulse missing."""
@@ -107,7 +108,7 @@ class Track:
         self.number = first
         strongest = max(pulse[3].power for pulse in pulses)
         # Far weaker than its fellows and not sure by itself: noise in a group of fewer.
-        floor = min(9.0, WEAKEST_SHARE * strongest)
+        floor = min(20.0, WEAKEST_SHARE * strongest)
         for number, time_s, time_ns, measured in pulses:
             while self.number < number:
                 self._predict()
