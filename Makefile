@@ -26,7 +26,7 @@ setup: $(STAMP)         ## only the environment
 $(STAMP): pyproject.toml hatch_build.py src/uavrt/mavlink/dialect.toml src/uavrt/mavlink/extra.xml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet -e '.[ground,analysis,dev]'
+	$(BIN)/python -m pip install --quiet -e '.[ground,analysis,ros2,dev]'
 	touch $@
 
 clean:

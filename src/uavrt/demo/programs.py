@@ -22,6 +22,7 @@ from uavrt.config.settings import (
     MavlinkSettings,
     RadioSettings,
     RecordingSettings,
+    Ros2Settings,
     Settings,
 )
 from uavrt.errors import UavrtError
@@ -71,8 +72,13 @@ def free_udp_port() -> int:
         return port
 
 
-def drone_settings(scenario: Scenario, paths: DemoPaths, companion_port: int) -> Settings:
-    """Make the drone side's settings: as in a real ``uavrt.toml`` but for the radio program."""
+def drone_settings(
+    scenario: Scenario, paths: DemoPaths, companion_port: int, *, ros2: bool = False
+) -> Settings:
+    """Make the drone side's settings: as in a real ``uavrt.toml`` but for the radio program.
+
+    With `ros2`, the drone is also seen as ROS 2 nodes, on this computer only.
+    """
     antenna = scenario.antenna
     return Settings(
         radio=RadioSettings(
@@ -96,6 +102,7 @@ def drone_settings(scenario: Scenario, paths: DemoPaths, companion_port: int) ->
             offset_down_m=antenna.offset_down_m,
         ),
         recording=RecordingSettings(directory=str(paths.flights)),
+        ros2=Ros2Settings(enabled=ros2),
         status_socket=str(paths.status_socket),
     )
 

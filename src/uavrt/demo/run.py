@@ -5,6 +5,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 import msgspec
@@ -93,7 +94,9 @@ class Demo:
         self.scenario = self.scenario.starting_at(start_ns)
         self._start_ns = start_ns
         write_scenario(self.scenario, paths.scenario)
-        settings = drone_settings(self.scenario, paths, companion_port)
+        # The gateway is part of the demo wherever its extra is installed.
+        ros2 = find_spec("cyclonedds") is not None
+        settings = drone_settings(self.scenario, paths, companion_port, ros2=ros2)
         self._programs = [
             self._program(
                 paths,
