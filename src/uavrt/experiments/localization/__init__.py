@@ -1,0 +1,25 @@
+"""The bars of bearings and positions, with intervals and bounds."""
+
+from collections.abc import Callable
+
+from uavrt.experiments.localization import bearing_bars, position_bars
+from uavrt.experiments.localization.result import Result, table
+
+EXPERIMENTS: dict[str, Callable[[int, int], list[Result]]] = {
+    "B1, B2": bearing_bars.known_phase,
+    "B3, B4": bearing_bars.censored,
+    "B5": bearing_bars.wrong_pattern,
+    "B6": bearing_bars.nothing_there,
+    "L2, L3": position_bars.crossings,
+    "L4": position_bars.surveys,
+    "L5": position_bars.fusion,
+}
+"""Name to experiment; each takes the number of runs and a seed."""
+
+
+def run(runs: int = 200, seed: int = 1) -> list[Result]:
+    """Run all experiments; five minutes of one core for 200 runs."""
+    return [one for experiment in EXPERIMENTS.values() for one in experiment(runs, seed)]
+
+
+__all__ = ["EXPERIMENTS", "Result", "run", "table"]
