@@ -39,6 +39,8 @@ NOISE_STRIDE = 4
 _TRACK_BAND_HZ = 20.0
 _MAXIMUM_TRACKS = 12
 _UNIFORMITY = 0.3
+_MEDIAN = math.log(2.0)
+"""Median of an exponential over its mean."""
 _STRONG = 30.0
 _OFF_ROW_HZ = 8.0
 _SAMPLE_LIMIT_FACTOR = 4.0
@@ -415,6 +417,7 @@ class PulseDetector:
         if not kept.any():
             return None
         offset = float(grid.offsets_hz[candidate.row])
+        found: list[Measured] | None = None
         for _ in range(3):
             found = self._refiner.search(
                 starts[kept],
@@ -431,6 +434,7 @@ class PulseDetector:
                 break
             # The limit on a cell lets noise choose among the rows of a strong pulse.
             offset = strongest.offset_hz
+        assert found is not None
         return list(zip(np.flatnonzero(kept).tolist(), found, strict=True))
 
     def _refusal(self, group: list[Measured], search: RateSearch) -> str | None:
@@ -449,6 +453,8 @@ class PulseDetector:
                 leak = 4.0 * power / (math.pi * apart / bin_hz) ** 2
                 if power > 3.0 * pulse.power and leak > pulse.power:
                     return "side lobe of a stronger signal"
+            if pulse.power > 8.0 and self._refiner.is_impulse(pulse, self._floor / _MEDIAN):
+                return "an impulse"
             if len(self.tag.pulse_intervals_s) > 1 and pulse.power < floor:
                 return "a pulse of the rate is missing"
             pulse.contrast = self._refiner.contrast(pulse)
@@ -549,6 +555,9 @@ class PulseDetector:
             track.skip()
             return True
         measured = found[0]
+        if measured.power > 8.0 and self._refiner.is_impulse(measured, self._floor / _MEDIAN):
+            track.skip()
+            return True
         track.step(
             Slot(
                 number=0,

@@ -17,6 +17,9 @@ from uavrt.detection.samples import SampleBuffer
 
 FREQUENCY_STEPS = 5
 _NEWTON_STEPS = 3
+_BURST = 9.0
+"""Standard deviations of a quarter window's noise energy that make a burst."""
+_BURST_SHARE = 0.65
 
 
 @dataclass(slots=True)
@@ -191,6 +194,24 @@ class Refiner:
             return math.inf
         mean = sum(powers) / len(powers) / (window * pulse.noise)
         return pulse.power / max(mean, 0.05)
+
+    def is_impulse(self, pulse: Measured, floor: float) -> bool:
+        """Whether the energy lies in a quarter of the window, as no pulse's does.
+
+        Parameters
+        ----------
+        pulse : Measured
+        floor : float
+            Mean power of a sample without pulses.
+        """
+        window = self._window
+        start = round(pulse.start)
+        x = self._buffer.view(start, start + window)
+        quarter = window // 4
+        energy = np.concatenate(([0.0], np.cumsum(x.real**2 + x.imag**2, dtype=np.float64)))
+        burst = float((energy[quarter:] - energy[:-quarter]).max()) - quarter * floor
+        whole = float(energy[-1]) - window * floor
+        return burst > _BURST * math.sqrt(quarter) * floor and burst > _BURST_SHARE * whole
 
     def strongest(self, pulse: Measured) -> tuple[float, float]:
         """Frequency and power of the strongest row of the whole channel at a pulse's time.
