@@ -11,18 +11,20 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from uavrt.analysis.detect import DetectionSummary
 from uavrt.analysis.detect import detect as run_detectors
 from uavrt.analysis.redetect import FlightWriter
+from uavrt.analysis.tag_source import TagSource, read_tag_source
+from uavrt.cli.listeners import Listener, Plots, PulseDatagrams
 from uavrt.clock import parse_iso_utc
-from uavrt.config import read_tags
 from uavrt.errors import ConfigError, RecordingError
 from uavrt.messages import Pulse, Tag
-from uavrt.radio import SampleSource, open_recording, open_stream
+from uavrt.radio import SampleSource, open_channel, open_recording, open_stream
+from uavrt.radio.udp_address import is_udp_address
 from uavrt.recording import Flight, PulseWriter, pulse_format, read_flight
 
 Write = Callable[[Sequence[Pulse]], None]
@@ -41,6 +43,8 @@ def detect(
         str | None, Parameter(name=["--output", "-o"], allow_leading_hyphen=True)
     ] = None,
     flight: Path | None = None,
+    plot: Path | None = None,
+    udp_pulses: str | None = None,
 ) -> None:
     """Find the pulses of tags in a recording or a live stream.
 
@@ -49,9 +53,11 @@ def detect(
     Parameters
     ----------
     recording
-        A file, or - for samples on standard input, as from `airspy_rx -r - -t 0`.
+        A file, or - for samples on standard input, as from `airspy_rx -r - -t 0`, or
+        udp://127.0.0.1:20090 for one channel of an original channelizer or of ours.
     tags
-        Tag file: TagInfo.txt or tags.toml. With --flight, that flight's tags if not given.
+        Tag file: TagInfo.txt, tags.toml, or the original's detectorConfig.txt. With --flight,
+        that flight's tags if not given.
     format
         cf32, cs16, cu8, ci8, sigmf or wav; by default told by the file's name (- is cf32).
     sample_rate
@@ -68,13 +74,23 @@ def detect(
     flight
         Flight directory in which the recording was made: its poses are given to the pulses,
         and a new flight directory is written.
+    plot
+        Directory for pictures of each tag: waterfall, pulses folded at the interval, SNR.
+        Needs the extra uavrt[analysis].
+    udp_pulses
+        HOST:PORT to which pulses are sent as the original detector does, 127.0.0.1:50000.
     """
     flown = None if flight is None else read_flight(flight)
-    wanted = _tags(tags, flown)
-    start_ns = _start_ns(start_time)
+    known = _tags(tags, flown)
+    wanted = known.tags
+    start_ns = start_time_ns(start_time)
     with ExitStack() as stack:
+        listeners = _listeners(stack, wanted, plot, udp_pulses, frequency_window)
+        if is_udp_address(recording):
+            sample_rate = sample_rate or known.sample_rate_hz
+            center_frequency = center_frequency or known.center_frequency_hz
         source = stack.enter_context(
-            closing(_open(recording, format, sample_rate, center_frequency, start_ns))
+            closing(open_source(recording, format, sample_rate, center_frequency, start_ns))
         )
         writer = None
         if flown is None:
@@ -85,7 +101,8 @@ def detect(
                 closing(FlightWriter(flown, source, wanted, directory))
             )
             write = writer.write
-        should_stop = stack.enter_context(_stop_on_signals())
+        write = _to_all(write, listeners)
+        should_stop = stack.enter_context(stop_on_signals())
         summary = DetectionSummary()
         try:
             with _progress(source) as on_progress:
@@ -94,26 +111,75 @@ def detect(
                     wanted,
                     write,
                     frequency_window_hz=frequency_window,
+                    operating_modes=known.operating_modes,
+                    excluded_hz=known.excluded_hz,
+                    on_channel=_each(listeners, "channel"),
+                    on_reports=_each(listeners, "reports"),
                     should_stop=lambda: should_stop() is not None,
                     on_progress=on_progress,
                     summary=summary,
                 )
         finally:
             _report(summary, wanted, writer)
+        for listener in listeners:
+            listener.finish()
         number = should_stop()
     if number is not None:
         sys.exit(128 + number)
 
 
-def _tags(path: Path | None, flown: Flight | None) -> tuple[Tag, ...]:
+def _tags(path: Path | None, flown: Flight | None) -> TagSource:
     if path is not None:
-        return read_tags(path)
+        return read_tag_source(path)
     if flown is not None:
-        return flown.info.tags
+        return TagSource(tags=flown.info.tags)
     raise ConfigError("no tags to look for", remedy="Give --tags TagInfo.txt or tags.toml")
 
 
-def _start_ns(text: str | None) -> int | None:
+def _listeners(
+    stack: ExitStack,
+    tags: Sequence[Tag],
+    plot: Path | None,
+    udp_pulses: str | None,
+    frequency_window_hz: float,
+) -> list[Listener]:
+    """Make those who hear of the detection; what cannot work shows before it begins."""
+    found: list[Listener] = []
+    if plot is not None:
+        found.append(Plots(plot, tags, frequency_window_hz))
+    if udp_pulses is not None:
+        found.append(stack.enter_context(closing(PulseDatagrams(udp_pulses, tags))))
+    return found
+
+
+def _to_all(write: Write, listeners: Sequence[Listener]) -> Write:
+    def write_and_tell(pulses: Sequence[Pulse]) -> None:
+        write(pulses)
+        for listener in listeners:
+            listener.pulses(pulses)
+
+    return write_and_tell
+
+
+def _each(listeners: Sequence[Listener], name: str) -> Callable[[Any], None] | None:
+    """One call for the same method of all listeners; None when there is nobody."""
+    methods = [getattr(listener, name) for listener in listeners]
+
+    def call_each(argument: Any) -> None:
+        for method in methods:
+            method(argument)
+
+    return call_each if methods else None
+
+
+def start_time_ns(text: str | None) -> int | None:
+    """Read --start-time.
+
+    Raises
+    ------
+    ConfigError
+        Not a time.
+    """
     if text is None:
         return None
     try:
@@ -125,13 +191,24 @@ def _start_ns(text: str | None) -> int | None:
         ) from error
 
 
-def _open(
+def open_source(
     recording: str,
     format_name: str | None,
     sample_rate_hz: float | None,
     center_frequency_hz: float | None,
     start_time_ns: int | None,
 ) -> SampleSource:
+    """Open a channel's port, standard input or a recording.
+
+    Raises
+    ------
+    ConfigError, FormatError, RadioError
+        It cannot be opened, or something is not told.
+    """
+    if is_udp_address(recording):
+        return open_channel(
+            recording, sample_rate_hz=sample_rate_hz, center_frequency_hz=center_frequency_hz
+        )
     if recording != "-":
         return open_recording(
             Path(recording),
@@ -200,7 +277,7 @@ def _same_file(first: str, second: str) -> bool:
 
 
 @contextmanager
-def _stop_on_signals() -> Iterator[Callable[[], int | None]]:
+def stop_on_signals() -> Iterator[Callable[[], int | None]]:
     """Note Ctrl-C and SIGTERM, so that the pulses found so far are still written.
 
     A second Ctrl-C ends at once.

@@ -1,0 +1,136 @@
+"""``uavrt channelize``: a band in, the original's channel datagrams out."""
+
+# isort: off
+import uavrt.cli.one_thread  # noqa: F401  before numpy
+
+# isort: on
+import sys
+import time
+from contextlib import closing
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from uavrt.analysis.channelize import (
+    ChannelizeSummary,
+    plan_channels,
+    ports_of,
+)
+from uavrt.analysis.channelize import (
+    channelize as run_channelizer,
+)
+from uavrt.cli.detect import open_source, start_time_ns, stop_on_signals
+from uavrt.errors import ConfigError
+from uavrt.radio import BandDatagramSource, SampleSource
+from uavrt.radio.udp_address import is_udp_address
+
+THESIS_RATE_HZ = 375_000.0
+"""3 MS/s, decimated by csdr."""
+
+
+def channelize(
+    source: Annotated[str, Parameter(allow_leading_hyphen=True)] = "udp://localhost:10000",
+    *,
+    sample_rate: float | None = None,
+    center_frequency: float = 0.0,
+    channels: Annotated[str, Parameter(allow_leading_hyphen=True)] = "",
+    mode: Literal["compatible", "default"] = "compatible",
+    ports: Literal["current", "thesis"] = "current",
+    stamps: Literal["seconds", "milliseconds"] = "seconds",
+    host: str = "127.0.0.1",
+    format: str | None = None,
+    start_time: str | None = None,
+    speed: float = 1.0,
+) -> None:
+    """Split a band into channels and send each to a UDP port, as the original does.
+
+    Takes the place of `airspy_channelize 375000 100`. Ctrl-C ends it.
+
+    Parameters
+    ----------
+    source
+        udp://localhost:10000 for what `… | netcat -u localhost 10000` sends, - for samples on
+        standard input, or a recording.
+    sample_rate
+        Of the band; from 750e3 on it is decimated first (airspy_rx alone: 3e6). By default
+        what the recording says; 375e3 at a UDP port and on standard input.
+    center_frequency
+        Of the band; the datagrams do not hold it.
+    channels
+        Numbers as the original counts, with commas: 1 is the centre, 2 the next above, 100 the
+        next below. A negative number is sent to its second port too. By default all.
+    mode
+        compatible: the original's filter, 3750 samples a second in a channel.
+        default: ours, 7500 a second, in which no frequency lies on an edge.
+    ports
+        current: 20000 + 2 × (channel - 1), second port + 1. thesis: 20000 + channel - 1.
+    stamps
+        seconds: as the current original. milliseconds: as the thesis's.
+    host
+        Where to send.
+    format
+        Of a file or of standard input: cf32, cs16, cu8, ci8, sigmf or wav.
+    start_time
+        Time of the first sample, ISO 8601, UTC; by default its arrival.
+    speed
+        A file is played at so many times real time; 0: as fast as it can be read.
+    """
+    numbers = _numbers(channels)
+    start_ns = start_time_ns(start_time)
+    opened: SampleSource
+    if is_udp_address(source):
+        opened = BandDatagramSource(
+            source,
+            sample_rate_hz=THESIS_RATE_HZ if sample_rate is None else sample_rate,
+            center_frequency_hz=center_frequency,
+            start_time_ns=start_ns,
+        )
+    else:
+        rate = THESIS_RATE_HZ if source == "-" and sample_rate is None else sample_rate
+        opened = open_source(source, format, rate, center_frequency, start_ns)
+    summary = ChannelizeSummary()
+    with closing(opened), stop_on_signals() as should_stop:
+        front_end = plan_channels(opened, numbers, mode)
+        places = ports_of(front_end, numbers, ports)
+        plan = front_end.plan
+        print(
+            f"{len(places)} channels of {plan.channel_rate_hz:g} samples a second, "
+            f"{plan.channel_spacing_hz:g} Hz apart, to {host} ports "
+            f"{min(map(min, places.values()))} to {max(map(max, places.values()))}",
+            file=sys.stderr,
+            flush=True,
+        )
+        try:
+            run_channelizer(
+                opened,
+                front_end,
+                places,
+                host=host,
+                style=stamps,
+                speed=speed,
+                pause=time.sleep,
+                should_stop=lambda: should_stop() is not None,
+                summary=summary,
+            )
+        finally:
+            print(_sentence(summary), file=sys.stderr)
+        number = should_stop()
+    if number is not None:
+        sys.exit(128 + number)
+
+
+def _numbers(text: str) -> list[int]:
+    try:
+        return [int(part) for part in text.replace(",", " ").split()]
+    except ValueError:
+        raise ConfigError(
+            f"--channels {text!r} are not numbers", remedy="Write them as 1,-46,100"
+        ) from None
+
+
+def _sentence(summary: ChannelizeSummary) -> str:
+    return (
+        f"{summary.samples} samples, {summary.samples_lost} lost; {summary.datagrams} datagrams"
+        f" sent, {summary.unheard} times nobody listened, {summary.dropped} not sent for want "
+        "of room"
+    )
