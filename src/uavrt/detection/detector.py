@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.grid import Spectrogram, make_grid
+from uavrt.detection.lines import LineCanceller
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
 from uavrt.detection.noise import RowNoise
 from uavrt.detection.refine import Measured, Refiner
@@ -39,6 +40,7 @@ NOISE_STRIDE = 4
 _TRACK_BAND_HZ = 20.0
 _MAXIMUM_TRACKS = 12
 _UNIFORMITY = 0.3
+_LINES_EVERY = 6
 _MEDIAN = math.log(2.0)
 """Median of an exponential over its mean."""
 _STRONG = 30.0
@@ -158,6 +160,8 @@ class PulseDetector:
         self._first_noise_s = min(max(1.0, (tag.k - 1) * min(tag.pulse_intervals_s)), 6.0)
         self._waiting: list[NDArray[np.float32]] = []
         self._spectrogram = Spectrogram(grid)
+        self._lines = LineCanceller(self.sample_rate_hz)
+        self._batches = 0
         self._column = 0
         self._clean = 0
         self._floor = 0.0
@@ -259,7 +263,9 @@ class PulseDetector:
         grid, buffer = self._grid, self._buffer
         if upto <= self._clean and not last:
             return
+        self._cancel_lines(self._clean, upto)
         self._blank(self._clean, upto)
+        self._refiner.upto = upto
         self._clean = upto
         first = self._spectrogram.needed()
         stretch = buffer.view(max(0, first), upto)
@@ -294,6 +300,14 @@ class PulseDetector:
         search = self._searches[0]
         best = float((power.max(axis=0) / self._noise.level).max())
         return min(search.k * min(best, search.limit) / search.threshold, 0.999)
+
+    def _cancel_lines(self, first: int, last: int) -> None:
+        """Subtract carriers from [first, last)."""
+        new = self._buffer.view(max(first, self._buffer.start), last)
+        self._batches += 1
+        if self._batches % _LINES_EVERY == 0 or self._batches == 3:
+            self._lines.find(new)
+        self._lines.subtract(new)
 
     def _blank(self, first: int, last: int) -> None:
         """Zero impulses in [first, last), looking a flank to either side."""
@@ -413,7 +427,7 @@ class PulseDetector:
         starts = np.array([grid.start(column) for column in candidate.columns])
         half = (search.reach + 1) * grid.hop
         margin = half + grid.window + 2
-        kept = (starts > self._buffer.start + half) & (starts < self._buffer.end - margin)
+        kept = (starts > self._buffer.start + half) & (starts < self._refiner.upto - margin)
         if not kept.any():
             return None
         offset = float(grid.offsets_hz[candidate.row])

@@ -57,6 +57,8 @@ class Refiner:
         self._grid = grid
         self._buffer = buffer
         self._window = grid.window
+        self.upto = 0
+        """Index after the last sample that is clean."""
         n = np.arange(grid.window) - (grid.window - 1) / 2.0
         self._moments = np.stack((np.ones_like(n), n, n * n)).astype(np.complex128)
         self._bin_hz = grid.sample_rate_hz / grid.window
@@ -103,7 +105,7 @@ class Refiner:
         lead = math.ceil(half_width)
         length = window + 2 * lead + 1
         first = np.floor(starts).astype(np.int64) - lead
-        if int(first.min()) < buffer.start or int(first.max()) + length > buffer.end:
+        if int(first.min()) < buffer.start or int(first.max()) + length > self.upto:
             return None
         rate = self._grid.sample_rate_hz
         count = max(3, 2 * math.ceil(half_band_hz / (0.15 * self._bin_hz)) + 1)
@@ -124,7 +126,7 @@ class Refiner:
         if climb and edge.any():
             # The peak may lie beyond: a limited cell is as good on the flank of a strong pulse.
             moved = first + np.where(at == 0, -lead, np.where(edge, lead, 0))
-            if int(moved.min()) >= buffer.start and int(moved.max()) + length <= buffer.end:
+            if int(moved.min()) >= buffer.start and int(moved.max()) + length <= self.upto:
                 first = moved
                 at = self._filtered(first, length, turn[common : common + 1])[:, 0].argmax(
                     axis=1
@@ -188,7 +190,7 @@ class Refiner:
         powers = [
             abs(complex(np.dot(buffer.view(a, a + window), turn))) ** 2
             for a in beside
-            if a >= buffer.start and a + window <= buffer.end
+            if a >= buffer.start and a + window <= self.upto
         ]
         if not powers:
             return math.inf
@@ -234,7 +236,7 @@ class Refiner:
                 [
                     buffer.view(a, a + window)
                     for a in starts
-                    if a >= buffer.start and a + window <= buffer.end
+                    if a >= buffer.start and a + window <= self.upto
                 ]
             ),
             size,

@@ -1,0 +1,111 @@
+"""Carriers taken out of the samples before the search.
+
+A window one pulse long has side lobes: a carrier 60 dB above the noise of a bin drowns a tag
+100 Hz away though it never fools a row that knows its own noise. A carrier is told from pulses
+by a transform 25 times as long, and subtracted with an amplitude that may change slowly
+(modulation, drift), fitted by least squares.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+LOOK_S = 0.55
+"""Length of the transform that finds carriers: bins of 1.8 Hz."""
+FIT_S = 0.3
+"""Past that the fit of an amplitude takes in besides the new samples."""
+_BLOCK_S = 0.004
+_DEGREE = 4
+_RATIO = 40.0
+"""Power over the median of the bins around: noise reaches it once in 10^12 bins, pulses (50 Hz
+wide) reach 4, a carrier does from about 0 dB in a bin of 50 Hz."""
+_GROUP = 16
+_MOST = 6
+
+
+class LineCanceller:
+    """Finds and subtracts the carriers of a channel.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+    """
+
+    def __init__(self, sample_rate_hz: float) -> None:
+        self._rate = sample_rate_hz
+        self._length = 1 << round(math.log2(LOOK_S * sample_rate_hz))
+        self._window = np.hanning(self._length).astype(np.float32)
+        self._block = max(1, round(_BLOCK_S * sample_rate_hz))
+        self._past = np.zeros(0, np.complex64)
+        self.frequencies_hz: list[float] = []
+        """Carriers being subtracted, relative to the channel's centre."""
+
+    def find(self, samples: NDArray[np.complex64]) -> None:
+        """Look for carriers in the newest samples, this or the last call's."""
+        newest = np.concatenate((self._past, samples))[-self._length :]
+        if len(newest) < self._length:
+            return
+        spectrum = np.fft.fft(newest * self._window)
+        power = spectrum.real**2 + spectrum.imag**2
+        floor = np.median(power.reshape(-1, _GROUP), axis=1)
+        over = power > np.repeat(_RATIO * floor, _GROUP)
+        if not over.any():
+            self.frequencies_hz = []
+            return
+        peaks = np.flatnonzero(
+            over & (power >= np.roll(power, 1)) & (power > np.roll(power, -1))
+        )
+        found: list[float] = []
+        bin_hz = self._rate / self._length
+        for peak in peaks[np.argsort(-power[peaks])][: 2 * _MOST]:
+            below, at, above = np.log(power[[peak - 1, peak, (peak + 1) % self._length]])
+            shift = 0.5 * (below - above) / (below - 2.0 * at + above)
+            index = peak - self._length if peak > self._length // 2 else peak
+            frequency = float((index + shift) * bin_hz)
+            if all(abs(frequency - other) > 4.0 * bin_hz for other in found) and self._steady(
+                newest, frequency
+            ):
+                found.append(frequency)
+            if len(found) == _MOST:
+                break
+        self.frequencies_hz = found
+
+    def _steady(self, samples: NDArray[np.complex64], frequency_hz: float) -> bool:
+        """Whether there is as much of it in the middling 20 ms as on the average: no pulse."""
+        length = round(0.02 * self._rate)
+        count = len(samples) // length
+        turn = np.exp((-2j * np.pi * frequency_hz / self._rate) * np.arange(count * length))
+        sums = (samples[: count * length] * turn).reshape(count, length).sum(axis=1)
+        powers = sums.real**2 + sums.imag**2
+        return float(np.median(powers)) > 0.3 * float(powers.mean())
+
+    def subtract(self, samples: NDArray[np.complex64]) -> None:
+        """Take the carriers out of new samples, in place.
+
+        Parameters
+        ----------
+        samples : ndarray of complex64, shape (n,)
+            The samples that follow those of the last call.
+        """
+        past = self._past
+        keep = max(self._length, round(FIT_S * self._rate))
+        self._past = np.concatenate((past, samples))[-keep:]
+        if not self.frequencies_hz or not len(samples):
+            return
+        before = past[-round(FIT_S * self._rate) :]
+        both = np.concatenate((before, samples))
+        count = len(both) // self._block
+        if count < 4 * _DEGREE:
+            return
+        spare = len(both) - count * self._block
+        n = np.arange(len(both)) - len(both) / 2.0
+        fine = np.polynomial.legendre.legvander(2.0 * n / len(both), _DEGREE)
+        coarse = fine[spare:].reshape(count, self._block, -1).mean(axis=1)
+        solve = np.linalg.pinv(coarse)
+        for frequency in self.frequencies_hz:
+            turn = np.exp(2j * np.pi * frequency / self._rate * n)
+            still = (both * turn.conj())[spare:].reshape(count, self._block).mean(axis=1)
+            wave = (fine @ (solve @ still)) * turn
+            both = both - wave
+        samples[:] = both[len(before) :]

@@ -1,0 +1,203 @@
+"""A drone side under a stand-in for systemd, with its simulated world, and what it says."""
+
+import os
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import msgspec
+
+from uavrt.clock import Clock, monotonic_s
+from uavrt.config.settings import DetectionSettings
+from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.demo.watch import StatusReader
+from uavrt.errors import UavrtError
+from uavrt.messages import Health, Pulse, PulsePose, StatusText, SystemStatus
+from uavrt.simulation import Scenario, write_scenario
+from uavrt.supervisor.usage import descendants_of
+
+START_LEAD_S = 1.0
+READY_S = 30.0
+POLL_S = 0.02
+
+
+class ServedDrone:
+    """Starts everything; follows the supervisor's records over its lives.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The world.
+    flights : Path
+        Where flight directories are made.
+    workers : int
+        Detector processes.
+    """
+
+    def __init__(self, scenario: Scenario, flights: Path, *, workers: int = 2) -> None:
+        self._stack = ExitStack()
+        self._flights = flights
+        self._workers = workers
+        self.scenario = scenario
+        self.health: dict[str, Health] = {}
+        """The last of each process."""
+        self.status: SystemStatus | None = None
+        self.recorded: set[Pulse] = set()
+        """Pulses that the recorder has said to be on disk."""
+        self.texts: list[str] = []
+        self._reader: StatusReader | None = None
+
+    def __enter__(self) -> Self:
+        work = Path(
+            self._stack.enter_context(
+                tempfile.TemporaryDirectory(
+                    prefix="uavrt-recovery-", ignore_cleanup_errors=True
+                )
+            )
+        )
+        paths = DemoPaths(directory=work, flights=self._flights)
+        self.scenario = self.scenario.starting_at(
+            Clock.start().now_ns() + round(START_LEAD_S * 1e9)
+        )
+        write_scenario(self.scenario, paths.scenario)
+        companion_port, ground_port = free_udp_port(), free_udp_port()
+        settings = replace(
+            drone_settings(self.scenario, paths, companion_port),
+            detection=DetectionSettings(workers=self._workers),
+        )
+        self._socket = paths.status_socket
+        self.autopilot = self._program(
+            work,
+            "autopilot",
+            "uavrt.simulation.autopilot",
+            *("--scenario", str(paths.scenario)),
+            *("--companion", f"127.0.0.1:{companion_port}"),
+            *("--ground", f"127.0.0.1:{ground_port}"),
+        )
+        tags = msgspec.json.encode(self.scenario.tags).decode()
+        self.manager = self._program(
+            work,
+            "service manager",
+            "uavrt.simulation.service_manager",
+            "--",
+            *(sys.executable, "-m", "uavrt.supervisor"),
+            *(msgspec.json.encode(settings).decode(), tags),
+        )
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._reader is not None:
+            self._reader.close()
+        self._stack.close()
+
+    def _program(self, work: Path, name: str, *arguments: str) -> Program:
+        program = Program(name, arguments, work / f"{name}.log")
+        self._stack.callback(program.stop)
+        return program
+
+    def stop(self) -> None:
+        """Stop the drone side in good order."""
+        self.manager.stop()
+
+    # --------------------------------------------------------------- listening
+
+    def listen(self, wait_s: float = POLL_S) -> None:
+        """Take in what the supervisor says; connect again when it has been restarted."""
+        self.manager.check()
+        if self._reader is None and not self._connect():
+            time.sleep(wait_s)
+            return
+        assert self._reader is not None
+        try:
+            records = self._reader.read(wait_s)
+        except ConnectionError:
+            records = []
+            self._reader.close()
+            self._reader = None
+        for topic, record in records:
+            if topic != "pulse_pose":  # not on disk yet; it comes again when it is
+                self._take(record)
+        if self._reader is not None and not self._reader.is_open:
+            self._reader.close()
+            self._reader = None
+
+    def _connect(self) -> bool:
+        with suppress(UavrtError):
+            self._reader = StatusReader(self._socket, 0.0, self.manager.check)
+        return self._reader is not None
+
+    def _take(self, record: object) -> None:
+        match record:
+            case Health():
+                self.health[record.process] = record
+            case SystemStatus():
+                self.status = record
+            case PulsePose():
+                self.recorded.add(record.pulse)
+            case StatusText():
+                self.texts.append(record.text)
+
+    def wait(self, condition: Callable[[], bool], timeout_s: float, what: str) -> float:
+        """Listen until a condition holds; get the time that took [s].
+
+        Raises
+        ------
+        UavrtError
+            It did not come true in time.
+        """
+        started_s = monotonic_s()
+        while not condition():
+            if monotonic_s() - started_s > timeout_s:
+                raise UavrtError(f"{what} did not come within {timeout_s:.0f} s")
+            self.listen()
+        return monotonic_s() - started_s
+
+    # ------------------------------------------------------------------ killing
+
+    @property
+    def flight_directory(self) -> Path | None:
+        """The flight in progress, as last heard."""
+        named = self.status.flight_directory if self.status else None
+        return Path(named) if named else None
+
+    def pid_of(self, process: str) -> int | None:
+        """Get the process id as last heard."""
+        for item in self.status.processes if self.status else ():
+            if item.process == process:
+                return item.pid
+        return None
+
+    def processes(self) -> list[str]:
+        """Get the names of the supervised processes."""
+        return [p.process for p in self.status.processes] if self.status else []
+
+    def signal(self, process: str, number: signal.Signals) -> None:
+        """Send a signal to a process of the drone side."""
+        pid = self.pid_of(process)
+        if pid is None:
+            raise UavrtError(f"{process} does not run")
+        self.health.pop(process, None)
+        with suppress(ProcessLookupError):
+            os.kill(pid, number)
+
+    def cut_power(self) -> None:
+        """SIGKILL everything of the drone side at once."""
+        supervisor = self.pid_of("supervisor")
+        if supervisor is None:
+            raise UavrtError("the supervisor does not run")
+        for pid in (*descendants_of(supervisor), supervisor):
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self.health.clear()

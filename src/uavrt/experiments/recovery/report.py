@@ -1,0 +1,109 @@
+"""What the experiment found, as a table."""
+
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kill:
+    """One process ended or stopped, and how long the system took to be whole again."""
+
+    process: str
+    """``"power"`` for everything at once."""
+    how: str
+    """``"SIGKILL"`` or ``"SIGSTOP"``."""
+    resumed_s: float
+    limit_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecoveryReport:
+    """The whole experiment."""
+
+    seed: int
+    kills: tuple[Kill, ...]
+    pulses_recorded: int
+    """Pulses that were said to be on disk, all before one kill or another."""
+    lost_from_database: int
+    lost_from_log: int
+    orphans: int
+    """Processes that outlived a supervisor that was killed by more than a second."""
+    flights: int
+    """Flight directories: one, however often it was cut off."""
+    faults: tuple[str, ...] = field(default=())
+    """What did not come back, in words."""
+
+    @property
+    def ok(self) -> bool:
+        """Everything came back in time and nothing was lost."""
+        return not self.faults and not (
+            self.lost_from_database
+            or self.lost_from_log
+            or self.orphans
+            or any(kill.resumed_s > kill.limit_s for kill in self.kills)
+        )
+
+    def groups(self) -> dict[tuple[str, str], list[Kill]]:
+        """Kills of the same kind together, detectors as one."""
+        groups: dict[tuple[str, str], list[Kill]] = {}
+        for kill in self.kills:
+            name = kill.process.partition("-")[0]
+            groups.setdefault((name, kill.how), []).append(kill)
+        return groups
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "seed": self.seed,
+            "kills": len(self.kills),
+            "resumed_s": {
+                f"{name} {how}": _summary([kill.resumed_s for kill in kills])
+                | {"limit_s": kills[0].limit_s, "count": len(kills)}
+                for (name, how), kills in self.groups().items()
+            },
+            "pulses_recorded": self.pulses_recorded,
+            "lost_from_database": self.lost_from_database,
+            "lost_from_log": self.lost_from_log,
+            "orphans": self.orphans,
+            "flights": self.flights,
+            "faults": list(self.faults),
+            "ok": self.ok,
+        }
+
+    def table(self) -> RenderableType:
+        """For people."""
+        table = Table(title="Time until resumed")
+        for title in ("process", "by", "times", "min s", "median s", "max s", "limit s", ""):
+            table.add_column(title, justify="left" if title in ("process", "by") else "right")
+        for (name, how), kills in self.groups().items():
+            times = [kill.resumed_s for kill in kills]
+            good = max(times) <= kills[0].limit_s
+            table.add_row(
+                name,
+                how,
+                str(len(times)),
+                *(f"{value:.2f}" for value in _summary(times).values()),
+                f"{kills[0].limit_s:.0f}",
+                Text("met", "green") if good else Text("NOT met", "bold red"),
+            )
+        lines = [
+            f"{self.pulses_recorded} pulses were on disk before a kill; lost from "
+            f"flight.sqlite: {self.lost_from_database}, from the log: {self.lost_from_log}",
+            f"left behind by a killed supervisor: {self.orphans}; flights: {self.flights}",
+            *self.faults,
+        ]
+        return Group(table, *lines)
+
+
+def _summary(values: Sequence[float]) -> dict[str, float]:
+    return {
+        "min": round(min(values), 3),
+        "median": round(statistics.median(values), 3),
+        "max": round(max(values), 3),
+    }

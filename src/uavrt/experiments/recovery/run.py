@@ -1,0 +1,238 @@
+"""The experiment: each process in turn, then at random, the supervisor, the power.
+
+*Resumed* means that the new process has processed its first live block with its tags restored:
+for the receiver, a radio block later than the kill; for a detector, a block of its channels
+that is not from the backlog, with as many tags as before; for the connection, poses on the
+autopilot's time again; for the recorder, the flight open again. A supervisor or the power is
+resumed when all of these are, with the same tags.
+"""
+
+import random
+import signal
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.clock import Clock, monotonic_s
+from uavrt.errors import UavrtError
+from uavrt.experiments.recovery.drone import READY_S, ServedDrone
+from uavrt.experiments.recovery.report import Kill, RecoveryReport
+from uavrt.messages import Health, Pulse, SystemState
+from uavrt.recording import read_flight, read_pulse_pose_log
+from uavrt.recording.layout import FlightLayout
+from uavrt.simulation import demo_scenario
+from uavrt.supervisor.restarts import SETTLED_S
+from uavrt.supervisor.table import PROCESSES
+from uavrt.supervisor.usage import descendants_of, is_alive
+
+SIGKILL_LIMIT_S = 2.0
+STOP_SPARE_S = 2.0
+"""On top of the row's silence limit, after SIGSTOP."""
+SUPERVISOR_LIMIT_S = 10.0
+GIVE_UP_S = 40.0
+ORPHAN_LIMIT_S = 1.0
+LONGEST_CUT_WAIT_S = 2.5
+SECONDS_EACH = 12.0
+"""A kill with everything around it; for the length of the simulated flight."""
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """How often what is killed."""
+
+    kills: int = 50
+    """Of single processes: each by SIGKILL and by SIGSTOP, then at random."""
+    supervisor_kills: int = 5
+    power_cuts: int = 100
+    seed: int = 1
+
+
+class Recovery:
+    """One run; see the module's text."""
+
+    def __init__(self, drone: ServedDrone, plan: Plan, say: Say) -> None:
+        self._drone = drone
+        self._plan = plan
+        self._say = say
+        self._random = random.Random(plan.seed)
+        self._clock = Clock.start()
+        self._resumed_at_s: dict[str, float] = {}
+        self._detectors: dict[str, float] = {}
+        self._tags = {tag.tag_id for tag in drone.scenario.tags}
+        self.kills: list[Kill] = []
+        self.orphans = 0
+        self.directories: set[Path] = set()
+
+    def run(self) -> None:
+        """Kill everything that the plan wants."""
+        self._wait_whole(READY_S)
+        self._drone.wait(lambda: len(self._drone.recorded) >= 3, READY_S, "the first pulses")
+        names = [name for name in self._drone.processes() if name != "supervisor"]
+        self._detectors = {
+            name: self._drone.health[name].counters["detectors"]
+            for name in names
+            if name.startswith("detector")
+        }
+        turns = [(n, s) for s in (signal.SIGKILL, signal.SIGSTOP) for n in names]
+        for number in range(max(self._plan.kills, 0)):
+            if number < len(turns):
+                self._kill_one(*turns[number])
+            else:
+                self._kill_one(
+                    self._random.choice(names),
+                    self._random.choice((signal.SIGKILL, signal.SIGSTOP)),
+                )
+        for _ in range(self._plan.supervisor_kills):
+            self._kill_supervisor()
+        for _ in range(self._plan.power_cuts):
+            self._cut_power()
+
+    # ---------------------------------------------------------------- one kill
+
+    def _kill_one(self, name: str, number: signal.Signals) -> None:
+        """Kill a process that has settled: a second kill meets the restart policy's wait."""
+        settled_s = self._resumed_at_s.get(name, -SETTLED_S) + SETTLED_S + 0.5
+        self._drone.wait(lambda: monotonic_s() >= settled_s, GIVE_UP_S, "a quiet moment")
+        row = next(row for row in PROCESSES if row.name == name.partition("-")[0])
+        stopped = number is signal.SIGSTOP
+        limit_s = row.silence_limit_s + STOP_SPARE_S if stopped else SIGKILL_LIMIT_S
+        self._drone.signal(name, number)
+        self._await(name, number.name, limit_s, lambda kill: self._is_back(name, kill))
+        self._wait_whole(GIVE_UP_S)
+        self._resumed_at_s[name] = monotonic_s()
+
+    def _kill_supervisor(self) -> None:
+        self._pause(1.0 + self._random.random())
+        pid = self._drone.pid_of("supervisor")
+        family = descendants_of(pid) if pid is not None else ()
+        self._drone.signal("supervisor", signal.SIGKILL)
+        self._drone.health.clear()
+        self._pause(ORPHAN_LIMIT_S)
+        self.orphans += sum(is_alive(member) for member in family)
+        self._await("supervisor", "SIGKILL", SUPERVISOR_LIMIT_S, self._all_back, ORPHAN_LIMIT_S)
+
+    def _cut_power(self) -> None:
+        self._pause(LONGEST_CUT_WAIT_S * self._random.random())
+        self._drone.cut_power()
+        self._await("power", "SIGKILL", SUPERVISOR_LIMIT_S, self._all_back)
+
+    def _await(
+        self,
+        name: str,
+        how: str,
+        limit_s: float,
+        back: Callable[[int], bool],
+        waited_s: float = 0.0,
+    ) -> None:
+        """Wait until `back`; note the time since the kill, which was `waited_s` ago."""
+        kill_ns = self._clock.now_ns() - round(waited_s * 1e9)
+        took_s = waited_s + self._drone.wait(
+            lambda: back(kill_ns), GIVE_UP_S, f"{name} after {how}"
+        )
+        self.kills.append(Kill(process=name, how=how, resumed_s=took_s, limit_s=limit_s))
+        self._say(f"{len(self.kills):4d}  {name:<12} {how}  resumed after {took_s:.2f} s")
+
+    # ------------------------------------------------------------ back or not?
+
+    def _is_back(self, name: str, kill_ns: int) -> bool:
+        health = self._drone.health.get(name)
+        if health is None or health.time_ns <= kill_ns or not health.ok:
+            return False
+        return self._works(name, health, kill_ns)
+
+    def _works(self, name: str, health: Health, kill_ns: int) -> bool:
+        kind = name.partition("-")[0]
+        if kind in ("receiver", "detector"):
+            live = health.counters.get("last_sample_ns", 0.0) > kill_ns
+            tags = health.counters.get("detectors", 0.0) >= self._detectors.get(name, 0.0)
+            return health.status in ("receiving", "detecting") and live and tags
+        if kind == "connection":
+            return health.status in ("waiting for ground station", "ready")
+        return kind != "recorder" or health.status == "recording"
+
+    def _all_back(self, kill_ns: int) -> bool:
+        status = self._drone.status
+        if status is None or status.time_ns <= kill_ns:
+            return False
+        same = {tag.tag_id for tag in status.tags} == self._tags
+        names = [p.process for p in status.processes if p.process != "supervisor"]
+        whole = len(names) >= len(PROCESSES) - 1 and set(self._detectors) <= set(names)
+        return (
+            same
+            and whole
+            and status.state is SystemState.DETECTING
+            and all(self._is_back(name, kill_ns) for name in names)
+        )
+
+    def _wait_whole(self, timeout_s: float) -> None:
+        """Wait until everything works; remember where the flight is kept."""
+        now_ns = self._clock.now_ns()
+        self._drone.wait(lambda: self._all_back(now_ns), timeout_s, "a whole system")
+        directory = self._drone.flight_directory
+        if directory is not None:
+            self.directories.add(directory)
+
+    def _pause(self, seconds: float) -> None:
+        end_s = monotonic_s() + seconds
+        self._drone.wait(lambda: monotonic_s() >= end_s, seconds + 1.0, "the end of a pause")
+
+
+def run_recovery(
+    plan: Plan, flights: Path, *, say: Say = lambda _line: None, workers: int = 2
+) -> RecoveryReport:
+    """Run the experiment in simulated real time.
+
+    Parameters
+    ----------
+    plan : Plan
+        How often what is killed.
+    flights : Path
+        Where the flight directory is made.
+    say : callable
+        Takes a line of progress.
+    workers : int
+        Detector processes.
+
+    Raises
+    ------
+    UavrtError
+        The system did not even start.
+    """
+    count = plan.kills + plan.supervisor_kills + plan.power_cuts
+    scenario = demo_scenario(60.0 + SECONDS_EACH * count, plan.seed)
+    faults: list[str] = []
+    with ServedDrone(scenario, flights.resolve(), workers=workers) as drone:
+        recovery = Recovery(drone, plan, say)
+        try:
+            recovery.run()
+        except UavrtError as error:
+            if not recovery.kills:
+                raise
+            faults.append(str(error))
+        drone.stop()
+        recorded = frozenset(drone.recorded)
+    return RecoveryReport(
+        seed=plan.seed,
+        kills=tuple(recovery.kills),
+        pulses_recorded=len(recorded),
+        lost_from_database=len(recorded - _in_databases(recovery.directories)),
+        lost_from_log=len(_keys(recorded) - _in_logs(recovery.directories)),
+        orphans=recovery.orphans,
+        flights=len(recovery.directories),
+        faults=tuple(faults),
+    )
+
+
+def _in_databases(directories: set[Path]) -> set[Pulse]:
+    return {item.pulse for path in directories for item in read_flight(path).pulse_poses}
+
+
+def _in_logs(directories: set[Path]) -> set[tuple[int, int]]:
+    logs = [FlightLayout(path).pulse_pose_log for path in directories]
+    return _keys(item.pulse for log in logs for item in read_pulse_pose_log(log))
+
+
+def _keys(pulses: Iterable[Pulse]) -> set[tuple[int, int]]:
+    return {(pulse.tag_id, pulse.start_time_ns) for pulse in pulses}
