@@ -23,6 +23,7 @@ app.command("uavrt.cli.localize:localize")
 app.command("uavrt.cli.channelize:channelize")
 app.command("uavrt.cli.export:export")
 app.command("uavrt.cli.tags:tags")
+app.command("uavrt.cli.experiment:experiment")
 
 
 def main() -> None:

@@ -55,6 +55,11 @@ class StatusReader:
         self._sock.setblocking(False)
         self._open = True
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the supervisor is still there."""
+        return self._open
+
     def read(self, wait_s: float) -> list[tuple[str, Any]]:
         """Get the topics and records that came within `wait_s`; none after the end."""
         deadline_s = monotonic_s() + wait_s

@@ -14,6 +14,9 @@ from uavrt.ipc.samples import ChannelReceiver
 from uavrt.messages import ChannelBlock, Pulse, Tag
 
 SELECT_S = 0.2
+LIVE_NS = 1_500_000_000
+"""Samples older than this are not live: after a restart it works through what has waited.
+Blocks of 87 ms and the filters take 0.2 s, a busy computer some more."""
 
 
 class DetectorBank:
@@ -135,7 +138,13 @@ def main() -> None:
 
 def tell_health(frame: ProcessFrame, bank: DetectorBank) -> None:
     """Send the health if it is due."""
-    frame.report("detecting" if bank.samples else "waiting", counters=bank.counters)
+    if not bank.samples:
+        status = "waiting for samples"
+    elif frame.clock.now_ns() - bank.last_sample_ns > LIVE_NS:
+        status = "catching up"
+    else:
+        status = "detecting"
+    frame.report(status, counters=bank.counters)
 
 
 def detect_all(frame: ProcessFrame, receiver: ChannelReceiver, bank: DetectorBank) -> None:

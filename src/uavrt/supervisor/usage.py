@@ -28,6 +28,14 @@ def children_of(pid: int) -> tuple[int, ...]:
     return tuple(int(child) for child in text.split())
 
 
+def is_alive(pid: int) -> bool:
+    """Whether a process runs; one that only waits to be reaped does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][:1] not in ("Z", "")
+    except OSError:
+        return False
+
+
 def own_usage(pid: int) -> Usage:
     """Measure a process without its children; zeros when it has gone."""
     return _usage(pid, last_field=13)

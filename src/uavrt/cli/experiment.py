@@ -1,0 +1,7 @@
+"""``uavrt experiment``: claims as repeatable experiments, one module for each."""
+
+from cyclopts import App
+
+experiment = App(name="experiment", help="Repeat an experiment: claims that can be checked.")
+# One line for each experiment; its module is imported when it is called.
+experiment.command("uavrt.cli.experiment_recovery:recovery")

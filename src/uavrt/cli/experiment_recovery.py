@@ -1,0 +1,51 @@
+"""``uavrt experiment recovery``."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from uavrt.experiments.recovery import Plan, run_recovery
+
+
+def recovery(
+    *,
+    kills: int = 50,
+    supervisor_kills: int = 5,
+    power_cuts: int = 100,
+    seed: int = 1,
+    flight_dir: Path = Path("flights"),
+    json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Kill every process of a simulated flight: how fast is it back, is a pulse lost?
+
+    Exits with 1 when a limit is not met. In real time: about 15 minutes by default.
+
+    Parameters
+    ----------
+    kills
+        Of single processes: each by SIGKILL and by SIGSTOP, then at random.
+    supervisor_kills
+        Of the supervisor, under a stand-in for systemd.
+    power_cuts
+        Everything killed at once, at a random moment.
+    seed
+        Seed of what is random.
+    flight_dir
+        Where the flight's directory is made.
+    json_summary
+        Print one JSON object as the last line.
+    """
+    console = Console(stderr=True)
+    plan = Plan(
+        kills=kills, supervisor_kills=supervisor_kills, power_cuts=power_cuts, seed=seed
+    )
+    report = run_recovery(plan, flight_dir, say=lambda line: console.print(line))
+    if json_summary:
+        print(json.dumps(report.as_dict()))
+    else:
+        Console().print(report.table())
+    sys.exit(0 if report.ok else 1)
