@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 from uavrt import tunnel
 from uavrt.errors import CommandRefused, LinkError, TunnelError
+from uavrt.ground.receipts import Receipts
+from uavrt.ground.received import new_store
 from uavrt.log import get_logger
 from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import Peer
@@ -21,12 +23,14 @@ from uavrt.mavlink.statustext import TextAssembler
 from uavrt.mavlink.transport import open_link
 from uavrt.messages import PulsePose, SearchReport, StatusText, SystemState, Tag
 from uavrt.tunnel import CommandId, Generation
+from uavrt.tunnel.private import RECEIPT_TYPE
 from uavrt.units import ns_from_s
 
 log = get_logger()
 
 DRONE_COMPONENT = 191
 HEARTBEAT_S = 1.0
+RECEIPT_POLL_S = 0.05
 DRONE_SILENCE_NS = ns_from_s(6.0)
 """The original ground station calls the drone lost after this (reference/control.md §2.5)."""
 ACK_WAIT_S = 2.0
@@ -71,10 +75,19 @@ class GroundProtocol:
     ----------
     system_id, component_id : int
         Our own numbers; 255/190 is what the original's drone side insists on.
+    receipts : Receipts, optional
+        What to acknowledge; None for a station that does not.
     """
 
-    def __init__(self, system_id: int = 255, component_id: int = 190) -> None:
+    def __init__(
+        self,
+        system_id: int = 255,
+        component_id: int = 190,
+        receipts: Receipts | None = None,
+    ) -> None:
         self.own = Peer(system_id, component_id)
+        self.receipts = receipts
+        self._unstored: list[bytes] = []
         self.drone: Peer | None = None
         self.tags: dict[int, Tag] = {}
         """Tags we uploaded: they give received pulses their width."""
@@ -97,7 +110,25 @@ class GroundProtocol:
             mavlink_version=3,
         )
 
-    def tunnel_message(self, payload: bytes) -> dialect.Tunnel:
+    def stored(self) -> None:
+        """What `receive` gave since the last call is safe: it may be acknowledged."""
+        if self.receipts is not None:
+            for payload in self._unstored:
+                self.receipts.stored(payload)
+        self._unstored.clear()
+
+    def receipt(self, now_ns: int) -> dialect.Tunnel | None:
+        """Give the receipt that is due, if one is and the drone is known."""
+        if self.receipts is None or self.drone is None:
+            return None
+        receipt = self.receipts.take(now_ns)
+        if receipt is None:
+            return None
+        return self.tunnel_message(receipt.encode(), RECEIPT_TYPE)
+
+    def tunnel_message(
+        self, payload: bytes, payload_type: int = tunnel.PAYLOAD_TYPE
+    ) -> dialect.Tunnel:
         """Write a payload to the drone; raises `LinkError` before it is found."""
         if self.drone is None:
             raise LinkError(
@@ -107,7 +138,7 @@ class GroundProtocol:
         return dialect.Tunnel(
             target_system=self.drone.system_id,
             target_component=self.drone.component_id,
-            payload_type=tunnel.PAYLOAD_TYPE,
+            payload_type=payload_type,
             payload_length=len(payload),
             payload=payload,
         )
@@ -127,6 +158,8 @@ class GroundProtocol:
             texts = self._texts.add((peer.system_id, peer.component_id), message)
             return [StatusText(severity=severity, text=text) for severity, text in texts]
         if isinstance(message, dialect.Tunnel) and self._for_us(message):
+            if message.payload_type != tunnel.PAYLOAD_TYPE:
+                return []
             return self._tunnel(message.payload[: message.payload_length])
         return []
 
@@ -141,7 +174,14 @@ class GroundProtocol:
         except TunnelError as error:
             self.counters["bad_payloads"] += 1
             log.warning("bad tunnel payload", reason=error.message, payload=payload.hex())
+            if tunnel.acked_command_of(payload) == CommandId.PULSE:
+                self._unstored.append(payload)  # in the log; again it would be no better
             return []
+        if isinstance(event, PulsePose):
+            if self.receipts is not None and self.receipts.seen(payload):
+                self.counters["repeated_pulses"] += 1
+                return []
+            self._unstored.append(payload)
         if event is None:
             self.counters["unexpected_payloads"] += 1
             return []
@@ -192,6 +232,12 @@ class GroundLink:
         Wire format; G1 unless the drone runs the thesis's software.
     ack_wait_s : float
         How long to wait for each acknowledgement before the command is sent again.
+    on_frame : callable, optional
+        Called with every frame of the link, the autopilot's and the radio's too.
+    receipts : Receipts, optional
+        What the station holds already, from `uavrt.ground.received.open_receipts`; without it
+        the drone sends all of its flight. With `on_event`, a pulse is acknowledged when that
+        returns.
     """
 
     def __init__(
@@ -203,10 +249,15 @@ class GroundLink:
         system_id: int = 255,
         component_id: int = 190,
         ack_wait_s: float = ACK_WAIT_S,
+        on_frame: Callable[[Frame], None] | None = None,
+        receipts: Receipts | None = None,
     ) -> None:
-        self.protocol = GroundProtocol(system_id, component_id)
+        if receipts is None and generation != "G0":
+            receipts = Receipts(new_store())
+        self.protocol = GroundProtocol(system_id, component_id, receipts)
         self._clock_ns = clock_ns
         self._on_event = on_event
+        self._on_frame = on_frame
         self._generation: Generation = generation
         self._ack_wait_s = ack_wait_s
         self._writer = FrameWriter(system_id, component_id)
@@ -226,9 +277,16 @@ class GroundLink:
         """Serve the link until cancelled; raises `LinkError` if it cannot be opened."""
         self._link = await open_link(address, self._receive)
         try:
+            next_heartbeat_ns = 0
             while True:
-                self._send(self.protocol.heartbeat())
-                await asyncio.sleep(HEARTBEAT_S)
+                now_ns = self._clock_ns()
+                if now_ns >= next_heartbeat_ns:
+                    next_heartbeat_ns = now_ns + ns_from_s(HEARTBEAT_S)
+                    self._send(self.protocol.heartbeat())
+                receipt = self.protocol.receipt(now_ns)
+                if receipt is not None:
+                    self._send(receipt)
+                await asyncio.sleep(RECEIPT_POLL_S)
         finally:
             await self._link.close()
 
@@ -246,8 +304,17 @@ class GroundLink:
         assert self.protocol.drone is not None
         return self.protocol.drone
 
-    async def upload_tags(self, tags: Sequence[Tag]) -> None:
+    async def upload_tags(
+        self, tags: Sequence[Tag], progress: Callable[[int, int], None] | None = None
+    ) -> None:
         """Send the tag list, each message acknowledged.
+
+        Parameters
+        ----------
+        tags : sequence of Tag
+            All the tags; they replace those on the drone.
+        progress : callable, optional
+            Called with the messages acknowledged so far and their whole number.
 
         Raises
         ------
@@ -257,10 +324,12 @@ class GroundLink:
             It did not answer.
         """
         payloads = [tunnel.tag_to_wire(tag, self._generation).encode() for tag in tags]
-        await self.command(tunnel.HeaderMessage(command=CommandId.START_TAGS).encode())
-        for payload in payloads:
+        start = tunnel.HeaderMessage(command=CommandId.START_TAGS).encode()
+        end = tunnel.HeaderMessage(command=CommandId.END_TAGS).encode()
+        for count, payload in enumerate([start, *payloads, end], start=1):
             await self.command(payload)
-        await self.command(tunnel.HeaderMessage(command=CommandId.END_TAGS).encode())
+            if progress is not None:
+                progress(count, len(payloads) + 2)
         self.protocol.tags = {tag.tag_id: tag for tag in tags}
 
     async def start_detection(
@@ -328,9 +397,16 @@ class GroundLink:
             self._event_there.clear()
             await self._event_there.wait()
 
+    def send(self, message: Message) -> None:
+        """Send a message that needs no acknowledgement."""
+        self._send(message)
+
     def _receive(self, frame: Frame) -> None:
+        if self._on_frame is not None:
+            self._on_frame(frame)
         for event in self.protocol.receive(frame, self._clock_ns()):
             self._deliver(event)
+        self.protocol.stored()
         if self.protocol.drone is not None:
             self._drone_there.set()
 

@@ -1,0 +1,261 @@
+"""Bearings and positions while flying and afterwards, by the same code.
+
+Turns in place are found in the vehicle's poses; each tag's pulses inside a turn give a bearing,
+from the third on; the bearings of all turns give a position. A turn that is not complete gives
+a wide interval, not a wrong bearing.
+"""
+
+import base64
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.ground.contours import contour_segments
+from uavrt.ground.coordinates import readout
+from uavrt.ground.flights import Columns, known, yaw_deg
+from uavrt.localization import (
+    Bearing,
+    Position,
+    PositionGrid,
+    Stations,
+    TangentPlane,
+    Turn,
+    estimate_bearing,
+    estimate_position,
+    find_turns,
+)
+
+LEAST_PULSES = 3
+LEAST_TURN_DEG = 45.0
+"""A turn is shown from here on, though it may go on."""
+EDGE_NS = 1_000_000_000
+"""Pulses this long before and after a turn belong to it: the same place, the first heading."""
+SECTORS = 16
+"""Wedges of the pulse rose, as the original ground station's finest rotation."""
+POSE_STEP_NS = 180_000_000
+"""Poses closer than this tell nothing new of a turn."""
+
+_Floats = NDArray[np.float64]
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AntennaChoice:
+    """How the ground reads the headings of pulses."""
+
+    pattern: str = "RA-23K"
+    offset_deg: float = 0.0
+    """Boresight clockwise from the heading that the drone tells; 0 when its own settings hold
+    the mounting."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimates:
+    """What a flight says of its tags."""
+
+    bearings: list[Record]
+    positions: list[Record]
+
+
+class Estimator:
+    """Estimates with a memory: a turn and tag that have not changed are not computed again."""
+
+    def __init__(self) -> None:
+        self._bearings: dict[tuple[Any, ...], tuple[Bearing, Record] | None] = {}
+        self._positions: dict[tuple[Any, ...], Record | None] = {}
+
+    def estimate(self, columns: Columns, antenna: AntennaChoice) -> Estimates:
+        """Estimate all bearings and positions of a flight as it is now."""
+        turns = turns_of(columns)
+        bearings: list[Record] = []
+        positions: list[Record] = []
+        for tag_id in np.unique(columns["tag_id"]):
+            mine = columns.pulses[:, columns["tag_id"] == tag_id]
+            pulses = Columns(pulses=mine, poses=columns.poses)
+            found = [
+                (turn, one)
+                for number, turn in enumerate(turns)
+                if (one := self._bearing(int(tag_id), number, turn, pulses, antenna))
+            ]
+            bearings += [record for _, (_, record) in found]
+            used = [(turn, bearing) for turn, (bearing, _) in found if bearing.accepted]
+            position = self._position(int(tag_id), used, antenna)
+            if position is not None:
+                positions.append(position)
+        return Estimates(bearings=bearings, positions=positions)
+
+    def _bearing(
+        self, tag_id: int, number: int, turn: Turn, pulses: Columns, antenna: AntennaChoice
+    ) -> tuple[Bearing, Record] | None:
+        times = pulses["start_time_ns"]
+        inside = (times >= turn.start_time_ns - EDGE_NS) & (times <= turn.end_time_ns + EDGE_NS)
+        inside &= np.isfinite(pulses["quaternion_w"]) & np.isfinite(pulses["snr_db"])
+        count = int(inside.sum())
+        if count < LEAST_PULSES:
+            return None
+        key = (tag_id, turn.start_time_ns, turn.end_time_ns, count, antenna)
+        if key not in self._bearings:
+            self._bearings[key] = _bearing(tag_id, number, turn, pulses, inside, antenna)
+        return self._bearings[key]
+
+    def _position(
+        self, tag_id: int, used: list[tuple[Turn, Bearing]], antenna: AntennaChoice
+    ) -> Record | None:
+        if not used:
+            return None
+        key = (tag_id, tuple((turn.start_time_ns, one.bearing_deg) for turn, one in used))
+        if key not in self._positions:
+            self._positions[key] = _position(tag_id, used)
+        return self._positions[key]
+
+
+def turns_of(columns: Columns) -> list[Turn]:
+    """Turns in place, also one that goes on; by the pulses' own poses where no others are."""
+    poses = columns.poses
+    if poses.shape[1] < 4:
+        pulses = columns.pulses[:, np.isfinite(columns["quaternion_w"])]
+        posed = Columns(pulses=pulses, poses=poses)
+        order = np.argsort(posed["start_time_ns"], kind="stable")
+        poses = np.concatenate(
+            [pulses[[1, 8, 9, 10]][:, order], pulses[11:15][:, order]],
+        )
+    times = poses[0]
+    if not len(times):
+        return []
+    slots = ((times - times[0]) // POSE_STEP_NS).astype(np.int64)
+    _, kept = np.unique(slots, return_index=True)
+    poses = poses[:, kept]
+    return find_turns(
+        poses[0].astype(np.int64),
+        yaw_deg(poses[4:8]),
+        poses[1],
+        poses[2],
+        least_turn_deg=LEAST_TURN_DEG,
+    )
+
+
+def _bearing(
+    tag_id: int,
+    number: int,
+    turn: Turn,
+    pulses: Columns,
+    inside: NDArray[np.bool_],
+    antenna: AntennaChoice,
+) -> tuple[Bearing, Record] | None:
+    attitude = _turned(pulses.pulses[11:15, inside], antenna.offset_deg)
+    snr = pulses["snr_db"][inside]
+    try:
+        bearing = estimate_bearing(
+            None, snr, quaternion_wxyz=attitude.T, antenna=antenna.pattern
+        )
+    except UsageError:
+        return None
+    record: Record = {
+        "tag_id": tag_id,
+        "turn": number,
+        "start_time_ns": turn.start_time_ns,
+        "end_time_ns": turn.end_time_ns,
+        "turned_deg": round(turn.turned_deg, 1),
+        "latitude_deg": turn.latitude_deg,
+        "longitude_deg": turn.longitude_deg,
+        "bearing_deg": round(bearing.bearing_deg, 2),
+        "sigma_deg": _rounded(bearing.sigma_deg),
+        "interval90_deg": None
+        if bearing.interval90_deg is None
+        else [round(edge, 2) for edge in bearing.interval90_deg],
+        "method": bearing.method,
+        "pulses": int(inside.sum()),
+        "accepted": bearing.accepted,
+        "ambiguous": bearing.ambiguous,
+        "multipath_suspected": bearing.multipath_suspected,
+        "level_db": _rounded(bearing.level_db),
+        "rose_snr_db": _rose(yaw_deg(attitude), snr),
+    }
+    return bearing, record
+
+
+def _position(tag_id: int, used: list[tuple[Turn, Bearing]]) -> Record | None:
+    stations = Stations.of(
+        [turn.latitude_deg for turn, _ in used],
+        [turn.longitude_deg for turn, _ in used],
+        [bearing for _, bearing in used],
+    )
+    try:
+        position = estimate_position(stations)
+    except UsageError:
+        return None
+    return {
+        "tag_id": tag_id,
+        "latitude_deg": position.latitude_deg,
+        "longitude_deg": position.longitude_deg,
+        "method": position.method,
+        "stations": position.stations,
+        "radius50_m": _rounded(position.radius50_m),
+        "radius95_m": _rounded(position.radius95_m),
+        "at_edge": position.at_edge,
+        "readout": readout(position.latitude_deg, position.longitude_deg).as_dict(),
+        **_regions(position),
+    }
+
+
+def _regions(position: Position) -> Record:
+    """Outlines of the smallest regions of 50 and 95 %, and the heat map."""
+    grid = position.grid
+    if grid is None:
+        return {"region50": [], "region95": [], "heat": None}
+    plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
+    ordered = np.sort(grid.probability.ravel())[::-1]
+    summed = np.cumsum(ordered)
+    outlines = {}
+    for name, share in (("region50", 0.5), ("region95", 0.95)):
+        level = ordered[min(int(np.searchsorted(summed, share)), len(ordered) - 1)]
+        segments = contour_segments(grid.east_m, grid.north_m, grid.probability, float(level))
+        latitude, longitude = plane.to_geodetic(segments[..., 0], segments[..., 1])
+        outlines[name] = np.round(np.stack([longitude, latitude], axis=-1), 7).tolist()
+    return {**outlines, "heat": _heat(grid, plane)}
+
+
+def _heat(grid: PositionGrid, plane: TangentPlane) -> Record:
+    """Probability as bytes, north row first, and the corners clockwise from the north-west."""
+    step_e = float(grid.east_m[1] - grid.east_m[0]) / 2.0
+    step_n = float(grid.north_m[1] - grid.north_m[0]) / 2.0
+    west, east = float(grid.east_m[0]) - step_e, float(grid.east_m[-1]) + step_e
+    south, north = float(grid.north_m[0]) - step_n, float(grid.north_m[-1]) + step_n
+    latitude, longitude = plane.to_geodetic(
+        [west, east, east, west], [north, north, south, south]
+    )
+    scaled = np.sqrt(grid.probability / max(float(grid.probability.max()), 1e-30))
+    cells = np.flipud((scaled * 255.0).astype(np.uint8))
+    return {
+        "width": int(cells.shape[1]),
+        "height": int(cells.shape[0]),
+        "corners": np.stack([longitude, latitude], axis=-1).tolist(),
+        "values": base64.b64encode(cells.tobytes()).decode(),
+    }
+
+
+def _rose(yaw: _Floats, snr_db: _Floats) -> list[float | None]:
+    """Greatest SNR in each of 16 sectors, the first centred on north."""
+    sectors = np.floor((yaw % 360.0) / (360.0 / SECTORS) + 0.5).astype(int) % SECTORS
+    return [
+        known(round(float(snr_db[sectors == sector].max()), 2))
+        if (sectors == sector).any()
+        else None
+        for sector in range(SECTORS)
+    ]
+
+
+def _turned(quaternions: _Floats, offset_deg: float) -> _Floats:
+    """Turn (4, n) attitudes clockwise about their own down axis."""
+    if offset_deg == 0.0:
+        return quaternions
+    w, x, y, z = quaternions
+    c, s = np.cos(np.radians(offset_deg) / 2.0), np.sin(np.radians(offset_deg) / 2.0)
+    return np.stack([w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s])
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else known(round(value, 2))

@@ -1,0 +1,79 @@
+"""The operator's log: status texts, acknowledgements and the station's own words."""
+
+import json
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+LINES = 1000
+"""Lines that a page is given; the file keeps all."""
+TAIL = 400_000
+"""Bytes of the file that are read at the start."""
+MAX_TEXT = 400
+
+
+class EventLog:
+    """Lines in memory and, one JSON object each, in a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file; lines of earlier runs are read from it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lines: deque[dict[str, Any]] = deque(maxlen=LINES)
+        self._number = 0
+        self._read()
+
+    def add(self, time_ns: int, severity: int, text: str, source: str) -> dict[str, Any]:
+        """Add a line; gives it as it is shown.
+
+        Parameters
+        ----------
+        time_ns : int
+            On the ground's clock [ns, UTC].
+        severity : int
+            MAVLink's, 0 (emergency) to 7 (debug).
+        text : str
+            What was said; cut at 400 characters.
+        source : str
+            ``"drone"``, ``"acknowledgement"`` or ``"ground"``.
+        """
+        self._number += 1
+        line = {
+            "number": self._number,
+            "time_ns": time_ns,
+            "severity": severity,
+            "text": text[:MAX_TEXT],
+            "source": source,
+        }
+        self._lines.append(line)
+        try:
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+        except OSError:
+            # A full disk shows in the flight's fault; the line is still on the screen.
+            pass
+        return line
+
+    def lines(self) -> list[dict[str, Any]]:
+        """Get the last lines, oldest first."""
+        return list(self._lines)
+
+    def _read(self) -> None:
+        try:
+            with self._path.open("rb") as file:
+                size = file.seek(0, 2)
+                file.seek(max(0, size - TAIL))
+                data = file.read()
+        except OSError:
+            return
+        for text in data.decode("utf-8", "replace").splitlines():
+            try:
+                line = json.loads(text)
+                line["number"] = self._number = self._number + 1
+                self._lines.append(line)
+            except (ValueError, TypeError):
+                continue  # the first line is cut by the tail, the last by a power cut

@@ -1,0 +1,257 @@
+"""The flights on this computer: list, and what is in them, in columns.
+
+A flight of 100 000 pulses is read in columns, never as objects: 10 MB in place of 150.
+"""
+
+import math
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import FormatError, UsageError
+from uavrt.messages import Tag
+from uavrt.recording import FlightLayout, schema
+
+CHUNK = 4000
+STATUSES = ("subthreshold", "detected", "confirmed")
+
+PULSE_COLUMNS = (
+    "tag_id",
+    "start_time_ns",
+    "frequency_hz",
+    "snr_db",
+    "group_snr_db",
+    "noise_psd",
+    "detection_status",
+    "rate",
+    "latitude_deg",
+    "longitude_deg",
+    "altitude_relative_m",
+    "quaternion_w",
+    "quaternion_x",
+    "quaternion_y",
+    "quaternion_z",
+)
+"""What `FlightLibrary.pulses` reads; the status as its place in `STATUSES`."""
+
+_SELECT_PULSES = (
+    "SELECT p.tag_id, p.start_time_ns, p.frequency_hz, p.snr_db, p.group_snr_db, p.noise_psd, "
+    "CASE p.detection_status WHEN 'confirmed' THEN 2 WHEN 'detected' THEN 1 ELSE 0 END, "
+    "p.rate, q.latitude_deg, q.longitude_deg, q.altitude_relative_m, "
+    "q.quaternion_w, q.quaternion_x, q.quaternion_y, q.quaternion_z "
+    "FROM pulses p LEFT JOIN pulse_poses q USING (pulse_id) ORDER BY p.pulse_id"
+)
+_SELECT_POSES = (
+    "SELECT time_ns, latitude_deg, longitude_deg, altitude_relative_m, "
+    "quaternion_w, quaternion_x, quaternion_y, quaternion_z FROM poses "
+    "WHERE latitude_deg IS NOT NULL ORDER BY time_ns"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightSummary:
+    """One line of the list of flights."""
+
+    flight_id: str
+    start_time_ns: int
+    end_time_ns: int
+    pulses: int
+    tags: tuple[Tag, ...]
+    source: str
+    """``"ground"`` when this ground station recorded it, ``"drone"`` when it was copied."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Columns:
+    """Pulses and poses of a flight."""
+
+    pulses: NDArray[np.float64]
+    """(len(PULSE_COLUMNS), n); times as float64 nanoseconds, good to 256 ns."""
+    poses: NDArray[np.float64]
+    """(8, m): time_ns, latitude, longitude, relative altitude, quaternion w x y z."""
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """One column of the pulses."""
+        column: NDArray[np.float64] = self.pulses[PULSE_COLUMNS.index(name)]
+        return column
+
+
+class FlightLibrary:
+    """Flights below one directory.
+
+    Parameters
+    ----------
+    directory : Path
+        Where this ground station records, and where flights of a drone may be copied to.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+        self._known: dict[str, tuple[tuple[int, int], FlightSummary]] = {}
+
+    def summaries(self) -> list[FlightSummary]:
+        """Get all flights, newest first; what cannot be read is left out."""
+        found = []
+        for database in self.directory.glob("*/flight.sqlite"):
+            try:
+                found.append(self.summary(database.parent.name))
+            except (FormatError, OSError):
+                continue
+        return sorted(found, key=lambda flight: flight.start_time_ns, reverse=True)
+
+    def path(self, flight_id: str) -> Path:
+        """Get the directory of a flight.
+
+        Raises
+        ------
+        UsageError
+            There is no such flight; a name with a path in it never is one.
+        """
+        path = self.directory / flight_id
+        plain = flight_id and flight_id not in (".", "..") and path.name == flight_id
+        if not plain or "\0" in flight_id or not FlightLayout(path).database.is_file():
+            raise UsageError(f"there is no flight {flight_id[:80]!r}")
+        return path
+
+    def summary(self, flight_id: str) -> FlightSummary:
+        """Get one line of the list.
+
+        Raises
+        ------
+        UsageError
+            There is no such flight.
+        FormatError
+            It is damaged.
+        """
+        layout = FlightLayout(self.path(flight_id))
+        stamp = _stamp(layout)
+        known = self._known.get(flight_id)
+        if known is not None and known[0] == stamp:
+            return known[1]
+        with self._database(flight_id) as database:
+            row = database.execute("SELECT start_time_ns FROM flight").fetchone()
+            if row is None:
+                raise FormatError(f"{flight_id} was cut off before it began")
+            count, last = database.execute(
+                "SELECT count(*), max(end_time_ns) FROM pulses"
+            ).fetchone()
+            last_pose = database.execute("SELECT max(time_ns) FROM poses").fetchone()[0]
+            columns = schema.TAG_COLUMNS
+            tags = database.execute(f"SELECT {columns} FROM tags ORDER BY tag_id").fetchall()
+            ours = database.execute(
+                "SELECT count(*) FROM notes WHERE text = ?", (GROUND_NOTE,)
+            ).fetchone()[0]
+        start_ns = int(row[0])
+        summary = FlightSummary(
+            flight_id=flight_id,
+            start_time_ns=start_ns,
+            end_time_ns=max(start_ns, last or 0, last_pose or 0),
+            pulses=count,
+            tags=tuple(map(schema.tag_from_row, tags)),
+            source="ground" if ours else "drone",
+        )
+        self._known[flight_id] = (stamp, summary)
+        return summary
+
+    def columns(self, flight_id: str) -> Columns:
+        """Read the pulses and poses of a flight.
+
+        Raises
+        ------
+        UsageError, FormatError
+            There is no such flight, or it is damaged.
+        """
+        with self._database(flight_id) as database:
+            return Columns(
+                pulses=_columns(database, "pulses", _SELECT_PULSES, len(PULSE_COLUMNS)),
+                poses=_columns(database, "poses", _SELECT_POSES, 8),
+            )
+
+    def records(self, flight_id: str, after: int, limit: int) -> list[dict[str, Any]]:
+        """Get some pulses as records, in the order in which they were stored.
+
+        Parameters
+        ----------
+        flight_id : str
+            Which flight.
+        after, limit : int
+            How many to pass over, and how many to give at most.
+        """
+        with self._database(flight_id) as database:
+            rows = database.execute(
+                f"{_SELECT_PULSES} LIMIT ? OFFSET ?", (limit, after)
+            ).fetchall()
+        records = []
+        for row in rows:
+            record = dict(zip(PULSE_COLUMNS, row, strict=True))
+            record["detection_status"] = STATUSES[record["detection_status"]]
+            record["confirmed"] = record["detection_status"] == "confirmed"
+            records.append(record)
+        return records
+
+    def log(self, flight_id: str) -> list[dict[str, Any]]:
+        """Get status texts and notes of a flight, in order of time."""
+        with self._database(flight_id) as database:
+            rows = database.execute(
+                "SELECT time_ns, severity, text FROM status_texts UNION ALL "
+                "SELECT time_ns, 6, text FROM notes ORDER BY time_ns"
+            ).fetchall()
+        return [
+            {"time_ns": time_ns, "severity": severity, "text": text, "source": "flight"}
+            for time_ns, severity, text in rows
+        ]
+
+    @contextmanager
+    def _database(self, flight_id: str) -> Iterator[sqlite3.Connection]:
+        path = FlightLayout(self.path(flight_id)).database
+        try:
+            address = f"{path.absolute().as_uri()}?mode=ro"
+            with closing(sqlite3.connect(address, uri=True, timeout=5.0)) as database:
+                yield database
+        except (sqlite3.Error, ValueError, TypeError) as error:
+            raise FormatError(f"{path} cannot be read: {error}") from error
+
+
+GROUND_NOTE = "recorded by the ground station"
+"""The note that tells a ground station's own recording."""
+
+
+def yaw_deg(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Headings (n,) of (4, n) quaternions w, x, y, z, clockwise from true north."""
+    w, x, y, z = quaternions
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return np.asarray(np.degrees(yaw) % 360.0)
+
+
+def _columns(
+    database: sqlite3.Connection, table: str, select: str, width: int
+) -> NDArray[np.float64]:
+    (count,) = database.execute(f"SELECT count(*) FROM {table}").fetchone()
+    cells = np.empty((width, count))
+    cursor, place = database.execute(select), 0
+    while place < count and (rows := cursor.fetchmany(min(CHUNK, count - place))):
+        # NULL becomes NaN on the way to float64.
+        cells[:, place : place + len(rows)] = np.array(rows, np.float64).T
+        place += len(rows)
+    return cells[:, :place]
+
+
+def _stamp(layout: FlightLayout) -> tuple[int, int]:
+    """When and how large the database and its log were last."""
+    size, changed = 0, 0
+    for path in (layout.database, layout.database.with_name("flight.sqlite-wal")):
+        if path.exists():
+            stat = path.stat()
+            size, changed = size + stat.st_size, max(changed, stat.st_mtime_ns)
+    return size, changed
+
+
+def known(value: float) -> float | None:
+    """None for a number that is not finite, as JSON has it."""
+    return float(value) if math.isfinite(value) else None
