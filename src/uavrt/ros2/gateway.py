@@ -39,7 +39,7 @@ from uavrt.ros2.messages import (
     RosPulse,
     RosTag,
 )
-from uavrt.ros2.status import component_status
+from uavrt.ros2.status import STALE_AFTER_S, component_status
 
 SOURCE = "ros2"
 STATUS_PERIOD_S = 0.5
@@ -98,6 +98,8 @@ class Gateway:
         self._mounting = Mounting.from_settings(settings.antenna)
         self._status: SystemStatus | None = None
         self._status_heard_ns = 0
+        self._parts: dict[str, tuple[DiagnosticStatus, ...]] = {}
+        """Each component's state as of the supervisor's last word; that is once a second."""
         self._pose: Pose | None = None
         self._next_status_ns = self._next_pose_ns = 0
         self._next_heartbeat_ns: dict[int, int] = {}
@@ -129,6 +131,7 @@ class Gateway:
                 self._pose = poses[-1]
             case SystemStatus():
                 self._status, self._status_heard_ns = record, self._now_ns()
+                self._parts.clear()
             case Command() if record.source != SOURCE:
                 self._show_command(record)
             case CommandReply():
@@ -226,14 +229,15 @@ class Gateway:
     def _show_status(self, now_ns: int) -> None:
         header = Header(stamp=convert.time_to_ros(now_ns), frame_id="status")
         age_s = (now_ns - self._status_heard_ns) * 1e-9
+        if age_s > STALE_AFTER_S:
+            self._parts.clear()
         for component in COMPONENTS:
-            self._bus.publish(
-                f"status_{component}_subprocess",
-                DiagnosticArray(
-                    header=header,
-                    status=component_status(component, self._status, age_s, self._settings),
-                ),
-            )
+            if component not in self._parts:
+                self._parts[component] = component_status(
+                    component, self._status, age_s, self._settings
+                )
+            array = DiagnosticArray(header=header, status=self._parts[component])
+            self._bus.publish(f"status_{component}_subprocess", array)
 
     def _show_heartbeats(self, now_ns: int) -> None:
         """Say that detectors live, each tag in its turn within the second."""
@@ -241,7 +245,7 @@ class Gateway:
         if status is None or status.state is not SystemState.DETECTING:
             self._next_heartbeat_ns.clear()
             return
-        if now_ns - self._status_heard_ns > 3e9:
+        if now_ns - self._status_heard_ns > STALE_AFTER_S * 1e9:
             return
         workers = [p for p in status.processes if p.process.startswith("detector-")]
         for index, tag in enumerate(status.tags):
