@@ -19,7 +19,7 @@ LOWEST_LEVEL_DB = -30.0
 """Below this a pulse adds a thousandth of the noise: no need to tell levels apart."""
 FADINGS_DB = (0.5, 0.9, 1.5, 2.5, 4.0, 6.5)
 """Standard deviations of fading that are weighed against each other."""
-OUTLIER_SHARE = 0.02
+OUTLIER_SHARE = 0.01
 """Share of pulses that may have any power (interference, a turn of the animal)."""
 _NARROW = 1000.0
 """From this sum on (30 dB) the law is Gaussian in decibel to 1 %, and narrower than a step."""

@@ -20,7 +20,7 @@ class Result:
     """With its unit."""
     value: float
     interval95: tuple[float, float]
-    """Of the value, by bootstrap over the runs."""
+    """Of the value: Wilson's for a share, else by bootstrap over the runs."""
     runs: int
     least: float | None = None
     most: float | None = None
@@ -47,7 +47,7 @@ def measured(
     most: float | None = None,
     bound: float | None = None,
 ) -> Result:
-    """Make a line of a figure over runs, with its bootstrap interval.
+    """Make a line of a figure over runs, with its 95 % interval.
 
     Parameters
     ----------
@@ -61,20 +61,35 @@ def measured(
         Bar and bound.
     """
     array = np.asarray(values, np.float64)
-    rng = np.random.default_rng(len(array))
-    again = [figure(rng.choice(array, len(array))) for _ in range(_RESAMPLES)]
-    low, high = np.quantile(again, [0.025, 0.975])
+    low, high = _wilson(array) if figure is share else _bootstrap(array, figure)
     return Result(
         experiment=experiment,
         condition=condition,
         quantity=quantity,
         value=figure(array),
-        interval95=(float(low), float(high)),
+        interval95=(low, high),
         runs=len(array),
         least=least,
         most=most,
         bound=bound,
     )
+
+
+def _bootstrap(
+    values: NDArray[np.float64], figure: Callable[[NDArray[np.float64]], float]
+) -> tuple[float, float]:
+    rng = np.random.default_rng(len(values))
+    again = [figure(rng.choice(values, len(values))) for _ in range(_RESAMPLES)]
+    low, high = np.quantile(again, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _wilson(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Wilson 1927: right also for shares of 0 and 1, of which a bootstrap makes certainty."""
+    count, p, z2 = len(values), share(values), 1.96**2
+    middle = (p + z2 / (2 * count)) / (1 + z2 / count)
+    half = np.sqrt(p * (1 - p) * z2 / count + z2**2 / (4 * count**2)) / (1 + z2 / count)
+    return max(0.0, float(middle - half)), min(1.0, float(middle + half))
 
 
 def rms(values: NDArray[np.float64]) -> float:

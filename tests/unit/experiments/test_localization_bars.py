@@ -1,0 +1,75 @@
+"""The bars of bearings and positions, with few runs: none is contradicted.
+
+With all runs: `uavrt.experiments.localization.run()`.
+"""
+
+import numpy as np
+import pytest
+
+from uavrt.experiments.localization import EXPERIMENTS, Result, table
+from uavrt.experiments.localization.result import measured, median
+from uavrt.experiments.localization.rotations import RotationCase, bound_deg
+
+RUNS = {"B1, B2": 6, "B3, B4": 3, "B5": 10, "B6": 6, "L2, L3": 15, "L4": 6, "L5": 40}
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_no_bar_is_contradicted(name: str) -> None:
+    """One outside twice the 95 % interval of what was measured would be."""
+    results = EXPERIMENTS[name](RUNS[name], 11)
+    contradicted = [
+        one
+        for one in results
+        if (one.most is not None and 2 * one.interval95[0] - one.value > one.most)
+        or (one.least is not None and 2 * one.interval95[1] - one.value < one.least)
+    ]
+    assert not contradicted, table(contradicted)
+    assert any(one.most is not None for one in results)
+
+
+def test_the_default_is_better_than_the_original_by_far() -> None:
+    results = {
+        one.condition: one.value
+        for one in EXPERIMENTS["B1, B2"](8, 12)
+        if one.quantity == "rms [°]"
+    }
+    case = str(RotationCase())
+    assert results[case] < 0.5 * results[f"{case}: pca"]
+
+
+@pytest.mark.parametrize(
+    ("case", "published"),
+    [
+        (RotationCase(), 2.01),
+        (RotationCase(snr_db=30.0, fading_db=0.5), 0.55),
+        (RotationCase(snr_db=13.0), 3.45),
+        (RotationCase(pulses=20, fading_db=4.0), 5.47),
+    ],
+)
+def test_the_bound_is_that_of_the_reference(case: RotationCase, published: float) -> None:
+    """reference/localization.md §1.6; ours averages over the phase of the headings."""
+    assert bound_deg(case) == pytest.approx(published, rel=0.04)
+
+
+def test_a_result_knows_its_bar_and_says_so() -> None:
+    values = list(np.arange(101.0))
+    within = measured("X1", "here", "median [m]", values, median, most=50.0)
+    beyond = measured("X1", "here", "median [m]", values, median, least=51.0)
+    assert (within.passed, beyond.passed) == (True, False)
+    assert within.interval95[0] < 50.0 < within.interval95[1]
+    text = table([within, beyond])
+    assert "ok" in text
+    assert "MISSED" in text
+
+
+def test_a_result_without_a_bar_passes() -> None:
+    free = Result(
+        experiment="X",
+        condition="",
+        quantity="",
+        value=1.0,
+        interval95=(0.0, 2.0),
+        runs=3,
+    )
+    assert free.passed
+    assert not table([free]).endswith("ok")
