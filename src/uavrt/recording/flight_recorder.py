@@ -8,6 +8,7 @@ and every commit tries again.
 """
 
 import json
+import math
 import sqlite3
 from collections import deque
 from collections.abc import Iterable
@@ -22,6 +23,7 @@ from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import (
     Command,
     CommandReply,
+    Delivered,
     FlightInfo,
     Health,
     Poses,
@@ -159,6 +161,12 @@ class FlightRecorder:
         """Take what was searched without a detection, with its noise floor."""
         self._take(schema.INSERT_SEARCH_REPORT, schema.search_report_row(report))
 
+    def write_delivered(self, delivered: Delivered) -> None:
+        """Take which pulses have reached the ground."""
+        for tag_id, start_time_ns in delivered.pulses:
+            row = (delivered.store, delivered.time_ns, tag_id, start_time_ns)
+            self._take(schema.INSERT_DELIVERY, row)
+
     def write_command(self, command: Command, reply: CommandReply | None, time_ns: int) -> None:
         """Take a command and how it was answered."""
         self._take(schema.INSERT_COMMAND, schema.command_row(command, reply, time_ns))
@@ -213,7 +221,8 @@ class FlightRecorder:
         self.layout.make([tag.tag_id for tag in info.tags])
         for tag in info.tags:
             path = self.layout.tag_config(tag.tag_id)
-            if not path.exists():
+            # A ground station records too, and is not told the radio's frequency.
+            if not path.exists() and math.isfinite(info.center_frequency_hz):
                 output = str(self.layout.tag_pulse_pose_log(tag.tag_id).parent)
                 config = detector_config(tag, info.center_frequency_hz, output)
                 write_detector_config(path, config, info.start_time_ns)
