@@ -25,6 +25,7 @@ from uavrt.detection.samples import (
 from uavrt.detection.search import Candidate, RateSearch, jitter_reach
 from uavrt.detection.thresholds import (
     decision_interval_s,
+    decision_span_s,
     effective_hypotheses,
     spread,
     threshold,
@@ -131,19 +132,24 @@ class PulseDetector:
         self._searches = []
         for rate, interval_s in enumerate(tag.pulse_intervals_s, start=1):
             reach_s = jitter_reach(tag.interval_jitter_s, grid.hop_s) * grid.hop_s
-            hypotheses = effective_hypotheses(
-                k=tag.k,
-                bandwidth_hz=bandwidth,
-                time_s=decision_interval_s(tag, rate),
-                pulse_width_s=tag.pulse_width_s,
-                uncertainty_s=tag.interval_uncertainty_s,
-                reach_s=reach_s,
-            )
-            level = threshold(
-                k=tag.k,
-                hypotheses=hypotheses,
-                spread=spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s),
-                expected_false=tag.false_alarm_probability / len(tag.pulse_intervals_s),
+            interval_time_s = decision_interval_s(tag, rate)
+            first_s = decision_span_s(tag, rate)
+            begun_s = min(first_s - (tag.k - 1) * interval_s, interval_time_s)
+            steady, first = (
+                threshold(
+                    k=tag.k,
+                    hypotheses=effective_hypotheses(
+                        k=tag.k,
+                        bandwidth_hz=bandwidth,
+                        time_s=time_s,
+                        pulse_width_s=tag.pulse_width_s,
+                        uncertainty_s=tag.interval_uncertainty_s,
+                        reach_s=reach_s,
+                    ),
+                    spread=spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s),
+                    expected_false=tag.false_alarm_probability / len(tag.pulse_intervals_s),
+                )
+                for time_s in (interval_time_s, begun_s)
             )
             self._searches.append(
                 RateSearch(
@@ -153,8 +159,10 @@ class PulseDetector:
                     uncertainty_s=tag.interval_uncertainty_s,
                     jitter_s=tag.interval_jitter_s,
                     k=tag.k,
-                    threshold=level,
+                    threshold=steady,
                     rate=rate,
+                    first_threshold=first,
+                    first_columns=math.ceil(first_s / grid.hop_s),
                 )
             )
         self._first_noise_s = min(max(1.0, (tag.k - 1) * min(tag.pulse_intervals_s)), 6.0)

@@ -26,6 +26,9 @@ RISE = 2.2
 _RISEN = math.exp(-TRUNCATION / RISE)
 """Share of the cells above the truncation at that rise."""
 _SETTLE_S = 1.0
+_YOUNG_S = 8.0
+_YOUNG_REACH = 24
+"""Wider while there is little to average: an error of 5 % doubles the false alarms."""
 _NEIGHBOUR_REACH = 8
 """Rows on each side (two bins) whose median is the broadband noise."""
 
@@ -125,7 +128,8 @@ class RowNoise:
         """Take the median of the neighbours where a row does not stand out from it."""
         assert self._long is not None
         self._settled_s = self._seen_s
-        reach = min(_NEIGHBOUR_REACH, len(self._long) // 2)
+        reach = _YOUNG_REACH if self._seen_s < _YOUNG_S else _NEIGHBOUR_REACH
+        reach = min(reach, len(self._long) // 2)
         mode = "wrap" if self._circular else "edge"
         padded = np.pad(self._long, reach, mode=mode)  # type: ignore[call-overload]
         windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)

@@ -58,6 +58,9 @@ class RateSearch:
         Of the sum, in noise powers.
     rate : int
         Number of the rate, from 1.
+    first_threshold, first_columns : float, int
+        Threshold while fewer columns than these have been seen. In the first decision interval
+        few groups can have begun; it may spend its false alarms on these.
     """
 
     def __init__(
@@ -71,10 +74,14 @@ class RateSearch:
         k: int,
         threshold: float,
         rate: int,
+        first_threshold: float | None = None,
+        first_columns: int = 0,
     ) -> None:
         self.rate = rate
         self.k = k
-        self.threshold = threshold
+        self._steady_threshold = threshold
+        self._first_columns = first_columns
+        self.threshold = threshold if first_threshold is None else first_threshold
         self.limit = CELL_LIMIT if k > 1 else math.inf
         self._rows = rows
         self.reach = jitter_reach(jitter_s, hop_s)
@@ -141,6 +148,8 @@ class RateSearch:
         self._tail = block[len(block) - 2 * reach :].copy()
         first = self.columns
         self._append(largest)
+        if self.columns > self._first_columns:
+            self.threshold = self._steady_threshold
         if self.dense:
             return self._search_dense(noise)
         needed = np.float32(self.threshold / self.k) * noise
@@ -154,6 +163,8 @@ class RateSearch:
     def finish(self, noise: NDArray[np.float32]) -> list[Candidate]:
         """Test the hypotheses still open, as if only silence followed."""
         columns = self.longest * (self.k - 1) + 2 * self.reach + 1
+        if self.columns <= self._first_columns:
+            self._first_columns += columns
         return self.push(np.zeros((columns, self._rows), np.float32), noise)
 
     def _append(self, largest: NDArray[np.float32]) -> None:

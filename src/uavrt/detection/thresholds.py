@@ -35,6 +35,12 @@ def decision_interval_s(tag: Tag, rate: int = 1, k: int | None = None) -> float:
     return max((segment - again) / _ORIGINAL_RATE_HZ, tag.pulse_intervals_s[rate - 1])
 
 
+def decision_span_s(tag: Tag, rate: int = 1) -> float:
+    """Length of the stretch in which the original takes one decision: K pulses are certain."""
+    overlap_s = 2.0 * (tag.k * tag.interval_uncertainty_s + tag.interval_jitter_s)
+    return decision_interval_s(tag, rate) + overlap_s
+
+
 @lru_cache(maxsize=256)
 def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
     """Tail of a sum of one exponential and k - 1 maxima of `spread` exponentials."""
@@ -61,7 +67,7 @@ def group_tail(k: int, spread: float, threshold: float) -> float:
 
 
 _FACTOR_K = np.log(np.array([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0]))
-_FACTOR_LOG = np.log(np.array([19.5, 27.0, 32.0, 38.0, 48.0, 75.0, 30.0, 60.0]))
+_FACTOR_LOG = np.log(np.array([19.5, 27.0, 36.0, 40.0, 48.0, 75.0, 30.0, 60.0]))
 """Effective hypotheses of one independent cell and interval, by K: calibrated."""
 _INTERVAL_POWER = np.array([1.0, 1.40, 1.40, 1.42, 1.36, 1.57, 1.60, 1.60])
 """Power with which the number of intervals counts, by K: calibrated."""

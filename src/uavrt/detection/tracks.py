@@ -26,9 +26,10 @@ WEAKEST_POWER = 3.0
 WEAKEST_SHARE = 0.3
 """Two strong pulses and the best noise at a third place make a group: this share unmasks it."""
 VOUCH = 2.0
-_RIVAL_WINS = 12.0
+_FELLOW_SHARE = 0.2
+_RIVAL_WINS = 8.0
 """Lead in log-likelihood at which the other rate is taken: one clear pulse missing."""
-_RIVAL_BEATEN = 40.0
+_RIVAL_BEATEN = 20.0
 _SURE_POWER = 12.0
 """Three pulses of this power each, an interval apart, are no accident: confirmed at once."""
 _INTERVAL_WALK = 1.5e-4
@@ -83,8 +84,6 @@ class Track:
     last_accepted_s: float = 0.0
     rival: "Track | None" = None
     """The same transmitter at the tag's other rate, should it have switched."""
-    evidence: float = 0.0
-    """Log-likelihood gained since the rival was set up."""
 
     def begin(self, pulses: list[tuple[int, float, int, Measured]]) -> None:
         """Start from a detected group.
@@ -156,8 +155,6 @@ class Track:
         self.slots.append(slot)
         del self.slots[: -max(2 * self.tag.k, 6)]
         power = slot.measured.power
-        if self.rival is not None or self.confirmed:
-            self.evidence += log_evidence(power, self.strength)
         if self.confirmed:
             self._follow(slot)
         else:
@@ -208,17 +205,12 @@ class Track:
         rival.interval_s *= self.interval_s / nominal[self.rate - 1]
         rival.slots[0].state = "reported"
         rival.confirmed = True
-        self.rival, self.evidence = rival, 0.0
-        self.evidence = sum(
-            log_evidence(s.measured.power, self.strength)
-            for s in self.slots
-            if s.number > start.number
-        )
+        self.rival = rival
 
     def settle_rivalry(self) -> None:
         """Switch the rate when the rival explains more; renew a rival that lags."""
         rival = self.rival
-        if rival is None or self.evidence - rival.evidence > _RIVAL_BEATEN:
+        if rival is None:
             self.set_up_rival()
             return
         # Compare over the same time only.
@@ -232,6 +224,12 @@ class Track:
         theirs = sum(log_evidence(s.measured.power, self.strength) for s in others)
         if theirs - own > _RIVAL_WINS and any(s.state == "accepted" for s in others):
             self._become(rival)
+            return
+        since = [s for s in self.slots if s.time_s > rival.slots[0].time_s]
+        missed = any(s.state not in ("accepted", "reported") for s in since)
+        if not missed or own - theirs > _RIVAL_BEATEN:
+            # Nothing missed: should a switch come, it counts from the latest pulse.
+            self.set_up_rival()
 
     def _become(self, rival: "Track") -> None:
         """Go on at the rival's rate."""
@@ -270,13 +268,13 @@ class Track:
         limit = narrow_threshold(k, _round(max(s.volume for s in recent)), FOLLOW_FALSE)
         for weak in recent:
             own = weak.measured.power
-            if weak.state != "open" or own <= WEAKEST_POWER:
+            others = [s.measured.power for s in recent if s is not weak]
+            floor = _FELLOW_SHARE * min(40.0, max(others))
+            if weak.state != "open" or own <= max(WEAKEST_POWER, floor):
                 continue
             # Its fellows vouch for a weak pulse no further than to twice its own power:
             # between strong ones it is the noise in a null of the antenna.
-            total = own + sum(
-                min(s.measured.power, VOUCH * own) for s in recent if s is not weak
-            )
+            total = own + sum(min(power, VOUCH * own) for power in others)
             if total >= limit:
                 weak.state = "accepted"
                 self.last_accepted_s = max(self.last_accepted_s, weak.time_s)

@@ -43,7 +43,7 @@ def carrier(
     phase = 2.0 * np.pi * (offset_hz * t + 0.5 * drift_hz_per_s * t * t)
     wave = np.exp(1j * (phase + rng.uniform(0.0, 2.0 * np.pi)))
     wave *= amplitude * (1.0 + modulation * np.sin(2.0 * np.pi * modulation_hz * t))
-    return wave.astype(np.complex64)
+    return np.asarray(wave, np.complex64)
 
 
 def impulses(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection import OperatingMode, PulseDetector
-from uavrt.detection.thresholds import decision_interval_s
+from uavrt.detection.thresholds import decision_span_s
 from uavrt.experiments.detection.signals import (
     START_NS,
     TruePulse,
@@ -102,13 +102,6 @@ def compare(
             result.false_confirmed += pulse.confirmed
     result.matched, result.confirmed = len(seen), len(sure)
     return result
-
-
-def decision_span_s(tag: Tag) -> float:
-    """Length of the stretch in which the original takes one decision: K pulses are certain."""
-    k = tag.k
-    overlap_s = 2.0 * (k * tag.interval_uncertainty_s + tag.interval_jitter_s)
-    return decision_interval_s(tag) + overlap_s
 
 
 def detected_once(
