@@ -16,8 +16,8 @@ from uavrt.localization.level_evidence import Propagation
 
 MISSED_BY_CHANCE = 0.02
 """Share of pulses missed for other reasons than being weak."""
-_ROUNDS = 6
-_MOST_MISSES = 100
+_ROUNDS = 5
+_MOST_MISSES = 60
 """More misses than that are thinned out, and count more each."""
 _TYPICAL_FADING_DB = 4.0
 _LOG_ROOT_TWO_PI = 0.918_938_533
