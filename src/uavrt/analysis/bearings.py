@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import FormatError, UsageError
+from uavrt.errors import UsageError
 from uavrt.localization import (
     AntennaPattern,
     Bearing,
@@ -21,7 +21,8 @@ from uavrt.localization import (
 )
 from uavrt.localization.attitude import Headings
 from uavrt.messages import Pose, PulsePose, Tag
-from uavrt.recording import Flight, read_flight, read_pulse_file, read_pulse_pose_log
+from uavrt.recording import Flight, FlightLayout, read_flight
+from uavrt.recording.formats import read_pulses
 
 HEADING_SIGMA_DEG = 1.0
 """Compass and mounting err by that much, the same for a whole turn, at the least."""
@@ -49,40 +50,22 @@ class TagBearing:
     end_time_ns: int
 
 
-def read_pulses(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
-    """Read a pulse log: what `uavrt detect -o` writes, or a pulse_pose_log.txt.
-
-    Raises
-    ------
-    FormatError
-        It is neither.
-    """
-    try:
-        with Path(path).open(encoding="utf-8", errors="replace") as file:
-            first = file.readline().lstrip()
-    except OSError as error:
-        raise FormatError(f"cannot read {os.fspath(path)}", remedy="Check the name") from error
-    if first[:1].isdigit():
-        return read_pulse_pose_log(path)
-    return read_pulse_file(path)
-
-
 def read_bearings(
     path: str | os.PathLike[str],
     *,
     method: BearingMethod = "pattern_ml",
     antenna: AntennaPattern | str = "RA-23K",
 ) -> list[TagBearing]:
-    """Estimate the bearings of a flight directory or a pulse log.
+    """Estimate the bearings of a flight directory or a pulse log in any format we know.
 
     Raises
     ------
     FormatError
-        It is neither.
+        It is none of them.
     UsageError
         No pulse has a pose, or method or antenna is unknown.
     """
-    if Path(path).is_dir():
+    if FlightLayout(Path(path)).database.is_file():
         return bearings_of_flight(read_flight(path), method=method, antenna=antenna)
     return bearings_of_pulses(read_pulses(path), method=method, antenna=antenna)
 

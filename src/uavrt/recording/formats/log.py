@@ -1,0 +1,41 @@
+"""What a reader of pulse logs hands out, whichever format it read."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from uavrt.messages import PulsePose
+
+LogKind = Literal[
+    "flight",
+    "uavrt-jsonl",
+    "uavrt-csv",
+    "pulse_pose_log",
+    "tagtracker",
+    "ucsd",
+    "pyradiotracking",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotationMark:
+    """Where a rotation was started or stopped by the original's ground station."""
+
+    kind: Literal["start", "stop"]
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    before_pulse: int
+    """Place among the log's pulses: this many came before the mark."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PulseLog:
+    """A pulse log of any kind."""
+
+    kind: LogKind
+    pulse_poses: tuple[PulsePose, ...]
+    marks: tuple[RotationMark, ...] = ()
+    warnings: tuple[str, ...] = ()
+    """What somebody who works with these pulses must know; sentences."""
+    passed_over: int = 0
+    """Rows that report no pulse: rotation slices with nothing found."""

@@ -1,0 +1,107 @@
+"""``positions.csv`` as the original's uavrt_localize writes it.
+
+No heading, one line for each tag and each bearings file (reference/localization.md §1.8), with
+a comma at its end::
+
+    tag_id,bearing_file,latMLE,lonMLE,latRMR,lonRMR,latMEST,lonMEST,
+
+An estimator that found no place leaves ``NaN`` in its two cells.
+"""
+
+import math
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from uavrt.errors import FormatError
+from uavrt.recording.formats.text import cells_of, read_lines, whole, wrong_line
+from uavrt.recording.formats.whole_file import write_whole
+
+Place = tuple[float, float]
+"""Latitude, longitude [deg]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionRow:
+    """One line of the file."""
+
+    tag_id: int
+    bearing_file: str
+    mle: Place | None
+    rmr: Place | None
+    mest: Place | None
+
+
+def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
+    """Read a positions.csv.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, or a line is not of that kind.
+    """
+    found = []
+    for number, line in enumerate(read_lines(path), start=1):
+        cells = cells_of(line)
+        if not cells or cells[0].startswith("#") or cells[0] == "tag_id":
+            continue
+        try:
+            if not 4 <= len(cells) <= 8:
+                raise ValueError(f"{len(cells)} columns")
+            cells += [""] * (8 - len(cells))
+            places = [_place(cells[i], cells[i + 1]) for i in (2, 4, 6)]
+            found.append(
+                PositionRow(
+                    tag_id=whole(cells[0]),
+                    bearing_file=cells[1],
+                    mle=places[0],
+                    rmr=places[1],
+                    mest=places[2],
+                )
+            )
+        except (ValueError, OverflowError) as error:
+            remedy = "A positions.csv has 8 columns: tag, file, latitude, longitude, …"
+            raise wrong_line(path, number, error, remedy) from None
+    return tuple(found)
+
+
+def write_position_file(path: str | os.PathLike[str], rows: Iterable[PositionRow]) -> None:
+    """Write a positions.csv, whole or not at all; a line with the same tag and file is
+    replaced.
+
+    Raises
+    ------
+    FormatError
+        What is there already is no positions.csv.
+    RecordingError
+        It cannot be written.
+    """
+    kept: dict[tuple[int, str], PositionRow] = {}
+    if os.path.exists(path):
+        kept = {(row.tag_id, row.bearing_file): row for row in read_position_file(path)}
+    for row in rows:
+        if "," in row.bearing_file or "\n" in row.bearing_file:
+            raise FormatError(
+                f"the name {row.bearing_file!r} cannot stand in a CSV without quotes",
+                remedy="Rename the file",
+            )
+        kept[row.tag_id, row.bearing_file] = row
+    write_whole(path, "".join(map(_line, kept.values())))
+
+
+def _line(row: PositionRow) -> str:
+    cells = [str(row.tag_id), row.bearing_file]
+    for place in (row.mle, row.rmr, row.mest):
+        cells += ["NaN", "NaN"] if place is None else [f"{degrees:.9f}" for degrees in place]
+    return ",".join(cells) + ",\n"
+
+
+def _place(latitude: str, longitude: str) -> Place | None:
+    if not latitude and not longitude:
+        return None
+    place = (float(latitude), float(longitude))
+    if any(map(math.isnan, place)):
+        return None
+    if not (abs(place[0]) <= 90.0 and abs(place[1]) <= 360.0):
+        raise ValueError(f"{latitude}, {longitude} is no place on earth")
+    return place

@@ -1,0 +1,121 @@
+"""Signal CSV of pyradiotracking, semicolons between the cells.
+
+A heading, then one row for each signal (reference/localization.md §1.8)::
+
+    Device; Time; Frequency; Duration; max (dBW); avg (dBW); std (dB); noise (dBW); snr (dB)
+
+Times are ISO 8601 or seconds since 1970; durations seconds, or ``0:00:00.020``. Stations stand
+still and name no place, so the pulses have no pose. That system's SNR is average power over
+noise power in its FFT bin; it is kept as it is. Tags are numbered by frequency.
+"""
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+
+from uavrt.messages import Pulse, PulsePose
+from uavrt.recording.formats.log import PulseLog
+from uavrt.recording.formats.text import (
+    any_time_ns,
+    cells_of,
+    finite,
+    number_or_nan,
+    read_lines,
+    wrong_line,
+)
+from uavrt.recording.formats.ucsd import tag_numbers
+from uavrt.units import ns_from_s
+
+NAMES = ("device", "time", "frequency", "duration", "max", "avg", "std", "noise", "snr")
+_OTHER_NAMES = {"ts": "time", "timestamp": "time", "freq": "frequency"}
+SAME_TAG_HZ = 2_000.0
+"""Two of its FFT bins: 300 kHz over 256 is 1.2 kHz."""
+_REMEDY = "Its heading is Device;Time;Frequency;Duration;max;avg;std;noise;snr"
+
+
+def read_pyradiotracking(path: str | os.PathLike[str]) -> PulseLog:
+    """Read a signal CSV.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, or a row is no signal; its line is named.
+    """
+    lines = read_lines(path)
+    names: list[str] | None = None
+    pulses: list[Pulse] = []
+    devices: set[str] = set()
+    for number, line in enumerate(lines, start=1):
+        cells = cells_of(line, ";")
+        if not cells:
+            continue
+        try:
+            if names is None:
+                names = column_names(cells)
+                if missing := set(NAMES) - set(names):
+                    raise ValueError(f"the heading lacks {', '.join(sorted(missing))}")
+                continue
+            row = [cells[names.index(name)] for name in NAMES]
+            pulses.append(_pulse(row))
+            devices.add(row[0])
+        except (ValueError, IndexError, OverflowError) as error:
+            if number == len(lines) and pulses:
+                break  # cut off while it was written
+            raise wrong_line(path, number, error, _REMEDY) from None
+    tags = tag_numbers([pulse.frequency_hz for pulse in pulses], SAME_TAG_HZ)
+    warnings = ["Pulses of this log have no place. Tags are numbered by frequency."]
+    if len(devices) > 1:
+        warnings.append(
+            f"It holds the signals of {len(devices)} receivers; one pulse may be in it "
+            "several times."
+        )
+    return PulseLog(
+        kind="pyradiotracking",
+        pulse_poses=tuple(
+            PulsePose(pulse=replace(pulse, tag_id=tag_id), pose=None)
+            for pulse, tag_id in zip(pulses, tags, strict=True)
+        ),
+        warnings=tuple(warnings) if pulses else (),
+    )
+
+
+def column_names(cells: Sequence[str]) -> list[str]:
+    """Names of a heading without their units: ``"max (dBW)"`` is ``"max"``."""
+    plain = [cell.lower().split("(")[0].strip(' "') for cell in cells]
+    return [_OTHER_NAMES.get(name, name) for name in plain]
+
+
+def _pulse(cells: Sequence[str]) -> Pulse:
+    start_ns = any_time_ns(cells[1])
+    noise_dbw = number_or_nan(cells[7])
+    snr_db = number_or_nan(cells[8])
+    if abs(noise_dbw) > 1000.0:
+        raise ValueError(f"{cells[7]} is no level in dBW")
+    return Pulse(
+        tag_id=1,
+        frequency_hz=finite(cells[2]),
+        start_time_ns=start_ns,
+        end_time_ns=start_ns + ns_from_s(_duration_s(cells[3])),
+        snr_db=snr_db,
+        group_snr_db=snr_db,
+        score=math.nan,
+        group_index=1,
+        group_sequence=0,
+        noise_psd=10.0 ** (noise_dbw / 10.0),
+        detection_status="detected",
+        confirmed=False,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )
+
+
+def _duration_s(cell: str) -> float:
+    """Seconds, or hours:minutes:seconds."""
+    total = 0.0
+    for part in cell.split(":"):
+        total = 60.0 * total + finite(part)
+    if not 0.0 <= total < 86_400.0:
+        raise ValueError(f"{cell} is no duration")
+    return total

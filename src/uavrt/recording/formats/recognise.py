@@ -1,0 +1,162 @@
+"""Read a pulse log whoever wrote it: the content tells which format it is."""
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from uavrt.errors import FormatError
+from uavrt.messages import PulsePose
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.formats.log import LogKind, PulseLog, RotationMark
+from uavrt.recording.formats.pyradiotracking import NAMES, column_names, read_pyradiotracking
+from uavrt.recording.formats.tagtracker import read_tagtracker
+from uavrt.recording.formats.text import cells_of, read_lines
+from uavrt.recording.formats.ucsd import read_ucsd_pings
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.pulse_files import read_pulse_file
+from uavrt.recording.pulse_pose_log import COLUMNS, parse_line, read_pulse_pose_log
+
+ORIGINAL_POSES = (
+    "The original's uavrt_connection wrote this log, and its poses are unusable: each is "
+    "half-way between the first pose since the program's start and the pose at the pulse, so a "
+    "turn of 90° stands here as 45° and a full turn never leaves one half circle."
+)
+ORIGINAL_DIGITS = (
+    "Six digits are left of each number: latitudes are rounded to 11 m, and times of the next "
+    "pulse whose fraction is half a second or more are saturated and read as unknown."
+)
+_DECIMALS_OF_OURS = 9
+_PATTERNS = (
+    *("pulse_pose_log.txt", "pulse_pose.log.txt"),
+    *("detector_log/*/output/pulse_pose_log.txt", "detector_log/*/output/pulse_pose.log.txt"),
+    *("Pulse-*.csv", "Rotation-*.csv"),
+)
+_REMEDY = (
+    "Known are flight directories, pulses of `uavrt detect`, pulse_pose_log.txt, and the CSV "
+    "of TagTracker, UCSD's tracker and pyradiotracking"
+)
+
+
+def read_pulses(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
+    """Read the pulses of a flight directory or of a log in any format we know.
+
+    Raises
+    ------
+    FormatError
+        It is none of them, or a line is damaged.
+    """
+    return read_pulse_log(path).pulse_poses
+
+
+def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
+    """Read a flight directory or a log in any format we know, with what to beware of.
+
+    Raises
+    ------
+    FormatError
+        It is none of them, or a line is damaged.
+    """
+    place = Path(path)
+    if place.name == "flight.sqlite":
+        place = place.parent
+    if place.is_dir():
+        return _directory(place)
+    match kind := recognised(place):
+        case "tagtracker":
+            return read_tagtracker(place)
+        case "ucsd":
+            return read_ucsd_pings(place)
+        case "pyradiotracking":
+            return read_pyradiotracking(place)
+        case "pulse_pose_log":
+            found = read_pulse_pose_log(place)
+            return PulseLog(kind=kind, pulse_poses=found, warnings=_original(place))
+    return PulseLog(kind=kind, pulse_poses=read_pulse_file(place))
+
+
+def recognised(path: str | os.PathLike[str]) -> LogKind:
+    """Tell the format of a file by its first line.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, or is none we know.
+    """
+    lines = read_lines(path)
+    first = next((line for line in lines if line.strip()), "")
+    cells = cells_of(first)
+    if first.lstrip().startswith("{"):
+        return "uavrt-jsonl"
+    if not cells:
+        # A flight in which nothing was heard leaves an empty log.
+        return "uavrt-jsonl" if Path(path).suffix == ".jsonl" else "pulse_pose_log"
+    if cells[0] == "tag_id":
+        return "uavrt-csv"
+    if cells[0].lower() == "run":
+        return "ucsd"
+    if ";" in first and not set(NAMES) - set(column_names(cells_of(first, ";"))):
+        return "pyradiotracking"
+    if len(cells) == COLUMNS and _is_thesis(first):
+        return "pulse_pose_log"
+    if cells[0].startswith("#") or cells[0] in ("7", "10", "11", "20"):
+        return "tagtracker"
+    if cells[0].isdigit() and len(lines) <= 2:
+        return "pulse_pose_log"  # a single line, cut off
+    raise FormatError(f"{os.fspath(path)} is no pulse log that we know", remedy=_REMEDY)
+
+
+def _is_thesis(line: str) -> bool:
+    try:
+        parse_line(line)
+    except (ValueError, OverflowError):
+        return False
+    return True
+
+
+def _original(path: Path) -> tuple[str, ...]:
+    """Warnings for a pulse_pose_log.txt: ours has nine decimals in each frequency."""
+    rows = [cells for line in read_lines(path) if len(cells := cells_of(line)) == COLUMNS]
+    if all(len(cells[1].partition(".")[2]) == _DECIMALS_OF_OURS for cells in rows):
+        return ()
+    return ORIGINAL_POSES, ORIGINAL_DIGITS
+
+
+def _directory(directory: Path) -> PulseLog:
+    if FlightLayout(directory).database.is_file():
+        return PulseLog(kind="flight", pulse_poses=read_flight(directory).pulse_poses)
+    # The flight's own log holds what the tags' logs hold.
+    for group in (_PATTERNS[:2], _PATTERNS[2:4], _PATTERNS[4:]):
+        paths = sorted(path for pattern in group for path in directory.glob(pattern))
+        if paths:
+            return _merged(map(read_pulse_log, paths))
+    raise FormatError(f"{directory} holds no flight and no pulse log", remedy=_REMEDY)
+
+
+def _merged(logs: Iterable[PulseLog]) -> PulseLog:
+    """One log of several, in order of time; each warning once, each pulse once."""
+    everything = list(logs)
+    if len(everything) == 1:
+        return everything[0]
+    pulses: dict[tuple[int, int, int], PulsePose] = {}
+    marks: list[RotationMark] = []
+    for log in everything:
+        marks += [
+            replace(mark, before_pulse=len(pulses) + mark.before_pulse) for mark in log.marks
+        ]
+        for number, one in enumerate(log.pulse_poses):
+            key = (one.pulse.tag_id, one.pulse.start_time_ns, one.pulse.group_sequence)
+            same = pulses.get(key)
+            if same is None or same.pulse.snr_db == one.pulse.snr_db:
+                pulses[key] = one
+            else:
+                # Rounded times: another pulse, not the same.
+                pulses[(one.pulse.tag_id, one.pulse.start_time_ns, -1 - number)] = one
+    ordered = sorted(pulses.values(), key=lambda one: one.pulse.start_time_ns)
+    return PulseLog(
+        kind=everything[0].kind,
+        pulse_poses=tuple(ordered),
+        marks=tuple(marks),
+        warnings=tuple(dict.fromkeys(text for log in everything for text in log.warnings)),
+        passed_over=sum(log.passed_over for log in everything),
+    )

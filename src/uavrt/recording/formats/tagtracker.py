@@ -1,0 +1,350 @@
+"""Pulse CSV of TagTracker, the newer custom QGroundControl: every variant that was flown.
+
+One row for each pulse, recognised by its first cell, the tunnel's command number; ``#`` lines
+are headings, of which four forms exist, one of them none. The cells of a row ``7``::
+
+    7, tag_id, frequency_hz, start_time_s, predict_next_start_s, snr, stft_score,
+       group_seq_counter, group_ind, group_snr, [noise_psd,]
+       detection_status, confirmed_status, latitude, longitude, altitude_rel,
+       roll, pitch, yaw  |  orientation_x, _y, _z, _w     [, antenna_offset]
+
+=======  =====  ==========  ======  ==========================================
+columns  noise  attitude    offset  written by
+=======  =====  ==========  ======  ==========================================
+19       no     quaternion  no      2023
+20       no     quaternion  yes     2023
+20       yes    quaternion  no      2023–24
+21       yes    quaternion  yes     2023–24
+20       yes    Euler       yes     2024–26; what we write
+=======  =====  ==========  ======  ==========================================
+
+The three with 20 are told apart by the heading where it names its columns, else by what fits
+*every* row: a quaternion has length 1, states are small whole numbers.
+
+A row ``20`` (since September 2026, 23 columns) comes from the detector in Python::
+
+    20, collection_id, slice_id, tag_id, frequency_hz, cycle_counter, start, predict, snr,
+        score_ratio, signal_psd, noise_psd, detection_status, confirmed_status, rate_state,
+        candidate_id, latitude, longitude, altitude_rel, roll, pitch, yaw, antenna_offset
+
+and ``10`` / ``11``, latitude, longitude, altitude AMSL mark where a rotation starts / stops.
+References: control.md §3.4, localization.md §1.8. The antenna's offset is applied here, once.
+"""
+
+import math
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import product as combinations
+from typing import TextIO
+
+from uavrt.errors import FormatError
+from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
+from uavrt.pose import Quaternion, from_euler_deg, normalised, product
+from uavrt.recording.formats.log import PulseLog, RotationMark
+from uavrt.recording.formats.text import (
+    cells_of,
+    finite,
+    latitude,
+    longitude,
+    number_or_nan,
+    read_lines,
+    seconds_ns,
+    seconds_text,
+    whole,
+    wrong_line,
+)
+
+HEADER = (
+    "# 7, tag_id, frequency_hz, start_time_seconds, predict_next_start_seconds, snr, "
+    "stft_score, group_seq_counter, group_ind, group_snr, noise_psd, detection_status, "
+    "confirmed_status, latitude, longitude, altitude_rel, roll_deg, pitch_deg, yaw_deg, "
+    "antenna_offset"
+)
+PLACEHOLDER_DB = -9999.0
+"""Written where there is no SNR."""
+_NORM_TOLERANCE = 2e-3
+"""Six decimals keep a quaternion's length to 1e-6; the original computed it in single."""
+_MARKS = {"10": "start", "11": "stop"}
+_REMEDY = "Rows of a TagTracker pulse CSV begin with 7, 10, 11 or 20"
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """Which of the optional cells a row 7 has."""
+
+    noise: bool
+    quaternion: bool
+    offset: bool
+
+    @property
+    def columns(self) -> int:
+        return 15 + self.noise + (4 if self.quaternion else 3) + self.offset
+
+    def fits(self, cells: Sequence[str]) -> bool:
+        """Whether a row can be of this layout."""
+        if len(cells) != self.columns:
+            return False
+        try:
+            states = [finite(cell) for cell in cells[10 + self.noise : 12 + self.noise]]
+            attitude = [finite(c) for c in cells[15 + self.noise : self.columns - self.offset]]
+        except ValueError:
+            return False
+        if any(state not in (0, 1, 2, 3) for state in states):
+            return False
+        return not self.quaternion or abs(math.hypot(*attitude) - 1.0) < _NORM_TOLERANCE
+
+
+# Quaternions first: three angles and an offset are not of length 1 in every row of a log.
+_LAYOUTS = sorted(
+    (_Layout(*flags) for flags in combinations((True, False), repeat=3)),
+    key=lambda layout: not layout.quaternion,
+)
+
+
+def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
+    """Read a pulse CSV of TagTracker.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, or a row is none of those above; its line is named.
+    """
+    lines = read_lines(path)
+    rows = [(number, cells_of(line)) for number, line in enumerate(lines, start=1)]
+    rows = [(number, cells) for number, cells in rows if cells and cells[0][:1] != "#"]
+    layout = _layout(
+        [line for line in lines if line.lstrip().startswith("#")],
+        [cells for _, cells in rows if cells[0] == "7"],
+        path,
+    )
+    found: list[PulsePose] = []
+    marks: list[RotationMark] = []
+    nothing = 0
+    for number, cells in rows:
+        try:
+            if cells[0] in _MARKS:
+                marks.append(_mark(cells, len(found)))
+            elif cells[0] == "7" and layout is not None:
+                found.append(_pulse_7(cells, layout))
+            elif cells[0] == "20":
+                pulse = _pulse_20(cells)
+                nothing += pulse is None
+                found += [] if pulse is None else [pulse]
+            else:
+                raise ValueError(f"a row does not begin with {cells[0][:20]!r}")
+        except (ValueError, IndexError, OverflowError) as error:
+            if number == len(lines) and found:
+                break  # cut off while it was written
+            raise wrong_line(path, number, error, _REMEDY) from None
+    return PulseLog(
+        kind="tagtracker",
+        pulse_poses=tuple(found),
+        marks=tuple(marks),
+        warnings=tuple(_warnings(found, layout)),
+        passed_over=nothing,
+    )
+
+
+def write_tagtracker(stream: TextIO, pulse_poses: Iterable[PulsePose]) -> None:
+    """Write a pulse CSV as TagTracker does: rows 7 with 20 columns, one heading.
+
+    Pulses without a pose are left out: the format has no word for "unknown", and zero is a
+    place in the Atlantic.
+    """
+    stream.write(HEADER + "\n")
+    for one in pulse_poses:
+        if one.pose is not None:
+            stream.write(_line(one.pulse, one.pose) + "\n")
+
+
+def _line(pulse: Pulse, pose: Pose) -> str:
+    predicted = pulse.predicted_next_start_ns
+    roll, pitch, yaw = euler_deg(pose.quaternion_wxyz)
+    height = pose.altitude_relative_m
+    status = {"subthreshold": 0, "detected": 1, "confirmed": 2}[pulse.detection_status]
+    return ", ".join(
+        [
+            *("7", str(pulse.tag_id), str(round(pulse.frequency_hz))),
+            seconds_text(pulse.start_time_ns),
+            "0.000000" if predicted is None else seconds_text(predicted),
+            *(_six(value) for value in (pulse.snr_db, pulse.score)),
+            *(str(pulse.group_sequence), str(pulse.group_index), _six(pulse.group_snr_db)),
+            f"{0.0 if math.isnan(pulse.noise_psd) else pulse.noise_psd:.7g}",
+            *(str(status), str(int(pulse.confirmed))),
+            # The original writes 6 decimals, 0.11 m; two more cost nobody anything.
+            *(f"{value:.8f}" for value in (pose.latitude_deg, pose.longitude_deg)),
+            _six(0.0 if math.isnan(height) else height),
+            *(_six(angle) for angle in (roll, pitch, yaw, 0.0)),
+        ]
+    )
+
+
+def _six(value: float) -> str:
+    """Six decimals; what is not known is the original's own placeholder."""
+    return f"{PLACEHOLDER_DB if math.isnan(value) else value:.6f}"
+
+
+def euler_deg(q: Quaternion) -> tuple[float, float, float]:
+    """Roll, pitch and yaw [deg] of an attitude; yaw in [-180, 180]."""
+    w, x, y, z = q
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
+    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)
+
+
+def _layout(
+    headings: Sequence[str], rows: Sequence[Sequence[str]], path: str | os.PathLike[str]
+) -> _Layout | None:
+    """Layout of the rows 7 of a file: what its heading says, if every row agrees."""
+    if not rows:
+        return None
+    whole_rows = rows if len(rows) == 1 else rows[:-1]  # the last may be cut off
+    for heading in headings:
+        text = heading.lower()
+        told = _Layout("noise" in text, "orientation" in text, "offset" in text)
+        if text.count(",") > 10 and all(told.fits(cells) for cells in whole_rows):
+            return told
+    for layout in _LAYOUTS:
+        if all(layout.fits(cells) for cells in whole_rows):
+            return layout
+    counts = sorted({len(cells) for cells in rows})
+    raise FormatError(
+        f"{os.fspath(path)}: its pulses, with {_listed(counts)} columns, are of no known kind",
+        remedy="Known are 19 to 21 columns; see the reference of file formats",
+    )
+
+
+def _listed(counts: Sequence[int]) -> str:
+    return ", ".join(map(str, counts[:6]))
+
+
+def _mark(cells: Sequence[str], before_pulse: int) -> RotationMark:
+    if len(cells) != 4:
+        raise ValueError(f"{len(cells)} columns where a rotation's mark has 4")
+    return RotationMark(
+        kind="start" if _MARKS[cells[0]] == "start" else "stop",
+        latitude_deg=latitude(cells[1]),
+        longitude_deg=longitude(cells[2]),
+        altitude_amsl_m=number_or_nan(cells[3]),
+        before_pulse=before_pulse,
+    )
+
+
+def _pulse_7(cells: Sequence[str], layout: _Layout) -> PulsePose:
+    if len(cells) != layout.columns:
+        raise ValueError(f"{len(cells)} columns where the others have {layout.columns}")
+    after = 10 + layout.noise
+    confirmed = whole(cells[after + 1]) != 0
+    start_ns = seconds_ns(cells[3])
+    pulse = Pulse(
+        tag_id=whole(cells[1]),
+        frequency_hz=finite(cells[2]),
+        start_time_ns=start_ns,
+        end_time_ns=start_ns,
+        snr_db=_snr(cells[5]),
+        group_snr_db=_snr(cells[9]),
+        score=number_or_nan(cells[6]),
+        group_index=whole(cells[8]),
+        group_sequence=whole(cells[7]),
+        noise_psd=(number_or_nan(cells[10]) or math.nan) if layout.noise else math.nan,
+        detection_status=_status(cells[after], confirmed),
+        confirmed=confirmed,
+        rate=1,
+        predicted_next_start_ns=_predicted(cells[4]),
+        predicted_next_end_ns=None,
+    )
+    end = after + 5 + (4 if layout.quaternion else 3)
+    offset = finite(cells[end]) if layout.offset else 0.0
+    attitude = [finite(cell) for cell in cells[after + 5 : end]]
+    if layout.quaternion:
+        x, y, z, w = attitude
+        vehicle = normalised((w, x, y, z))
+    else:
+        vehicle = _attitude(attitude)
+    return PulsePose(pulse=pulse, pose=_pose(cells[after + 2 :], start_ns, vehicle, offset))
+
+
+def _pulse_20(cells: Sequence[str]) -> PulsePose | None:
+    if len(cells) != 23:
+        raise ValueError(f"{len(cells)} columns where such a row has 23")
+    if whole(cells[12]) == 3:
+        return None
+    start_ns = seconds_ns(cells[6])
+    confirmed = whole(cells[13]) != 0
+    pulse = Pulse(
+        tag_id=whole(cells[3]),
+        frequency_hz=finite(cells[4]),
+        start_time_ns=start_ns,
+        end_time_ns=start_ns,
+        snr_db=_snr(cells[8]),
+        group_snr_db=_snr(cells[8]),
+        score=number_or_nan(cells[9]),
+        group_index=1,
+        group_sequence=whole(cells[5]),
+        noise_psd=number_or_nan(cells[11]) or math.nan,
+        detection_status=_status(cells[12], confirmed),
+        confirmed=confirmed,
+        rate=max(1, whole(cells[14])),
+        predicted_next_start_ns=_predicted(cells[7]),
+        predicted_next_end_ns=None,
+    )
+    vehicle = _attitude([finite(cell) for cell in cells[19:22]])
+    return PulsePose(pulse=pulse, pose=_pose(cells[16:], start_ns, vehicle, finite(cells[22])))
+
+
+def _pose(
+    cells: Sequence[str], time_ns: int, vehicle: Quaternion, offset_deg: float
+) -> Pose | None:
+    """Antenna's pose from latitude, longitude and height; zeros are "no telemetry yet"."""
+    if finite(cells[0]) == 0.0 and finite(cells[1]) == 0.0:
+        return None
+    return Pose(
+        time_ns=time_ns,
+        latitude_deg=latitude(cells[0]),
+        longitude_deg=longitude(cells[1]),
+        altitude_amsl_m=math.nan,
+        altitude_relative_m=number_or_nan(cells[2]),
+        quaternion_wxyz=product(vehicle, from_euler_deg(offset_deg, 0.0, 0.0)),
+    )
+
+
+def _attitude(roll_pitch_yaw_deg: Sequence[float]) -> Quaternion:
+    roll, pitch, yaw = roll_pitch_yaw_deg
+    return from_euler_deg(yaw, pitch, roll)
+
+
+def _snr(cell: str) -> float:
+    """SNR [dB]: minus infinity is power equal to the noise's; the placeholder is unknown."""
+    value = float(cell)
+    return math.nan if value in (PLACEHOLDER_DB, math.inf) else value
+
+
+def _status(cell: str, confirmed: bool) -> DetectionStatus:
+    status = whole(cell)
+    if status == 2 or confirmed:
+        return "confirmed"
+    return "subthreshold" if status == 0 else "detected"
+
+
+def _predicted(cell: str) -> int | None:
+    time_ns = seconds_ns(cell) if cell and number_or_nan(cell) > 0.0 else 0
+    return time_ns or None
+
+
+def _warnings(found: Sequence[PulsePose], layout: _Layout | None) -> list[str]:
+    texts = []
+    times = {one.pulse.start_time_ns for one in found}
+    if len(found) > 3 and len(times) <= len(found) // 3:
+        texts.append(
+            "The times of this log are rounded so far that pulses share them; only the order "
+            "of its rows tells which came first."
+        )
+    if layout is not None and layout.quaternion and found:
+        texts.append(
+            "These poses were attached on the drone by the original's uavrt_connection, which "
+            "may have logged half of each turn; headings that keep to one half circle are a "
+            "sign of it."
+        )
+    return texts

@@ -1,0 +1,143 @@
+"""Lines, numbers and times of text files; what is wrong is refused with its line."""
+
+import math
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+from uavrt.clock import parse_iso_utc
+from uavrt.errors import FormatError
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+
+MAX_TIME_NS = 2**62
+"""The year 2116; also well inside SQLite's integers."""
+MAX_BYTES = 512 * 1024 * 1024
+
+
+def read_lines(path: str | os.PathLike[str]) -> list[str]:
+    """All lines of a text file, without their ends; a byte order mark and NULs are dropped.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, or is no text log but hundreds of megabytes.
+    """
+    name = os.fspath(path)
+    try:
+        if os.stat(path).st_size > MAX_BYTES:
+            raise FormatError(f"{name} is too large to be a log", remedy="Check the name")
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise FormatError(
+            f"cannot read {name}: {error.strerror}", remedy="Check the name"
+        ) from error
+    text = content.decode("utf-8-sig", "replace").replace("\0", "")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def wrong_line(
+    path: str | os.PathLike[str], number: int, why: object, remedy: str
+) -> FormatError:
+    """Make the error for one line."""
+    return FormatError(f"{os.fspath(path)} line {number}: {why}", remedy=remedy)
+
+
+def cells_of(line: str, separator: str = ",") -> list[str]:
+    """Cells of a line without the blanks around them and without empty ones at its end."""
+    cells = [cell.strip() for cell in line.split(separator)]
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
+
+
+def finite(cell: str) -> float:
+    """Read a number that must be known; raises `ValueError`."""
+    value = float(cell)
+    if not math.isfinite(value):
+        raise ValueError(f"{cell} is no finite number")
+    return value
+
+
+def number_or_nan(cell: str) -> float:
+    """Read a number; an empty cell, ``nan`` and infinities are NaN; raises `ValueError`."""
+    value = float(cell) if cell else math.nan
+    return value if math.isfinite(value) else math.nan
+
+
+def whole(cell: str) -> int:
+    """Read a whole number that may be written ``3.0``; raises `ValueError`."""
+    value = finite(cell)
+    if value != int(value):
+        raise ValueError(f"{cell} is no whole number")
+    return int(value)
+
+
+def latitude(cell: str) -> float:
+    """Read a latitude [deg]; raises `ValueError` off the globe."""
+    value = finite(cell)
+    if abs(value) > 90.0:
+        raise ValueError(f"{cell} is no latitude")
+    return value
+
+
+def longitude(cell: str) -> float:
+    """Read a longitude [deg]; raises `ValueError` beyond two turns."""
+    value = finite(cell)
+    if abs(value) > 360.0:
+        raise ValueError(f"{cell} is no longitude")
+    return value if -180.0 <= value < 180.0 else math.remainder(value, 360.0)
+
+
+def seconds_ns(cell: str) -> int:
+    """Seconds since 1970 to nanoseconds, all written decimals kept; raises `ValueError`.
+
+    A float of today's seconds resolves 240 ns; the digits after the point are read as digits.
+    """
+    before, point, after = cell.partition(".")
+    if point and before.isdigit() and after.isdigit():
+        value = int(before) * NANOSECONDS_PER_SECOND + int(after[:9].ljust(9, "0"))
+    else:
+        value = ns_from_s(finite(cell))
+    if not 0 <= value <= MAX_TIME_NS:
+        raise ValueError(f"{cell} is no time")
+    return value
+
+
+def any_time_ns(cell: str) -> int:
+    """Read a time as ISO 8601, or as seconds, milliseconds, micro- or nanoseconds since 1970.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    try:
+        value = finite(cell)
+    except ValueError:
+        time_ns = parse_iso_utc(cell.replace(" UTC", "Z"))
+    else:
+        # Counts of today: 1.7e9 s, 1.7e12 ms, 1.7e15 µs, 1.7e18 ns.
+        scale = next((s for limit, s in _SCALES if abs(value) < limit), 1)
+        if scale == NANOSECONDS_PER_SECOND:
+            return seconds_ns(cell)
+        time_ns = int(cell) * scale if cell.lstrip("-").isdigit() else round(value * scale)
+    if not 0 <= time_ns <= MAX_TIME_NS:
+        raise ValueError(f"{cell} is no time")
+    return time_ns
+
+
+_SCALES = ((1e11, NANOSECONDS_PER_SECOND), (1e14, 1_000_000), (1e17, 1_000))
+
+
+def seconds_text(time_ns: int) -> str:
+    """Seconds since 1970 with six decimals, as the original's tools write."""
+    seconds, rest = divmod(time_ns, NANOSECONDS_PER_SECOND)
+    micro = round(rest / 1000)
+    if micro == 1_000_000:
+        seconds, micro = seconds + 1, 0
+    return f"{seconds}.{micro:06d}"
+
+
+def day_text(time_ns: int) -> str:
+    """UTC to the second, for people."""
+    return f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%F %T}"

@@ -1,0 +1,165 @@
+"""Ping and estimate CSV of UCSD's Radio Telemetry Tracker.
+
+A heading, then one row for each ping or estimate (reference/localization.md §1.8)::
+
+    Run, Timestamp, Frequency, Amplitude, Easting, Northing, Altitude, Heading, EPSG Code
+    Run, Timestamp, Frequency, Easting, Northing, EPSG Code
+
+Timestamps are seconds since 1970, or ISO 8601. The amplitude is a level in decibel over an
+unknown reference: its differences mean what those of an SNR mean. A target is its frequency;
+it is given the tags' numbers 1, 2 … in the order of the frequencies.
+"""
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from uavrt.messages import Pose, Pulse, PulsePose
+from uavrt.pose import from_euler_deg
+from uavrt.recording.formats.log import PulseLog
+from uavrt.recording.formats.text import (
+    any_time_ns,
+    cells_of,
+    finite,
+    number_or_nan,
+    read_lines,
+    whole,
+    wrong_line,
+)
+from uavrt.recording.formats.utm import geodetic_of_epsg
+
+PING_COLUMNS = (
+    *("run", "timestamp", "frequency", "amplitude", "easting", "northing", "altitude"),
+    *("heading", "epsg code"),
+)
+ESTIMATE_COLUMNS = ("run", "timestamp", "frequency", "easting", "northing", "epsg code")
+SAME_TARGET_HZ = 500.0
+"""Pings nearer than this in frequency are of one target: crystals drift by less."""
+_REMEDY = "A ping CSV has the columns Run, Timestamp, Frequency, Amplitude, Easting, …"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TargetEstimate:
+    """Where that system takes a target to be."""
+
+    frequency_hz: float
+    time_ns: int
+    latitude_deg: float
+    longitude_deg: float
+
+
+def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
+    """Read a ping CSV.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, or a row is no ping; its line is named.
+    """
+    pings = [_ping(cells) for cells in _rows(path, PING_COLUMNS, _ping)]
+    tags = tag_numbers([frequency for frequency, _, _, _ in pings])
+    found = tuple(
+        PulsePose(pulse=_pulse(tag_id, frequency, time_ns, level), pose=pose)
+        for tag_id, (frequency, time_ns, level, pose) in zip(tags, pings, strict=True)
+    )
+    warning = (
+        "Amplitudes are levels over an unknown reference, not SNR; only their differences mean "
+        "something. Tags are numbered by frequency."
+    )
+    return PulseLog(kind="ucsd", pulse_poses=found, warnings=(warning,) if found else ())
+
+
+def read_ucsd_estimates(path: str | os.PathLike[str]) -> tuple[TargetEstimate, ...]:
+    """Read an estimate CSV.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, or a row is no estimate; its line is named.
+    """
+    return tuple(_estimate(cells) for cells in _rows(path, ESTIMATE_COLUMNS, _estimate))
+
+
+def tag_numbers(frequencies_hz: Sequence[float], same_hz: float = SAME_TARGET_HZ) -> list[int]:
+    """Number tags by frequency from 1; a step of more than `same_hz` begins another."""
+    numbers = [0] * len(frequencies_hz)
+    number, last = 0, -math.inf
+    for index in sorted(range(len(numbers)), key=lambda i: frequencies_hz[i]):
+        if frequencies_hz[index] - last > same_hz:
+            number += 1
+        numbers[index], last = number, frequencies_hz[index]
+    return numbers
+
+
+def _rows(
+    path: str | os.PathLike[str],
+    columns: tuple[str, ...],
+    check: Callable[[Sequence[str]], object],
+) -> list[list[str]]:
+    """Rows in the order of `columns`, each read once on trial by `check`."""
+    lines = read_lines(path)
+    names: list[str] | None = None
+    rows: list[list[str]] = []
+    for number, line in enumerate(lines, start=1):
+        cells = [cell.strip() for cell in line.split(",")]
+        if not cells_of(line):
+            continue
+        try:
+            if names is None:
+                names = [cell.lower() for cell in cells]
+                if missing := set(columns) - set(names):
+                    raise ValueError(f"the heading lacks {', '.join(sorted(missing))}")
+                continue
+            row = [cells[names.index(column)] for column in columns]
+            check(row)
+        except (ValueError, IndexError, OverflowError) as error:
+            if number == len(lines) and rows:
+                break  # cut off while it was written
+            raise wrong_line(path, number, error, _REMEDY) from None
+        rows.append(row)
+    return rows
+
+
+def _ping(cells: Sequence[str]) -> tuple[float, int, float, Pose]:
+    time_ns = any_time_ns(cells[1])
+    lat, lon = geodetic_of_epsg(whole(cells[8]), finite(cells[4]), finite(cells[5]))
+    pose = Pose(
+        time_ns=time_ns,
+        latitude_deg=lat,
+        longitude_deg=lon,
+        altitude_amsl_m=number_or_nan(cells[6]),
+        altitude_relative_m=math.nan,
+        quaternion_wxyz=from_euler_deg(finite(cells[7]), 0.0, 0.0),
+    )
+    return finite(cells[2]), time_ns, number_or_nan(cells[3]), pose
+
+
+def _estimate(cells: Sequence[str]) -> TargetEstimate:
+    lat, lon = geodetic_of_epsg(whole(cells[5]), finite(cells[3]), finite(cells[4]))
+    return TargetEstimate(
+        frequency_hz=finite(cells[2]),
+        time_ns=any_time_ns(cells[1]),
+        latitude_deg=lat,
+        longitude_deg=lon,
+    )
+
+
+def _pulse(tag_id: int, frequency_hz: float, time_ns: int, level_db: float) -> Pulse:
+    return Pulse(
+        tag_id=tag_id,
+        frequency_hz=frequency_hz,
+        start_time_ns=time_ns,
+        end_time_ns=time_ns,
+        snr_db=level_db,
+        group_snr_db=level_db,
+        score=math.nan,
+        group_index=1,
+        group_sequence=0,
+        noise_psd=math.nan,
+        detection_status="detected",
+        confirmed=False,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )

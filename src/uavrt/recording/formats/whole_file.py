@@ -1,0 +1,29 @@
+"""Replace a small file as a whole: nobody ever reads half of it."""
+
+import os
+from pathlib import Path
+
+from uavrt.errors import RecordingError
+
+
+def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
+    """Write beside the file, then rename over it.
+
+    Raises
+    ------
+    RecordingError
+        The disk is full, read-only or forbidden; the old file is untouched.
+    """
+    target = Path(path)
+    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
+    data = content.encode() if isinstance(content, str) else content
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        beside.write_bytes(data)
+        os.replace(beside, target)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise RecordingError(
+            f"cannot write {target}: {error.strerror}",
+            remedy="Name a place that can be written, with space left",
+        ) from error
