@@ -1,10 +1,14 @@
 """``uavrt ground``: the ground station."""
 
 import asyncio
+import contextlib
+import os
 import signal
+import sys
+import webbrowser
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -12,51 +16,155 @@ from uavrt.config import read_tags
 from uavrt.errors import ConfigError
 from uavrt.ground.station import Station, StationSettings, json_line
 
+if TYPE_CHECKING:
+    from uavrt.ground.page import PageStation
+
+DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
+PASSWORD = "UAVRT_GROUND_PASSWORD"
+
+Flag = Annotated[bool, Parameter(negative="")]
+
 
 def ground(
     *,
-    mavlink: str = "udpin://127.0.0.1:14550",
+    mavlink: str | None = None,
     tags: Path | None = None,
-    start: Annotated[bool, Parameter(negative="")] = False,
+    start: Flag = False,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     json_lines: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    headless: Flag = False,
+    page: Flag = False,
+    port: int = 8650,
+    browser: bool = True,
+    listen: str = "127.0.0.1",
+    host_name: tuple[str, ...] = (),
+    certificate: Path | None = None,
+    key: Path | None = None,
 ) -> None:
-    """Talk to the drone: send tags, start, store and show every pulse.
+    """Talk to the drone: a page in the browser, or without one as a program for scripts.
 
-    Ctrl-C stops detection if it was started here, takes the last pulses in, and ends.
+    Alone it opens the page. With --tags, --start or --json it works without a page, unless
+    --page is given: it sends the tags, starts, stores and shows every pulse, and Ctrl-C stops
+    detection if it was started here.
 
     Parameters
     ----------
     mavlink
         Link to the vehicle: udpin://127.0.0.1:14550, serial:///dev/ttyUSB0:57600,
-        tcp://HOST:PORT.
+        serial://COM3:57600, tcp://HOST:PORT. Without it the page uses the last one.
     tags
         Tag list to send: TagInfo.txt or tags.toml.
     start
         Start detecting when the tags are sent.
     output
-        Directory for the received pulses; a new one named by the time if not given.
+        Directory for what is received; for the page "uavrt-flights" in your home, otherwise
+        a new one named by the time.
     json_lines
         Print JSON lines in place of text.
+    headless
+        Work without a page.
+    page
+        Serve the page, whatever else is given.
+    port
+        Port of the page; 0 takes any free one.
+    browser
+        Open the page in a browser.
+    listen
+        Address that the page is served at. Others than this computer itself need a password in
+        the environment variable UAVRT_GROUND_PASSWORD.
+    host_name
+        Name by which other computers call this one, when it is not an address.
+    certificate
+        Certificate file (PEM) for https.
+    key
+        Key file of the certificate.
     """
     if start and tags is None:
         raise ConfigError("there is nothing to detect", remedy="Give the tags with --tags FILE")
-    settings = StationSettings(
-        address=mavlink,
-        directory=output or Path(f"ground_{datetime.now(UTC):%Y-%m-%d_%H-%M-%S}"),
-        tags=read_tags(tags) if tags is not None else (),
-        start=start,
-    )
     show = _print_json if json_lines else _print_text
-    asyncio.run(_serve(settings, show))
+    tag_list = read_tags(tags) if tags is not None else None
+    if not page and (headless or json_lines or start or tags is not None):
+        settings = StationSettings(
+            address=mavlink or DEFAULT_ADDRESS,
+            directory=output or Path(f"ground_{datetime.now(UTC):%Y-%m-%d_%H-%M-%S}"),
+            tags=tag_list or (),
+            start=start,
+        )
+        asyncio.run(_serve_station(settings, show))
+        return
+    with _ground_extra():
+        from uavrt.ground.page import PageSettings, PageStation
+        from uavrt.ground.server import ServerSettings
+    page_settings = PageSettings(
+        directory=output or Path.home() / "uavrt-flights",
+        address=mavlink,
+        tags=tag_list,
+        start=start,
+        server=ServerSettings(
+            host=listen,
+            port=port,
+            names=frozenset(host_name),
+            password=os.environ.get(PASSWORD) or None,
+            certificate=certificate,
+            key=key,
+        ),
+    )
+    if browser and not json_lines:
+        show = _opening(show)
+    asyncio.run(_serve_page(lambda: PageStation(page_settings, show)))
 
 
-async def _serve(settings: StationSettings, show: Any) -> None:
+async def _serve_station(settings: StationSettings, show: Any) -> None:
     station = Station(settings, show)
+    _on_signals(station.stop)
+    await station.run()
+
+
+async def _serve_page(make: "Any") -> None:
+    station: PageStation = make()
+    _on_signals(station.stop)
+    await station.run()
+
+
+def _on_signals(stop: Any) -> None:
+    """Have Ctrl-C and SIGTERM stop in order."""
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, station.stop)
-    await station.run()
+        try:
+            loop.add_signal_handler(number, stop)
+        except NotImplementedError:  # Windows
+            signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop))
+
+
+@contextlib.contextmanager
+def _ground_extra() -> Any:
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("uavrt"):
+            raise
+        raise ConfigError(
+            f"the page needs {error.name}, which is not installed",
+            remedy="Run `pip install 'uavrt[ground]'`, or work without a page: --headless",
+        ) from error
+
+
+def _opening(show: Any) -> Any:
+    """Open a browser when the page is there and this computer has a screen."""
+
+    def show_and_open(event: dict[str, Any]) -> None:
+        show(event)
+        if event["event"] == "page" and has_screen():
+            webbrowser.open(event["address"])
+
+    return show_and_open
+
+
+def has_screen() -> bool:
+    """Tell whether a browser could show something."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def _print_json(event: dict[str, Any]) -> None:
@@ -65,6 +173,8 @@ def _print_json(event: dict[str, Any]) -> None:
 
 def _print_text(event: dict[str, Any]) -> None:
     match event:
+        case {"event": "page", "address": address}:
+            print(f"The page is at {address} – Ctrl-C ends", flush=True)
         case {"event": "pulse", "tag_id": tag_id, "snr_db": snr, "frequency_hz": frequency}:
             sure = "confirmed" if event["confirmed"] else event["detection_status"]
             seconds = event["start_time_ns"] / 1e9

@@ -12,6 +12,7 @@ from uavrt.mavlink.message import Message
 from uavrt.messages import Pose
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
+DRONE_COMPONENT = 191
 POSE_SILENCE_NS = ns_from_s(3.0)
 ASK_AGAIN_NS = ns_from_s(5.0)
 ASKED_HZ = 5.0
@@ -88,7 +89,7 @@ class VehicleWatch:
         if isinstance(message, dialect.RadioStatus):
             self._take_radio(message)
             return None
-        if isinstance(message, dialect.Ping):
+        if isinstance(message, dialect.Ping) and frame.component_id == DRONE_COMPONENT:
             self._take_ping(message, now_ns)
             return None
         if frame.component_id != MavComponent.COMP_ID_AUTOPILOT1:

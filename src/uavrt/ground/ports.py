@@ -1,0 +1,20 @@
+"""The serial ports of this computer."""
+
+from typing import Any
+
+
+def serial_ports() -> list[dict[str, Any]]:
+    """List the ports with what the system says of them: COM ports on Windows, tty elsewhere."""
+    from serial.tools import list_ports
+
+    found = []
+    for port in sorted(list_ports.comports()):
+        words = [port.description] if port.description not in (None, "n/a") else []
+        found.append(
+            {
+                "device": port.device,
+                "description": " ".join(words),
+                "address": f"serial://{port.device}:57600",
+            }
+        )
+    return found
