@@ -138,6 +138,17 @@ class PulsePose:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Delivered:
+    """Pulses that have reached a ground station's store, or were sent to plain ones."""
+
+    time_ns: int
+    store: int
+    """Number of the store (`uavrt.tunnel.private`); 0: sent once, nobody acknowledges."""
+    pulses: tuple[tuple[int, int], ...]
+    """Tag id and start time of each."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Poses:
     """Several raw poses of the vehicle in a row, batched for the recorder."""
 

@@ -20,7 +20,7 @@ from uavrt.mavlink import (
 )
 from uavrt.mavlink.dialect import MESSAGES, Ping, Statustext, Tunnel
 from uavrt.mavlink.frame import crc16_mcrf4xx
-from uavrt.mavlink.pacing import Tunnelled
+from uavrt.mavlink.pacing import CAPACITY, Tunnelled
 from uavrt.mavlink.statustext import TextAssembler
 from uavrt.simulation import demo_scenario
 from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
@@ -143,7 +143,7 @@ def test_boot_time_is_mapped_within_the_jitter_whatever_offset_and_skew(
     assert sync.resets == 0
 
 
-@given(st.lists(st.tuples(st.sampled_from(list(Priority)), st.integers(0, 255)), max_size=60))
+@given(st.lists(st.tuples(st.sampled_from(list(CAPACITY)), st.integers(0, 255)), max_size=60))
 def test_messages_leave_by_priority_in_order_and_a_gap_apart(
     puts: list[tuple[Priority, int]],
 ) -> None:
@@ -169,7 +169,7 @@ def test_late_wake_ups_never_bring_two_messages_closer_than_the_floor(
 ) -> None:
     queue = PacedQueue(0.020)
     for _ in lateness_ns:
-        queue.put(Tunnelled(b""), Priority.PULSE)
+        queue.put(Tunnelled(b""), Priority.STATUS)
     times, now_ns = [], START_NS
     for late_ns in lateness_ns:
         now_ns += (queue.wait_ns(now_ns) or 0) + late_ns

@@ -22,6 +22,7 @@ from uavrt.ground.link import (
     GroundEvent,
     GroundLink,
 )
+from uavrt.ground.received import open_receipts
 from uavrt.ground.records import PULSES_NAME
 from uavrt.messages import PulsePose, SearchReport, StatusText, SystemState, Tag
 from uavrt.recording import PulseWriter
@@ -90,6 +91,7 @@ class Station:
                 self._clock.now_ns,
                 on_event=self._take,
                 generation=self._settings.generation,
+                receipts=open_receipts(self._settings.directory),
             )
             serve = asyncio.create_task(link.run(self._settings.address))
             work = asyncio.create_task(self._work(link))

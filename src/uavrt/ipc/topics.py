@@ -68,6 +68,12 @@ TOPICS: dict[str, Topic] = {
             to_ground=True,
         ),
         Topic(
+            name="delivered",
+            record=messages.Delivered,
+            meaning="pulses that reached a ground station; after a restart they are not sent again",
+            recorded=True,
+        ),
+        Topic(
             name="poses",
             record=messages.Poses,
             meaning="raw poses of the vehicle, batched",

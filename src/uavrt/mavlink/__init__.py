@@ -12,7 +12,8 @@ from uavrt.mavlink.discovery import Discovery, Peer
 from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter, encode_frame
 from uavrt.mavlink.link import Link, LinkCounters
 from uavrt.mavlink.message import Message
-from uavrt.mavlink.pacing import PacedQueue, Priority
+from uavrt.mavlink.pacing import PacedQueue, Priority, Source
+from uavrt.mavlink.rate import LinkRate
 from uavrt.mavlink.statustext import TextAssembler, chunks_of
 from uavrt.mavlink.timesync import TimeSync
 from uavrt.mavlink.transport import open_link
@@ -28,10 +29,12 @@ __all__ = [
     "Handlers",
     "Link",
     "LinkCounters",
+    "LinkRate",
     "Message",
     "PacedQueue",
     "Peer",
     "Priority",
+    "Source",
     "TextAssembler",
     "TimeSync",
     "TunnelSender",

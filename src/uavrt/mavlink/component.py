@@ -27,6 +27,8 @@ FALLBACK_SYSTEM_ID = 1
 TIMESYNC_FAST_NS = ns_from_s(0.1)
 TIMESYNC_SLOW_NS = ns_from_s(1.0)
 TIMESYNC_FAST_COUNT = 20
+PRIVATE_TYPES = 32_768
+"""Payload types of TUNNEL from here on are free for experiments."""
 REBOOT_FALL_MS = 1000
 """A fall of the boot time that no reordering on a link explains."""
 
@@ -38,7 +40,11 @@ class Handlers:
     attitude: Callable[[AttitudeSample], None]
     position: Callable[[PositionSample], None]
     tunnel: Callable[[bytes, Peer], None]
-    """A tunnel payload (its valid bytes) and who sent it."""
+    """A tunnel payload of type 0 (its valid bytes) and who sent it."""
+    private: Callable[[int, bytes, Peer], None] = lambda kind, payload, peer: None
+    """A tunnel payload of a private type."""
+    radio_status: Callable[[dialect.RadioStatus], None] = lambda status: None
+    """The telemetry radio's report."""
 
 
 class Component:
@@ -161,6 +167,8 @@ class Component:
                     self._new_autopilot(now_ns)
             case dialect.Tunnel():
                 self._tunnel(message, peer)
+            case dialect.RadioStatus():
+                self._handlers.radio_status(message)
             case dialect.Timesync():
                 self._timesync(message, peer, now_ns)
             case dialect.Ping() if message.target_system == 0:
@@ -245,7 +253,13 @@ class Component:
             self.counters["bad_tunnels"] += 1
             return
         self.counters["tunnels_received"] += 1
-        self._handlers.tunnel(message.payload[: message.payload_length], peer)
+        payload = message.payload[: message.payload_length]
+        if message.payload_type == 0:
+            self._handlers.tunnel(payload, peer)
+        elif message.payload_type >= PRIVATE_TYPES:
+            self._handlers.private(message.payload_type, payload, peer)
+        else:
+            self.counters["tunnels_of_others"] += 1
 
     def _ask_time(self, autopilot: Peer, now_ns: int) -> None:
         self._timesync_ns = now_ns

@@ -16,7 +16,8 @@ from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame, FrameWriter
 from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
-from uavrt.mavlink.pacing import Item, PacedQueue, Priority, Tunnelled
+from uavrt.mavlink.pacing import Item, PacedQueue, Priority, Source, Tunnelled
+from uavrt.mavlink.rate import LinkRate
 from uavrt.mavlink.statustext import chunks_of
 from uavrt.mavlink.transport import open_link
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -55,11 +56,25 @@ class TunnelSender:
         self._target = target
         self._clock_ns = clock_ns
         self._queue = PacedQueue(gap_s)
-        self._arrived = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._timer: asyncio.TimerHandle | None = None
         self._text_id = 0
 
+    @property
+    def rate(self) -> LinkRate:
+        """What the way to the ground takes."""
+        return self._queue.rate
+
+    def add_source(self, source: Source, priority: Priority) -> None:
+        """Take messages of that priority from `source`; call `wake` when it has new ones."""
+        self._queue.add_source(source, priority)
+
     def send_tunnel(
-        self, payload: bytes, priority: Priority, target: Peer | None = None
+        self,
+        payload: bytes,
+        priority: Priority,
+        target: Peer | None = None,
+        payload_type: int = 0,
     ) -> None:
         """Queue a tunnel payload; without a target it goes to all ground stations.
 
@@ -70,7 +85,11 @@ class TunnelSender:
         """
         if len(payload) > TUNNEL_SIZE:
             raise TunnelError(f"a payload has at most 128 bytes, not {len(payload)}", payload)
-        self._put(Tunnelled(payload, target), priority)
+        self._put(Tunnelled(payload, target, payload_type), priority)
+
+    def send_message(self, message: Message, priority: Priority = Priority.STATUS) -> None:
+        """Queue any message for the ground."""
+        self._put(message, priority)
 
     def send_text(self, severity: int, text: str) -> None:
         """Queue a text for the operators, in as many pieces as it needs."""
@@ -84,6 +103,7 @@ class TunnelSender:
         return {
             "tunnel_waiting": len(self._queue),
             "tunnel_sent": counters.released,
+            "link_rate_bytes_s": round(self.rate.bytes_s(self._clock_ns())),
             **{
                 f"tunnel_dropped_{priority.name.lower()}": count
                 for priority, count in counters.dropped.items()
@@ -92,33 +112,56 @@ class TunnelSender:
 
     async def run(self) -> None:
         """Send for ever."""
-        while True:
-            now_ns = self._clock_ns()
-            wait_ns = self._queue.wait_ns(now_ns)
-            if wait_ns is None:
-                self._arrived.clear()
-                await self._arrived.wait()
-            elif wait_ns > 0:
-                await asyncio.sleep(wait_ns / NANOSECONDS_PER_SECOND)
-            elif self._nobody_there():
-                await asyncio.sleep(TICK_S)
-            else:
+        self._loop = asyncio.get_running_loop()
+        try:
+            self._pump()
+            await self._loop.create_future()
+        finally:
+            self._loop = None
+            self._cancel_timer()
+
+    def wake(self) -> None:
+        """Look again: a source has something, or may send sooner."""
+        if self._loop is not None:
+            self._pump()
+
+    def _pump(self) -> None:
+        """Send what may go now; come back when the next may.
+
+        By timers of the loop and not by a task: at 200 messages a second a task's wake-ups
+        cost more than the messages.
+        """
+        self._cancel_timer()
+        while (wait_ns := self._queue.wait_ns(now_ns := self._clock_ns())) is not None:
+            if wait_ns == 0 and not self._nobody_there():
                 item = self._queue.take(now_ns)
                 if item is not None:
                     self._send(self._message(item))
+                    continue
+            assert self._loop is not None
+            wait_s = wait_ns / NANOSECONDS_PER_SECOND if wait_ns else TICK_S
+            self._timer = self._loop.call_later(wait_s, self._pump)
+            return
+
+    def _cancel_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
 
     def _nobody_there(self) -> bool:
-        """Tell whether the first message is for all ground stations and there is none.
+        """Tell whether the first urgent message is for all ground stations, and none is there.
 
-        Acknowledgements name their receiver, which need not send heartbeats.
+        Acknowledgements name their receiver, which need not send heartbeats; sources know
+        themselves whom they send to.
         """
         first = self._queue.first()
-        addressed = isinstance(first, Tunnelled) and first.target is not None
-        return not addressed and self._target() is None
+        if first is None or (isinstance(first, Tunnelled) and first.target is not None):
+            return False
+        return not getattr(first, "target_system", 0) and self._target() is None
 
     def _put(self, item: Item, priority: Priority) -> None:
         self._queue.put(item, priority)
-        self._arrived.set()
+        self.wake()
 
     def _message(self, item: Item) -> Message:
         if isinstance(item, Message):
@@ -196,6 +239,11 @@ class Connection:
     def link(self) -> Link | None:
         """The link, once open."""
         return self._link
+
+    @property
+    def station_present(self) -> bool:
+        """True while any ground station's heartbeats come."""
+        return self.component.discovery.station_present(self._clock_ns())
 
     def status(self) -> str:
         """What is missing, in a word or two."""

@@ -1,21 +1,27 @@
-"""Sending no faster than an autopilot forwards.
+"""Sending no faster than an autopilot forwards and a radio carries.
 
 PX4 keeps forwarded messages in a ring of 583 bytes and takes out one per pass of its main
 loop; what does not fit is dropped without a word (reference/mavlink.md §1). Three tunnel
 messages fit, so those meant for the ground leave one at a time, a gap apart. Pure.
+
+What is urgent is queued here. Pulses and files are many and are kept by their own sources,
+which are asked for the next message when there is room for one.
 """
 
 from collections import deque
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import Protocol
 
 from uavrt.errors import ConfigError
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.message import Message
+from uavrt.mavlink.rate import FRAME_OVERHEAD, LinkRate
 from uavrt.units import ns_from_s
 
 MIN_GAP_S = 0.012
 """A ``-r 1200`` serial link of PX4 has a pass of 8.33 ms; 12 ms lost nothing there."""
+HEADER_BYTES = 12
 
 
 class Priority(IntEnum):
@@ -24,10 +30,11 @@ class Priority(IntEnum):
     ACK = 0
     STATUS = 1
     PULSE = 2
+    FILE = 3
 
 
-CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64, Priority.PULSE: 4096}
-"""Messages that may wait; 4096 pulses at 20 ms are 82 s."""
+CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64}
+"""Messages that may wait."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,25 +49,49 @@ class Tunnelled:
 Item = Tunnelled | Message
 
 
+class Payload(Protocol):
+    """A tunnel payload that a source gives."""
+
+    @property
+    def payload(self) -> bytes:
+        """The bytes."""
+
+    @property
+    def place(self) -> tuple[int, int] | None:
+        """System and component id of the receiver, None for all ground stations."""
+
+
+class Source(Protocol):
+    """Keeps messages of its own and gives them one by one."""
+
+    def wait_ns(self, now_ns: int) -> int | None:
+        """Time until it has one; None when it has none."""
+
+    def take(self, now_ns: int, rate_bytes_s: float) -> Payload | Message | None:
+        """Give one."""
+
+
 @dataclass(slots=True)
 class PacingCounters:
     """What went through the queue."""
 
     queued: int = 0
     released: int = 0
-    dropped: dict[Priority, int] = field(default_factory=lambda: dict.fromkeys(Priority, 0))
+    dropped: dict[Priority, int] = field(default_factory=lambda: dict.fromkeys(CAPACITY, 0))
 
 
 class PacedQueue:
-    """Bounded queues by priority, from which one message may leave per gap.
+    """Bounded queues by priority, and sources, from which one message may leave per gap.
 
-    When a queue is full its oldest message is dropped and counted: an operator wants the
-    newest pulse, and all of them are recorded on board.
+    When a queue is full its oldest message is dropped and counted: a status that is a minute
+    old serves nobody, and an acknowledgement is asked for again.
 
     Parameters
     ----------
     gap_s : float
         Time between two messages; at least 0.012 s.
+    rate : LinkRate, optional
+        Bytes a second that the way takes.
 
     Raises
     ------
@@ -68,22 +99,29 @@ class PacedQueue:
         The gap is below the floor.
     """
 
-    def __init__(self, gap_s: float = 0.020) -> None:
+    def __init__(self, gap_s: float = 0.020, rate: LinkRate | None = None) -> None:
         if not gap_s >= MIN_GAP_S:
             raise ConfigError(
                 f"tunnel_gap_s = {gap_s} would lose messages in the autopilot",
                 remedy=f"Set it to {MIN_GAP_S} or more; 0.020 is the default",
             )
         self._gap_ns = ns_from_s(gap_s)
-        self._queues: dict[Priority, deque[Item]] = {p: deque() for p in Priority}
+        self._queues: dict[Priority, deque[Item]] = {p: deque() for p in CAPACITY}
+        self._sources: dict[Priority, Source] = {}
         self._free_ns: int | None = None
+        self.rate = rate or LinkRate()
         self.counters = PacingCounters()
 
     def __len__(self) -> int:
         return sum(map(len, self._queues.values()))
 
+    def add_source(self, source: Source, priority: Priority) -> None:
+        """Ask `source` for messages of that priority."""
+        self._sources[priority] = source
+        self._sources = dict(sorted(self._sources.items()))
+
     def put(self, item: Item, priority: Priority) -> None:
-        """Queue a message."""
+        """Queue an urgent message."""
         queue = self._queues[priority]
         if len(queue) >= CAPACITY[priority]:
             queue.popleft()
@@ -93,21 +131,49 @@ class PacedQueue:
 
     def wait_ns(self, now_ns: int) -> int | None:
         """Time until a message may leave; None when none waits."""
-        if not any(self._queues.values()):
+        gap_ns = 0 if self._free_ns is None else max(0, self._free_ns - now_ns)
+        if any(self._queues.values()):
+            return gap_ns
+        waits = [source.wait_ns(now_ns) for source in self._sources.values()]
+        first = min((wait for wait in waits if wait is not None), default=None)
+        if first is None:
             return None
-        return 0 if self._free_ns is None else max(0, self._free_ns - now_ns)
+        return max(gap_ns, first, self.rate.wait_ns(now_ns) if first == 0 else 0)
 
     def first(self) -> Item | None:
-        """Look at the message that is next."""
+        """Look at the urgent message that is next."""
         return next((queue[0] for queue in self._queues.values() if queue), None)
 
     def take(self, now_ns: int) -> Item | None:
         """Give the message that may leave now, and start the gap."""
         if self.wait_ns(now_ns) != 0:
             return None
-        queue = next(queue for queue in self._queues.values() if queue)
+        queue = next((queue for queue in self._queues.values() if queue), None)
+        item = self._from_sources(now_ns) if queue is None else queue.popleft()
+        if item is None:
+            return None
         # A late wake-up is made up for, so that the mean gap holds on a busy computer.
         due_ns = now_ns if self._free_ns is None else max(self._free_ns, now_ns - self._gap_ns)
         self._free_ns = max(due_ns + self._gap_ns, now_ns + ns_from_s(MIN_GAP_S))
         self.counters.released += 1
-        return queue.popleft()
+        self.rate.spend(_size(item), now_ns)
+        return item
+
+    def _from_sources(self, now_ns: int) -> Item | None:
+        for source in self._sources.values():
+            if source.wait_ns(now_ns) != 0:
+                continue
+            given = source.take(now_ns, self.rate.bytes_s(now_ns))
+            if isinstance(given, Message):
+                return given
+            if given is not None:
+                target = None if given.place is None else Peer(*given.place)
+                return Tunnelled(given.payload, target)
+        return None
+
+
+def _size(item: Item) -> int:
+    """Bytes of the frame, at most."""
+    if isinstance(item, Tunnelled):
+        return FRAME_OVERHEAD + len(item.payload)
+    return HEADER_BYTES + item.LAYOUT.size

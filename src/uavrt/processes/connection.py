@@ -15,10 +15,13 @@ from uavrt.ipc import ProcessFrame
 from uavrt.ipc.link import SupervisorGone
 from uavrt.log import get_logger
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
+from uavrt.mavlink.dialect import RadioStatus
 from uavrt.messages import (
     AttitudeSample,
     Command,
     CommandReply,
+    Delivered,
+    FlightInfo,
     Pose,
     Poses,
     PositionSample,
@@ -30,8 +33,10 @@ from uavrt.messages import (
     SystemStatus,
 )
 from uavrt.pose import PoseAttacher, PoseRing
+from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.tunnel.delivery import PulseDelivery
 from uavrt.tunnel.exchange import Answer, Exchange
+from uavrt.tunnel.private import RECEIPT_TYPE
 
 log = get_logger()
 
@@ -62,13 +67,23 @@ class ConnectionProcess:
         self._delivery = PulseDelivery()
         self._exchange = Exchange(mavlink.tunnel_generation)
         self._link = Connection(
-            Handlers(attitude=self._attitude, position=self._position, tunnel=self._tunnel),
+            Handlers(
+                attitude=self._attitude,
+                position=self._position,
+                tunnel=self._tunnel,
+                private=self._private,
+                radio_status=self._radio_status,
+            ),
             frame.clock.now_ns,
             component_id=mavlink.component_id,
             attitude_rate_hz=mavlink.attitude_rate_hz,
             position_rate_hz=mavlink.position_rate_hz,
             gap_s=mavlink.tunnel_gap_s,
         )
+        self._outlet = PulseOutlet(self._exchange.pulse, self._note_delivered)
+        self._link.tunnel.add_source(self._outlet.sender, Priority.PULSE)
+        if frame.assignment.flight is not None:
+            self._outlet.flight(frame.assignment.flight.directory)
         self._state = SystemState.IDLE
         self._next_heartbeat_s = 0.0
         self._next_report_s: dict[int, float] = {}
@@ -120,6 +135,8 @@ class ConnectionProcess:
                 pulse_pose = self._delivery.recorded(record)
                 if pulse_pose is not None:
                     self._send_pulse(pulse_pose)
+            case FlightInfo():
+                self._outlet.flight(record.directory)
             case CommandReply():
                 self._answer(self._exchange.reply(record))
             case StatusText() if self._address:
@@ -133,6 +150,10 @@ class ConnectionProcess:
         self._pass_on(self._attacher.ready(self._frame.clock.now_ns()))
         for pulse_pose in self._delivery.overdue(monotonic_s()):
             self._send_pulse(pulse_pose)
+        now_ns = self._frame.clock.now_ns()
+        self._outlet.sender.station_present(self._link.station_present, now_ns)
+        self._outlet.tick(now_ns)
+        self._link.tunnel.wake()
         if monotonic_s() >= self._next_heartbeat_s:
             self._next_heartbeat_s = monotonic_s() + HEARTBEAT_S
             self._send_status(
@@ -148,7 +169,7 @@ class ConnectionProcess:
     def _shown_state(self) -> SystemState:
         """The system's state; detecting as long as a pulse has not gone out."""
         busy = len(self._attacher) + self._delivery.waiting
-        busy += round(self._link.tunnel.counters()["tunnel_waiting"])
+        busy += self._outlet.sender.waiting + self._outlet.sender.in_flight
         if self._state is SystemState.HAS_TAGS and busy:
             return SystemState.DETECTING
         return self._state
@@ -187,6 +208,22 @@ class ConnectionProcess:
         else:
             self._answer(result)
 
+    def _private(self, payload_type: int, payload: bytes, peer: Peer) -> None:
+        if payload_type != RECEIPT_TYPE:
+            return
+        now_ns = self._frame.clock.now_ns()
+        place = (peer.system_id, peer.component_id)
+        trip_s = self._outlet.receipt(payload, place, now_ns)
+        self._link.tunnel.rate.acknowledged(trip_s, now_ns)
+        self._link.tunnel.wake()
+
+    def _radio_status(self, status: RadioStatus) -> None:
+        now_ns = self._frame.clock.now_ns()
+        self._link.tunnel.rate.radio_status(status.txbuf, now_ns)
+
+    def _note_delivered(self, delivered: Delivered) -> None:
+        self._frame.send("delivered", delivered)
+
     # -------------------------------------------------------------- to the link
 
     def _answer(self, answer: Answer | None) -> None:
@@ -195,7 +232,8 @@ class ConnectionProcess:
 
     def _send_pulse(self, pulse_pose: PulsePose) -> None:
         if self._address:
-            self._link.tunnel.send_tunnel(self._exchange.pulse(pulse_pose), Priority.PULSE)
+            self._outlet.add(pulse_pose)
+            self._link.tunnel.wake()
 
     def _send_status(self, payload: bytes | None) -> None:
         if payload is not None and self._address:
@@ -217,6 +255,7 @@ class ConnectionProcess:
             "pulses_sent_unrecorded": self._delivery.sent_before_recorded,
             "pose_resets": self._ring.resets,
             **{name: float(count) for name, count in self._exchange.counters.items()},
+            **self._outlet.counters(),
             **self._link.counters(),
         }
 

@@ -4,6 +4,7 @@ A pulse with its pose is passed on to the connection only when it is safe on dis
 that was sent can be missing from the recording (DESIGN.md §2.7).
 """
 
+from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from uavrt.log import get_logger
 from uavrt.messages import (
     Command,
     CommandReply,
+    Delivered,
     FlightInfo,
     Health,
     Poses,
@@ -22,8 +24,12 @@ from uavrt.messages import (
     StatusText,
 )
 from uavrt.recording import FlightRecorder
+from uavrt.recording.spool import note_deliveries
 
 log = get_logger()
+
+ENDED_FLIGHTS = 3
+"""Flights before the present one whose last pulses may still be on their way."""
 
 
 class Recorder:
@@ -34,6 +40,7 @@ class Recorder:
         self._flight: FlightRecorder | None = None
         self._commands: dict[int, Command] = {}
         self._fault = ""
+        self._ended: deque[Path] = deque(maxlen=ENDED_FLIGHTS)
 
     def open(self, info: FlightInfo) -> None:
         """Open a flight, new or begun before a restart."""
@@ -53,6 +60,7 @@ class Recorder:
             self._flight.close()
         except RecordingError as error:
             self._complain(error)
+        self._ended.append(self._flight.layout.root)
         self._flight = None
 
     def take(self, records: list[tuple[str, object]]) -> None:
@@ -60,6 +68,8 @@ class Recorder:
         recorded: list[PulsePose] = []
         for topic, record in records:
             match record:
+                case Delivered():
+                    self._delivered(record)
                 case FlightInfo() if topic == "flight":
                     self.open(record)
                 case FlightInfo():
@@ -73,6 +83,16 @@ class Recorder:
         # Also what could not be written: the flight goes on, and it waits in memory.
         for pulse_pose in recorded:
             self._frame.send("recorded_pulse_pose", pulse_pose)
+
+    def _delivered(self, record: Delivered) -> None:
+        """Note what reached the ground, also of flights that have ended."""
+        if self._flight is not None:
+            self._flight.write_delivered(record)
+        for directory in self._ended:
+            try:
+                note_deliveries(directory, record)
+            except RecordingError as error:
+                log.warning("delivery not noted", reason=str(error))
 
     def _write(self, record: object) -> None:
         if isinstance(record, Command):

@@ -50,6 +50,9 @@ CREATE TABLE IF NOT EXISTS commands (
 CREATE TABLE IF NOT EXISTS search_reports (
     time_ns INTEGER, tag_id INTEGER, frequency_hz REAL, noise_psd REAL, best_score REAL
 );
+CREATE TABLE IF NOT EXISTS deliveries (
+    pulse_id INTEGER, store INTEGER, time_ns INTEGER, PRIMARY KEY (pulse_id, store)
+) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS notes (time_ns INTEGER, text TEXT);
 """
 
@@ -87,6 +90,10 @@ INSERT_COMMAND = insertion(
 )
 INSERT_SEARCH_REPORT = insertion(
     "search_reports", "time_ns, tag_id, frequency_hz, noise_psd, best_score"
+)
+INSERT_DELIVERY = (
+    "INSERT OR IGNORE INTO deliveries (pulse_id, store, time_ns) "
+    "SELECT pulse_id, ?, ? FROM pulses WHERE tag_id = ? AND start_time_ns = ?"
 )
 INSERT_NOTE = insertion("notes", "time_ns, text")
 

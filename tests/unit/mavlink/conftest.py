@@ -15,6 +15,8 @@ from uavrt.errors import TunnelError
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
 from uavrt.messages import AttitudeSample, Pose, PositionSample, Pulse, PulsePose, Tag
 from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.tunnel.private import RECEIPT_TYPE, Receipt
+from uavrt.tunnel.reliable import ReliableSender
 
 THESIS_TAG = Tag(
     tag_id=2,
@@ -65,12 +67,34 @@ class DroneSide:
             attitude=self.attitudes.append,
             position=self.positions.append,
             tunnel=self._command,
+            private=self._private,
         )
+        self._clock = clock
         self.connection = Connection(handlers, clock.now_ns)
+        self.sender = ReliableSender[PulsePose](lambda p: tunnel.pulse_to_wire(p).encode())
+        self.connection.tunnel.add_source(self.sender, Priority.PULSE)
+        self._sent = 0
 
     def send_pulse(self, pulse_pose: PulsePose) -> None:
-        payload = tunnel.pulse_to_wire(pulse_pose).encode()
-        self.connection.tunnel.send_tunnel(payload, Priority.PULSE)
+        self._sent += 1
+        self.sender.add((self._sent, pulse_pose.pulse.start_time_ns), pulse_pose)
+        self.connection.tunnel.wake()
+
+    async def tick(self) -> None:
+        """What the connection process does 20 times a second."""
+        while True:
+            present = self.connection.station_present
+            self.sender.station_present(present, self._clock.now_ns())
+            self.connection.tunnel.wake()
+            await asyncio.sleep(0.05)
+
+    def _private(self, payload_type: int, payload: bytes, peer: Peer) -> None:
+        assert payload_type == RECEIPT_TYPE
+        receipt = Receipt.decode(payload)
+        now_ns = self._clock.now_ns()
+        place = (peer.system_id, peer.component_id)
+        self.sender.receipt(receipt.store, receipt.hashes, place, now_ns)
+        self.connection.tunnel.rate.acknowledged(self.sender.fresh_trip_s, now_ns)
 
     def _command(self, payload: bytes, peer: Peer) -> None:
         self.payloads.append((payload, peer))
@@ -121,6 +145,7 @@ class World:
         tasks = [
             asyncio.create_task(self.drone.connection.run(address)),
             asyncio.create_task(self.autopilot.run()),
+            asyncio.create_task(self.drone.tick()),
         ]
         try:
             yield self.autopilot

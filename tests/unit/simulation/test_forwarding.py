@@ -6,8 +6,8 @@ import pytest
 
 from uavrt.mavlink import Frame, FrameParser, FrameWriter, PacedQueue, Priority
 from uavrt.mavlink.dialect import Tunnel
-from uavrt.mavlink.pacing import Tunnelled
 from uavrt.simulation.forwarding import ForwardRing, Impairment, Routes
+from uavrt.tunnel.reliable import Outgoing
 
 START_NS = 1_700_000_000 * 10**9
 
@@ -52,11 +52,24 @@ def test_a_burst_survives_as_measured(size: int, expected: int) -> None:
     assert sum(ring.push(tunnel_frame(size)) for _ in range(10)) == expected
 
 
+class Endless:
+    """A source that always has a message, up to a number."""
+
+    def __init__(self, count: int) -> None:
+        self._left = count
+
+    def wait_ns(self, now_ns: int) -> int | None:
+        return 0 if self._left else None
+
+    def take(self, now_ns: int, rate_bytes_s: float) -> Outgoing:
+        self._left -= 1
+        return Outgoing(bytes(128), None)
+
+
 @pytest.mark.parametrize("gap_s", [0.012, 0.020])
 def test_paced_messages_all_get_through_a_serial_link_of_8_ms_passes(gap_s: float) -> None:
     ring, queue = ForwardRing(pass_ns=8_330_000), PacedQueue(gap_s)
-    for _ in range(1500):
-        queue.put(Tunnelled(bytes(128)), Priority.PULSE)
+    queue.add_source(Endless(1500), Priority.PULSE)
     received, now_ns = 0, START_NS
     frame = tunnel_frame()
     while (wait_ns := queue.wait_ns(now_ns)) is not None:

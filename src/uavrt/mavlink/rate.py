@@ -1,0 +1,120 @@
+"""How many bytes a second the way to the ground takes. Pure.
+
+A token bucket whose rate follows what is known of the link (reference/mavlink.md §5):
+
+- RADIO_STATUS (PX4 passes it on) tells how much of the radio's buffer is free.
+- Without it (ArduPilot keeps it to itself), acknowledgements do: while their round trip stays
+  near its least mean the link is not full, and the rate grows; when a queue makes it longer,
+  the rate falls. Loss says nothing: on a radio most of it is noise.
+- With neither there is only the planning figure.
+
+What is urgent (acknowledgements, status) is not held back by the bucket but empties it.
+"""
+
+from collections import deque
+
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+
+START_BYTES_S = 1200.0
+LEAST_BYTES_S = 300.0
+MOST_BYTES_S = 3000.0
+"""By RADIO_STATUS: a SiK radio at AIR_SPEED 64 carries 3167 B/s each way when both are busy."""
+MOST_BY_ACKS_BYTES_S = 24_000.0
+PLAIN_BYTES_S = 2000.0
+"""Of 3167 B/s at AIR_SPEED 64, what 1 kB/s of the autopilot's telemetry leaves: about 15
+pulses a second."""
+FRAME_OVERHEAD = 17
+"""Bytes of a TUNNEL frame besides its payload: 12 of MAVLink 2, 5 of TUNNEL."""
+BURST_BYTES = 300.0
+DEBT_BYTES = 1000.0
+RADIO_FRESH_NS = ns_from_s(5.0)
+ACKS_FRESH_NS = ns_from_s(30.0)
+ROUND_NS = ns_from_s(0.25)
+BASE_WINDOW = 240
+"""Rounds whose least mean round trip counts as that of an empty link: a minute."""
+QUEUE_GROW_S = 0.15
+QUEUE_SHRINK_S = 0.35
+"""A SiK radio's whole buffer is 1850 B, 0.6 s of it."""
+MEAN_WEIGHT = 0.1
+
+
+class LinkRate:
+    """Token bucket with a rate that adapts."""
+
+    def __init__(self) -> None:
+        self._rate = START_BYTES_S
+        self._tokens = BURST_BYTES
+        self._filled_ns: int | None = None
+        self._radio_ns: int | None = None
+        self._acks_ns: int | None = None
+        self._mean_s: float | None = None
+        self._means: deque[float] = deque(maxlen=BASE_WINDOW)
+        self._round_ns = 0
+        self._held_back = False
+        self.radio_buffer_free_percent: int | None = None
+
+    def bytes_s(self, now_ns: int) -> float:
+        """Rate now."""
+        if self._fresh(self._radio_ns, RADIO_FRESH_NS, now_ns):
+            return min(self._rate, MOST_BYTES_S)
+        if self._fresh(self._acks_ns, ACKS_FRESH_NS, now_ns):
+            return self._rate
+        return PLAIN_BYTES_S
+
+    def radio_status(self, free_percent: int, now_ns: int) -> None:
+        """Take RADIO_STATUS: free space in the radio's send buffer."""
+        self._radio_ns = now_ns
+        self.radio_buffer_free_percent = free_percent
+        if free_percent < 20:
+            self._rate *= 0.6
+        elif free_percent < 50:
+            self._rate *= 0.85
+        elif free_percent > 90:
+            self._rate *= 1.05
+        self._rate = min(MOST_BYTES_S, max(LEAST_BYTES_S, self._rate))
+
+    def acknowledged(self, trip_s: float | None, now_ns: int) -> None:
+        """Take an acknowledgement; `trip_s` if it is of a message that was sent once."""
+        self._acks_ns = now_ns
+        if trip_s is None:
+            return
+        if self._mean_s is None:
+            self._mean_s = trip_s
+        self._mean_s += MEAN_WEIGHT * (trip_s - self._mean_s)
+        if now_ns - self._round_ns < max(ROUND_NS, ns_from_s(self._mean_s / 2)):
+            return
+        self._round_ns = now_ns
+        self._means.append(self._mean_s)
+        if not self._fresh(self._radio_ns, RADIO_FRESH_NS, now_ns):
+            self._follow_queue(self._mean_s - min(self._means))
+
+    def _follow_queue(self, queue_s: float) -> None:
+        if queue_s > QUEUE_SHRINK_S:
+            self._rate *= 0.9
+        elif queue_s < QUEUE_GROW_S and self._held_back:
+            self._rate *= 1.05
+        self._held_back = False
+        self._rate = min(MOST_BY_ACKS_BYTES_S, max(LEAST_BYTES_S, self._rate))
+
+    def wait_ns(self, now_ns: int) -> int:
+        """Time until something that is not urgent may go."""
+        self._fill(now_ns)
+        if self._tokens >= 0.0:
+            return 0
+        self._held_back = True
+        return round(-self._tokens / self.bytes_s(now_ns) * NANOSECONDS_PER_SECOND) + 1
+
+    def spend(self, size: int, now_ns: int) -> None:
+        """Something of `size` bytes goes."""
+        self._fill(now_ns)
+        self._tokens = max(-DEBT_BYTES, self._tokens - size)
+
+    def _fill(self, now_ns: int) -> None:
+        if self._filled_ns is not None:
+            elapsed_s = (now_ns - self._filled_ns) / NANOSECONDS_PER_SECOND
+            self._tokens = min(BURST_BYTES, self._tokens + elapsed_s * self.bytes_s(now_ns))
+        self._filled_ns = now_ns
+
+    @staticmethod
+    def _fresh(heard_ns: int | None, limit_ns: int, now_ns: int) -> bool:
+        return heard_ns is not None and now_ns - heard_ns < limit_ns

@@ -1,0 +1,128 @@
+"""Pulses on their way to the ground: memory, the flight's database, and who has what.
+
+Joins the sender (`uavrt.tunnel.reliable`) to the spool (`uavrt.recording.spool`). Belongs to
+the connection process.
+"""
+
+from collections import OrderedDict, deque
+from collections.abc import Callable
+
+from uavrt.errors import RecordingError, TunnelError
+from uavrt.log import get_logger
+from uavrt.messages import Delivered, PulsePose
+from uavrt.recording.spool import undelivered
+from uavrt.tunnel.private import Receipt
+from uavrt.tunnel.reliable import CAPACITY, PLAIN, Key, ReliableSender
+from uavrt.units import ns_from_s
+
+log = get_logger()
+
+REFILL = 512
+FLIGHTS = 4
+"""Flights whose pulses may still be on their way; as many as the recorder notes."""
+RECENT = 2_000
+"""Deliveries that the recorder may not have noted yet; the rest of a longer delay is sent
+twice."""
+REFILL_PERIOD_NS = ns_from_s(0.5)
+
+
+def key_of(pulse_pose: PulsePose) -> Key:
+    """Name of a pulse in the flight's database."""
+    return pulse_pose.pulse.tag_id, pulse_pose.pulse.start_time_ns
+
+
+class PulseOutlet:
+    """Everything that is still to be sent.
+
+    Parameters
+    ----------
+    encode : callable
+        Payload of a pulse in the ground's generation.
+    note : callable
+        Gets what was delivered, for the recorder.
+    """
+
+    def __init__(
+        self, encode: Callable[[PulsePose], bytes], note: Callable[[Delivered], None]
+    ) -> None:
+        self.sender: ReliableSender[PulsePose] = ReliableSender(encode)
+        self._note = note
+        self._flights: deque[str] = deque(maxlen=FLIGHTS)
+        self._recent: OrderedDict[tuple[int, Key], None] = OrderedDict()
+        self._next_refill_ns = 0
+        self.bad_receipts = 0
+        self.receipts = 0
+
+    def flight(self, directory: str) -> None:
+        """A flight has begun, or goes on after a restart of this process."""
+        if directory not in self._flights:
+            self._flights.append(directory)
+            self.sender.disk_has_news()
+
+    def add(self, pulse_pose: PulsePose) -> None:
+        """Take a pulse that is recorded."""
+        self.sender.add(key_of(pulse_pose), pulse_pose)
+
+    def receipt(self, payload: bytes, place: tuple[int, int], now_ns: int) -> float | None:
+        """Take a ground station's receipt; give the round trip that it shows, if it does."""
+        try:
+            receipt = Receipt.decode(payload)
+        except TunnelError as error:
+            self.bad_receipts += 1
+            log.warning("bad receipt", reason=error.message)
+            return None
+        self.receipts += 1
+        new = self.sender.receipt(receipt.store, receipt.hashes, place, now_ns)
+        self._delivered(receipt.store, new, now_ns)
+        return self.sender.fresh_trip_s
+
+    def tick(self, now_ns: int) -> None:
+        """Note what plain ground stations were sent; fetch from disk what there is room for."""
+        self._delivered(PLAIN, self.sender.sent_plain(), now_ns)
+        store = self.sender.wanted() if now_ns >= self._next_refill_ns else None
+        if store is not None:
+            self._next_refill_ns = now_ns + REFILL_PERIOD_NS
+            self._refill(store)
+
+    def counters(self) -> dict[str, float]:
+        """Counts with names for a health record."""
+        sender = self.sender
+        return {
+            "pulses_to_send": sender.waiting,
+            "pulses_unacknowledged": sender.in_flight,
+            "pulses_sent": sender.first_sends,
+            "pulses_sent_again": sender.repeats,
+            "pulses_acknowledged": sender.acknowledged_pulses,
+            "pulses_put_back": sender.put_back,
+            "receipts": self.receipts,
+            "receipts_bad": self.bad_receipts,
+        }
+
+    def _delivered(self, store: int, keys: list[Key], now_ns: int) -> None:
+        if not keys:
+            return
+        for key in keys:
+            self._recent[store, key] = None
+        while len(self._recent) > RECENT:
+            self._recent.popitem(last=False)
+        self._note(Delivered(time_ns=now_ns, store=store, pulses=tuple(keys)))
+
+    def _refill(self, store: int) -> None:
+        """Fetch pulses from the newest flight that has any."""
+        without = self.sender.keys() | {k for number, k in self._recent if number == store}
+        room = min(REFILL, CAPACITY - len(self.sender))
+        found: list[PulsePose] = []
+        more = False
+        for directory in reversed(self._flights):
+            try:
+                pulses, rest = undelivered(directory, store, room - len(found), without)
+            except RecordingError as error:
+                log.debug("spool", reason=str(error))
+                more = True
+                continue
+            found += pulses
+            more = more or rest
+            if len(found) >= room:
+                more = True
+                break
+        self.sender.refill(store, [(key_of(item), item) for item in found], more=more)

@@ -1,0 +1,89 @@
+"""Which recorded pulses have not reached the ground; the flight's database is the spool.
+
+Nothing is kept twice: a pulse is recorded before it is sent, and a delivery is a row beside it.
+"""
+
+import sqlite3
+from collections.abc import Collection
+from contextlib import closing
+from pathlib import Path
+
+from uavrt.errors import RecordingError
+from uavrt.messages import Delivered, PulsePose
+from uavrt.recording import schema
+from uavrt.recording.layout import FlightLayout
+
+_PULSE = ", ".join(f"pulses.{name.strip()}" for name in schema.PULSE_COLUMNS.split(","))
+_POSE = ", ".join(f"pulse_poses.{name.strip()}" for name in schema.POSE_COLUMNS.split(","))
+_PULSE_WIDTH = len(schema.PULSE_COLUMNS.split(","))
+_UNDELIVERED = (
+    f"SELECT {_PULSE}, {_POSE} FROM pulses JOIN pulse_poses USING (pulse_id) "
+    "WHERE NOT EXISTS (SELECT 1 FROM deliveries"
+    " WHERE deliveries.pulse_id = pulses.pulse_id AND deliveries.store = ?) "
+    "ORDER BY pulses.start_time_ns DESC LIMIT ?"
+)
+
+
+def undelivered(
+    directory: str | Path, store: int, limit: int, without: Collection[tuple[int, int]] = ()
+) -> tuple[list[PulsePose], bool]:
+    """Get recorded pulses that a store does not have, the newest first.
+
+    Parameters
+    ----------
+    directory : path
+        The flight.
+    store : int
+        Number of the store; 0: those never sent to plain ground stations.
+    limit : int
+        How many at most.
+    without : collection of (int, int)
+        Tag id and start time of pulses to leave out.
+
+    Returns
+    -------
+    list of PulsePose, bool
+        The pulses; and whether there are more.
+
+    Raises
+    ------
+    RecordingError
+        The database cannot be read.
+    """
+    path = FlightLayout(Path(directory)).database
+    try:
+        uri = f"{path.absolute().as_uri()}?mode=ro"
+        with closing(sqlite3.connect(uri, uri=True, timeout=0.2)) as database:
+            rows = database.execute(_UNDELIVERED, (store, limit + len(without) + 1)).fetchall()
+        found = [
+            PulsePose(
+                pulse=schema.pulse_from_row(row[:_PULSE_WIDTH]),
+                pose=schema.pose_from_row(row[_PULSE_WIDTH:]),
+            )
+            for row in rows
+            if (row[0], row[2]) not in without
+        ]
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        raise RecordingError(f"{path} cannot be read: {error}") from error
+    return found[:limit], len(found) > limit
+
+
+def note_deliveries(directory: str | Path, delivered: Delivered) -> None:
+    """Note deliveries in a flight that nobody writes any more.
+
+    Raises
+    ------
+    RecordingError
+        The database cannot be written.
+    """
+    path = FlightLayout(Path(directory)).database
+    rows = [
+        (delivered.store, delivered.time_ns, tag_id, start_time_ns)
+        for tag_id, start_time_ns in delivered.pulses
+    ]
+    try:
+        uri = f"{path.absolute().as_uri()}?mode=rw"
+        with closing(sqlite3.connect(uri, uri=True, timeout=0.5)) as database, database:
+            database.executemany(schema.INSERT_DELIVERY, rows)
+    except sqlite3.Error as error:
+        raise RecordingError(f"{path} cannot be written: {error}") from error

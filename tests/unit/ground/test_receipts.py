@@ -1,0 +1,89 @@
+"""The ground acknowledges what is safe, and takes no pulse twice."""
+
+from pathlib import Path
+
+import pytest
+
+from uavrt.errors import RecordingError
+from uavrt.ground.receipts import Receipts
+from uavrt.ground.received import RECEIVED_NAME, open_receipts
+from uavrt.tunnel.private import payload_hash
+
+MS = 1_000_000
+
+
+def test_without_pulses_a_sign_of_life_goes_once_a_second() -> None:
+    receipts = Receipts(7)
+    first = receipts.take(0)
+    assert first is not None
+    assert first.hashes == ()
+    assert receipts.take(999 * MS) is None
+    assert receipts.take(1000 * MS) is not None
+
+
+def test_pulses_are_acknowledged_within_150_ms_or_at_15_at_once() -> None:
+    receipts = Receipts(7)
+    receipts.take(0)
+    receipts.stored(b"a")
+    assert receipts.take(149 * MS) is None
+    receipt = receipts.take(150 * MS)
+    assert receipt is not None
+    assert receipt.hashes == (payload_hash(b"a"),)
+    for number in range(20):
+        receipts.stored(bytes([number]))
+    full = receipts.take(151 * MS)
+    assert full is not None
+    assert full.hashes == tuple(payload_hash(bytes([n])) for n in range(15))
+
+
+def test_a_receipt_repeats_earlier_ones_for_they_may_be_lost() -> None:
+    receipts = Receipts(7)
+    for number in range(3):
+        receipts.stored(bytes([number]))
+        receipt = receipts.take(number * 200 * MS)
+    assert receipt is not None
+    assert receipt.hashes == tuple(payload_hash(bytes([n])) for n in (2, 0, 1))
+
+
+def test_a_repeated_pulse_is_acknowledged_again_and_counted() -> None:
+    receipts = Receipts(7)
+    assert not receipts.seen(b"a")
+    receipts.stored(b"a")
+    receipts.take(0)
+    assert receipts.seen(b"a")
+    assert receipts.duplicates == 1
+    again = receipts.take(200 * MS)
+    assert again is not None
+    assert payload_hash(b"a") in again.hashes
+
+
+def test_after_a_restart_the_directory_still_knows_its_pulses(tmp_path: Path) -> None:
+    first = open_receipts(tmp_path)
+    first.stored(b"a")
+    second = open_receipts(tmp_path)
+    assert second.store == first.store
+    assert second.seen(b"a")
+    assert not second.seen(b"b")
+
+
+def test_half_a_number_left_by_a_power_cut_is_cut_off(tmp_path: Path) -> None:
+    first = open_receipts(tmp_path)
+    first.stored(b"a")
+    path = tmp_path / RECEIVED_NAME
+    path.write_bytes(path.read_bytes() + b"\x01\x02\x03")
+    second = open_receipts(tmp_path)
+    second.stored(b"b")
+    third = open_receipts(tmp_path)
+    assert third.seen(b"a")
+    assert third.seen(b"b")
+
+
+def test_an_empty_directory_is_a_new_store(tmp_path: Path) -> None:
+    (tmp_path / "one").mkdir()
+    assert open_receipts(tmp_path / "one").store != open_receipts(tmp_path / "two").store
+
+
+def test_a_directory_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match="-o"):
+        open_receipts(tmp_path / "file")
