@@ -19,6 +19,7 @@ extensions = [
     "numpydoc",
     "mathml",  # docs/_ext: equations as MathML, because MathJax is fetched from a host
     "settings",  # docs/_ext: uavrt.toml from the code
+    "ros_graph",  # docs/_ext: the ROS 2 topics from the code
 ]
 exclude_patterns = ["_build", "_ext"]
 

@@ -19,7 +19,7 @@ from uavrt.analysis.detect import DetectionSummary
 from uavrt.analysis.detect import detect as run_detectors
 from uavrt.analysis.redetect import FlightWriter
 from uavrt.analysis.tag_source import TagSource, read_tag_source
-from uavrt.cli.listeners import Listener, Plots, PulseDatagrams
+from uavrt.cli.listeners import Listener, Plots, PulseDatagrams, RosPulses
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import ConfigError, RecordingError
 from uavrt.messages import Pulse, Tag
@@ -45,6 +45,7 @@ def detect(
     flight: Path | None = None,
     plot: Path | None = None,
     udp_pulses: str | None = None,
+    ros2: str | None = None,
 ) -> None:
     """Find the pulses of tags in a recording or a live stream.
 
@@ -79,13 +80,16 @@ def detect(
         Needs the extra uavrt[analysis].
     udp_pulses
         HOST:PORT to which pulses are sent as the original detector does, 127.0.0.1:50000.
+    ros2
+        Also publish the pulses on ROS 2: network interfaces with commas, eth0; lo for this
+        computer only. Needs the extra uavrt[ros2].
     """
     flown = None if flight is None else read_flight(flight)
     known = _tags(tags, flown)
     wanted = known.tags
     start_ns = start_time_ns(start_time)
     with ExitStack() as stack:
-        listeners = _listeners(stack, wanted, plot, udp_pulses, frequency_window)
+        listeners = _listeners(stack, wanted, plot, udp_pulses, ros2, frequency_window)
         if is_udp_address(recording):
             sample_rate = sample_rate or known.sample_rate_hz
             center_frequency = center_frequency or known.center_frequency_hz
@@ -141,6 +145,7 @@ def _listeners(
     tags: Sequence[Tag],
     plot: Path | None,
     udp_pulses: str | None,
+    ros2: str | None,
     frequency_window_hz: float,
 ) -> list[Listener]:
     """Make those who hear of the detection; what cannot work shows before it begins."""
@@ -149,6 +154,8 @@ def _listeners(
         found.append(Plots(plot, tags, frequency_window_hz))
     if udp_pulses is not None:
         found.append(stack.enter_context(closing(PulseDatagrams(udp_pulses, tags))))
+    if ros2 is not None:
+        found.append(stack.enter_context(closing(RosPulses(ros2, tags))))
     return found
 
 

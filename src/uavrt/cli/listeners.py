@@ -5,13 +5,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from uavrt.clock import monotonic_s
+from uavrt.clock import Clock, monotonic_s
+from uavrt.config.settings import Ros2Settings
+from uavrt.errors import UsageError
 from uavrt.ipc.pulse_datagram import PulseDatagramSender
 from uavrt.messages import ChannelBlock, Pulse, SearchReport, Tag
 from uavrt.radio.udp_address import parse_udp_address
+from uavrt.ros2.convert import heartbeat, pulse_to_ros
+from uavrt.ros2.graph import DETECTOR
 
 if TYPE_CHECKING:
     pass
+
+
+HEARTBEAT_S = 1.0
 
 
 class Listener:
@@ -49,6 +56,49 @@ class PulseDatagrams(Listener):
     def close(self) -> None:
         """Close the socket."""
         self._sender.close()
+
+
+class RosPulses(Listener):
+    """Publishes pulses on ROS 2, as the node of a detector.
+
+    Parameters
+    ----------
+    interfaces : str
+        Network interfaces with commas; ``lo``: this computer only.
+    tags : sequence of Tag
+        For each a sign of life once a second while samples come.
+    """
+
+    def __init__(self, interfaces: str, tags: Sequence[Tag]) -> None:
+        try:
+            from uavrt.ros2.dds import Participant
+        except ImportError as error:
+            raise UsageError(
+                f"ROS 2 needs more packages: {error}", remedy="pip install 'uavrt[ros2]'"
+            ) from error
+        named = tuple(name for name in interfaces.split(",") if name not in ("", "lo"))
+        settings = Ros2Settings(enabled=True, interfaces=named)
+        self._participant = Participant(settings, nodes=(DETECTOR,))
+        self._tags = tags
+        self._clock = Clock.start()
+        self._next_beat_s = 0.0
+
+    def pulses(self, pulses: Sequence[Pulse]) -> None:
+        """Publish them."""
+        for pulse in pulses:
+            self._participant.publish("pulse", pulse_to_ros(pulse, ""))
+
+    def reports(self, reports: Sequence[SearchReport]) -> None:
+        """Publish a sign of life when it is time."""
+        if monotonic_s() >= self._next_beat_s:
+            self._next_beat_s = monotonic_s() + HEARTBEAT_S
+            for tag in self._tags:
+                beat = heartbeat(tag.tag_id, self._clock.now_ns(), "")
+                self._participant.publish("pulse", beat)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._participant.close()
 
 
 class Plots(Listener):

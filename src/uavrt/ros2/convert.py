@@ -85,8 +85,9 @@ def pulse_to_ros(pulse: Pulse, detector_dir: str) -> RosPulse:
 def pulse_from_ros(message: RosPulse, sequence: int) -> Pulse:
     """Read a pulse that a detector on another computer has published.
 
-    What the message cannot carry is filled in: the noise power is unknown (NaN), the rate is
-    taken as the first, and the group gets the number `sequence`.
+    What the message cannot carry is filled in: a noise power of 0 (not told, as in the
+    original's datagrams: bearings then go without it), the first rate, and `sequence` as the
+    number of the group.
 
     Raises
     ------
@@ -114,7 +115,7 @@ def pulse_from_ros(message: RosPulse, sequence: int) -> Pulse:
         score=message.stft_score,
         group_index=max(1, message.group_ind),
         group_sequence=sequence,
-        noise_psd=math.nan,
+        noise_psd=0.0,
         detection_status=(
             "confirmed"
             if message.confirmed_status

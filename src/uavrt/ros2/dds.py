@@ -17,7 +17,7 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from cyclonedds.core import (
@@ -180,6 +180,8 @@ class Participant:
         Interfaces, domain, size of identifiers.
     environment : mapping
         ROS_DOMAIN_ID; CYCLONEDDS_URI, which replaces our configuration of the network.
+    nodes : collection of str
+        Of `uavrt.ros2.graph.NODES`: a lone detector on another computer is one of them.
 
     Raises
     ------
@@ -190,7 +192,10 @@ class Participant:
     """
 
     def __init__(
-        self, settings: Ros2Settings, environment: Mapping[str, str] = os.environ
+        self,
+        settings: Ros2Settings,
+        environment: Mapping[str, str] = os.environ,
+        nodes: Collection[str] = tuple(NODES),
     ) -> None:
         self.domain_id = domain_id_of(settings, environment)
         self.dropped = 0
@@ -201,7 +206,7 @@ class Participant:
         self._received: deque[tuple[RosTopic, bytes]] = deque()
         self._closing = threading.Event()
         try:
-            self._open(settings, environment)
+            self._open(settings, environment, nodes)
         except DDSException as error:
             raise LinkError(
                 f"ROS 2 cannot be joined: {error}",
@@ -210,7 +215,9 @@ class Participant:
         self._thread = threading.Thread(target=self._read, name="ros2-reader", daemon=True)
         self._thread.start()
 
-    def _open(self, settings: Ros2Settings, environment: Mapping[str, str]) -> None:
+    def _open(
+        self, settings: Ros2Settings, environment: Mapping[str, str], nodes: Collection[str]
+    ) -> None:
         if not environment.get("CYCLONEDDS_URI"):
             self._domain = Domain(self.domain_id, cyclone_config(settings.interfaces))
         self._participant = DomainParticipant(
@@ -223,11 +230,12 @@ class Participant:
         self._readers: list[tuple[str, RosTopic, Any]] = []
         self._waitset = WaitSet(self._participant)
         for topic in TOPICS.values():
-            name, depth = topic.name, topic.depth
-            self._add_writer(topic.publisher, name, topic.message, depth)
-            for node in topic.subscribers:
-                self._add_reader(node, topic)
-        for node in NODES:
+            if topic.publisher in nodes:
+                self._add_writer(topic.publisher, topic.name, topic.message, topic.depth)
+            for node in nodes:
+                if node in topic.subscribers:
+                    self._add_reader(node, topic)
+        for node in nodes:
             self._add_writer(node, LOG_TOPIC, LOG_MESSAGE, LOG_DEPTH, keep=True)
         info = self._info_type()
         self._info_writer = DataWriter(
@@ -235,7 +243,7 @@ class Participant:
             Topic(self._participant, DISCOVERY_TOPIC, dds_type(info)),
             qos=_writer_qos(depth=1, message=None, keep=True),
         )
-        self._introduce(tuple(NODES))
+        self._introduce(nodes)
 
     # ------------------------------------------------------------------ sending
 
@@ -310,7 +318,7 @@ class Participant:
             return messages.ParticipantEntitiesInfo16
         return messages.ParticipantEntitiesInfo24
 
-    def _introduce(self, nodes: tuple[str, ...]) -> None:
+    def _introduce(self, nodes: Collection[str]) -> None:
         """Tell ROS 2 which nodes there are and what is theirs."""
         wide = self._gid_bytes == 24
         gid: Any = messages.Gid24 if wide else messages.Gid16

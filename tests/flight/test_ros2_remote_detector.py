@@ -1,0 +1,186 @@
+"""A detector on another computer: channel datagrams there, pulses back over ROS 2.
+
+Here the other computer is 127.0.0.2: it gets one channel of the band by UDP, loses 1 % of the
+datagrams, is cut off, and comes back.
+"""
+
+import random
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from uavrt.clock import Clock
+from uavrt.config import write_tags
+from uavrt.config.settings import Ros2Settings
+from uavrt.messages import SystemStatus, Tag
+from uavrt.radio.channel_datagram import SAMPLES, encode_channel_datagram
+from uavrt.recording import read_flight
+
+pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
+
+RATE_HZ = 3750.0
+CENTER_HZ = 150.3e6
+REMOTE_TAG = Tag(
+    tag_id=44,
+    frequency_hz=CENTER_HZ + 300.0,
+    pulse_width_s=0.02,
+    pulse_intervals_s=(1.0,),
+    interval_uncertainty_s=0.02,
+    interval_jitter_s=0.005,
+    k=3,
+)
+OTHER_COMPUTER = "127.0.0.2"
+
+
+class Band:
+    """The drone's channelizer, as far as the other computer sees it: one channel, by UDP.
+
+    A pulse of 30 dB (energy over noise density) each second; each datagram has one chance in
+    a hundred of being lost.
+    """
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self._stop = threading.Event()
+        self.sent = self.lost = 0
+        self.first_ns = 0
+        self._thread = threading.Thread(target=self._run, name="band")
+        self._thread.start()
+
+    def _run(self) -> None:
+        generator = np.random.default_rng(5)
+        luck = random.Random(5)
+        clock = Clock.start()
+        self.first_ns = clock.now_ns()
+        sample = 0
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            while not self._stop.is_set():
+                index = sample + np.arange(SAMPLES)
+                # Unit noise power over 3750 Hz; 75 samples of amplitude a hold 75 a².
+                noise = generator.standard_normal((SAMPLES, 2)) @ (1, 1j) / np.sqrt(2)
+                on = (index / RATE_HZ) % 1.0 < 0.02
+                tone = np.exp(2j * np.pi * 300.0 * index / RATE_HZ)
+                samples = (noise + np.sqrt(1000.0 / 75.0) * on * tone).astype(np.complex64)
+                time_ns = self.first_ns + round(sample / RATE_HZ * 1e9)
+                sample += SAMPLES
+                wait_s = (self.first_ns - clock.now_ns()) * 1e-9 + sample / RATE_HZ
+                if self._stop.wait(max(0.0, wait_s)):
+                    return
+                self.sent += 1
+                if luck.random() < 0.01:
+                    self.lost += 1
+                    continue
+                data = encode_channel_datagram(samples, time_ns)
+                sock.sendto(data, (OTHER_COMPUTER, self._port))
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind((OTHER_COMPUTER, 0))
+        port: int = sock.getsockname()[1]
+        return port
+
+
+@pytest.fixture
+def band() -> Iterator[tuple[Band, int]]:
+    port = free_port()
+    sender = Band(port)
+    yield sender, port
+    sender.close()
+
+
+@pytest.fixture
+def start_remote(
+    tmp_path: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[[int], subprocess.Popen[bytes]]]:
+    """Start the other computer's program."""
+    tags = tmp_path / "remote_tags.toml"
+    write_tags(tags, (REMOTE_TAG,))
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start(port: int) -> subprocess.Popen[bytes]:
+        started.append(
+            subprocess.Popen(
+                [
+                    *(sys.executable, "-m", "uavrt.cli", "detect"),
+                    f"udp://{OTHER_COMPUTER}:{port}",
+                    *("--tags", str(tags), "--sample-rate", str(RATE_HZ)),
+                    *("--center-frequency", str(CENTER_HZ), "--ros2", "lo"),
+                    *("-o", str(tmp_path / f"remote{len(started)}.jsonl")),
+                ]
+            )
+        )
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_off(
+    drone_bay: Any,
+    thesis_scenario: Any,
+    ros_domain: int,
+    band: tuple[Band, int],
+    start_remote: Callable[[int], subprocess.Popen[bytes]],
+    wait_until: Any,
+) -> None:
+    sender, port = band
+    remote = start_remote(port)
+    tags = msgspec.json.encode(thesis_scenario.tags).decode()
+    settings = Ros2Settings(enabled=True, domain_id=ros_domain, accept_pulses=True)
+    drone = drone_bay.launch(thesis_scenario, tags, ros2=settings)
+    newest: list[SystemStatus] = []
+    recorded: Counter[int] = Counter()
+
+    def pulses() -> dict[int, int]:
+        """Pulses of each tag that are recorded with a pose."""
+        for topic, record in drone.status.read(0.3):
+            if isinstance(record, SystemStatus):
+                newest[:] = [record]
+            elif topic == "recorded_pulse_pose":
+                recorded[record.pulse.tag_id] += record.pose is not None
+        return dict(recorded)
+
+    def more_of(*tag_ids: int) -> None:
+        before = Counter(pulses())
+        wait_until(
+            lambda: all(pulses().get(tag, 0) >= before[tag] + 3 for tag in tag_ids), 60.0
+        )
+
+    own = thesis_scenario.tags[0].tag_id
+    more_of(own, REMOTE_TAG.tag_id)
+    remote.kill()
+    remote.wait()
+    time.sleep(0.5)
+    cut = pulses()[REMOTE_TAG.tag_id]
+    more_of(own)  # the cut does not touch the drone's own tag
+    assert pulses()[REMOTE_TAG.tag_id] == cut
+    start_remote(port)
+    more_of(own, REMOTE_TAG.tag_id)
+    # A hundredth of the datagrams was lost, and each recorded pulse is a true one.
+    wait_until(lambda: sender.lost >= 1, 60.0)
+    assert sender.lost < sender.sent / 10
+    flight = read_flight(newest[0].flight_directory or "")
+    found = [item.pulse for item in flight.pulse_poses if item.pulse.tag_id == 44]
+    offsets_ns = [(p.start_time_ns - sender.first_ns) % 10**9 for p in found]
+    assert max(min(o, 10**9 - o) for o in offsets_ns) < 5_000_000
+    assert all(abs(p.frequency_hz - REMOTE_TAG.frequency_hz) < 10.0 for p in found)
+    restarts = {p.process: p.restarts for p in newest[0].processes}
+    assert set(restarts.values()) == {0}
