@@ -41,7 +41,9 @@ NOISE_STRIDE = 4
 _TRACK_BAND_HZ = 20.0
 _MAXIMUM_TRACKS = 12
 _UNIFORMITY = 0.3
-_LINES_EVERY = 6
+_LINES_EVERY = 10
+_LEARN_BATCHES = 3
+"""The noise is followed so many batches at a time: a call costs more than its data."""
 _MEDIAN = math.log(2.0)
 """Median of an exponential over its mean."""
 _STRONG = 30.0
@@ -167,6 +169,7 @@ class PulseDetector:
             )
         self._first_noise_s = min(max(1.0, (tag.k - 1) * min(tag.pulse_intervals_s)), 6.0)
         self._waiting: list[NDArray[np.float32]] = []
+        self._learnt: list[NDArray[np.float32]] = []
         self._spectrogram = Spectrogram(grid)
         self._lines = LineCanceller(self.sample_rate_hz)
         self._batches = 0
@@ -296,18 +299,17 @@ class PulseDetector:
                 found += search.finish(level)
             self._consider(found, search)
         self._follow(upto, last=last)
-        self._reporter.searched(self._searched_ns(upto), self._noise.level, self._score(power))
+        self._reporter.searched(self._searched_ns(upto), self._noise.level, self._score())
 
     def _searched_ns(self, upto: int) -> int:
         return self._buffer.time_ns(upto)
 
-    def _score(self, power: NDArray[np.float32]) -> float:
-        """Bound of the stretch's best sum over its threshold: K times its strongest cell."""
-        if not len(power):
-            return 0.0
-        search = self._searches[0]
-        best = float((power.max(axis=0) / self._noise.level).max())
-        return min(search.k * min(best, search.limit) / search.threshold, 0.999)
+    def _score(self) -> float:
+        """Best statistic of the stretch over its threshold."""
+        best = max(search.best for search in self._searches)
+        for search in self._searches:
+            search.best = 0.0
+        return min(best, 0.999)
 
     def _cancel_lines(self, first: int, last: int) -> None:
         """Subtract carriers from [first, last)."""
@@ -345,7 +347,10 @@ class PulseDetector:
         if self._buffer.holes:
             whole = power[self._whole_columns(begin, len(power))]
         if self._noise.ready:
-            self._noise.update(whole[::NOISE_STRIDE])
+            self._learnt.append(whole[::NOISE_STRIDE])
+            if len(self._learnt) >= _LEARN_BATCHES:
+                self._noise.update(np.concatenate(self._learnt))
+                self._learnt.clear()
             return
         gathered = sum(len(block) for block in self._waiting) * self._grid.hop_s
         if gathered >= self._first_noise_s or last:

@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 HOPS_PER_PULSE = 8
@@ -86,16 +85,10 @@ class Grid:
         length, hop = len(self.matrix), self.hop // self.decimation
         count = max(0, (len(samples) - length) // hop + 1)
         result = np.empty((count, self.rows), np.float32)
-        step = samples.strides[0]
         chunk = max(1, _SINGLE_THREAD_PRODUCT // self.matrix.size)
         for first in range(0, count, chunk):
             last = min(first + chunk, count)
-            frames = as_strided(
-                samples[first * hop :],
-                (last - first, length),
-                (hop * step, step),
-                writeable=False,
-            )
+            frames = _windows(samples, first * hop, (last - first, length), hop)
             parts = (np.ascontiguousarray(frames) @ self.matrix).view(np.float32)
             np.multiply(parts, parts, out=parts)
             np.add(parts[:, 0::2], parts[:, 1::2], out=result[first:last])
@@ -137,17 +130,11 @@ class Spectrogram:
         length, outputs = grid.toeplitz.shape
         stride = outputs * grid.decimation
         count = max(0, (len(samples) - length) // stride + 1)
-        step = samples.strides[0]
         band = np.empty((count, outputs), np.complex64)
         chunk = max(1, _SINGLE_THREAD_PRODUCT // grid.toeplitz.size)
         for first in range(0, count, chunk):
             last = min(first + chunk, count)
-            pieces = as_strided(
-                samples[first * stride :],
-                (last - first, length),
-                (stride * step, step),
-                writeable=False,
-            )
+            pieces = _windows(samples, first * stride, (last - first, length), stride)
             np.matmul(np.ascontiguousarray(pieces), grid.toeplitz, out=band[first:last])
         return band.ravel()
 
@@ -239,6 +226,18 @@ def _band_filter(
     taps /= taps.sum()
     # The samples are correlated with these taps, not convolved: hence the sign.
     return np.asarray(taps * np.exp(-2j * np.pi * offset_hz / sample_rate_hz * n))
+
+
+def _windows(
+    samples: NDArray[np.complex64], first: int, shape: tuple[int, int], step: int
+) -> NDArray[np.complex64]:
+    """Overlapping windows of contiguous samples, without a copy.
+
+    The constructor is much faster than `numpy.lib.stride_tricks.as_strided`, and checks that
+    the windows lie inside the buffer.
+    """
+    size = samples.itemsize
+    return np.ndarray(shape, np.complex64, samples, first * size, (step * size, size))
 
 
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:

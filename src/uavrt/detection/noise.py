@@ -25,7 +25,7 @@ RISE = 2.2
 """A short-term noise so many times the long-term one replaces it (3 % of pulses give 1.3)."""
 _RISEN = math.exp(-TRUNCATION / RISE)
 """Share of the cells above the truncation at that rise."""
-_SETTLE_S = 1.0
+_SETTLE_S = 2.0
 _YOUNG_S = 8.0
 _YOUNG_REACH = 24
 """Wider while there is little to average: an error of 5 % doubles the false alarms."""

@@ -101,8 +101,9 @@ class RateSearch:
             (places[np.newaxis, :] - places[:, np.newaxis])[:, np.newaxis, :]
             * intervals[np.newaxis, :, np.newaxis]
         ).astype(np.intp)
-        self._offsets = [np.delete(offsets[place], place, axis=1) for place in range(k)]
-        """Per anchor place: (intervals, k - 1) columns from the anchor to the others."""
+        others = [np.delete(offsets[place], place, axis=1) for place in range(k)]
+        self._offsets = np.stack(others) * rows
+        """(anchor places, intervals, k - 1): cells from the anchor to the others."""
         self._waits = [math.ceil((k - 1 - place) * intervals[-1]) for place in range(k)]
         self.dense = k >= _DENSE_FROM_K
         self._base = 0
@@ -114,6 +115,8 @@ class RateSearch:
         self._anchor_row = np.zeros(0, np.intp)
         self._anchor_power = np.zeros(0, np.float32)
         self._searched = 0
+        self.best = 0.0
+        """Largest statistic over the threshold since it was last set to zero."""
 
     @property
     def columns(self) -> int:
@@ -182,71 +185,78 @@ class RateSearch:
         self._filled += count
 
     def _search_anchors(self, noise: NDArray[np.float32]) -> list[Candidate]:
+        """Test every anchor in every place whose last pulse the new columns complete."""
         done, upto = self._searched, self.columns
         self._searched = upto
-        found: list[Candidate] = []
         column = self._anchor_column
-        inverse = (1.0 / noise).astype(np.float32)
-        flat = self._cells.reshape(-1)
-        for place in range(self.k - 1, -1, -1):
-            wait = self._waits[place]
-            low, high = np.searchsorted(column, (done - wait, upto - wait))
-            for start in range(int(low), int(high), _ANCHORS_AT_ONCE):
-                part = slice(start, min(start + _ANCHORS_AT_ONCE, int(high)))
-                rows = self._anchor_row[part]
-                scale = inverse[rows]
-                own = np.minimum(self._anchor_power[part] * scale, self.limit)
-                if self.k == 1:
-                    totals = own[:, np.newaxis]
-                else:
-                    at = (column[part] - self._base + self.span) * self._rows + rows
-                    where = at[:, np.newaxis, np.newaxis] + self._offsets[place] * self._rows
-                    cells = flat.take(where.reshape(-1)).reshape(where.shape)
-                    cells *= scale[:, np.newaxis, np.newaxis]
-                    np.minimum(cells, np.float32(self.limit), out=cells)
-                    totals = cells.sum(axis=2)
-                    totals += own[:, np.newaxis]
-                self._collect(found, totals, start, place, flat, inverse)
-        keep = int(np.searchsorted(column, upto - self._waits[0]))
-        self._anchor_column = column[keep:]
-        self._anchor_row = self._anchor_row[keep:]
-        self._anchor_power = self._anchor_power[keep:]
-        found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
+        found: list[Candidate] = []
+        if not len(column):
+            return found
+        due: list[NDArray[np.intp]] = []
+        places: list[NDArray[np.intp]] = []
+        for place, wait in enumerate(self._waits):
+            low, high = column.searchsorted((done - wait, upto - wait))
+            if high > low:
+                due.append(np.arange(low, high))
+                places.append(np.full(high - low, place))
+        if due:
+            anchors, place_of = np.concatenate(due), np.concatenate(places)
+            for first in range(0, len(anchors), _ANCHORS_AT_ONCE):
+                part = slice(first, first + _ANCHORS_AT_ONCE)
+                self._test(found, anchors[part], place_of[part], noise)
+            keep = int(column.searchsorted(upto - self._waits[0]))
+            self._anchor_column = column[keep:]
+            self._anchor_row = self._anchor_row[keep:]
+            self._anchor_power = self._anchor_power[keep:]
+            found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
         return found
 
-    def _collect(
+    def _test(
         self,
         found: list[Candidate],
-        totals: NDArray[np.float32],
-        start: int,
-        place: int,
-        flat: NDArray[np.float32],
-        inverse: NDArray[np.float32],
+        anchors: NDArray[np.intp],
+        places: NDArray[np.intp],
+        noise: NDArray[np.float32],
     ) -> None:
-        """Note the anchors whose best interval reaches the threshold."""
+        """Sum over all intervals for some anchors; note those that reach the threshold."""
+        column, row = self._anchor_column[anchors], self._anchor_row[anchors]
+        power = self._anchor_power[anchors]
+        level = noise[row]
+        own = np.minimum(power / level, np.float32(self.limit))
+        if self.k == 1:
+            totals = own[:, np.newaxis]
+            cells = np.zeros((len(anchors), 1, 0), np.float32)
+        else:
+            at = (column - self._base + self.span) * self._rows + row
+            where = at[:, np.newaxis, np.newaxis] + self._offsets[places]
+            cells = self._cells.reshape(-1).take(where.reshape(-1)).reshape(where.shape)
+            limited = cells / level[:, np.newaxis, np.newaxis]
+            np.minimum(limited, np.float32(self.limit), out=limited)
+            totals = np.einsum("aij->ai", limited)
+            totals += own[:, np.newaxis]
         best = totals.max(axis=1)
+        self.best = max(self.best, float(best.max()) / self.threshold)
         hits = np.flatnonzero(best >= self.threshold)
         if not len(hits):
             return
-        anchors = start + hits
-        column, row = self._anchor_column[anchors], self._anchor_row[anchors]
-        at = (column - self._base + self.span) * self._rows + row
-        where = at[:, np.newaxis, np.newaxis] + self._offsets[place] * self._rows
-        strengths = flat[where].sum(axis=2) + self._anchor_power[anchors][:, np.newaxis]
+        strengths = cells[hits].sum(axis=2) + power[hits][:, np.newaxis]
         # Of the intervals that the limit makes equal, the one with the most power.
         strengths[totals[hits] < best[hits][:, np.newaxis] - 0.01] = 0.0
         choice = strengths.argmax(axis=1)
-        strength = strengths.max(axis=1) * inverse[row]
+        strength = strengths.max(axis=1) / level[hits]
         for hit in np.argsort(-strength)[:_CANDIDATES_AT_ONCE]:
             interval = float(self.intervals[int(choice[hit])])
-            anchor = int(column[hit])
+            index = int(hits[hit])
+            place = int(places[index])
             found.append(
                 Candidate(
-                    score=float(best[hits[hit]]) / self.threshold,
+                    score=float(best[index]) / self.threshold,
                     strength=float(strength[hit]),
                     rate=self.rate,
-                    row=int(row[hit]),
-                    columns=tuple(anchor + (k - place) * interval for k in range(self.k)),
+                    row=int(row[index]),
+                    columns=tuple(
+                        int(column[index]) + (k - place) * interval for k in range(self.k)
+                    ),
                 )
             )
 
@@ -268,7 +278,9 @@ class RateSearch:
             for back in range(self.k):
                 at = top - round(back * float(interval))
                 total += scaled[at : at + count]
-            hits = np.flatnonzero(total.max(axis=0) >= self.threshold)
+            largest = total.max(axis=0)
+            self.best = max(self.best, float(largest.max()) / self.threshold)
+            hits = np.flatnonzero(largest >= self.threshold)
             for row in hits:
                 column = int(total[:, row].argmax())
                 found.append(
