@@ -1,11 +1,21 @@
 """From pulses to bearings, from bearings and powers to positions; no I/O, no clocks."""
 
 from uavrt.localization.antenna import PATTERNS, AntennaPattern, monopole_gain_db
+from uavrt.localization.array_bearings import (
+    amplitude_monopulse,
+    circle_steering,
+    pair_steering,
+    switched_amplitudes,
+    switched_bearing,
+)
 from uavrt.localization.bearing import estimate_bearing
+from uavrt.localization.learned_pattern import TurnPulses, learn_pattern
+from uavrt.localization.level_belief import Listening
 from uavrt.localization.level_evidence import Propagation
 from uavrt.localization.position import Stations, estimate_position
 from uavrt.localization.power_evidence import PowerTrack
 from uavrt.localization.records import (
+    ArrayMethod,
     Bearing,
     BearingMethod,
     Ellipse,
@@ -14,24 +24,38 @@ from uavrt.localization.records import (
     PositionMethod,
 )
 from uavrt.localization.tangent_plane import TangentPlane
+from uavrt.localization.trackers import GridTracker, ParticleTracker, TagPrior, TrackEstimate
 from uavrt.localization.turns import Turn, find_turns
 
 __all__ = [
     "PATTERNS",
     "AntennaPattern",
+    "ArrayMethod",
     "Bearing",
     "BearingMethod",
     "Ellipse",
+    "GridTracker",
+    "Listening",
+    "ParticleTracker",
     "Position",
     "PositionGrid",
     "PositionMethod",
     "PowerTrack",
     "Propagation",
     "Stations",
+    "TagPrior",
     "TangentPlane",
+    "TrackEstimate",
     "Turn",
+    "TurnPulses",
+    "amplitude_monopulse",
+    "circle_steering",
     "estimate_bearing",
     "estimate_position",
     "find_turns",
+    "learn_pattern",
     "monopole_gain_db",
+    "pair_steering",
+    "switched_amplitudes",
+    "switched_bearing",
 ]

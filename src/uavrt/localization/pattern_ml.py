@@ -10,19 +10,21 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.attitude import Headings
-from uavrt.localization.pattern_likelihood import (
-    GRID_DEG,
-    GRID_STEP_DEG,
-    bearing_likelihood,
+from uavrt.localization.pattern_likelihood import GRID_DEG, bearing_likelihood
+from uavrt.localization.posterior import (
+    blurred,
+    lobe_moments,
+    log_mean_exp,
+    peak_deg,
+    shortest_arc,
+    whole_degrees,
 )
 from uavrt.localization.power_law import FADINGS_DB, power_tables
 from uavrt.localization.records import Bearing
 from uavrt.localization.two_paths import two_paths
 
-_LOBE_DEG = 25.0
 _LEAST_FOR_CORRELATION = 12
 
 
@@ -66,7 +68,7 @@ def pattern_ml(
         return headings.gain_db(pattern, bearing_deg, elevation_deg)
 
     found = bearing_likelihood(tables, gain, noise_db)
-    best_deg = _peak_deg(found.log_density)
+    best_deg = peak_deg(found.log_density)
     heard = len(matched_power)
     model_db = found.level_db + gain(np.array([best_deg]))[:heard, 0] - noise_db[:heard]
     residual = _residuals(matched_power, model_db, found.fading_db, folds)
@@ -97,18 +99,16 @@ def pattern_ml(
         paths_deg = double.bearings_deg
         spread = np.interp(GRID_DEG, np.arange(360.0), double.density, period=360.0)
         density = 0.5 * density + 0.5 * spread / spread.sum()
-    density = _blurred(density, heading_sigma_deg)
-    off = np.abs(difference_deg(GRID_DEG, best_deg))
-    lobe = off <= _LOBE_DEG
-    variance = np.sum(density[lobe] * off[lobe] ** 2) / density[lobe].sum()
-    directional = _log_mean_exp(found.log_density)
+    density = blurred(density, heading_sigma_deg)
+    sigma, second = lobe_moments(density, best_deg)
+    directional = log_mean_exp(found.log_density)
     return Bearing(
         bearing_deg=best_deg % 360.0,
         method="pattern_ml",
         pulses=len(noise_db),
-        sigma_deg=float(np.sqrt(variance + GRID_STEP_DEG**2 / 12.0)),
+        sigma_deg=sigma,
         interval90_deg=shortest_arc(density, 0.9),
-        second_lobe_probability=float(density[~lobe].sum()),
+        second_lobe_probability=second,
         # A misfit makes the odds less certain just as it does the direction.
         evidence=(directional - found.log_flat) / inflation,
         reduced_chi2=chi2,
@@ -117,22 +117,8 @@ def pattern_ml(
         fading_db=found.fading_db,
         level_db=found.level_db,
         level_sigma_db=found.level_sigma_db * inflation**0.5,
-        posterior=_whole_degrees(density),
+        posterior=whole_degrees(density),
     )
-
-
-def _log_mean_exp(values: NDArray[np.float64]) -> float:
-    top = float(values.max())
-    return top + float(np.log(np.mean(np.exp(values - top))))
-
-
-def _peak_deg(log_density: NDArray[np.float64]) -> float:
-    """Place of the maximum on the circle, refined by a parabola."""
-    top = int(np.argmax(log_density))
-    left, middle, right = (log_density[(top + shift) % len(GRID_DEG)] for shift in (-1, 0, 1))
-    curvature = 2.0 * middle - left - right
-    shift = 0.5 * (right - left) / curvature if curvature > 1e-12 else 0.0
-    return float(GRID_DEG[top] + GRID_STEP_DEG * np.clip(shift, -0.5, 0.5))
 
 
 def _residuals(
@@ -173,44 +159,3 @@ def _correlation(residual: NDArray[np.float64], yaw_deg: NDArray[np.float64]) ->
 def _is_marked(count: int, correlation: float) -> bool:
     """Whether a correlation (less one sigma) is beyond chance: 3.3 sigma, 1 in 1000 or so."""
     return count > 0 and correlation > 2.3 / math.sqrt(count)
-
-
-def _blurred(density: NDArray[np.float64], sigma_deg: float) -> NDArray[np.float64]:
-    """Convolve with a normal error on the circle."""
-    if sigma_deg <= 0.0:
-        return density
-    harmonics = np.fft.rfftfreq(len(density), 1.0 / len(density))
-    damping = np.exp(-0.5 * (harmonics * np.radians(sigma_deg)) ** 2)
-    blurred = np.maximum(np.fft.irfft(np.fft.rfft(density) * damping, len(density)), 0.0)
-    return np.asarray(blurred / blurred.sum())
-
-
-def shortest_arc(density: NDArray[np.float64], share: float) -> tuple[float, float]:
-    """Shortest arc that holds `share` of a probability given on `GRID_DEG`.
-
-    Returns
-    -------
-    tuple of 2 floats
-        From and to [deg], clockwise, each in [0, 360).
-    """
-    count = len(density)
-    edges = np.concatenate([[0.0], np.cumsum(np.tile(density, 2))])
-    goal = edges[:count] + share
-    after = np.clip(np.searchsorted(edges, goal), 1, 2 * count)
-    inside = density[(after - 1) % count]
-    part = np.divide(goal - edges[after - 1], inside, out=np.ones(count), where=inside > 0.0)
-    width = after - 1 + np.clip(part, 0.0, 1.0) - np.arange(count)
-    start = int(np.argmin(width))
-    low = (start - 0.5) * GRID_STEP_DEG
-    return float(low % 360.0), float((low + width[start] * GRID_STEP_DEG) % 360.0)
-
-
-def _whole_degrees(density: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(1440,) to (360,): the probability within half a degree of each whole one."""
-    per_degree = round(1.0 / GRID_STEP_DEG)
-    halves = per_degree // 2
-    total = sum(
-        (0.5 if abs(shift) == halves else 1.0) * np.roll(density, -shift)[::per_degree]
-        for shift in range(-halves, halves + 1)
-    )
-    return np.asarray(total, np.float64)

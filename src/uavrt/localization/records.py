@@ -17,6 +17,9 @@ BearingMethod = Literal[
     "max",
 ]
 
+ArrayMethod = Literal["pseudo_doppler", "two_point_phased", "amplitude_monopulse"]
+"""Bearings from switched or fixed antennas (`uavrt.localization.array_bearings`)."""
+
 ACCEPTED_EVIDENCE = 3.0
 """Least evidence (natural logarithm of a Bayes factor) for a bearing to be believed: odds of
 20 to 1. Fewer than 1 % of noise-only rotations and of steady interferers reach it."""
@@ -30,7 +33,7 @@ class Bearing:
 
     bearing_deg: float
     """The most probable direction."""
-    method: BearingMethod
+    method: BearingMethod | ArrayMethod
     pulses: int
     """Pulses and misses that went into it."""
     sigma_deg: float | None = None

@@ -14,7 +14,14 @@ from uavrt.experiments.localization.rotations import (
     matched_power,
     trial,
 )
-from uavrt.localization import PATTERNS, AntennaPattern, BearingMethod, estimate_bearing
+from uavrt.localization import (
+    PATTERNS,
+    AntennaPattern,
+    BearingMethod,
+    TurnPulses,
+    estimate_bearing,
+    learn_pattern,
+)
 from uavrt.localization.angles import difference_deg
 
 _OTHERS: tuple[BearingMethod, ...] = ("pca", "pearson", "ls_linear", "ls_db")
@@ -80,10 +87,31 @@ def wrong_pattern(runs: int, seed: int) -> list[Result]:
     errors = [abs(one.error_deg) for one in trials]
     condition = f"{case}; pattern 1.5 dB, heading 3° and 0.2 s wrong"
     covered = [float(one.covered) for one in trials]
+    rng = np.random.default_rng(seed)
+    learnt = [abs(_error_after_learning(rng, case)) for _ in range(max(2, runs // 5))]
     return [
         measured("B5", condition, "median [°]", errors, median, most=5.0),
         measured("B5", condition, "90 % interval holds", covered, share, least=0.85),
+        measured("B5", f"{condition}, 5 turns learnt", "median [°]", learnt, median, most=3.0),
     ]
+
+
+def _error_after_learning(rng: Generator, case: RotationCase) -> float:
+    """Error of a sixth turn whose pattern five turns before have shown."""
+    nominal = PATTERNS[case.antenna]
+    true = disturbed(rng, nominal, 1.5)
+    turns = []
+    for bearing in rng.uniform(0.0, 360.0, 5):
+        yaw = rng.uniform(0.0, 360.0) + np.arange(case.pulses) * 360.0 / case.pulses
+        level = case.snr_db + true.gain_db(bearing - yaw)
+        power = matched_power(rng, level + rng.normal(0.0, case.fading_db, case.pulses))
+        heading = yaw + rng.normal(0.0, 3.0, case.pulses)
+        turns.append(TurnPulses(yaw_deg=heading, matched_power=power))
+    believed = learn_pattern(turns, nominal)
+    sixth = trial(
+        rng, case, pattern=true, believed=believed, yaw_jitter_deg=3.0, yaw_lag_deg=1.2
+    )
+    return sixth.error_deg
 
 
 def disturbed(rng: Generator, pattern: AntennaPattern, sigma_db: float) -> AntennaPattern:
