@@ -41,6 +41,7 @@ def main() -> None:
 
 def join(frame: ProcessFrame) -> "Participant | None":
     """Join the ROS 2 network; stay off, alive and say why as long as that is impossible."""
+    told = ""
     while frame.running:
         try:
             # Imported here: without the extra, the gateway says so and stays off.
@@ -51,7 +52,9 @@ def join(frame: ProcessFrame) -> "Participant | None":
             reason = f"off: uavrt[ros2] is not installed ({error})"
         except (ConfigError, LinkError) as error:
             reason = f"off: {error}"
-        log.warning("ROS 2 gateway off", reason=reason)
+        if reason != told:
+            log.warning("ROS 2 gateway off", reason=reason)
+        told = reason
         wait(frame, reason, RETRY_S)
     return None
 

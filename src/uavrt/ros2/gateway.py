@@ -25,6 +25,7 @@ from uavrt.messages import (
 )
 from uavrt.pose import Mounting
 from uavrt.ros2 import convert, graph
+from uavrt.ros2.allowance import Allowance
 from uavrt.ros2.cdr import decode
 from uavrt.ros2.graph import AIRSPY, COMPONENTS, START_STOP, TOPICS, RosTopic
 from uavrt.ros2.messages import (
@@ -109,6 +110,11 @@ class Gateway:
         self._asked: OrderedDict[int, Command] = OrderedDict()
         self._uploading = False
         self._foreign: OrderedDict[tuple[int, int], None] = OrderedDict()
+        # A hundred tags sent three times over, then what a person types; every command is
+        # recorded, so a stranger could fill the disk.
+        self._commands_allowed = Allowance(burst=400, per_s=10)
+        self._pulses_allowed = Allowance(burst=1000, per_s=100)
+        self._lines_allowed = Allowance(burst=50, per_s=1)
         self.counters: dict[str, float] = {
             "ros2_pulses_published": 0,
             "ros2_commands": 0,
@@ -349,6 +355,9 @@ class Gateway:
         pulse = convert.pulse_from_ros(message, int(self.counters["ros2_pulses_taken"]))
         key = (pulse.tag_id, pulse.start_time_ns)
         if key not in self._foreign:
+            if not self._pulses_allowed.take(self._now_ns()):
+                self._refuse("pulses come faster than a hundred tags beep")
+                return
             self._foreign[key] = None
             while len(self._foreign) > REMEMBERED_PULSES:
                 self._foreign.popitem(last=False)
@@ -356,6 +365,9 @@ class Gateway:
             self._send("pulse", pulse)
 
     def _ask(self, name: CommandName, **details: Any) -> None:
+        if not self._commands_allowed.take(self._now_ns()):
+            self._refuse(f"{name}: commands come too fast")
+            return
         self._request_id += 1
         command = Command(name=name, request_id=self._request_id, source=SOURCE, **details)
         self._asked[command.request_id] = command
@@ -379,8 +391,8 @@ class Gateway:
 
     def _refuse(self, reason: str, node: str = START_STOP) -> None:
         self.counters["ros2_messages_refused"] += 1
-        # A hundred lines say it; a flood must not fill everybody's log.
-        if self.counters["ros2_messages_refused"] <= 100:
+        # A flood must not fill everybody's log.
+        if self._lines_allowed.take(self._now_ns()):
             self.log(4, reason[:500], node)
 
 

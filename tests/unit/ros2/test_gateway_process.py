@@ -514,6 +514,16 @@ def test_a_domain_that_is_none_keeps_the_gateway_off_and_says_why(launch: Any) -
     assert gateway.close() == 0
 
 
+def test_an_interface_that_is_not_there_keeps_the_gateway_off_and_says_why(
+    launch: Any, ros_domain: int
+) -> None:
+    gateway = launch(Ros2Settings(enabled=True, domain_id=ros_domain, interfaces=("nosuch0",)))
+    (health,) = gateway.receive("health")
+    assert not health.ok
+    assert "[ros2] interfaces" in health.status
+    assert gateway.close() == 0
+
+
 def test_without_the_extra_the_gateway_stays_off_and_says_so(
     launch: Any, tmp_path: Any
 ) -> None:

@@ -1,0 +1,33 @@
+"""How much of something a stranger may cause."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(slots=True, kw_only=True)
+class Allowance:
+    """A bucket of tokens: `burst` at once, then `per_s` each second."""
+
+    burst: float
+    per_s: float
+    _left: float = field(init=False)
+    _at_ns: int | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        self._left = self.burst
+
+    def take(self, now_ns: int) -> bool:
+        """Take one token; False when there is none.
+
+        Parameters
+        ----------
+        now_ns : int
+            Time [ns], rising.
+        """
+        if self._at_ns is not None:
+            earned = (now_ns - self._at_ns) * 1e-9 * self.per_s
+            self._left = min(self.burst, self._left + earned)
+        self._at_ns = now_ns
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
