@@ -5,4 +5,5 @@ from cyclopts import App
 experiment = App(name="experiment", help="Repeat an experiment: claims that can be checked.")
 # One line for each experiment; its module is imported when it is called.
 experiment.command("uavrt.cli.experiment_detection:detection")
+experiment.command("uavrt.cli.experiment_localization:localization")
 experiment.command("uavrt.cli.experiment_recovery:recovery")

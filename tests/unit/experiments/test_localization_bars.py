@@ -3,9 +3,14 @@
 With all runs: `uavrt.experiments.localization.run()`.
 """
 
+import csv
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from uavrt.cli.experiment_localization import localization
+from uavrt.errors import UsageError
 from uavrt.experiments.localization import EXPERIMENTS, Result, table
 from uavrt.experiments.localization.result import measured, median
 from uavrt.experiments.localization.rotations import RotationCase, bound_deg
@@ -73,3 +78,16 @@ def test_a_result_without_a_bar_passes() -> None:
     )
     assert free.passed
     assert not table([free]).endswith("ok")
+
+
+def test_the_command_prints_the_table_and_writes_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    localization(runs=3, only="L5", output=tmp_path / "bars.csv")
+    assert "of 1 bars kept" in capsys.readouterr().out
+    with (tmp_path / "bars.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["experiment"] for row in rows] == ["L5", "L5"]
+    assert [row["most"] == "" for row in rows] == [True, False]
+    with pytest.raises(UsageError, match="B6"):
+        localization(only="B99")

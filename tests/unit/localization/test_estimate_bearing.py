@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from uavrt.errors import UsageError
 from uavrt.localization import PATTERNS, AntennaPattern, BearingMethod, estimate_bearing
 from uavrt.localization.angles import difference_deg
+from uavrt.simulation import antenna as simulation
 
 METHODS = get_args(BearingMethod)
 
@@ -167,3 +168,17 @@ def test_an_antenna_of_ones_own_is_used() -> None:
     assert abs(difference_deg(found.bearing_deg, 33.0)) < 0.5
     with pytest.raises(UsageError, match="loop"):
         AntennaPattern(name="loop", e_plane_db=(0.0,))
+
+
+@pytest.mark.parametrize("name", ["RA-2A", "RA-23K"])
+def test_the_simulated_antenna_and_the_assumed_one_are_the_same(name: str) -> None:
+    """Two implementations on purpose (decision 0041): they must agree, tilted too."""
+    simulated = simulation.Antenna(pattern=name)  # type: ignore[arg-type]
+    rng = np.random.default_rng(9)
+    for direction in rng.normal(size=(50, 3)):
+        forward, right, down = direction / np.linalg.norm(direction)
+        assumed = PATTERNS[name].gain_towards_db(
+            np.array([forward]), np.array([right]), np.array([down])
+        )
+        there = simulation.pattern_db(simulated, (float(forward), float(right), float(down)))
+        assert there == pytest.approx(float(assumed[0]), abs=1e-9)

@@ -112,6 +112,21 @@ def share(values: NDArray[np.float64]) -> float:
     return float(np.mean(values))
 
 
+COLUMNS = (
+    *("experiment", "condition", "quantity", "value", "low", "high"),
+    *("least", "most", "bound", "runs", "passed"),
+)
+"""Names of `cells`."""
+
+
+def cells(one: Result) -> tuple[str | float | None, ...]:
+    """One line for a CSV file; what is not known is empty."""
+    return (
+        *(one.experiment, one.condition, one.quantity, one.value, *one.interval95),
+        *(one.least, one.most, one.bound, one.runs, one.passed),
+    )
+
+
 def table(results: Sequence[Result]) -> str:
     """Draw results as a table of plain text."""
     rows = [("", "condition", "quantity", "value", "95 %", "bar", "bound", "runs", "")]
