@@ -1,9 +1,12 @@
 """A detector on another computer: channel datagrams there, pulses back over ROS 2.
 
-Here the other computer is 127.0.0.2: it gets one channel of the band by UDP, loses 1 % of the
-datagrams, is cut off, and comes back.
+The other computer is 127.0.0.2, or a network namespace with a cable between (where these are
+allowed). It gets one channel of the band by UDP, loses 1 % of the datagrams, is cut off, and
+comes back.
 """
 
+import ctypes
+import os
 import random
 import socket
 import subprocess
@@ -12,6 +15,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +53,8 @@ class Band:
     a hundred of being lost.
     """
 
-    def __init__(self, port: int) -> None:
-        self._port = port
+    def __init__(self, port: int, host: str = OTHER_COMPUTER, namespace: str = "") -> None:
+        self._port, self._host, self._namespace = port, host, namespace
         self._stop = threading.Event()
         self.sent = self.lost = 0
         self.first_ns = 0
@@ -58,6 +62,8 @@ class Band:
         self._thread.start()
 
     def _run(self) -> None:
+        if self._namespace:
+            enter(self._namespace)
         generator = np.random.default_rng(5)
         luck = random.Random(5)
         clock = Clock.start()
@@ -81,11 +87,21 @@ class Band:
                     self.lost += 1
                     continue
                 data = encode_channel_datagram(samples, time_ns)
-                sock.sendto(data, (OTHER_COMPUTER, self._port))
+                with suppress(OSError):  # the cable is cut
+                    sock.sendto(data, (self._host, self._port))
 
     def close(self) -> None:
         self._stop.set()
         self._thread.join()
+
+
+def enter(namespace: str) -> None:
+    """Put this thread, and no other, into a network namespace."""
+    handle = os.open(f"/run/netns/{namespace}", os.O_RDONLY)
+    try:
+        assert ctypes.CDLL(None, use_errno=True).setns(handle, 0x40000000) == 0
+    finally:
+        os.close(handle)
 
 
 def free_port() -> int:
@@ -103,24 +119,32 @@ def band() -> Iterator[tuple[Band, int]]:
     sender.close()
 
 
+StartRemote = Callable[..., subprocess.Popen[bytes]]
+
+
 @pytest.fixture
 def start_remote(
     tmp_path: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Callable[[int], subprocess.Popen[bytes]]]:
+) -> Iterator[StartRemote]:
     """Start the other computer's program."""
     tags = tmp_path / "remote_tags.toml"
     write_tags(tags, (REMOTE_TAG,))
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     started: list[subprocess.Popen[bytes]] = []
 
-    def start(port: int) -> subprocess.Popen[bytes]:
+    def start(
+        port: int,
+        host: str = OTHER_COMPUTER,
+        interface: str = "lo",
+        prefix: tuple[str, ...] = (),
+    ) -> subprocess.Popen[bytes]:
         started.append(
             subprocess.Popen(
                 [
-                    *(sys.executable, "-m", "uavrt.cli", "detect"),
-                    f"udp://{OTHER_COMPUTER}:{port}",
+                    *(*prefix, sys.executable, "-m", "uavrt.cli", "detect"),
+                    f"udp://{host}:{port}",
                     *("--tags", str(tags), "--sample-rate", str(RATE_HZ)),
-                    *("--center-frequency", str(CENTER_HZ), "--ros2", "lo"),
+                    *("--center-frequency", str(CENTER_HZ), "--ros2", interface),
                     *("-o", str(tmp_path / f"remote{len(started)}.jsonl")),
                 ]
             )
@@ -138,7 +162,7 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
     thesis_scenario: Any,
     ros_domain: int,
     band: tuple[Band, int],
-    start_remote: Callable[[int], subprocess.Popen[bytes]],
+    start_remote: StartRemote,
     wait_until: Any,
 ) -> None:
     sender, port = band
@@ -184,3 +208,69 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
     assert all(abs(p.frequency_hz - REMOTE_TAG.frequency_hz) < 10.0 for p in found)
     restarts = {p.process: p.restarts for p in newest[0].processes}
     assert set(restarts.values()) == {0}
+
+
+def ip(*arguments: str) -> None:
+    subprocess.run(["ip", *arguments], check=True, capture_output=True)
+
+
+@pytest.fixture
+def two_computers() -> Iterator[tuple[str, str]]:
+    """Two network namespaces with a cable between: 10.99.7.1 at eth0, 10.99.7.2 at eth0."""
+    names = (f"uavrt-a-{os.getpid()}", f"uavrt-b-{os.getpid()}")
+    try:
+        for name in names:
+            ip("netns", "add", name)
+        ip(
+            "link",
+            "add",
+            "eth0",
+            "netns",
+            names[0],
+            "type",
+            "veth",
+            "peer",
+            "name",
+            "eth0",
+            "netns",
+            names[1],
+        )
+        for number, name in enumerate(names, 1):
+            ip("-n", name, "address", "add", f"10.99.7.{number}/24", "dev", "eth0")
+            ip("-n", name, "link", "set", "eth0", "up")
+            ip("-n", name, "link", "set", "lo", "up")
+    except (OSError, subprocess.CalledProcessError) as error:
+        for name in names:
+            subprocess.run(["ip", "netns", "delete", name], check=False, capture_output=True)
+        pytest.skip(f"network namespaces are not allowed here: {error}")
+    yield names
+    for name in names:
+        ip("netns", "delete", name)
+
+
+def test_two_computers_with_a_cable_find_each_other_and_survive_its_cut(
+    launch: Any,
+    ros_domain: int,
+    two_computers: tuple[str, str],
+    start_remote: StartRemote,
+) -> None:
+    drone, other = two_computers
+    port = 20_000
+    settings = Ros2Settings(
+        enabled=True, domain_id=ros_domain, interfaces=("eth0",), accept_pulses=True
+    )
+    gateway = launch(settings, prefix=("ip", "netns", "exec", drone))
+    start_remote(port, "10.99.7.2", "eth0", ("ip", "netns", "exec", other))
+    sender = Band(port, "10.99.7.2", drone)
+    try:
+        first = gateway.receive("pulse", 4, timeout_s=60.0)
+        ip("-n", drone, "link", "set", "eth0", "down")
+        gateway.receive("health", 3)
+        ip("-n", drone, "link", "set", "eth0", "up")
+        after_ns = gateway.clock.now_ns()
+        while (pulse := gateway.receive("pulse", timeout_s=60.0)[0]).start_time_ns < after_ns:
+            first.append(pulse)
+    finally:
+        sender.close()
+    assert {one.tag_id for one in first} == {REMOTE_TAG.tag_id}
+    assert gateway.process.poll() is None
