@@ -1,0 +1,150 @@
+"""Properties of the detector: what must hold for any blocks, times and amplitudes."""
+
+import itertools
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavrt.detection import PulseDetector
+from uavrt.detection.grid import make_grid, sliding_maximum
+from uavrt.detection.search import RateSearch, interval_grid, jitter_reach
+from uavrt.experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    make_samples,
+    noise,
+    pulse_train,
+)
+from uavrt.messages import Pulse
+
+RATE_HZ = 3750.0
+
+
+def run(samples: np.ndarray, cuts: list[int], start_ns: int = START_NS) -> list[Pulse]:
+    detector = PulseDetector(
+        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
+    )
+    pulses: list[Pulse] = []
+    edges = [0, *sorted(cut % len(samples) for cut in cuts), len(samples)]
+    for first, last in itertools.pairwise(edges):
+        time_ns = start_ns + round(first / RATE_HZ * 1e9)
+        pulses += detector.process(samples[first:last], time_ns)
+    return pulses + detector.flush()
+
+
+@settings(deadline=None, max_examples=6)
+@given(cuts=st.lists(st.integers(0, 10**6), min_size=0, max_size=60))
+def test_the_pulses_do_not_depend_on_how_the_stream_is_cut(cuts: list[int]) -> None:
+    rng = np.random.default_rng(1)
+    truth = pulse_train(rng, duration_s=8.0, interval_s=1.254, offset_hz=80.0, enr_db=17.0)
+    samples = make_samples(rng, truth, duration_s=8.0)
+    whole = sorted(p.start_time_ns for p in run(samples, []))
+    parts = sorted(p.start_time_ns for p in run(samples, cuts))
+    assert len(whole) == len(parts) == len(truth)
+    assert all(abs(a - b) < 1_000_000 for a, b in zip(whole, parts, strict=True))
+
+
+@settings(deadline=None, max_examples=5)
+@given(exponent=st.integers(-6, 6))
+def test_the_pulses_do_not_depend_on_the_gain(exponent: int) -> None:
+    rng = np.random.default_rng(2)
+    truth = pulse_train(rng, duration_s=6.0, interval_s=1.254, offset_hz=80.0, enr_db=17.0)
+    samples = make_samples(rng, truth, duration_s=6.0)
+    scaled = samples * np.float32(10.0**exponent)
+    plain, loud = run(samples, []), run(scaled, [])
+    assert [p.start_time_ns for p in plain] == [p.start_time_ns for p in loud]
+    assert all(abs(a.snr_db - b.snr_db) < 0.05 for a, b in zip(plain, loud, strict=True))
+
+
+@settings(deadline=None, max_examples=10)
+@given(
+    times=st.lists(st.integers(-(10**13), 10**13), min_size=1, max_size=12),
+    sizes=st.lists(st.integers(0, 3000), min_size=12, max_size=12),
+)
+def test_no_order_of_times_makes_it_fail(times: list[int], sizes: list[int]) -> None:
+    rng = np.random.default_rng(3)
+    detector = PulseDetector(
+        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
+    )
+    for time_ns, size in zip(times, sizes, strict=False):
+        detector.process(noise(rng, size), START_NS + time_ns)
+    detector.flush()
+
+
+@given(reach=st.integers(1, 20), columns=st.integers(45, 80), seed=st.integers(0, 2**32 - 1))
+def test_the_sliding_maximum_is_the_maximum_over_the_window(
+    reach: int, columns: int, seed: int
+) -> None:
+    power = np.random.default_rng(seed).random((columns, 3), dtype=np.float32)
+    fast = sliding_maximum(power, reach)
+    slow = [power[i : i + 2 * reach + 1].max(axis=0) for i in range(columns - 2 * reach)]
+    assert np.array_equal(fast, np.array(slow))
+
+
+@settings(deadline=None, max_examples=5)
+@given(seed=st.integers(0, 2**32 - 1), k=st.sampled_from([2, 3, 4]))
+def test_pruned_search_finds_the_best_that_testing_every_anchor_finds(
+    seed: int, k: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    power = rng.exponential(size=(240, 3)).astype(np.float32)
+    hop_s, interval_s, uncertainty_s, jitter_s = 0.0024, 0.15, 0.012, 0.005
+    threshold = 5.0 * k
+    search = RateSearch(
+        rows=3,
+        hop_s=hop_s,
+        interval_s=interval_s,
+        uncertainty_s=uncertainty_s,
+        jitter_s=jitter_s,
+        k=k,
+        threshold=threshold,
+        rate=1,
+    )
+    level = np.ones(3, np.float32)
+    found = search.push(power[:100], level) + search.push(power[100:], level)
+    found += search.finish(level)
+    reach = jitter_reach(jitter_s, hop_s)
+    intervals = interval_grid(
+        interval_s=interval_s, uncertainty_s=uncertainty_s, hop_s=hop_s, k=k, reach=reach
+    )
+    padded = np.pad(power, ((300, 300), (0, 0)))
+    largest = np.max([np.roll(padded, s, axis=0) for s in range(-reach, reach + 1)], axis=0)
+    cells, limited = np.minimum(padded, 14.0), np.minimum(largest, 14.0)
+    best = 0.0
+    peak = padded == largest
+    for column in range(300, 540):
+        for place in range(k):
+            for interval in intervals:
+                at = [
+                    column + int(np.rint((j - place) * interval))
+                    for j in range(k)
+                    if j != place
+                ]
+                total = cells[column] + limited[at].sum(axis=0)
+                best = max(best, float(total[peak[column]].max(initial=0.0)))
+    if best < threshold - 1e-3:
+        assert not found
+    elif best > threshold + 1e-3:
+        assert found
+        assert abs(max(c.score for c in found) * threshold - best) < 1e-3
+
+
+@given(
+    sample_rate_hz=st.floats(3000.0, 12_000.0),
+    width_s=st.floats(0.010, 0.040),
+    window_hz=st.floats(50.0, 1400.0),
+    offset_hz=st.floats(-500.0, 500.0),
+)
+def test_a_tone_in_the_window_has_its_power_at_its_row_at_any_rate(
+    sample_rate_hz: float, width_s: float, window_hz: float, offset_hz: float
+) -> None:
+    grid = make_grid(
+        sample_rate_hz=sample_rate_hz,
+        pulse_width_s=width_s,
+        offset_hz=offset_hz,
+        half_width_hz=window_hz,
+    )
+    assert abs(grid.hop_s - width_s / 8.0) < 0.35 * width_s / 8.0
+    step_hz = float(np.diff(grid.offsets_hz).mean())
+    assert abs(step_hz * width_s - 0.25) < 0.02
