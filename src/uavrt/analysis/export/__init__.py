@@ -1,0 +1,114 @@
+"""A flight, or an old log, as files for other tools."""
+
+import sqlite3
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Literal, get_args
+
+from uavrt.analysis.export import tables
+from uavrt.analysis.export.geojson import geojson_text
+from uavrt.analysis.export.geopackage import write_geopackage
+from uavrt.analysis.export.geotiff import geotiff_bytes
+from uavrt.analysis.export.gpx import gpx_text
+from uavrt.analysis.export.kmz import kmz_bytes
+from uavrt.analysis.survey import Survey
+from uavrt.errors import RecordingError
+from uavrt.recording.formats import write_bearing_file, write_position_file
+from uavrt.recording.formats.whole_file import write_whole
+
+ExportFormat = Literal[
+    "csv", "uavrt", "geojson", "kmz", "gpx", "geopackage", "movebank", "geotiff"
+]
+EXPORT_FORMATS: tuple[ExportFormat, ...] = get_args(ExportFormat)
+
+
+def export_survey(
+    survey: Survey, directory: Path, formats: Sequence[ExportFormat] = EXPORT_FORMATS
+) -> list[Path]:
+    """Write a survey in each format asked for; files of the same name are replaced.
+
+    Parameters
+    ----------
+    survey : Survey
+        What to write.
+    directory : Path
+        Made if need be.
+    formats : sequence of str
+        ``csv`` (pulses, track, positions), ``uavrt`` (the original's bearings.csv,
+        positions.csv and TagTracker's pulse CSV), ``geojson``, ``kmz``, ``gpx``,
+        ``geopackage``, ``movebank``, ``geotiff`` (one heat map for each tag with one).
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    RecordingError
+        A file cannot be written.
+    """
+    return [path for form in formats for path in _WRITERS[form](survey, directory)]
+
+
+def _csv(survey: Survey, directory: Path) -> list[Path]:
+    return _written(
+        directory,
+        {
+            "pulses.csv": tables.pulses_csv(survey),
+            "track.csv": tables.track_csv(survey),
+            "fixes.csv": tables.fixes_csv(survey),
+        },
+    )
+
+
+def _uavrt(survey: Survey, directory: Path) -> list[Path]:
+    name = "Pulse-uavrt.csv"
+    written = _written(directory, {name: tables.tagtracker_csv(survey)})
+    bearings, positions = directory / "bearings.csv", directory / "positions.csv"
+    for path in (bearings, positions):
+        path.unlink(missing_ok=True)  # those of an earlier export have other rows
+    write_bearing_file(bearings, tables.bearing_rows(survey, name))
+    write_position_file(positions, tables.position_rows(survey, bearings.name))
+    return [*written, bearings, positions]
+
+
+def _geopackage(survey: Survey, directory: Path) -> list[Path]:
+    target, part = directory / "flight.gpkg", directory / ".flight.gpkg.part"
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        part.unlink(missing_ok=True)
+        write_geopackage(survey, part)
+        part.replace(target)
+    except (OSError, sqlite3.Error) as error:
+        raise RecordingError(
+            f"cannot write {target}: {error}", remedy="Name a place that can be written"
+        ) from error
+    return [target]
+
+
+def _geotiff(survey: Survey, directory: Path) -> list[Path]:
+    files: dict[str, str | bytes] = {}
+    for one in survey.positions:
+        if one.position is not None and one.position.grid is not None:
+            text = f"probability of tag {one.tag_id} in each cell, uavrt, {survey.name}"
+            files[f"heat_tag_{one.tag_id}.tif"] = geotiff_bytes(one.position.grid, text)
+    return _written(directory, files)
+
+
+def _written(directory: Path, files: Mapping[str, str | bytes]) -> list[Path]:
+    for name, content in files.items():
+        write_whole(directory / name, content)
+    return [directory / name for name in files]
+
+
+_WRITERS: dict[ExportFormat, Callable[[Survey, Path], list[Path]]] = {
+    "csv": _csv,
+    "uavrt": _uavrt,
+    "geojson": lambda survey, to: _written(to, {"flight.geojson": geojson_text(survey)}),
+    "kmz": lambda survey, to: _written(to, {"flight.kmz": kmz_bytes(survey)}),
+    "gpx": lambda survey, to: _written(to, {"flight.gpx": gpx_text(survey)}),
+    "geopackage": _geopackage,
+    "movebank": lambda survey, to: _written(to, {"movebank.csv": tables.movebank_csv(survey)}),
+    "geotiff": _geotiff,
+}

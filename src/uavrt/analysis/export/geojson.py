@@ -1,0 +1,159 @@
+"""A survey as GeoJSON (RFC 7946): WGS84, longitude first, outer rings counter-clockwise."""
+
+import json
+import math
+from typing import Any
+
+from uavrt.analysis.shapes import (
+    Point,
+    ray,
+    ray_length_m,
+    region95,
+    split_at_date_line,
+    wedge,
+)
+from uavrt.analysis.survey import Survey, thinned
+from uavrt.clock import iso_utc
+
+_PLACES = 8
+"""Decimals of a degree: 1 mm."""
+
+
+def geojson_text(survey: Survey) -> str:
+    """Write track, pulses, bearings with wedges, positions with regions."""
+    features = [*_track(survey), *_pulses(survey), *_bearings(survey), *_positions(survey)]
+    return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False)
+
+
+def known(value: float | None) -> float | None:
+    """Pass a finite number, else None: JSON has no NaN."""
+    return value if value is not None and math.isfinite(value) else None
+
+
+def pulse_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
+    """Place and attributes of each pulse that has a place."""
+    found = []
+    for one in survey.pulse_poses:
+        if one.pose is None:
+            continue
+        place = (one.pose.longitude_deg, one.pose.latitude_deg)
+        properties = {
+            "tag_id": one.pulse.tag_id,
+            "time": iso_utc(one.pulse.start_time_ns),
+            "snr_db": known(one.pulse.snr_db),
+            "frequency_hz": known(one.pulse.frequency_hz),
+            "detection_status": one.pulse.detection_status,
+            "altitude_amsl_m": known(one.pose.altitude_amsl_m),
+        }
+        found.append((place, properties))
+    return found
+
+
+def bearing_properties(survey: Survey) -> list[dict[str, Any]]:
+    """Attributes of each bearing, in the survey's order."""
+    found = []
+    for one in survey.bearings:
+        bearing = one.bearing
+        low, high = bearing.interval90_deg or (None, None)
+        properties = {
+            "tag_id": one.tag_id,
+            "time": iso_utc(one.start_time_ns),
+            "bearing_deg": known(bearing.bearing_deg),
+            "sigma_deg": known(bearing.sigma_deg),
+            "interval90_from_deg": known(low),
+            "interval90_to_deg": known(high),
+            "method": bearing.method,
+            "pulses": bearing.pulses,
+            "accepted": bearing.accepted,
+            "ambiguous": bearing.ambiguous,
+        }
+        found.append(properties)
+    return found
+
+
+def position_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
+    """Place and attributes of each position."""
+    found = []
+    for one in survey.positions:
+        if one.position is None:
+            continue
+        position = one.position
+        tag = survey.tag(one.tag_id)
+        properties = {
+            "tag_id": one.tag_id,
+            "name": None if tag is None else tag.name,
+            "method": position.method,
+            "radius50_m": known(position.radius50_m),
+            "radius95_m": known(position.radius95_m),
+            "bearings": position.stations,
+            "may_be_farther_out": position.at_edge,
+        }
+        found.append(((position.longitude_deg, position.latitude_deg), properties))
+    return found
+
+
+def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "geometry": {"type": kind, "coordinates": coordinates},
+        "properties": properties,
+    }
+
+
+def _line(points: list[Point], properties: dict[str, Any]) -> dict[str, Any]:
+    parts = [[_rounded(point) for point in part] for part in split_at_date_line(points)]
+    if len(parts) == 1:
+        return _feature("LineString", parts[0], properties)
+    return _feature("MultiLineString", parts, properties)
+
+
+def _rounded(point: Point) -> list[float]:
+    return [round(part, _PLACES) for part in point]
+
+
+def _ring(points: list[Point]) -> list[list[float]]:
+    """A closed ring in one piece: across the date line its longitudes run on."""
+    first = points[0][0]
+    run_on = [(first + math.remainder(lon - first, 360.0), lat) for lon, lat in points]
+    return [_rounded(point) for point in run_on]
+
+
+def _track(survey: Survey) -> list[dict[str, Any]]:
+    track = thinned(survey.track)
+    if len(track) < 2:
+        return []
+    points = [(pose.longitude_deg, pose.latitude_deg) for pose in track]
+    times = {"start": iso_utc(track[0].time_ns), "end": iso_utc(track[-1].time_ns)}
+    return [_line(points, {"layer": "track", **times})]
+
+
+def _pulses(survey: Survey) -> list[dict[str, Any]]:
+    return [
+        _feature("Point", _rounded(place), {"layer": "pulse", **properties})
+        for place, properties in pulse_properties(survey)
+    ]
+
+
+def _bearings(survey: Survey) -> list[dict[str, Any]]:
+    features = []
+    for one, properties in zip(survey.bearings, bearing_properties(survey), strict=True):
+        found = survey.position_of(one.tag_id)
+        length_m = ray_length_m(one, None if found is None else found.position)
+        features.append(_line(ray(one, length_m), {"layer": "bearing", **properties}))
+        area = wedge(one, length_m)
+        if area is not None:
+            properties = {"layer": "bearing 90 %", **properties}
+            features.append(_feature("Polygon", [_ring(area)], properties))
+    return features
+
+
+def _positions(survey: Survey) -> list[dict[str, Any]]:
+    features = []
+    for place, properties in position_properties(survey):
+        features.append(_feature("Point", _rounded(place), {"layer": "position", **properties}))
+        found = survey.position_of(properties["tag_id"])
+        area = None if found is None or found.position is None else region95(found.position)
+        if area is not None:
+            properties = {"layer": "position 95 %", **properties}
+            features.append(_feature("Polygon", [_ring(area)], properties))
+    return features

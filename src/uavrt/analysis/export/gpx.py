@@ -1,0 +1,54 @@
+"""A survey as GPX 1.1: positions as waypoints, the flight as a track."""
+
+import math
+from xml.etree import ElementTree as ET
+
+import uavrt
+from uavrt.analysis.survey import Survey, thinned
+from uavrt.clock import iso_utc
+
+NAMESPACE = "http://www.topografix.com/GPX/1/1"
+
+
+def gpx_text(survey: Survey) -> str:
+    """Write what a handheld receiver can take along: where to walk, and where was flown."""
+    root = ET.Element("gpx", version="1.1", creator=f"uavrt {uavrt.__version__}")
+    root.set("xmlns", NAMESPACE)
+    metadata = ET.SubElement(root, "metadata")
+    ET.SubElement(metadata, "name").text = survey.name
+    span = survey.span_ns
+    if span is not None:
+        ET.SubElement(metadata, "time").text = iso_utc(span[0])
+    for one in survey.positions:
+        if one.position is None:
+            continue
+        position = one.position
+        point = _point(root, "wpt", position.latitude_deg, position.longitude_deg)
+        ET.SubElement(point, "name").text = f"tag {one.tag_id}"
+        if position.radius95_m is not None:
+            text = f"within {position.radius95_m:.0f} m with 95 %"
+            ET.SubElement(point, "desc").text = text
+        ET.SubElement(point, "type").text = "tag position"
+    track = thinned(survey.track)
+    if track:
+        line = ET.SubElement(root, "trk")
+        ET.SubElement(line, "name").text = survey.name
+        segment = ET.SubElement(line, "trkseg")
+        for pose in track:
+            point = _point(segment, "trkpt", pose.latitude_deg, pose.longitude_deg)
+            if math.isfinite(pose.altitude_amsl_m):
+                ET.SubElement(point, "ele").text = f"{pose.altitude_amsl_m:.2f}"
+            ET.SubElement(point, "time").text = iso_utc(pose.time_ns)
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _point(
+    parent: ET.Element, name: str, latitude_deg: float, longitude_deg: float
+) -> ET.Element:
+    # GPX wants longitudes in [-180, 180).
+    east = (longitude_deg + 180.0) % 360.0 - 180.0
+    point = ET.SubElement(parent, name)
+    point.set("lat", f"{latitude_deg:.8f}")
+    point.set("lon", f"{east:.8f}")
+    return point

@@ -1,0 +1,194 @@
+"""A survey as KMZ (OGC KML 2.2 in a zip): opens in Google Earth without any network.
+
+Styles stand once; the icon and each tag's heat map travel inside the file.
+"""
+
+import io
+import math
+import zipfile
+from xml.etree import ElementTree as ET
+
+from uavrt.analysis.export.geojson import bearing_properties
+from uavrt.analysis.export.png import disc, heat, png_bytes
+from uavrt.analysis.shapes import Point, ray, ray_length_m, region95, wedge
+from uavrt.analysis.survey import Survey, thinned
+from uavrt.clock import iso_utc
+from uavrt.localization import PositionGrid, TangentPlane
+
+NAMESPACE = "http://www.opengis.net/kml/2.2"
+_STYLES = {
+    # KML's colours are opacity, blue, green, red.
+    "track": ("ffb0b0b0", None, 1.5),
+    "bearing": ("ff00a5ff", None, 2.0),
+    "wedge": ("8000a5ff", "2000a5ff", 1.0),
+    "region": ("ff2828d7", "402828d7", 2.0),
+}
+
+
+def kmz_bytes(survey: Survey) -> bytes:
+    """Write track, and for each tag its pulses, bearings, position and heat map."""
+    files: dict[str, bytes] = {"files/dot.png": png_bytes(disc(7, (31, 119, 180)))}
+    files["files/tag.png"] = png_bytes(disc(11, (215, 40, 40)))
+    root = ET.Element("kml", xmlns=NAMESPACE)
+    document = ET.SubElement(root, "Document")
+    _text(document, "name", survey.name)
+    _styles(document)
+    track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
+    if len(track) > 1:
+        _geometry(_placemark(document, "track", "track"), "LineString", track)
+    for tag_id in survey.tag_ids:
+        _tag(document, survey, tag_id, files)
+    content = ET.tostring(root, encoding="utf-8", xml_declaration=True)
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        # The first .kml of the archive is the one that is opened.
+        archive.writestr("doc.kml", content)
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return packed.getvalue()
+
+
+def _styles(document: ET.Element) -> None:
+    for name, (line, area, width) in _STYLES.items():
+        style = ET.SubElement(document, "Style", id=name)
+        drawn = ET.SubElement(style, "LineStyle")
+        _text(drawn, "color", line)
+        _text(drawn, "width", str(width))
+        if area is not None:
+            _text(ET.SubElement(style, "PolyStyle"), "color", area)
+    for name, file, size in (("pulse", "dot", 0.4), ("position", "tag", 1.0)):
+        style = ET.SubElement(document, "Style", id=name)
+        icon_style = ET.SubElement(style, "IconStyle")
+        _text(icon_style, "scale", str(size))
+        _text(ET.SubElement(icon_style, "Icon"), "href", f"files/{file}.png")
+        _text(ET.SubElement(style, "LabelStyle"), "scale", "0" if name == "pulse" else "1")
+
+
+def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
+    tag = survey.tag(tag_id)
+    folder = ET.SubElement(document, "Folder")
+    name = f"tag {tag_id}" + (f" {tag.name}" if tag is not None and tag.name else "")
+    _text(folder, "name", name)
+    found = survey.position_of(tag_id)
+    position = None if found is None else found.position
+    if position is not None:
+        mark = _placemark(folder, name, "position")
+        _text(mark, "description", _described(survey, tag_id), before="styleUrl")
+        place = (position.longitude_deg, position.latitude_deg)
+        _geometry(mark, "Point", [place])
+        area = region95(position)
+        if area is not None:
+            _polygon(_placemark(folder, f"{name} 95 %", "region"), area)
+        if position.grid is not None:
+            file = f"files/heat_{tag_id}.png"
+            files[file] = png_bytes(heat(position.grid.probability[::-1]))
+            _overlay(folder, f"{name} probability", file, position.grid)
+    _bearings(folder, survey, tag_id)
+    _pulses(folder, survey, tag_id)
+
+
+def _described(survey: Survey, tag_id: int) -> str:
+    found = survey.position_of(tag_id)
+    assert found is not None
+    assert found.position is not None
+    position = found.position
+    text = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
+    if position.radius95_m is not None:
+        text += f", within {position.radius95_m:.0f} m with 95 %"
+    return text + f"; from {position.stations} bearings"
+
+
+def _bearings(folder: ET.Element, survey: Survey, tag_id: int) -> None:
+    found = survey.position_of(tag_id)
+    position = None if found is None else found.position
+    for one, properties in zip(survey.bearings, bearing_properties(survey), strict=True):
+        if one.tag_id != tag_id:
+            continue
+        length_m = ray_length_m(one, position)
+        name = f"{one.bearing.bearing_deg:.0f}°"
+        mark = _placemark(folder, name, "bearing")
+        told = "; ".join(f"{key}: {value}" for key, value in properties.items())
+        _text(mark, "description", told, before="styleUrl")
+        _geometry(mark, "LineString", ray(one, length_m))
+        area = wedge(one, length_m)
+        if area is not None:
+            _polygon(_placemark(folder, f"{name}, 90 %", "wedge"), area)
+
+
+def _pulses(folder: ET.Element, survey: Survey, tag_id: int) -> None:
+    pulses = [one for one in survey.pulses_of(tag_id) if one.pose is not None]
+    if not pulses:
+        return
+    inner = ET.SubElement(folder, "Folder")
+    _text(inner, "name", "pulses")
+    for one in pulses:
+        assert one.pose is not None
+        snr = one.pulse.snr_db
+        mark = _placemark(inner, f"{snr:.1f} dB" if math.isfinite(snr) else "", "pulse")
+        stamp = ET.Element("TimeStamp")
+        mark.insert(1, stamp)
+        _text(stamp, "when", iso_utc(one.pulse.start_time_ns))
+        _geometry(mark, "Point", [(one.pose.longitude_deg, one.pose.latitude_deg)])
+
+
+def _overlay(folder: ET.Element, name: str, file: str, grid: PositionGrid) -> None:
+    overlay = ET.SubElement(folder, "GroundOverlay")
+    _text(overlay, "name", name)
+    _text(ET.SubElement(overlay, "Icon"), "href", file)
+    west, south, east, north = bounds(grid)
+    box = ET.SubElement(overlay, "LatLonBox")
+    for key, value in (("north", north), ("south", south), ("east", east), ("west", west)):
+        _text(box, key, f"{value:.8f}")
+
+
+def bounds(grid: PositionGrid) -> tuple[float, float, float, float]:
+    """West, south, east, north edge of a heat map [deg], at its middle lines.
+
+    The cells are squares of the tangent plane; 3 km from the origin at 60° latitude degrees
+    and metres part by 1.2 m, far less than a cell.
+    """
+    plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
+    half_x, half_y = (abs(axis[1] - axis[0]) / 2 for axis in (grid.east_m, grid.north_m))
+    middle_x, middle_y = grid.east_m.mean(), grid.north_m.mean()
+    _, west = plane.to_geodetic(grid.east_m.min() - half_x, middle_y)
+    _, east = plane.to_geodetic(grid.east_m.max() + half_x, middle_y)
+    south, _ = plane.to_geodetic(middle_x, grid.north_m.min() - half_y)
+    north, _ = plane.to_geodetic(middle_x, grid.north_m.max() + half_y)
+    return float(west), float(south), float(east), float(north)
+
+
+def _placemark(parent: ET.Element, name: str, style: str) -> ET.Element:
+    mark = ET.SubElement(parent, "Placemark")
+    _text(mark, "name", name)
+    _text(mark, "styleUrl", f"#{style}")
+    return mark
+
+
+def _geometry(mark: ET.Element, kind: str, points: list[Point]) -> None:
+    shape = ET.SubElement(mark, kind)
+    if kind == "LineString":
+        _text(shape, "tessellate", "1")
+    _text(shape, "coordinates", _coordinates(points))
+
+
+def _polygon(mark: ET.Element, points: list[Point]) -> None:
+    shape = ET.SubElement(mark, "Polygon")
+    _text(shape, "tessellate", "1")
+    ring = ET.SubElement(ET.SubElement(shape, "outerBoundaryIs"), "LinearRing")
+    _text(ring, "coordinates", _coordinates(points))
+
+
+def _coordinates(points: list[Point]) -> str:
+    return " ".join(f"{longitude:.8f},{latitude:.8f}" for longitude, latitude in points)
+
+
+def _text(
+    parent: ET.Element, name: str, text: str | None, *, before: str | None = None
+) -> None:
+    element = ET.Element(name)
+    # XML 1.0 has no word for control characters.
+    element.text = "".join(c for c in text or "" if c >= " " or c in "\t\n")
+    place = len(parent)
+    if before is not None:
+        place = next((i for i, child in enumerate(parent) if child.tag == before), place)
+    parent.insert(place, element)

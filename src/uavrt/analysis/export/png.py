@@ -1,0 +1,61 @@
+"""A picture as PNG, by hand: 30 lines in place of a library (W3C PNG, 2nd edition)."""
+
+import struct
+import zlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
+    """Encode a picture.
+
+    Parameters
+    ----------
+    pixels : (rows, columns, 4) uint8 array
+        Red, green, blue, opacity; the first row is the top.
+    """
+    rows, columns, _ = pixels.shape
+    header = struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)
+    unfiltered = np.zeros((rows, 1 + 4 * columns), np.uint8)
+    unfiltered[:, 1:] = pixels.reshape(rows, -1)
+    return b"".join(
+        (
+            b"\x89PNG\r\n\x1a\n",
+            _chunk(b"IHDR", header),
+            _chunk(b"IDAT", zlib.compress(unfiltered.tobytes(), 9)),
+            _chunk(b"IEND", b""),
+        )
+    )
+
+
+def disc(radius: int, color: tuple[int, int, int]) -> NDArray[np.uint8]:
+    """Draw a filled disc with a white rim: an icon for maps."""
+    offset = np.arange(-radius, radius + 1)
+    distance = np.hypot(offset[:, None], offset[None, :])
+    pixels = np.zeros((*distance.shape, 4), np.uint8)
+    pixels[distance <= radius] = (255, 255, 255, 255)
+    pixels[distance <= radius - 2] = (*color, 255)
+    return pixels
+
+
+def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Color a probability: yellow to dark red, clear where there is next to none.
+
+    Parameters
+    ----------
+    probability : (rows, columns) float64 array
+        Of each cell; the first row is the top.
+    """
+    peak = float(probability.max())
+    share = probability / peak if peak > 0.0 else np.zeros_like(probability)
+    pixels = np.zeros((*share.shape, 4), np.uint8)
+    pixels[..., 0] = (255 - 115 * share).astype(np.uint8)
+    pixels[..., 1] = (230 * (1.0 - share) ** 1.5).astype(np.uint8)
+    pixels[..., 3] = np.where(share > 0.01, 60 + 150 * np.sqrt(share), 0).astype(np.uint8)
+    return pixels
+
+
+def _chunk(kind: bytes, content: bytes) -> bytes:
+    checksum = zlib.crc32(kind + content)
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", checksum)

@@ -1,0 +1,179 @@
+"""A survey as tables: our CSV, the original's, and one in the words of Movebank."""
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from uavrt.analysis.bearings import TagBearing
+from uavrt.analysis.positions import positions_of_bearings
+from uavrt.analysis.survey import Survey
+from uavrt.localization import PositionMethod
+from uavrt.recording import PulseWriter
+from uavrt.recording.bearing_files import BearingRow
+from uavrt.recording.formats import PositionRow, write_tagtracker
+
+MOVEBANK_COLUMNS = (
+    *("event-id", "timestamp", "location-long", "location-lat", "sensor-type"),
+    *("individual-local-identifier", "tag-local-identifier", "tag-beacon-frequency"),
+    *("location-error-numerical", "location-error-percentile", "location-error-text"),
+    *("algorithm-marked-outlier", "study-specific-measurement"),
+)
+
+
+def pulses_csv(survey: Survey) -> str:
+    """All pulses, in the columns of ``uavrt detect -o``."""
+    stream = io.StringIO(newline="")
+    writer = PulseWriter(stream, "csv")
+    for one in survey.pulse_poses:
+        writer.write(one)
+    return stream.getvalue()
+
+
+def tagtracker_csv(survey: Survey) -> str:
+    """Pulses with a pose, as the newer custom QGroundControl writes them."""
+    stream = io.StringIO()
+    write_tagtracker(stream, survey.pulse_poses)
+    return stream.getvalue()
+
+
+def track_csv(survey: Survey) -> str:
+    """Every pose of the vehicle."""
+    header = (
+        *("time_ns", "latitude_deg", "longitude_deg", "altitude_amsl_m"),
+        *("altitude_relative_m", "qw", "qx", "qy", "qz"),
+    )
+    rows = (
+        (
+            pose.time_ns,
+            *(f"{degrees:.9f}" for degrees in (pose.latitude_deg, pose.longitude_deg)),
+            *map(_metres, (pose.altitude_amsl_m, pose.altitude_relative_m)),
+            *(f"{part:.9f}" for part in pose.quaternion_wxyz),
+        )
+        for pose in survey.track
+    )
+    return _csv(header, rows)
+
+
+def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
+    """Bearings for the original's ``bearings.csv``."""
+    return [_bearing_row(one, survey, parent_file) for one in survey.bearings]
+
+
+def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
+    """Positions for the original's ``positions.csv``, by the original's three estimators."""
+    places: dict[PositionMethod, dict[int, tuple[float, float] | None]] = {}
+    methods: tuple[PositionMethod, ...] = ("mle", "rmr", "mest")
+    for method in methods:
+        found = positions_of_bearings(survey.bearings, method=method)
+        places[method] = {
+            one.tag_id: None
+            if one.position is None
+            else (one.position.latitude_deg, one.position.longitude_deg)
+            for one in found
+        }
+    return [
+        PositionRow(
+            tag_id=tag_id,
+            bearing_file=bearing_file,
+            mle=place,
+            rmr=places["rmr"][tag_id],
+            mest=places["mest"][tag_id],
+        )
+        for tag_id, place in places["mle"].items()
+    ]
+
+
+def fixes_csv(survey: Survey) -> str:
+    """Positions with their uncertainty; a tag without one says why."""
+    header = (
+        *("tag_id", "name", "method", "latitude_deg", "longitude_deg", "radius50_m"),
+        *("radius95_m", "bearings", "may_be_farther_out", "reason"),
+    )
+    rows = []
+    for tag_id in survey.tag_ids:
+        tag, found = survey.tag(tag_id), survey.position_of(tag_id)
+        name = "" if tag is None else tag.name or ""
+        if found is None or found.position is None:
+            reason = "no bearing was taken" if found is None else found.reason
+            rows.append((tag_id, name, *[""] * 7, reason))
+            continue
+        position = found.position
+        place = (f"{position.latitude_deg:.9f}", f"{position.longitude_deg:.9f}")
+        radii = (_metres(position.radius50_m), _metres(position.radius95_m))
+        rest = (position.stations, str(position.at_edge).lower(), "")
+        rows.append((tag_id, name, position.method, *place, *radii, *rest))
+    return _csv(header, rows)
+
+
+def movebank_csv(survey: Survey) -> str:
+    """Positions as events in the words of Movebank's attribute dictionary.
+
+    One event for each tag, at the end of its last bearing. Movebank asks for the meaning of
+    columns at the upload; names that are its own are recognised.
+    """
+    rows = []
+    for number, one in enumerate(survey.positions, start=1):
+        bearings = survey.bearings_of(one.tag_id)
+        if one.position is None or not bearings:
+            continue
+        tag, position = survey.tag(one.tag_id), one.position
+        name = tag.name if tag is not None and tag.name else f"tag {one.tag_id}"
+        text = f"{position.method}, {position.stations} bearings, {survey.name}"
+        rows.append(
+            (
+                number,
+                _movebank_time(max(bearing.end_time_ns for bearing in bearings)),
+                f"{position.longitude_deg:.8f}",
+                f"{position.latitude_deg:.8f}",
+                *("radio-transmitter", name, one.tag_id),
+                "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}",
+                _metres(position.radius95_m),
+                "" if position.radius95_m is None else 95,
+                *(text, str(position.at_edge).lower(), ""),
+            )
+        )
+    return _csv(MOVEBANK_COLUMNS, rows)
+
+
+def _bearing_row(one: TagBearing, survey: Survey, parent_file: str) -> BearingRow:
+    heights = sorted(
+        pulse.pose.altitude_relative_m
+        for pulse in survey.pulses_of(one.tag_id)
+        if pulse.pose is not None
+        and one.start_time_ns <= pulse.pulse.start_time_ns <= one.end_time_ns
+        and math.isfinite(pulse.pose.altitude_relative_m)
+    )
+    amsl = one.altitude_amsl_m
+    return BearingRow(
+        tag_id=one.tag_id,
+        parent_file=parent_file,
+        bearing_deg=one.bearing.bearing_deg,
+        confidence=one.bearing.confidence,
+        latitude_deg=one.latitude_deg,
+        longitude_deg=one.longitude_deg,
+        altitude_relative_m=heights[len(heights) // 2] if heights else None,
+        altitude_amsl_m=amsl if math.isfinite(amsl) else None,
+        start_time_s=one.start_time_ns / 1e9,
+        end_time_s=one.end_time_ns / 1e9,
+        sigma_deg=one.bearing.sigma_deg,
+    )
+
+
+def _movebank_time(time_ns: int) -> str:
+    stamp = datetime.fromtimestamp(time_ns // 1_000_000_000, tz=UTC)
+    return f"{stamp:%Y-%m-%d %H:%M:%S}.{time_ns // 1_000_000 % 1000:03d}"
+
+
+def _metres(value: float | None) -> str:
+    return "" if value is None or not math.isfinite(value) else f"{value:.3f}"
+
+
+def _csv(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    stream = io.StringIO(newline="")
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return stream.getvalue()

@@ -1,0 +1,180 @@
+"""Everything that a flight or an old log tells, gathered once: for reports and exports."""
+
+import math
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+from uavrt.analysis.bearings import TagBearing, bearings_of_flight, bearings_of_pulses
+from uavrt.analysis.positions import TagPosition, positions_of_bearings
+from uavrt.errors import UsageError
+from uavrt.messages import FlightInfo, Health, Pose, PulsePose, SearchReport, StatusText, Tag
+from uavrt.recording import (
+    Flight,
+    FlightLayout,
+    read_flight,
+    read_health,
+    read_search_reports,
+)
+from uavrt.recording.formats import LogKind, read_pulse_log
+from uavrt.recording.formats.recognise import ORIGINAL_POSES
+
+NO_BEARINGS_FROM_THESE = (
+    "No bearing is computed from these poses; detect again in a recording with the poses of "
+    "the autopilot's own log, or fly again."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Survey:
+    """A flight or a pulse log with what follows from it."""
+
+    name: str
+    kind: LogKind
+    antenna: str
+    """Name of the pattern that the bearings were estimated with."""
+    pulse_poses: tuple[PulsePose, ...]
+    """In order of time."""
+    track: tuple[Pose, ...]
+    """Where the vehicle was; of a log without it, where its pulses were heard."""
+    bearings: tuple[TagBearing, ...] = ()
+    positions: tuple[TagPosition, ...] = ()
+    warnings: tuple[str, ...] = ()
+    info: FlightInfo | None = None
+    health: tuple[Health, ...] = ()
+    search_reports: tuple[SearchReport, ...] = ()
+    status_texts: tuple[tuple[int, StatusText], ...] = ()
+    notes: tuple[tuple[int, str], ...] = ()
+
+    @property
+    def tag_ids(self) -> tuple[int, ...]:
+        """Numbers of all tags that were heard or looked for."""
+        listed = () if self.info is None else self.info.tags
+        heard = {one.pulse.tag_id for one in self.pulse_poses}
+        return tuple(sorted(heard | {tag.tag_id for tag in listed}))
+
+    def tag(self, tag_id: int) -> Tag | None:
+        """Get the tag as the operator listed it."""
+        tags = () if self.info is None else self.info.tags
+        return next((tag for tag in tags if tag.tag_id == tag_id), None)
+
+    def pulses_of(self, tag_id: int) -> tuple[PulsePose, ...]:
+        """Get one tag's pulses."""
+        return tuple(one for one in self.pulse_poses if one.pulse.tag_id == tag_id)
+
+    def bearings_of(self, tag_id: int) -> tuple[TagBearing, ...]:
+        """Get one tag's bearings."""
+        return tuple(one for one in self.bearings if one.tag_id == tag_id)
+
+    def position_of(self, tag_id: int) -> TagPosition | None:
+        """Get one tag's position, or why there is none."""
+        return next((one for one in self.positions if one.tag_id == tag_id), None)
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """First and last time of anything in it; None when there is nothing."""
+        times = [pose.time_ns for pose in self.track]
+        times += [one.pulse.start_time_ns for one in self.pulse_poses]
+        if self.info is not None:
+            times.append(self.info.start_time_ns)
+        return (min(times), max(times)) if times else None
+
+
+def read_survey(path: str | os.PathLike[str], *, antenna: str = "RA-23K") -> Survey:
+    """Read a flight directory or a pulse log of any kind; estimate bearings and positions.
+
+    What cannot be estimated is missing from the result, and a warning says why.
+
+    Raises
+    ------
+    FormatError
+        It is neither a flight nor a pulse log.
+    UsageError
+        There is no such antenna.
+    """
+    place = Path(path)
+    if FlightLayout(place).database.is_file():
+        return _of_flight(place, read_flight(place), antenna)
+    log = read_pulse_log(place)
+    pulses = tuple(sorted(log.pulse_poses, key=lambda one: one.pulse.start_time_ns))
+    warnings = list(log.warnings)
+    bearings: list[TagBearing] = []
+    if ORIGINAL_POSES in warnings:
+        warnings.append(NO_BEARINGS_FROM_THESE)
+    else:
+        bearings = _attempted(
+            lambda: bearings_of_pulses(_placed(pulses), antenna=antenna), warnings
+        )
+    return Survey(
+        name=place.name,
+        kind=log.kind,
+        antenna=antenna,
+        pulse_poses=pulses,
+        track=_on_earth(one.pose for one in pulses),
+        bearings=tuple(bearings),
+        positions=tuple(positions_of_bearings(bearings)),
+        warnings=tuple(warnings),
+    )
+
+
+def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
+    """Keep the first pose of each step of time; the last one stays too."""
+    first = [next(group) for _, group in groupby(track, lambda p: p.time_ns // (step_s * 1e9))]
+    if track and first[-1] is not track[-1]:
+        first.append(track[-1])
+    return first
+
+
+def _of_flight(directory: Path, flight: Flight, antenna: str) -> Survey:
+    warnings: list[str] = []
+    bearings = _attempted(lambda: bearings_of_flight(flight, antenna=antenna), warnings)
+    without = sum(one.pose is None for one in flight.pulse_poses)
+    if without:
+        warnings.append(f"{without} of {len(flight.pulse_poses)} pulses have no pose.")
+    track = flight.poses or tuple(one.pose for one in flight.pulse_poses if one.pose)
+    return Survey(
+        name=directory.resolve().name,
+        kind="flight",
+        antenna=antenna,
+        pulse_poses=flight.pulse_poses,
+        track=_on_earth(track),
+        bearings=tuple(bearings),
+        positions=tuple(positions_of_bearings(bearings)),
+        warnings=tuple(warnings),
+        info=flight.info,
+        health=read_health(directory),
+        search_reports=read_search_reports(directory),
+        status_texts=flight.status_texts,
+        notes=flight.notes,
+    )
+
+
+def _attempted(
+    estimate: Callable[[], list[TagBearing]], warnings: list[str]
+) -> list[TagBearing]:
+    """Bearings, or none and a warning."""
+    try:
+        return estimate()
+    except UsageError as error:
+        if "there is no antenna" in error.message:
+            raise
+        warnings.append(f"No bearings: {error}.")
+        return []
+
+
+def _placed(pulses: Iterable[PulsePose]) -> list[PulsePose]:
+    return [one for one in pulses if one.pose is not None]
+
+
+def _on_earth(poses: Iterable[Pose | None]) -> tuple[Pose, ...]:
+    """Poses with a place, each time once, in order."""
+    found = {
+        pose.time_ns: pose
+        for pose in poses
+        if pose is not None
+        and math.isfinite(pose.latitude_deg)
+        and math.isfinite(pose.longitude_deg)
+    }
+    return tuple(found[time] for time in sorted(found))

@@ -1,0 +1,130 @@
+"""Recorded flights for the tests of reports and exports: true pulses of a simulated world."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uavrt.messages import (
+    FlightInfo,
+    Health,
+    Poses,
+    Pulse,
+    PulsePose,
+    SearchReport,
+    StatusText,
+)
+from uavrt.recording import FlightRecorder
+from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag, World
+
+WriteFlight = Callable[..., Path]
+STATIONS_M = ((0.0, 0.0), (250.0, 0.0), (250.0, 250.0))
+
+
+def survey_scenario(tags: int = 2) -> Scenario:
+    """Turns in place at three points."""
+    legs = []
+    for north, east in STATIONS_M:
+        legs += [
+            Leg(duration_s=30.0, north_m=north, east_m=east, height_m=40.0),
+            Leg(duration_s=50.0, turn_deg=360.0),
+        ]
+    return Scenario(
+        name="survey",
+        seed=7,
+        duration_s=240.0,
+        flight=Flight(leg=tuple(legs)),
+        tag=tuple(
+            SimulatedTag(
+                tag_id=2 + number,
+                name="Kiwi & <Chick>" if number == 0 else None,
+                frequency_hz=148.71e6 + 25e3 * number,
+                pulse_width_s=0.02,
+                pulse_intervals_s=(1.254,),
+                north_m=120.0 + 60 * number,
+                east_m=420.0 - 150 * number,
+                erp_dbm=-38.0,
+            )
+            for number in range(tags)
+        ),
+    )
+
+
+@pytest.fixture(scope="session")
+def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
+    """Write a flight directory; tags beyond `heard` are listed and never heard."""
+
+    def write(
+        *, tags: int = 2, heard: int = 1, poses: bool = True, name: str = "flight_log_x"
+    ) -> Path:
+        scenario = survey_scenario(tags)
+        end_ns = scenario.start_time_ns + round(scenario.duration_s * 1e9)
+        directory = tmp_path_factory.mktemp("flights") / name
+        recorder = FlightRecorder.create(
+            FlightInfo(
+                directory=str(directory),
+                start_time_ns=scenario.start_time_ns,
+                clock_offset_ns=0,
+                center_frequency_hz=148.7e6,
+                sample_rate_hz=3e6,
+                tags=scenario.tags,
+            )
+        )
+        times = range(scenario.start_time_ns, end_ns, 100_000_000)
+        if poses:
+            recorder.write_poses(Poses(poses=tuple(map(scenario.vehicle_pose, times))))
+        rng = np.random.default_rng(3)
+        for truth in World(scenario).truth(scenario.start_time_ns, end_ns):
+            snr_db = truth.enr_db + float(rng.normal(0.0, 1.0))
+            if truth.tag_id >= 2 + heard or snr_db < 10.0:
+                continue
+            pulse = Pulse(
+                tag_id=truth.tag_id,
+                frequency_hz=truth.frequency_hz,
+                start_time_ns=truth.start_time_ns,
+                end_time_ns=truth.end_time_ns,
+                snr_db=snr_db,
+                group_snr_db=snr_db,
+                score=2.0,
+                group_index=1 + truth.pulse_index % 3,
+                group_sequence=truth.pulse_index // 3,
+                noise_psd=1e-12,
+                detection_status="confirmed",
+                confirmed=True,
+                rate=1,
+                predicted_next_start_ns=truth.start_time_ns + 1_254_000_000,
+                predicted_next_end_ns=truth.end_time_ns + 1_254_000_000,
+            )
+            middle = (truth.start_time_ns + truth.end_time_ns) // 2
+            pose = scenario.antenna_pose(middle) if poses else None
+            recorder.write_pulse_poses([PulsePose(pulse=pulse, pose=pose)])
+        for second, time_ns in enumerate(times[::10]):
+            counters = {"samples_lost": float(second // 100)}
+            for process in ("receiver", "detector_1"):
+                recorder.write_health(
+                    Health(
+                        process=process,
+                        time_ns=time_ns,
+                        status="ready",
+                        ok=second != 50,
+                        counters=counters,
+                    )
+                )
+            recorder.write_search_report(
+                SearchReport(
+                    tag_id=1 + tags,
+                    time_ns=time_ns,
+                    frequency_hz=148.71e6,
+                    noise_psd=1e-12 * math.exp(second / 300),
+                    best_score=0.4,
+                )
+            )
+        recorder.write_status_text(StatusText(severity=4, text="samples lost <12>"), times[99])
+        recorder.write_note("battery changed", times[5])
+        recorder.commit()
+        recorder.close()
+        return directory
+
+    return write

@@ -1,0 +1,313 @@
+"""Exports hold to their formats, checked by other readers and by schemas."""
+
+import csv
+import io
+import json
+import math
+import re
+import sqlite3
+import struct
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from lxml import etree
+from PIL import Image
+
+from uavrt.analysis.export import EXPORT_FORMATS, export_survey
+from uavrt.analysis.export.geotiff import geotiff_bytes
+from uavrt.analysis.shapes import split_at_date_line
+from uavrt.analysis.survey import Survey, read_survey
+from uavrt.localization import PositionGrid
+from uavrt.recording import read_pulse_file
+from uavrt.recording.bearing_files import read_bearing_file
+from uavrt.recording.formats import read_position_file, read_pulses
+
+WriteFlight = Callable[..., Path]
+
+# GPX 1.1, of its schema what we write and its order (topografix.com/GPX/1/1/gpx.xsd).
+GPX_SCHEMA = """
+<xsd:schema xmlns:xsd="http://www.w3.org/2001/XMLSchema"
+ xmlns="http://www.topografix.com/GPX/1/1" elementFormDefault="qualified"
+ targetNamespace="http://www.topografix.com/GPX/1/1">
+ <xsd:element name="gpx"><xsd:complexType><xsd:sequence>
+  <xsd:element name="metadata" minOccurs="0"><xsd:complexType><xsd:sequence>
+   <xsd:element name="name" type="xsd:string" minOccurs="0"/>
+   <xsd:element name="time" type="xsd:dateTime" minOccurs="0"/>
+  </xsd:sequence></xsd:complexType></xsd:element>
+  <xsd:element name="wpt" type="wptType" minOccurs="0" maxOccurs="unbounded"/>
+  <xsd:element name="trk" minOccurs="0" maxOccurs="unbounded"><xsd:complexType>
+   <xsd:sequence><xsd:element name="name" type="xsd:string" minOccurs="0"/>
+    <xsd:element name="trkseg" minOccurs="0" maxOccurs="unbounded"><xsd:complexType>
+     <xsd:sequence><xsd:element name="trkpt" type="wptType" minOccurs="0"
+      maxOccurs="unbounded"/></xsd:sequence></xsd:complexType></xsd:element>
+   </xsd:sequence></xsd:complexType></xsd:element>
+  </xsd:sequence>
+  <xsd:attribute name="version" fixed="1.1" use="required"/>
+  <xsd:attribute name="creator" type="xsd:string" use="required"/>
+ </xsd:complexType></xsd:element>
+ <xsd:complexType name="wptType"><xsd:sequence>
+  <xsd:element name="ele" type="xsd:decimal" minOccurs="0"/>
+  <xsd:element name="time" type="xsd:dateTime" minOccurs="0"/>
+  <xsd:element name="name" type="xsd:string" minOccurs="0"/>
+  <xsd:element name="desc" type="xsd:string" minOccurs="0"/>
+  <xsd:element name="type" type="xsd:string" minOccurs="0"/>
+ </xsd:sequence>
+ <xsd:attribute name="lat" use="required"><xsd:simpleType>
+  <xsd:restriction base="xsd:decimal"><xsd:minInclusive value="-90"/>
+   <xsd:maxInclusive value="90"/></xsd:restriction></xsd:simpleType></xsd:attribute>
+ <xsd:attribute name="lon" use="required"><xsd:simpleType>
+  <xsd:restriction base="xsd:decimal"><xsd:minInclusive value="-180"/>
+   <xsd:maxExclusive value="180"/></xsd:restriction></xsd:simpleType></xsd:attribute>
+ </xsd:complexType>
+</xsd:schema>
+"""
+
+
+@pytest.fixture(scope="module")
+def survey(write_flight: WriteFlight) -> Survey:
+    return read_survey(write_flight())
+
+
+def exported(survey: Survey, directory: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in export_survey(survey, directory)}
+
+
+def test_every_format_is_written_and_says_where_the_tag_is(
+    survey: Survey, tmp_path: Path
+) -> None:
+    files = exported(survey, tmp_path / "out")
+    assert survey.tag_ids == (2, 3)
+    found = survey.position_of(2)
+    assert found is not None
+    assert found.position is not None
+    place = f"{found.position.latitude_deg:.4f}"
+    for name in ("fixes.csv", "positions.csv", "flight.geojson", "flight.gpx", "movebank.csv"):
+        assert place[:-1] in files[name].decode(), name
+    assert set(files) >= {"flight.kmz", "flight.gpkg", "heat_tag_2.tif", "Pulse-uavrt.csv"}
+
+
+def test_geojson_follows_rfc_7946(survey: Survey, tmp_path: Path) -> None:
+    collection = json.loads(exported(survey, tmp_path)["flight.geojson"])
+    assert collection["type"] == "FeatureCollection"
+    assert "crs" not in collection
+    layers = {feature["properties"]["layer"] for feature in collection["features"]}
+    assert layers == {
+        *("track", "pulse", "bearing", "bearing 90 %", "position", "position 95 %"),
+    }
+    for feature in collection["features"]:
+        assert set(feature) == {"type", "geometry", "properties"}
+        kind, coordinates = feature["geometry"]["type"], feature["geometry"]["coordinates"]
+        if kind == "Polygon":
+            (ring,) = coordinates
+            assert len(ring) >= 4
+            assert ring[0] == ring[-1]
+            assert signed_area(ring) > 0.0  # right-hand rule: outer rings counter-clockwise
+        points = {"Point": [coordinates], "LineString": coordinates}.get(kind)
+        for longitude, latitude in points if points else coordinates[0]:
+            assert -180.0 <= longitude <= 180.0
+            assert -90.0 <= latitude <= 90.0
+
+
+def signed_area(ring: list[list[float]]) -> float:
+    return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in pairwise(ring))
+
+
+def test_a_line_over_the_date_line_is_cut_there() -> None:
+    parts = split_at_date_line([(179.0, 10.0), (-179.0, 12.0), (-178.0, 12.0)])
+    assert parts == [
+        [(179.0, 10.0), (180.0, 11.0)],
+        [(-180.0, 11.0), (-179.0, 12.0), (-178.0, 12.0)],
+    ]
+
+
+def test_gpx_is_valid_by_its_schema(survey: Survey, tmp_path: Path) -> None:
+    content = exported(survey, tmp_path)["flight.gpx"]
+    schema = etree.XMLSchema(etree.fromstring(GPX_SCHEMA))
+    schema.assertValid(etree.fromstring(content))
+    assert content.count(b"<trkpt") == pytest.approx(240, abs=2)
+
+
+def test_kmz_opens_without_network_and_carries_what_it_names(
+    survey: Survey, tmp_path: Path
+) -> None:
+    archive = zipfile.ZipFile(io.BytesIO(exported(survey, tmp_path)["flight.kmz"]))
+    assert archive.testzip() is None
+    assert archive.namelist()[0] == "doc.kml"
+    text = archive.read("doc.kml").decode()
+    assert re.findall(r"https?://[^\"]*", text) == ["http://www.opengis.net/kml/2.2"]
+    assert "NetworkLink" not in text
+    space = "{http://www.opengis.net/kml/2.2}"
+    root = ET.fromstring(text)
+    for link in root.iter(f"{space}href"):
+        assert link.text in archive.namelist()
+    styles = {style.get("id") for style in root.iter(f"{space}Style")}
+    used = {(url.text or "").removeprefix("#") for url in root.iter(f"{space}styleUrl")}
+    assert used <= styles
+    names = [name.text for name in root.iter(f"{space}name")]
+    assert "tag 2 Kiwi & <Chick>" in names
+    assert "tag 3" in names  # listed, never heard: a folder without a position
+    picture = Image.open(io.BytesIO(archive.read("files/heat_2.png")))
+    assert picture.mode == "RGBA"
+    assert np.asarray(picture)[..., 3].max() > 150
+
+
+def test_geopackage_has_its_identity_its_tables_and_geometries_that_can_be_read(
+    survey: Survey, tmp_path: Path
+) -> None:
+    export_survey(survey, tmp_path, ["geopackage"])
+    database = sqlite3.connect(tmp_path / "flight.gpkg")
+    assert database.execute("PRAGMA application_id").fetchone() == (0x47504B47,)
+    assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+    assert database.execute("PRAGMA foreign_key_check").fetchall() == []
+    systems = {row[0] for row in database.execute("SELECT srs_id FROM gpkg_spatial_ref_sys")}
+    assert systems == {-1, 0, 4326}
+    layers = dict(
+        database.execute("SELECT table_name, geometry_type_name FROM gpkg_geometry_columns")
+    )
+    assert layers == {
+        "pulses": "POINT",
+        "track": "LINESTRING",
+        "bearings": "LINESTRING",
+        "bearing_wedges": "POLYGON",
+        "positions": "POINT",
+        "regions95": "POLYGON",
+    }
+    count = len(survey.pulse_poses)
+    assert database.execute("SELECT count(*) FROM pulses").fetchone() == (count,)
+    for table in layers:
+        (blob,) = database.execute(f"SELECT geom FROM {table}").fetchone()
+        magic, version, flags, system = struct.unpack_from("<2sBBi", blob)
+        assert (magic, version, flags, system) == (b"GP", 0, 1, 4326)
+        order, kind = struct.unpack_from("<BI", blob, 8)
+        assert order == 1
+        assert kind == {"POINT": 1, "LINESTRING": 2, "POLYGON": 3}[layers[table]]
+    (blob,) = database.execute("SELECT geom FROM positions").fetchone()
+    found = survey.position_of(2)
+    assert found is not None
+    assert found.position is not None
+    expected = (found.position.longitude_deg, found.position.latitude_deg)
+    assert struct.unpack_from("<dd", blob, 13) == expected
+    database.close()
+
+
+def test_the_geotiff_lies_where_the_map_lies_and_is_read_by_another_library(
+    survey: Survey, tmp_path: Path
+) -> None:
+    export_survey(survey, tmp_path, ["geotiff"])
+    picture = Image.open(tmp_path / "heat_tag_2.tif")
+    pixels = np.asarray(picture)
+    assert picture.mode == "F"
+    assert pixels.sum() == pytest.approx(1.0, abs=1e-3)
+    scale_x, scale_y, _ = picture.tag_v2[33550]
+    _, _, _, west, north, _ = picture.tag_v2[33922]
+    keys = picture.tag_v2[34735]
+    assert (2048, 0, 1, 4326) in {tuple(keys[i : i + 4]) for i in range(0, len(keys), 4)}
+    row, column = np.unravel_index(np.argmax(pixels), pixels.shape)
+    found = survey.position_of(2)
+    assert found is not None
+    assert found.position is not None
+    assert west + (column + 0.5) * scale_x == pytest.approx(
+        found.position.longitude_deg, abs=2 * scale_x
+    )
+    assert north - (row + 0.5) * scale_y == pytest.approx(
+        found.position.latitude_deg, abs=2 * scale_y
+    )
+
+
+def test_a_geotiffs_first_row_is_the_north_whichever_way_the_grid_runs() -> None:
+    axis = np.array([-50.0, 0.0, 50.0])
+    probability = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.7, 0.3]])
+    maps = [
+        PositionGrid(
+            latitude_deg=-40.0,
+            longitude_deg=175.0,
+            east_m=axis,
+            north_m=north,
+            probability=values,
+        )
+        for north, values in ((axis, probability), (axis[::-1], probability[::-1]))
+    ]
+    first, second = (geotiff_bytes(one, "t") for one in maps)
+    assert first == second
+    assert np.asarray(Image.open(io.BytesIO(first)))[0].tolist() == pytest.approx([0, 0.7, 0.3])
+
+
+def test_csv_comes_back_as_it_was(survey: Survey, tmp_path: Path) -> None:
+    export_survey(survey, tmp_path, ["csv", "uavrt"])
+    back = read_pulse_file(tmp_path / "pulses.csv")
+    assert [one.pulse for one in back] == [one.pulse for one in survey.pulse_poses]
+    for again, one in zip(read_pulses(tmp_path / "Pulse-uavrt.csv"), back, strict=True):
+        assert again.pose is not None
+        assert one.pose is not None
+        assert again.pose.latitude_deg == pytest.approx(one.pose.latitude_deg, abs=1e-7)
+        assert again.pose.longitude_deg == pytest.approx(one.pose.longitude_deg, abs=1e-7)
+        assert abs(again.pulse.start_time_ns - one.pulse.start_time_ns) <= 500
+    bearings = read_bearing_file(tmp_path / "bearings.csv")
+    assert len(bearings) == len(survey.bearings) == 3
+    (position,) = read_position_file(tmp_path / "positions.csv")
+    assert position.mle is not None
+    assert position.mest is not None
+
+
+def test_movebank_rows_have_its_columns(survey: Survey, tmp_path: Path) -> None:
+    text = exported(survey, tmp_path)["movebank.csv"].decode()
+    (row,) = csv.DictReader(io.StringIO(text))
+    assert row["individual-local-identifier"] == "Kiwi & <Chick>"
+    assert row["sensor-type"] == "radio-transmitter"
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3}", row["timestamp"])
+    assert float(row["location-error-numerical"]) > 0.0
+    assert row["location-error-percentile"] == "95"
+
+
+@pytest.mark.parametrize("poses", [True, False])
+def test_a_flight_that_heard_nothing_is_exported_without_failing(
+    write_flight: WriteFlight, tmp_path: Path, poses: bool
+) -> None:
+    survey = read_survey(write_flight(heard=0, poses=poses))
+    files = exported(survey, tmp_path / "out")
+    assert json.loads(files["flight.geojson"])["type"] == "FeatureCollection"
+    assert b"no bearing was taken" in files["fixes.csv"]
+
+
+def test_a_foreign_log_is_exported_like_a_flight(survey: Survey, tmp_path: Path) -> None:
+    export_survey(survey, tmp_path, ["uavrt"])
+    again = read_survey(tmp_path / "Pulse-uavrt.csv")
+    assert again.kind == "tagtracker"
+    one, other = survey.position_of(2), again.position_of(2)
+    assert one is not None
+    assert other is not None
+    assert one.position is not None
+    assert other.position is not None
+    metres = 111_000 * math.hypot(
+        one.position.latitude_deg - other.position.latitude_deg,
+        one.position.longitude_deg - other.position.longitude_deg,
+    )
+    assert metres < 30.0
+    exported(again, tmp_path / "again")
+
+
+def test_the_command_writes_what_is_asked_for_and_refuses_what_it_does_not_know(
+    write_flight: WriteFlight,
+) -> None:
+    flight = write_flight()
+
+    def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
+        command = [sys.executable, "-m", "uavrt.cli", "export", str(flight), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=90)
+
+    done = run("--format", "gpx", "--format", "geojson")
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in (flight / "export").iterdir()) == [
+        "flight.geojson",
+        "flight.gpx",
+    ]
+    refused = run("--format", "shapefile")
+    assert refused.returncode == 2
+    assert all(form in refused.stderr for form in EXPORT_FORMATS)
