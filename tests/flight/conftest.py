@@ -66,7 +66,13 @@ class DroneBay:
         self._stack = ExitStack()
         self._number = 0
 
-    def launch(self, scenario: Scenario, *arguments: str, **changes: object) -> Drone:
+    def launch(
+        self,
+        scenario: Scenario,
+        *arguments: str,
+        autopilot_options: tuple[str, ...] = (),
+        **changes: object,
+    ) -> Drone:
         self._number += 1
         work = self._directory / f"drone{self._number}"
         work.mkdir()
@@ -83,6 +89,7 @@ class DroneBay:
             *("--scenario", str(paths.scenario)),
             *("--companion", f"127.0.0.1:{companion_port}"),
             *("--ground", f"127.0.0.1:{ground_port}"),
+            *autopilot_options,
         )
         supervisor = self._program(
             work,

@@ -6,6 +6,7 @@ that was sent can be missing from the recording (DESIGN.md §2.7).
 
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from uavrt.errors import RecordingError
@@ -28,6 +29,7 @@ from uavrt.recording.spool import note_deliveries
 
 log = get_logger()
 
+AFTER_ALL_NS = 2**63 - 1
 ENDED_FLIGHTS = 3
 """Flights before the present one whose last pulses may still be on their way."""
 
@@ -40,6 +42,7 @@ class Recorder:
         self._flight: FlightRecorder | None = None
         self._commands: dict[int, Command] = {}
         self._fault = ""
+        self._start_ns = AFTER_ALL_NS
         self._ended: deque[Path] = deque(maxlen=ENDED_FLIGHTS)
 
     def open(self, info: FlightInfo) -> None:
@@ -47,6 +50,7 @@ class Recorder:
         if self._flight is not None and self._flight.layout.root == Path(info.directory):
             return
         self.close()
+        self._start_ns = info.start_time_ns
         try:
             self._flight = FlightRecorder.open(info, self._frame.assignment.settings)
         except RecordingError as error:
@@ -62,6 +66,7 @@ class Recorder:
             self._complain(error)
         self._ended.append(self._flight.layout.root)
         self._flight = None
+        self._start_ns = AFTER_ALL_NS
 
     def take(self, records: list[tuple[str, object]]) -> None:
         """Write records, commit once, then pass the recorded pulses on."""
@@ -88,9 +93,10 @@ class Recorder:
         """Note what reached the ground, also of flights that have ended."""
         if self._flight is not None:
             self._flight.write_delivered(record)
-        for directory in self._ended:
+        earlier = tuple(key for key in record.pulses if key[1] < self._start_ns)
+        for directory in self._ended if earlier else ():
             try:
-                note_deliveries(directory, record)
+                note_deliveries(directory, replace(record, pulses=earlier))
             except RecordingError as error:
                 log.warning("delivery not noted", reason=str(error))
 

@@ -1,0 +1,91 @@
+"""Nothing is lost between the recorder and the ground, whatever dies on the way."""
+
+import asyncio
+import os
+import signal
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from uavrt.clock import Clock
+from uavrt.ground.link import GroundLink
+from uavrt.ground.receipts import Receipts
+from uavrt.messages import PulsePose
+from uavrt.recording import read_flight
+
+MakeScenario = Callable[..., Any]
+
+
+async def until(condition: Callable[[], object], timeout_s: float) -> None:
+    async with asyncio.timeout(timeout_s):
+        while not condition():  # noqa: ASYNC110 - any condition, not one object's
+            await asyncio.sleep(0.05)
+
+
+def key_of(item: PulsePose) -> tuple[int, int]:
+    """Tag and start; the wire has microseconds at best."""
+    return item.pulse.tag_id, round(item.pulse.start_time_ns, -4)
+
+
+def connection_pid(drone: Any) -> int:
+    for _ in range(40):
+        for topic, record in drone.status.read(0.5):
+            if topic == "system_status":
+                for process in record.processes:
+                    if process.process == "connection" and process.pid:
+                        return int(process.pid)
+    raise AssertionError("no connection process")
+
+
+@pytest.mark.flight
+@pytest.mark.timeout(150)
+def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
+    drone_bay: Any, thesis_scenario: Any
+) -> None:
+    drone = drone_bay.launch(
+        thesis_scenario, autopilot_options=("--ground-loss", "0.2", "--seed", "5")
+    )
+
+    async def fly(
+        received: list[PulsePose], receipts: Receipts, *, first: bool, stop: bool
+    ) -> None:
+        def take(event: object) -> None:
+            if isinstance(event, PulsePose):
+                received.append(event)
+
+        link = GroundLink(
+            Clock.start().now_ns, on_event=take, ack_wait_s=0.5, receipts=receipts
+        )
+        task = asyncio.create_task(link.run(f"udpin://127.0.0.1:{drone.ground_port}"))
+        await link.wait_for_drone(30.0)
+        if first:
+            await link.upload_tags(thesis_scenario.tags)
+            await link.start_detection()
+        await until(lambda: len(received) >= 5, 60.0)
+        if first:
+            os.kill(connection_pid(drone), signal.SIGKILL)
+            await until(lambda: len(received) >= 9, 60.0)
+        if stop:
+            await link.stop_detection()
+            await asyncio.sleep(6.0)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    store_one: list[PulsePose] = []
+    receipts = Receipts(1)
+    asyncio.run(fly(store_one, receipts, first=True, stop=False))
+    # The same store goes on, then a new, empty one.
+    asyncio.run(fly(store_one, receipts, first=False, stop=False))
+    store_two: list[PulsePose] = []
+    asyncio.run(fly(store_two, Receipts(2), first=False, stop=True))
+    (flight,) = (drone.directory / "flights").glob("flight_log_*")
+    recorded = {key_of(item) for item in read_flight(flight).pulse_poses}
+    got = Counter(key_of(item) for item in store_two)
+    assert len(recorded) > 9
+    assert set(got) == recorded
+    assert max(got.values()) == 1
+    before = Counter(key_of(item) for item in store_one)
+    assert max(before.values()) == 1
+    assert set(before) <= recorded
