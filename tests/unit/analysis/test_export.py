@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from lxml import etree
 from PIL import Image
+from PIL.TiffImagePlugin import TiffImageFile
 
 from uavrt.analysis.export import EXPORT_FORMATS, export_survey
 from uavrt.analysis.export.geotiff import geotiff_bytes
@@ -202,6 +203,7 @@ def test_the_geotiff_lies_where_the_map_lies_and_is_read_by_another_library(
 ) -> None:
     export_survey(survey, tmp_path, ["geotiff"])
     picture = Image.open(tmp_path / "heat_tag_2.tif")
+    assert isinstance(picture, TiffImageFile)
     pixels = np.asarray(picture)
     assert picture.mode == "F"
     assert pixels.sum() == pytest.approx(1.0, abs=1e-3)
