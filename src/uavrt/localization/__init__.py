@@ -23,6 +23,13 @@ from uavrt.localization.records import (
     PositionGrid,
     PositionMethod,
 )
+from uavrt.localization.regions import region_outlines
+from uavrt.localization.strongest import (
+    SignalSurface,
+    StrongestSignal,
+    signal_surface,
+    strongest_signal,
+)
 from uavrt.localization.tangent_plane import TangentPlane
 from uavrt.localization.trackers import GridTracker, ParticleTracker, TagPrior, TrackEstimate
 from uavrt.localization.turns import Turn, find_turns
@@ -42,7 +49,9 @@ __all__ = [
     "PositionMethod",
     "PowerTrack",
     "Propagation",
+    "SignalSurface",
     "Stations",
+    "StrongestSignal",
     "TagPrior",
     "TangentPlane",
     "TrackEstimate",
@@ -56,6 +65,9 @@ __all__ = [
     "learn_pattern",
     "monopole_gain_db",
     "pair_steering",
+    "region_outlines",
+    "signal_surface",
+    "strongest_signal",
     "switched_amplitudes",
     "switched_bearing",
 ]
