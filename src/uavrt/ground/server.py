@@ -23,6 +23,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError
 from uavrt.ground import maps, tag_table
+from uavrt.ground.coordinates import readout
 from uavrt.ground.estimates import Estimator
 from uavrt.ground.exports import EXPORTS, export
 from uavrt.ground.flights import PULSE_COLUMNS, Columns
@@ -166,6 +167,7 @@ class Api:
             ("/choices", "GET", self.choices),
             ("/connection", "POST", self.connect),
             ("/commands/{name}", "POST", self.command),
+            ("/readout", "GET", self.readout),
             ("/log", "GET", self.log),
             ("/flights", "GET", self.flights),
             ("/flights/{flight_id}", "GET", self.flight),
@@ -270,6 +272,17 @@ class Api:
             return {"accepted": True, "message": await commands[name]()}
         except (CommandRefused, LinkError) as error:
             return _Answer(409, {"accepted": False, "message": str(error)})
+
+    async def readout(self, request: Request) -> Any:
+        """A place in every way of writing: ``?latitude_deg=…&longitude_deg=…``."""
+        try:
+            latitude = float(request.query_params.get("latitude_deg", ""))
+            longitude = float(request.query_params.get("longitude_deg", ""))
+        except ValueError:
+            latitude = longitude = float("nan")
+        if not (-90.0 <= latitude <= 90.0 and -360.0 <= longitude <= 360.0):
+            raise FormatError("latitude_deg and longitude_deg must be a place on earth")
+        return readout(latitude, longitude).as_dict()
 
     async def log(self, request: Request) -> Any:
         """The operator's log."""

@@ -1,0 +1,51 @@
+/**
+ * One scale for SNR: viridis, which is even to the eye and safe for the colour-blind, cut at its
+ * darkest so that it can be told from a dark ground.
+ */
+
+export const SNR_LOW = 5;
+export const SNR_HIGH = 40;
+
+const STOPS: [number, string][] = [
+  [0.0, "#443983"],
+  [0.2, "#31688e"],
+  [0.4, "#21918c"],
+  [0.6, "#35b779"],
+  [0.8, "#90d743"],
+  [1.0, "#fde725"],
+];
+
+export function snrColour(snrDb: number): string {
+  const part = Math.min(1, Math.max(0, (snrDb - SNR_LOW) / (SNR_HIGH - SNR_LOW)));
+  let at = 0;
+  while (at < STOPS.length - 2 && part > STOPS[at + 1]![0]) at += 1;
+  const [low, from] = STOPS[at]!;
+  const [high, to] = STOPS[at + 1]!;
+  return mix(from, to, (part - low) / (high - low));
+}
+
+/** The same as a MapLibre expression on a number. */
+export function snrExpression(value: unknown): unknown {
+  const stops = STOPS.flatMap(([part, colour]) => [SNR_LOW + part * (SNR_HIGH - SNR_LOW), colour]);
+  return ["interpolate", ["linear"], value, ...stops];
+}
+
+export function gradient(): string[] {
+  return STOPS.map(([part, colour]) => `${colour} ${part * 100}%`);
+}
+
+function mix(from: string, to: string, part: number): string {
+  const parts = [1, 3, 5].map((place) => {
+    const a = parseInt(from.slice(place, place + 2), 16);
+    const b = parseInt(to.slice(place, place + 2), 16);
+    return Math.round(a + (b - a) * part);
+  });
+  return `rgb(${parts.join(",")})`;
+}
+
+/** Lines of different tags: Okabe and Ito's, told apart by the colour-blind. */
+const TAG_COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
+
+export function tagColour(order: number): string {
+  return TAG_COLOURS[((order % TAG_COLOURS.length) + TAG_COLOURS.length) % TAG_COLOURS.length]!;
+}

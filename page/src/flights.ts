@@ -1,0 +1,70 @@
+/** Past flights: the list, and each to be looked at and exported. */
+
+import { ApiError, get } from "./api";
+import { by, fill, h } from "./dom";
+import { dateTime, span } from "./format";
+import { toast } from "./notice";
+import { store } from "./store";
+import type { Choices, FlightSummary } from "./types";
+
+let exports: string[] = [];
+let openView: (name: string) => void = () => undefined;
+
+export function buildFlights(go: (name: string) => void): void {
+  openView = go;
+  fill(
+    by("view-flights"),
+    h("div", { class: "toolbar" }, h("h2", {}, "Flights on this computer"), h("button", { id: "flights-refresh", onclick: () => void refresh() }, "Refresh")),
+    h("div", { id: "flights-list", class: "table-wrap" }),
+  );
+  void get<Choices>("/choices").then((choices) => {
+    exports = choices.exports;
+  });
+}
+
+export async function refresh(): Promise<void> {
+  const flights = await get<FlightSummary[]>("/flights").catch(() => []);
+  if (!flights.length) {
+    fill(by("flights-list"), h("p", { class: "empty" }, "No flight yet. The first start makes one."));
+    return;
+  }
+  const rows = flights.map((flight) => {
+    const live = flight.flight_id === store.state?.flight.flight_id && !store.state.flight.ended;
+    const tags = flight.tags.map((tag) => (tag.name ? `${tag.tag_id} ${tag.name}` : String(tag.tag_id)));
+    return h(
+      "tr",
+      { "data-flight": flight.flight_id },
+      h("td", {}, dateTime(flight.start_time_ns), live ? h("span", { class: "chip live" }, "now") : null),
+      h("td", { class: "number" }, span((flight.end_time_ns - flight.start_time_ns) / 1e9)),
+      h("td", { class: "number" }, flight.pulses.toLocaleString("en")),
+      h("td", {}, tags.join(", ")),
+      h("td", {}, flight.source === "ground" ? "received here" : "from the drone"),
+      h(
+        "td",
+        { class: "row-actions" },
+        h("button", { class: "open-flight", onclick: () => void open(flight.flight_id) }, "Open"),
+        ...exports.map((name) =>
+          h("a", { class: "export", href: `/api/flights/${encodeURIComponent(flight.flight_id)}/export/${name}`, download: "" }, name.toUpperCase()),
+        ),
+      ),
+    );
+  });
+  fill(
+    by("flights-list"),
+    h(
+      "table",
+      { class: "flights" },
+      h("thead", {}, h("tr", {}, ...["Start", "Length", "Pulses", "Tags", "Where from", "Look, save"].map((title) => h("th", { scope: "col" }, title)))),
+      h("tbody", {}, ...rows),
+    ),
+  );
+}
+
+async function open(id: string): Promise<void> {
+  try {
+    await store.open(id);
+    openView("fly");
+  } catch (error) {
+    toast(error instanceof ApiError ? error.message : "the server is not reached", 3);
+  }
+}

@@ -1,0 +1,177 @@
+/** The page: header, tabs, keys, and the views. */
+
+import "maplibre-gl/dist/maplibre-gl.css";
+import { act, buildFly, mapView } from "./fly";
+import { append, by, fill, h, say } from "./dom";
+import { buildFlights, refresh } from "./flights";
+import { fixed, span } from "./format";
+import { buildLog, showLog } from "./log";
+import { buildPlots, recolourPlots, showPlots } from "./plots";
+import { buildSetup } from "./setup";
+import { setSpeaking, speaking } from "./speech";
+import { store } from "./store";
+
+const VIEWS: [string, string][] = [
+  ["fly", "Fly"],
+  ["plots", "Plots"],
+  ["setup", "Set-up"],
+  ["log", "Log"],
+  ["flights", "Flights"],
+];
+const STATES: Record<string, string> = {
+  idle: "Idle",
+  receiving_tags: "Receiving tags",
+  has_tags: "Ready",
+  detecting: "Detecting",
+  capturing: "Capturing",
+};
+
+function buildHeader(): void {
+  const tabs = VIEWS.map(([name, label], place) =>
+    h(
+      "button",
+      {
+        id: `tab-${name}`,
+        role: "tab",
+        class: "tab",
+        "aria-controls": `view-${name}`,
+        "aria-keyshortcuts": String(place + 1),
+        onclick: () => show(name),
+      },
+      label,
+    ),
+  );
+  const list = h("div", { class: "tabs", role: "tablist", "aria-label": "Views" }, ...tabs);
+  list.addEventListener("keydown", (event) => {
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (!step) return;
+    const at = tabs.findIndex((tab) => tab.getAttribute("aria-selected") === "true");
+    const next = tabs[(at + step + tabs.length) % tabs.length]!;
+    next.focus();
+    next.click();
+  });
+  append(by("top"), [
+    h("h1", { class: "brand" }, "uavrt"),
+    list,
+    h(
+      "div",
+      { class: "chips", role: "group", "aria-label": "State" },
+      h("span", { id: "chip-state", class: "chip" }),
+      h("span", { id: "chip-link", class: "chip" }),
+      h("span", { id: "chip-drone", class: "chip" }),
+      h("span", { id: "chip-flight", class: "chip" }),
+    ),
+    h(
+      "div",
+      { class: "tools" },
+      h("button", { id: "voice", class: "tool", "aria-pressed": "false", title: "Speak warnings (V)", onclick: toggleVoice }, "Voice"),
+      h("button", { id: "theme", class: "tool", title: "Dark or light (D)", onclick: toggleTheme }, "Dark"),
+    ),
+  ]);
+}
+
+export function show(name: string): void {
+  for (const [other] of VIEWS) {
+    const chosen = other === name;
+    by(`view-${other}`).hidden = !chosen;
+    by(`tab-${other}`).setAttribute("aria-selected", String(chosen));
+    by(`tab-${other}`).tabIndex = chosen ? 0 : -1;
+  }
+  if (location.hash !== `#${name}`) history.replaceState(null, "", `#${name}`);
+  showPlots(name === "plots");
+  showLog(name === "log");
+  if (name === "flights") void refresh();
+  if (name === "fly") mapView().map.resize();
+}
+
+function drawHeader(): void {
+  const state = store.state;
+  const offline = by("banner");
+  offline.hidden = store.online && !store.review && !state?.flight.fault && !state?.connection.error;
+  if (!store.online) say(offline, "The ground station does not answer. What was received is safe; this page goes on by itself.");
+  else if (state?.flight.fault) say(offline, state.flight.fault);
+  else if (state?.connection.error) say(offline, state.connection.error);
+  else if (store.review) say(offline, `Past flight ${store.review.flight_id}`);
+  offline.className = store.online && store.review && !state?.flight.fault ? "info" : "";
+  if (!state) return;
+  const mode = state.drone.present ? (STATES[state.drone.state ?? ""] ?? "Drone heard") : "No drone";
+  chip("state", mode, state.drone.present ? (state.drone.state === "detecting" ? "live" : "good") : "bad");
+  const loss = state.link.loss;
+  const delay = state.link.round_trip_s;
+  const radio = state.link.radio ? ` · radio ${state.link.radio.rssi}/${state.link.radio.remote_rssi}` : "";
+  const link = loss === null ? "no link" : `loss ${fixed(loss * 100, 0, "%")} · ${fixed(delay === null ? null : delay * 1000, 0, "ms")}${radio}`;
+  chip("link", link, loss === null ? "bad" : loss > 0.25 ? "warn" : "good");
+  const pose = store.pose;
+  const battery = state.battery_percent === null ? "" : ` · ${state.battery_percent}\u202f%`;
+  chip("drone", pose ? `${fixed(pose.altitude_relative_m, 0, "m")} · ${fixed(pose.heading_deg, 0)}°${battery}` : "no position", pose ? "good" : "warn");
+  const flight = state.flight;
+  const length = (store.nowNs() - flight.start_time_ns) / 1e9;
+  chip("flight", flight.flight_id ? `${flight.ended ? "ended" : span(length)} · ${flight.pulses} pulses` : "no flight", flight.flight_id && !flight.ended ? "live" : "");
+  const warm = state.drone.cpu_temperature_c;
+  by("chip-state").title = warm === null ? "" : `Computer on board: ${warm.toFixed(0)} °C`;
+}
+
+function chip(name: string, text: string, kind: string): void {
+  const element = by(`chip-${name}`);
+  say(element, text);
+  element.className = `chip ${kind}`;
+}
+
+function toggleTheme(): void {
+  setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+}
+
+function setTheme(theme: string): void {
+  document.documentElement.dataset.theme = theme;
+  try {
+    localStorage.setItem("theme", theme);
+  } catch {
+    // Private windows keep nothing; it is only a colour.
+  }
+  say(by("theme"), theme === "dark" ? "Light" : "Dark");
+  mapView()?.recolour();
+  recolourPlots();
+}
+
+function toggleVoice(): void {
+  setSpeaking(!speaking());
+  by("voice").setAttribute("aria-pressed", String(speaking()));
+}
+
+const ACTION_KEYS: Record<string, string> = { t: "send_tags", s: "start", x: "stop", c: "capture", m: "mark" };
+
+function keys(event: KeyboardEvent): void {
+  const target = event.target as HTMLElement;
+  if (event.ctrlKey || event.metaKey || event.altKey || target.matches("input, select, textarea")) return;
+  const place = Number(event.key);
+  if (place >= 1 && place <= VIEWS.length) show(VIEWS[place - 1]![0]);
+  else if (event.key in ACTION_KEYS) void act(ACTION_KEYS[event.key]!);
+  else if (event.key === "d") toggleTheme();
+  else if (event.key === "v") toggleVoice();
+  else if (event.key === "f") mapView().fit();
+  else return;
+  event.preventDefault();
+}
+
+buildHeader();
+buildFly();
+buildPlots();
+buildSetup();
+buildLog();
+buildFlights(show);
+let theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+try {
+  theme = localStorage.getItem("theme") ?? theme;
+} catch {
+  // As above.
+}
+setTheme(theme);
+store.on(["state", "online", "pose", "reset"], drawHeader);
+document.addEventListener("keydown", keys);
+const wanted = location.hash.slice(1);
+show(VIEWS.some(([name]) => name === wanted) ? wanted : "fly");
+fill(by("banner"), "Connecting …");
+by("banner").hidden = false;
+store.connect();
+// For the tests, which look at the map's frames.
+(window as unknown as { uavrt: unknown }).uavrt = { store, map: () => mapView().map };

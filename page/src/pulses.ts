@@ -1,0 +1,129 @@
+/** Pulses of one flight in columns: 100 000 of them are 12 MB, not 100 000 objects. */
+
+import { yawOf } from "./geo";
+import type { PulseRecord } from "./types";
+
+const COLUMNS = ["tag", "time", "frequency", "snr", "status", "rate", "lat", "lon", "height", "yaw"] as const;
+export type Column = (typeof COLUMNS)[number];
+
+/** Where the server's columns stand; see X-Columns. */
+const SERVER = {
+  tag_id: 0,
+  start_time_ns: 1,
+  frequency_hz: 2,
+  snr_db: 3,
+  detection_status: 6,
+  rate: 7,
+  latitude_deg: 8,
+  longitude_deg: 9,
+  altitude_relative_m: 10,
+  quaternion_w: 11,
+} as const;
+
+export class Pulses {
+  count = 0;
+  private capacity = 1024;
+  private columns: Record<Column, Float64Array>;
+  private seen = new Map<number, Set<number>>();
+
+  constructor() {
+    this.columns = Object.fromEntries(
+      COLUMNS.map((name) => [name, new Float64Array(this.capacity)]),
+    ) as Record<Column, Float64Array>;
+  }
+
+  /** One column; only the first `count` values mean something. */
+  get(column: Column): Float64Array {
+    return this.columns[column];
+  }
+
+  /** Read the server's binary columns, in order of time. */
+  static from(buffer: ArrayBuffer, columnCount: number): Pulses {
+    const cells = new Float64Array(buffer);
+    const count = cells.length / columnCount;
+    const pulses = new Pulses();
+    pulses.reserve(count);
+    const at = (name: keyof typeof SERVER) =>
+      cells.subarray(SERVER[name] * count, (SERVER[name] + 1) * count);
+    const time = at("start_time_ns");
+    const order = sortedOrder(time);
+    const pick = (column: Column, source: Float64Array) => {
+      const target = pulses.columns[column];
+      if (order === null) target.set(source);
+      else for (let place = 0; place < count; place += 1) target[place] = source[order[place]!]!;
+    };
+    pick("tag", at("tag_id"));
+    pick("time", time);
+    pick("frequency", at("frequency_hz"));
+    pick("snr", at("snr_db"));
+    pick("status", at("detection_status"));
+    pick("rate", at("rate"));
+    pick("lat", at("latitude_deg"));
+    pick("lon", at("longitude_deg"));
+    pick("height", at("altitude_relative_m"));
+    const first = SERVER.quaternion_w;
+    const [w, x, y, z] = [0, 1, 2, 3].map((place) =>
+      cells.subarray((first + place) * count, (first + place + 1) * count),
+    ) as [Float64Array, Float64Array, Float64Array, Float64Array];
+    const yaw = new Float64Array(count);
+    for (let place = 0; place < count; place += 1) {
+      yaw[place] = yawOf(w[place]!, x[place]!, y[place]!, z[place]!);
+    }
+    pick("yaw", yaw);
+    pulses.count = count;
+    for (let place = 0; place < count; place += 1) {
+      pulses.remember(pulses.columns.tag[place]!, pulses.columns.time[place]!);
+    }
+    return pulses;
+  }
+
+  /** Take a pulse; false when it was here before. */
+  add(record: PulseRecord): boolean {
+    if (!this.remember(record.tag_id, record.start_time_ns)) return false;
+    this.reserve(this.count + 1);
+    const q = record.quaternion_wxyz;
+    const values: Record<Column, number | null> = {
+      tag: record.tag_id,
+      time: record.start_time_ns,
+      frequency: record.frequency_hz,
+      snr: record.snr_db,
+      status: ["subthreshold", "detected", "confirmed"].indexOf(record.detection_status),
+      rate: record.rate,
+      lat: record.latitude_deg,
+      lon: record.longitude_deg,
+      height: record.altitude_relative_m,
+      yaw: q === null ? null : yawOf(...q),
+    };
+    for (const name of COLUMNS) this.columns[name][this.count] = values[name] ?? NaN;
+    this.count += 1;
+    return true;
+  }
+
+  private remember(tag: number, time: number): boolean {
+    let times = this.seen.get(tag);
+    if (times === undefined) this.seen.set(tag, (times = new Set()));
+    if (times.has(time)) return false;
+    times.add(time);
+    return true;
+  }
+
+  private reserve(count: number): void {
+    if (count <= this.capacity) return;
+    this.capacity = Math.max(count, this.capacity * 2);
+    for (const name of COLUMNS) {
+      const grown = new Float64Array(this.capacity);
+      grown.set(this.columns[name].subarray(0, this.count));
+      this.columns[name] = grown;
+    }
+  }
+}
+
+/** Order of rising times, or null when they rise already. */
+function sortedOrder(time: Float64Array): Uint32Array | null {
+  let rising = true;
+  for (let place = 1; place < time.length && rising; place += 1) {
+    rising = time[place]! >= time[place - 1]!;
+  }
+  if (rising) return null;
+  return Uint32Array.from(time.keys()).sort((a, b) => time[a]! - time[b]!);
+}

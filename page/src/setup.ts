@@ -1,0 +1,349 @@
+/** Set-up: connection, tags, antenna, radio. Mistakes are shown where they are made. */
+
+import { ApiError, get, send } from "./api";
+import { by, fill, h, say } from "./dom";
+import { toast } from "./notice";
+import { store } from "./store";
+import type { Choices, FieldFault, Settings, TagRow } from "./types";
+
+interface Field {
+  key: string;
+  label: string;
+  unit: string;
+  hint: string;
+  text?: boolean;
+}
+
+const FIELDS: Field[] = [
+  { key: "id", label: "Id", unit: "", hint: "A whole number of its own" },
+  { key: "name", label: "Name", unit: "", hint: "For people; may stay empty", text: true },
+  { key: "frequency_mhz", label: "Frequency", unit: "MHz", hint: "As on the tag's sheet: 148.71" },
+  { key: "interval_ms", label: "Interval", unit: "ms", hint: "From pulse to pulse" },
+  { key: "second_interval_ms", label: "2nd interval", unit: "ms", hint: "Of a tag with two rates; else empty" },
+  { key: "pulse_width_ms", label: "Width", unit: "ms", hint: "Length of a pulse" },
+  { key: "interval_uncertainty_ms", label: "Uncertainty", unit: "ms", hint: "How far the interval may be off" },
+  { key: "interval_jitter_ms", label: "Jitter", unit: "ms", hint: "How far a single pulse may be off" },
+  { key: "k", label: "K", unit: "", hint: "Pulses summed for one decision; more reach farther" },
+  { key: "false_alarm_percent", label: "False alarms", unit: "%", hint: "Accepted for each decision" },
+];
+
+let rows: TagRow[] = [];
+let faults: FieldFault[] = [];
+let changed = false;
+let choices: Choices | null = null;
+let checking = 0;
+
+export function buildSetup(): void {
+  fill(
+    by("view-setup"),
+    h(
+      "div",
+      { class: "setup" },
+      h("section", { class: "block", "aria-labelledby": "h-connection" }, h("h2", { id: "h-connection" }, "Connection"), connectionForm()),
+      h("section", { class: "block", "aria-labelledby": "h-antenna" }, h("h2", { id: "h-antenna" }, "Antenna and radio"), antennaForm()),
+      h(
+        "section",
+        { class: "block wide", "aria-labelledby": "h-tags" },
+        h(
+          "div",
+          { class: "toolbar" },
+          h("h2", { id: "h-tags" }, "Tags"),
+          h("button", { id: "tag-add", onclick: () => addRow() }, "Add a tag"),
+          h("select", { id: "tag-preset", "aria-label": "New tags like", title: "New tags like" }, h("option", { value: "" }, "like the last one")),
+          importButton(),
+          ...["tags.toml", "TagInfo.txt", "tags.csv"].map((name) => h("a", { class: "export", href: `/api/tags/${name}`, download: name }, name)),
+          h("span", { id: "tag-state", class: "note", role: "status" }),
+          h("button", { id: "tag-save", class: "primary", onclick: () => void save() }, "Save"),
+        ),
+        h("div", { id: "tag-table", class: "table-wrap" }),
+        h("p", { id: "tag-fault", class: "fault-line", role: "alert" }),
+      ),
+    ),
+  );
+  store.on(["tags"], () => {
+    if (changed) return;
+    rows = structuredClone(store.tags);
+    faults = [];
+    draw();
+  });
+  store.on(["settings"], drawSettings);
+  store.on(["state", "online"], drawConnection);
+  void get<Choices>("/choices").then((found) => {
+    choices = found;
+    offer();
+    drawSettings();
+  });
+}
+
+// ------------------------------------------------------------------- tags
+
+function addRow(): void {
+  const preset = choices?.presets[Number((by("tag-preset") as HTMLSelectElement).value || "-1")];
+  const last = rows.at(-1);
+  const ids = rows.map((row) => Number(row.id)).filter(Number.isFinite);
+  const like = preset ?? last ?? choices?.presets[0] ?? {};
+  const row: TagRow = {};
+  for (const field of FIELDS) row[field.key] = (like as TagRow)[field.key] ?? "";
+  // Even ids, as the original ground station wants them.
+  row.id = ids.length ? Math.max(...ids) + 2 - (Math.max(...ids) % 2) : 2;
+  row.name = "";
+  row.frequency_mhz = "";
+  row.k = row.k || 3;
+  row.false_alarm_percent = row.false_alarm_percent || 1;
+  rows.push(row);
+  touched();
+  draw();
+  cell(rows.length - 1, "frequency_mhz")?.focus();
+}
+
+function draw(): void {
+  const head = FIELDS.map((field) =>
+    h("th", { scope: "col", title: field.hint }, field.label, field.unit ? h("span", { class: "unit" }, ` ${field.unit}`) : null),
+  );
+  const body = rows.map((row, place) =>
+    h(
+      "tr",
+      {},
+      ...FIELDS.map((field) =>
+        h(
+          "td",
+          { "data-field": field.key },
+          h("input", {
+            value: row[field.key] ?? "",
+            "aria-label": `${field.label}, row ${place + 1}`,
+            inputmode: field.text ? "text" : "decimal",
+            autocomplete: "off",
+            maxlength: 60,
+            "data-row": place,
+            "data-key": field.key,
+            oninput: (event: Event) => {
+              row[field.key] = (event.target as HTMLInputElement).value;
+              touched();
+            },
+          }),
+        ),
+      ),
+      h(
+        "td",
+        {},
+        h("button", { class: "remove", "aria-label": `Remove row ${place + 1}`, onclick: () => remove(place) }, "×"),
+      ),
+    ),
+  );
+  fill(
+    by("tag-table"),
+    rows.length
+      ? h("table", { class: "tags" }, h("thead", {}, h("tr", {}, ...head, h("th", {}))), h("tbody", {}, ...body))
+      : h("p", { class: "empty" }, "No tags. Add one, or import the file you have."),
+  );
+  drawFaults();
+}
+
+function remove(place: number): void {
+  rows.splice(place, 1);
+  touched();
+  draw();
+}
+
+function touched(): void {
+  changed = true;
+  say(by("tag-state"), "not saved");
+  const ticket = ++checking;
+  setTimeout(() => {
+    if (ticket === checking) void check();
+  }, 250);
+}
+
+async function check(): Promise<void> {
+  const ticket = checking;
+  const answer = await send<{ faults: FieldFault[] }>("POST", "/tags/check", rows).catch(() => null);
+  if (answer && ticket === checking) {
+    faults = answer.faults;
+    drawFaults();
+  }
+}
+
+async function save(): Promise<void> {
+  checking += 1;
+  try {
+    const answer = await send<{ tags: TagRow[] }>("PUT", "/tags", rows);
+    rows = answer.tags;
+    faults = [];
+    changed = false;
+    say(by("tag-state"), "saved");
+    draw();
+  } catch (error) {
+    if (error instanceof ApiError && error.faults.length) {
+      faults = error.faults;
+      drawFaults();
+      const first = faults[0]!;
+      cell(first.row, first.field)?.focus();
+    } else toast(error instanceof ApiError ? error.message : "the server is not reached", 3);
+  }
+}
+
+function drawFaults(): void {
+  document.querySelectorAll("#tag-table .fault").forEach((one) => one.remove());
+  document.querySelectorAll("#tag-table input").forEach((one) => one.removeAttribute("aria-invalid"));
+  for (const [number, fault] of faults.entries()) {
+    const input = cell(fault.row, fault.field);
+    if (!input) continue;
+    const id = `fault-${number}`;
+    input.setAttribute("aria-invalid", "true");
+    input.setAttribute("aria-describedby", id);
+    input.after(h("span", { class: "fault", id }, fault.text));
+  }
+  const first = faults[0];
+  say(by("tag-fault"), first ? `Row ${first.row + 1}, ${labelOf(first.field)}: ${first.text}` : "");
+}
+
+function labelOf(key: string): string {
+  return FIELDS.find((field) => field.key === key)?.label ?? key;
+}
+
+function cell(row: number, key: string): HTMLInputElement | null {
+  return document.querySelector(`#tag-table input[data-row="${row}"][data-key="${CSS.escape(key)}"]`);
+}
+
+function importButton(): HTMLElement {
+  const input = h("input", {
+    id: "tag-import",
+    type: "file",
+    multiple: true,
+    accept: ".txt,.toml,.csv,.db",
+    onchange: () => void importFiles(input),
+  });
+  return h("label", { class: "file" }, "Import", input);
+}
+
+async function importFiles(input: HTMLInputElement): Promise<void> {
+  const files: Record<string, string> = {};
+  for (const file of input.files ?? []) files[file.name] = await file.text();
+  input.value = "";
+  try {
+    const answer = await send<{ rows: TagRow[] }>("POST", "/tags/import", files);
+    rows = answer.rows;
+    touched();
+    draw();
+    toast(`${rows.length} tags read; look at them, then save`, 6);
+  } catch (error) {
+    say(by("tag-fault"), error instanceof ApiError ? error.message : "the server is not reached");
+  }
+}
+
+// ------------------------------------------------------------------- connection, antenna
+
+function connectionForm(): HTMLElement {
+  return h(
+    "form",
+    {
+      onsubmit: (event: Event) => {
+        event.preventDefault();
+        void connect(true);
+      },
+    },
+    h("label", {}, "How", h("select", { id: "link-kind", onchange: () => suggest() })),
+    h("label", {}, "Address", h("input", { id: "link-address", autocomplete: "off", spellcheck: "false" })),
+    h("label", {}, "Drone's software", h("select", { id: "set-generation", onchange: () => void change({ generation: value("set-generation") }) },
+      h("option", { value: "G1" }, "uavrt, TagTracker's"),
+      h("option", { value: "G0" }, "the thesis's"),
+    )),
+    h(
+      "div",
+      { class: "row" },
+      h("button", { id: "link-connect", class: "primary" }, "Connect"),
+      h("button", { id: "link-close", type: "button", onclick: () => void connect(false) }, "Disconnect"),
+      h("span", { id: "link-state", class: "note", role: "status" }),
+    ),
+  );
+}
+
+function antennaForm(): HTMLElement {
+  const number = (id: string, label: string, key: keyof Settings, hint: string) =>
+    h("label", { title: hint }, label, h("input", {
+      id,
+      inputmode: "decimal",
+      autocomplete: "off",
+      "data-setting": key,
+      onchange: () => void change({ [key]: value(id) }, id),
+    }), h("span", { class: "fault", id: `${id}-fault` }));
+  return h(
+    "form",
+    { onsubmit: (event: Event) => event.preventDefault() },
+    h("label", {}, "Antenna", h("select", { id: "set-antenna", onchange: () => void change({ antenna: value("set-antenna") }) })),
+    number("set-offset", "Turned clockwise from the told heading, °", "antenna_offset_deg", "0 when the drone's uavrt.toml holds the mounting"),
+    number("set-gain", "Gain, 0 to 21 (empty: the drone's)", "gain", "Of the Airspy"),
+    number("set-frequency", "Radio frequency, MHz (empty: chosen by the drone)", "center_frequency_mhz", "Centre of the band"),
+  );
+}
+
+function value(id: string): string {
+  return (by(id) as HTMLInputElement | HTMLSelectElement).value;
+}
+
+async function change(values: Record<string, string>, id?: string): Promise<void> {
+  const fault = id ? document.getElementById(`${id}-fault`) : null;
+  try {
+    const cleaned = Object.fromEntries(Object.entries(values).map(([key, one]) => [key, one === "" ? null : one]));
+    if ("antenna_offset_deg" in cleaned && cleaned.antenna_offset_deg === null) cleaned.antenna_offset_deg = "0";
+    await send("PUT", "/settings", cleaned);
+    if (fault) say(fault, "");
+  } catch (error) {
+    const text = error instanceof ApiError ? error.message : "the server is not reached";
+    if (fault) say(fault, text);
+    else toast(text, 3);
+  }
+}
+
+async function connect(open: boolean): Promise<void> {
+  say(by("link-state"), open ? "connecting …" : "");
+  try {
+    await send("POST", "/connection", { address: open ? value("link-address") : "" });
+  } catch (error) {
+    say(by("link-state"), error instanceof ApiError ? error.message : "the server is not reached");
+    return;
+  }
+  drawConnection();
+}
+
+function offer(): void {
+  if (!choices) return;
+  fill(
+    by("link-kind"),
+    h("option", { value: "" }, "as below"),
+    ...choices.ports.map((port) => h("option", { value: port.address }, `${port.device} ${port.description}`)),
+    h("option", { value: "udpin://127.0.0.1:14550" }, "UDP, beside QGroundControl or a simulator"),
+    h("option", { value: "udpin://0.0.0.0:14550" }, "UDP, from a telemetry Wi-Fi"),
+    h("option", { value: "tcp://127.0.0.1:5760" }, "TCP"),
+  );
+  fill(by("set-antenna"), ...Object.keys(choices.antennas).map((name) => h("option", { value: name }, name)));
+  const presets = by("tag-preset");
+  choices.presets.forEach((preset, place) => presets.append(h("option", { value: place }, String(preset.name))));
+}
+
+function suggest(): void {
+  const chosen = value("link-kind");
+  if (chosen) (by("link-address") as HTMLInputElement).value = chosen;
+}
+
+function drawSettings(): void {
+  const settings = store.settings;
+  if (!settings) return;
+  const put = (id: string, text: string) => {
+    const input = by(id) as HTMLInputElement;
+    if (document.activeElement !== input) input.value = text;
+  };
+  put("link-address", settings.address);
+  put("set-antenna", settings.antenna);
+  put("set-offset", String(settings.antenna_offset_deg));
+  put("set-gain", settings.gain === null ? "" : String(settings.gain));
+  put("set-frequency", settings.center_frequency_mhz === null ? "" : String(settings.center_frequency_mhz));
+  put("set-generation", settings.generation);
+}
+
+function drawConnection(): void {
+  const state = store.state;
+  if (!state) return;
+  const told = state.connection.error ?? (state.connection.open ? (state.drone.present ? "drone heard" : "open; no drone heard yet") : "not connected");
+  say(by("link-state"), told);
+}

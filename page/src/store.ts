@@ -1,0 +1,374 @@
+/**
+ * All that the page knows. The server is the only memory: after a reload, in a second browser or
+ * after a restart of the server the same is fetched again.
+ */
+
+import { columns, get } from "./api";
+import { Pulses } from "./pulses";
+import type {
+  BearingRecord,
+  Estimates,
+  FlightSummary,
+  LogLine,
+  PoseRecord,
+  PositionRecord,
+  PulseRecord,
+  Settings,
+  State,
+  TagRow,
+} from "./types";
+
+export type Topic =
+  | "state"
+  | "tags"
+  | "settings"
+  | "pulses"
+  | "reset"
+  | "track"
+  | "pose"
+  | "estimates"
+  | "log"
+  | "selection"
+  | "online";
+
+export interface Track {
+  time: Float64Array;
+  lat: Float64Array;
+  lon: Float64Array;
+  height: Float64Array;
+  yaw: Float64Array;
+  count: number;
+}
+
+const RECONNECT_MS = 1000;
+
+class Store {
+  online = false;
+  state: State | null = null;
+  tags: TagRow[] = [];
+  settings: Settings | null = null;
+  log: LogLine[] = [];
+  pulses = new Pulses();
+  bearings: BearingRecord[] = [];
+  positions: PositionRecord[] = [];
+  track: Track = emptyTrack();
+  pose: PoseRecord | null = null;
+  /** Flight that is looked at: null is the live one. */
+  review: (FlightSummary & { rows: TagRow[]; log: LogLine[] }) | null = null;
+  /** Replay: nothing later than this is shown. */
+  until = Infinity;
+  selected: number | null = null;
+  hidden = new Set<number>();
+
+  private listeners = new Map<Topic, Set<() => void>>();
+  private due = new Set<Topic>();
+  private offsetMs = 0;
+  private liveFlight: string | null = null;
+  private waiting: PulseRecord[] | null = null;
+  private loading = 0;
+
+  on(topics: Topic[], listener: () => void): void {
+    for (const topic of topics) {
+      if (!this.listeners.has(topic)) this.listeners.set(topic, new Set());
+      this.listeners.get(topic)!.add(listener);
+    }
+  }
+
+  /** Tell the listeners, once for each frame of the screen. */
+  emit(topic: Topic): void {
+    if (this.due.size === 0) {
+      // A hidden tab draws no frames; what it shows when it comes back must be right.
+      const run = () => this.flush();
+      if (document.hidden) setTimeout(run, 50);
+      else requestAnimationFrame(run);
+    }
+    this.due.add(topic);
+  }
+
+  private flush(): void {
+    const topics = [...this.due];
+    this.due.clear();
+    const called = new Set<() => void>();
+    for (const topic of topics) {
+      for (const listener of this.listeners.get(topic) ?? []) {
+        if (!called.has(listener)) {
+          called.add(listener);
+          listener();
+        }
+      }
+    }
+  }
+
+  /** The server's clock now, whatever this computer's says [ns]. */
+  nowNs(): number {
+    if (this.review) return Math.min(this.until, this.review.end_time_ns);
+    return (Date.now() + this.offsetMs) * 1e6;
+  }
+
+  /** The drone's clock now: times of pulses compare with it [ns]. */
+  pulseNowNs(): number {
+    if (this.review) return this.nowNs();
+    return this.nowNs() - (this.state?.drone.clock_skew_s ?? 0) * 1e9;
+  }
+
+  tagRows(): TagRow[] {
+    return this.review ? this.review.rows : this.tags;
+  }
+
+  tagName(id: number): string {
+    const row = this.tagRows().find((one) => Number(one.id) === id);
+    const name = row ? String(row.name ?? "") : "";
+    return name ? `${id} ${name}` : String(id);
+  }
+
+  tagOrder(id: number): number {
+    const place = this.tagRows().findIndex((one) => Number(one.id) === id);
+    return place >= 0 ? place : id;
+  }
+
+  flightId(): string | null {
+    return this.review ? this.review.flight_id : (this.state?.flight.flight_id ?? null);
+  }
+
+  select(id: number | null): void {
+    this.selected = id;
+    this.emit("selection");
+  }
+
+  toggle(id: number): void {
+    if (this.hidden.has(id)) this.hidden.delete(id);
+    else this.hidden.add(id);
+    this.emit("selection");
+  }
+
+  seek(timeNs: number): void {
+    this.until = timeNs;
+    this.emit("selection");
+    this.emit("estimates");
+  }
+
+  /** How many pulses are shown: all, or those up to the replay's time. */
+  shown(): number {
+    if (!Number.isFinite(this.until)) return this.pulses.count;
+    const time = this.pulses.get("time");
+    let low = 0;
+    let high = this.pulses.count;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (time[middle]! <= this.until) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  // ---------------------------------------------------------------- past flights
+
+  async open(flightId: string): Promise<void> {
+    const ticket = ++this.loading;
+    const [summary, [pulses, width], track] = await Promise.all([
+      get<FlightSummary & { rows: TagRow[]; log: LogLine[] }>(`/flights/${encodeURIComponent(flightId)}`),
+      columns(`/flights/${encodeURIComponent(flightId)}/columns`),
+      columns(`/flights/${encodeURIComponent(flightId)}/track`),
+    ]);
+    if (ticket !== this.loading) return;
+    this.review = summary;
+    this.until = Infinity;
+    this.selected = null;
+    this.hidden.clear();
+    this.pulses = Pulses.from(pulses, width);
+    this.track = trackFrom(...track);
+    this.take({ bearings: [], positions: [] });
+    this.pose = null;
+    this.waiting = null;
+    this.emit("reset");
+    this.emit("state");
+    void this.loadEstimates(flightId, ticket);
+  }
+
+  private async loadEstimates(flightId: string, ticket: number): Promise<void> {
+    const found = await get<Estimates>(`/flights/${encodeURIComponent(flightId)}/estimates`);
+    if (ticket === this.loading) this.take(found);
+  }
+
+  backToLive(): void {
+    this.review = null;
+    this.until = Infinity;
+    void this.loadLive();
+  }
+
+  // ---------------------------------------------------------------- live
+
+  connect(): void {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/api/records`);
+    socket.onmessage = (event) => this.receive(JSON.parse(String(event.data)));
+    socket.onclose = () => {
+      if (this.online) {
+        this.online = false;
+        this.emit("online");
+      }
+      setTimeout(() => this.connect(), RECONNECT_MS);
+    };
+  }
+
+  private receive(message: { topic: string; record: unknown }): void {
+    switch (message.topic) {
+      case "hello": {
+        const hello = message.record as {
+          state: State;
+          tags: TagRow[];
+          settings: Settings;
+          log: LogLine[];
+        } & Estimates;
+        this.online = true;
+        this.takeState(hello.state);
+        this.tags = hello.tags;
+        this.settings = hello.settings;
+        this.log = hello.log;
+        if (!this.review) {
+          this.take(hello);
+          void this.loadLive();
+        }
+        for (const topic of ["online", "tags", "settings", "log"] as const) this.emit(topic);
+        break;
+      }
+      case "state":
+        this.takeState(message.record as State);
+        break;
+      case "tags":
+        this.tags = message.record as TagRow[];
+        this.emit("tags");
+        break;
+      case "settings":
+        this.settings = message.record as Settings;
+        this.emit("settings");
+        break;
+      case "log":
+        this.log.push(message.record as LogLine);
+        if (this.log.length > 2000) this.log.splice(0, 500);
+        this.emit("log");
+        break;
+      case "flight":
+        this.liveFlight = null;
+        if (!this.review) void this.loadLive();
+        break;
+      case "pulse":
+        this.takePulse(message.record as PulseRecord);
+        break;
+      case "pose":
+        this.takePose(message.record as PoseRecord);
+        break;
+      case "estimates": {
+        const record = message.record as Estimates & { flight_id: string };
+        if (!this.review && record.flight_id === this.state?.flight.flight_id) this.take(record);
+        break;
+      }
+    }
+  }
+
+  private takeState(state: State): void {
+    this.state = state;
+    this.offsetMs = state.time_ns / 1e6 - Date.now();
+    if (state.vehicle && !this.review) this.pose = state.vehicle;
+    this.emit("state");
+  }
+
+  private takePulse(record: PulseRecord): void {
+    if (this.review) return;
+    if (this.waiting) {
+      this.waiting.push(record);
+      return;
+    }
+    if (record.flight_id !== this.liveFlight) {
+      void this.loadLive();
+      return;
+    }
+    if (this.pulses.add(record)) this.emit("pulses");
+  }
+
+  private takePose(pose: PoseRecord): void {
+    if (this.review) return;
+    this.pose = pose;
+    if (this.state && !this.state.flight.ended) extend(this.track, pose);
+    this.emit("pose");
+  }
+
+  private take(found: Estimates): void {
+    this.bearings = found.bearings;
+    this.positions = found.positions;
+    this.emit("estimates");
+  }
+
+  /** Fetch the live flight as it is; what comes meanwhile is added afterwards, once. */
+  private async loadLive(): Promise<void> {
+    const ticket = ++this.loading;
+    this.waiting = [];
+    const state = await get<State>("/state").catch(() => null);
+    const id = state?.flight.flight_id ?? null;
+    let pulses = new Pulses();
+    let track = emptyTrack();
+    if (id !== null) {
+      try {
+        const [[buffer, width], path] = await Promise.all([
+          columns(`/flights/${id}/columns`),
+          columns(`/flights/${id}/track`),
+        ]);
+        pulses = Pulses.from(buffer, width);
+        track = trackFrom(...path);
+      } catch {
+        // The flight is not on the disk yet; its pulses come one by one.
+      }
+    }
+    if (ticket !== this.loading || this.review) return;
+    const waiting = this.waiting ?? [];
+    this.waiting = null;
+    this.liveFlight = id;
+    this.pulses = pulses;
+    this.track = track;
+    for (const record of waiting) if (record.flight_id === id) this.pulses.add(record);
+    if (id === null) this.take({ bearings: [], positions: [] });
+    this.emit("reset");
+  }
+}
+
+function emptyTrack(): Track {
+  const cells = () => new Float64Array(256);
+  return { time: cells(), lat: cells(), lon: cells(), height: cells(), yaw: cells(), count: 0 };
+}
+
+function trackFrom(buffer: ArrayBuffer, columnCount: number): Track {
+  const cells = new Float64Array(buffer);
+  const count = cells.length / columnCount;
+  const at = (place: number) => cells.slice(place * count, (place + 1) * count);
+  const [w, x, y, z] = [at(4), at(5), at(6), at(7)];
+  const yaw = Float64Array.from(
+    w,
+    (value, place) =>
+      (Math.atan2(
+        2 * (value * z[place]! + x[place]! * y[place]!),
+        1 - 2 * (y[place]! ** 2 + z[place]! ** 2),
+      ) *
+        180) /
+      Math.PI,
+  );
+  return { time: at(0), lat: at(1), lon: at(2), height: at(3), yaw, count };
+}
+
+function extend(track: Track, pose: PoseRecord): void {
+  if (track.count >= track.time.length) {
+    const size = Math.max(256, track.time.length * 2);
+    for (const name of ["time", "lat", "lon", "height", "yaw"] as const) {
+      const grown = new Float64Array(size);
+      grown.set(track[name]);
+      track[name] = grown;
+    }
+  }
+  track.time[track.count] = pose.time_ns;
+  track.lat[track.count] = pose.latitude_deg;
+  track.lon[track.count] = pose.longitude_deg;
+  track.height[track.count] = pose.altitude_relative_m;
+  track.yaw[track.count] = pose.heading_deg;
+  track.count += 1;
+}
+
+export const store = new Store();

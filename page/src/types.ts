@@ -1,0 +1,169 @@
+/** Records of the server; docs/reference/ground-api.md describes them. */
+
+export interface PulseRecord {
+  tag_id: number;
+  start_time_ns: number;
+  frequency_hz: number | null;
+  snr_db: number | null;
+  detection_status: string;
+  rate: number;
+  latitude_deg: number | null;
+  longitude_deg: number | null;
+  altitude_relative_m: number | null;
+  quaternion_wxyz: [number, number, number, number] | null;
+  received_ns: number;
+  flight_id: string | null;
+}
+
+export interface PoseRecord {
+  time_ns: number;
+  age_s: number;
+  latitude_deg: number;
+  longitude_deg: number;
+  altitude_relative_m: number;
+  heading_deg: number;
+}
+
+export interface ActionState {
+  label: string;
+  enabled: boolean;
+  reason: string | null;
+}
+
+export interface State {
+  time_ns: number;
+  version: string;
+  connection: { address: string; open: boolean; error: string | null };
+  drone: {
+    present: boolean;
+    system_id: number | null;
+    state: string | null;
+    cpu_temperature_c: number | null;
+    directory: string | null;
+    clock_skew_s: number | null;
+  };
+  link: {
+    loss: number | null;
+    round_trip_s: number | null;
+    radio: { rssi: number; remote_rssi: number; noise: number; remote_noise: number } | null;
+    counters: Record<string, number>;
+  };
+  vehicle: PoseRecord | null;
+  armed: boolean | null;
+  battery_v: number | null;
+  battery_percent: number | null;
+  flight: {
+    flight_id: string | null;
+    start_time_ns: number;
+    ended: boolean;
+    pulses: number;
+    fault: string | null;
+  };
+  tags_sent: boolean;
+  /** Seconds since each detector was heard. */
+  detectors: Record<string, number>;
+  busy: { action: string; text: string; done: number; whole: number } | null;
+  actions: Record<string, ActionState>;
+}
+
+export type TagRow = Record<string, string | number>;
+
+export interface FieldFault {
+  row: number;
+  field: string;
+  text: string;
+}
+
+export interface Settings {
+  address: string;
+  generation: "G0" | "G1";
+  antenna: string;
+  antenna_offset_deg: number;
+  gain: number | null;
+  center_frequency_mhz: number | null;
+}
+
+export interface BearingRecord {
+  tag_id: number;
+  turn: number;
+  start_time_ns: number;
+  end_time_ns: number;
+  turned_deg: number;
+  latitude_deg: number;
+  longitude_deg: number;
+  bearing_deg: number;
+  sigma_deg: number | null;
+  interval90_deg: [number, number] | null;
+  pulses: number;
+  accepted: boolean;
+  ambiguous: boolean;
+  rose_snr_db: (number | null)[];
+}
+
+export interface Readout {
+  decimal: string;
+  dms: string;
+  utm: string | null;
+  mgrs: string | null;
+}
+
+export interface PositionRecord {
+  tag_id: number;
+  latitude_deg: number;
+  longitude_deg: number;
+  method: string;
+  stations: number;
+  radius50_m: number | null;
+  radius95_m: number | null;
+  at_edge: boolean;
+  readout: Readout;
+  region50: [number, number][][];
+  region95: [number, number][][];
+  heat: {
+    width: number;
+    height: number;
+    corners: [[number, number], [number, number], [number, number], [number, number]];
+    values: string;
+  } | null;
+}
+
+export interface Estimates {
+  bearings: BearingRecord[];
+  positions: PositionRecord[];
+}
+
+export interface LogLine {
+  number?: number;
+  time_ns: number;
+  severity: number;
+  text: string;
+  source: string;
+}
+
+export interface FlightSummary {
+  flight_id: string;
+  start_time_ns: number;
+  end_time_ns: number;
+  pulses: number;
+  tags: { tag_id: number; name: string | null; frequency_hz: number }[];
+  source: string;
+}
+
+export interface Choices {
+  ports: { device: string; description: string; address: string }[];
+  antennas: Record<string, { e_plane_db: number[] }>;
+  presets: Record<string, string | number>[];
+  maps: MapFile[];
+  maps_directory: string;
+  exports: string[];
+}
+
+export interface MapFile {
+  name: string;
+  fault: string | null;
+  format?: "pmtiles" | "mbtiles";
+  tiles?: string;
+  min_zoom?: number;
+  max_zoom?: number;
+  bounds?: [number, number, number, number];
+}

@@ -1,0 +1,14 @@
+import { defineConfig } from "vite";
+
+// Everything is bundled; the page asks nobody but its own server for anything.
+export default defineConfig({
+  base: "/",
+  build: {
+    outDir: "../src/uavrt/ground/static",
+    emptyOutDir: true,
+    assetsInlineLimit: 0,
+    chunkSizeWarningLimit: 1500,
+    sourcemap: false,
+  },
+  worker: { format: "es" },
+});
