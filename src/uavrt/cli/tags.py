@@ -1,16 +1,23 @@
-"""``uavrt tags``: check a tag file, or write it in the other format."""
+"""``uavrt tags``: check a tag file, write it in the other format, measure an unknown tag."""
 
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
+from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
+    from uavrt.analysis.measured_tag import MeasuredRate, MeasuredTag
     from uavrt.messages import Tag
 
-tags = App(name="tags", help="Check and convert tag files (TagInfo.txt, tags.toml).")
+tags = App(
+    name="tags", help="Check and convert tag files (TagInfo.txt, tags.toml); measure tags."
+)
 
 
 @tags.command
@@ -55,6 +62,118 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     print(f"{target}: {len(found)} tag(s) written")
     if named and target.suffix.lower() != ".toml":
         print(f"The names of {named} tag(s) are left out: TagInfo.txt has no place for them")
+
+
+@tags.command
+def measure(
+    recording: Path,
+    *,
+    frequency: float | None = None,
+    window: float = 2000.0,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    id: int = 2,
+    name: str | None = None,
+    format: str | None = None,
+    sample_rate: float | None = None,
+    center_frequency: float | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Find unknown tags in a recording: frequency, pulse width, intervals, jitter, drift.
+
+    What was measured goes to standard error with its standard deviations; the tag entries go
+    to the output, with room for what temperature and battery change.
+
+    Parameters
+    ----------
+    recording
+        A file with some ten pulses of a tag near by, at least.
+    frequency
+        About where, in hertz; by default the whole band is searched.
+    window
+        Half-width of the search around --frequency, in hertz.
+    output
+        A tag file to write, .toml or .txt; by default TOML on standard output.
+    id
+        Number of the first tag; the others get every second one after it.
+    name
+        Name of the tag, when there is one.
+    format
+        cf32, cs16, cu8, ci8, sigmf or wav; by default told by the file's name.
+    sample_rate
+        Samples a second, unless the recording says it.
+    center_frequency
+        Radio frequency in hertz, unless the recording says it.
+    overwrite
+        Replace the output if it exists.
+    """
+    from uavrt.analysis.measure_tag import measure_tags
+    from uavrt.config.tag_files import write_tags
+    from uavrt.config.tags_toml import format_tags_toml
+    from uavrt.radio import open_recording
+
+    if output is not None and output.exists() and not overwrite:
+        raise ConfigError(
+            f"{output} exists already", remedy="Choose another name, or add --overwrite"
+        )
+    with _progress("measuring") as on_progress:
+        found = measure_tags(
+            lambda: open_recording(
+                recording,
+                format,
+                sample_rate_hz=sample_rate,
+                center_frequency_hz=center_frequency,
+            ),
+            frequency_hz=frequency,
+            window_hz=window,
+            on_progress=on_progress,
+        )
+    entries = [
+        tag.entry(id + 2 * place, name if len(found) == 1 else None)
+        for place, tag in enumerate(found)
+    ]
+    for tag, entry in zip(found, entries, strict=True):
+        print("\n".join(_measured_lines(entry.tag_id, tag)), file=sys.stderr)
+    if output is None:
+        print(format_tags_toml(entries), end="")
+        return
+    write_tags(output, entries)
+    print(f"{output}: {len(entries)} tag(s) written", file=sys.stderr)
+
+
+def _measured_lines(tag_id: int, tag: "MeasuredTag") -> list[str]:
+    return [
+        f"tag {tag_id}: {tag.pulses} pulses, {tag.enr_db:.1f} dB",
+        f"  frequency  {tag.frequency_hz / 1e6:.6f} MHz ± {tag.frequency_sigma_hz:.1f} Hz, "
+        f"drift {60.0 * tag.drift_hz_per_s:+.1f} ± {60.0 * tag.drift_sigma_hz_per_s:.1f} "
+        "Hz a minute (by this radio's crystal)",
+        f"  width      {1e3 * tag.pulse_width_s:.2f} ± {1e3 * tag.pulse_width_sigma_s:.2f} ms",
+        *(line for rate in tag.rates for line in _rate_lines(rate)),
+    ]
+
+
+def _rate_lines(rate: "MeasuredRate") -> list[str]:
+    return [
+        f"  interval   {1e3 * rate.interval_s:.3f} ± {1e3 * rate.interval_sigma_s:.3f} ms, "
+        f"drift {1e6 * rate.drift:+.2f} ± {1e6 * rate.drift_sigma:.2f} ppm a pulse",
+        f"    jitter   {1e3 * rate.jitter_s:.2f} ms rms, at most "
+        f"{1e3 * rate.largest_deviation_s:.2f} ms",
+        f"    seen     {rate.pulses} pulses, {rate.missing} missed, "
+        f"{iso_utc(rate.first_time_ns)[:19]} to {iso_utc(rate.last_time_ns)[11:19]} UTC",
+    ]
+
+
+@contextmanager
+def _progress(what: str) -> Iterator[Callable[[float], None] | None]:
+    """Show a bar when somebody looks."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda part: bar.update(task, completed=part)
 
 
 def _sentence(tag: "Tag") -> str:

@@ -1,0 +1,191 @@
+"""One pulse, measured: start, end and frequency of a rectangular burst of carrier in noise.
+
+For a carrier of frequency f that is on from sample a to sample b, the logarithm of the
+likelihood, maximised over amplitude and phase, is ``|C[b] - C[a]|² / (b - a)`` over the noise,
+C the running sum of the samples turned back by f. All pairs (a, b) are tried at once.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+COARSE: Final = 4
+"""Step of the first search for the edges [samples]."""
+SMOOTH_S: Final = 0.002
+"""Hann window that takes away what is more than 1 kHz off; the edges' middles stay."""
+IMPULSE_S: Final = 0.0013
+IMPULSE_RATIO: Final = 30.0
+"""A sample with so many times the power usual before it and usual after it is an impulse; in
+noise that happens once in 10¹², at the edge of a pulse one side is as strong as the sample."""
+MOST_CARRIERS: Final = 4
+CARRIER_RATIO: Final = 30.0
+"""Of a carrier's peak to the median of the spectrum."""
+SHORTEST_S: Final = 0.004
+LONGEST_S: Final = 0.080
+TURNS: Final = 3
+"""Frequency and edges are measured in turn until they agree."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedPulse:
+    """What one pulse was like."""
+
+    start_s: float
+    """Since the first of the samples that were given."""
+    width_s: float
+    frequency_hz: float
+    """Relative to the centre of the samples."""
+    energy: float
+    """Squared amplitude times width, times the sample rate."""
+
+
+def fit_pulse(
+    samples: NDArray[np.complex64], *, sample_rate_hz: float, frequency_hz: float
+) -> FittedPulse:
+    """Measure the strongest pulse in some samples.
+
+    Parameters
+    ----------
+    samples : (n,) complex64 array
+        Around one pulse: it lies in their middle half, noise alone in the outer quarters.
+    sample_rate_hz : float
+        Their rate.
+    frequency_hz : float
+        About the carrier's frequency; to within a fifth of a pulse's bandwidth or so.
+    """
+    shortest = max(2, round(SHORTEST_S * sample_rate_hz))
+    longest = min(samples.size, round(LONGEST_S * sample_rate_hz))
+    samples = without_carriers(without_impulses(samples, sample_rate_hz))
+    first, last = 0, samples.size
+    running = np.zeros(1, np.complex128)
+    for turn in range(TURNS):
+        turned = samples * _turned(samples.size, frequency_hz / sample_rate_hz)
+        running = np.concatenate(([0.0], np.cumsum(_smooth(turned, sample_rate_hz))))
+        if turn < TURNS - 1:
+            first, last = _edges(running[::COARSE], shortest // COARSE, longest // COARSE)
+            first, last = COARSE * first, COARSE * last
+        first, last = _better_edges(running, first, last, shortest)
+        frequency_hz = _frequency(samples[first:last], sample_rate_hz, frequency_hz)
+    begin, end = _between(running, first, last)
+    turned = samples[first:last] * _turned(last - first, frequency_hz / sample_rate_hz)
+    return FittedPulse(
+        start_s=begin / sample_rate_hz,
+        width_s=(end - begin) / sample_rate_hz,
+        frequency_hz=frequency_hz,
+        energy=float(abs(turned.sum()) ** 2 / (last - first)),
+    )
+
+
+def without_impulses(
+    samples: NDArray[np.complex64], sample_rate_hz: float
+) -> NDArray[np.complex64]:
+    """Put zeros where single samples stand far above both of their sides."""
+    side = max(4, round(IMPULSE_S * sample_rate_hz))
+    power = samples.real**2 + samples.imag**2
+    padded = np.pad(power, side, mode="edge")
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(padded, side), axis=1)
+    # A gap of two samples on either side: a filtered impulse is a few samples wide.
+    gap = max(1, round(0.0003 * sample_rate_hz))
+    place = np.arange(samples.size)
+    before = medians[np.maximum(place - gap, 0)]
+    after = medians[np.minimum(place + side + 1 + gap, medians.size - 1)]
+    hit = power > IMPULSE_RATIO * np.maximum(before, after)
+    wide = np.convolve(hit, np.ones(2 * gap + 1), mode="same") > 0.5
+    return np.where(wide, np.complex64(0.0), samples)
+
+
+def without_carriers(samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
+    """Subtract steady carriers, as the outer quarters of the samples show them.
+
+    The pulse is in the middle half, so it takes no part. Each carrier is the peak of the
+    spectrum of what is left, fitted by least squares.
+    """
+    count = samples.size
+    outer = np.ones(count)
+    outer[count // 4 : count - count // 4] = 0.0
+    left = samples.astype(np.complex128)
+    size = int(scipy.fft.next_fast_len(8 * count))
+    for _ in range(MOST_CARRIERS):
+        power = np.abs(scipy.fft.fft(left * outer, size)) ** 2
+        peak = int(np.argmax(power))
+        if power[peak] < CARRIER_RATIO * np.median(power):
+            break
+        below, here, above = power[peak - 1], power[peak], power[(peak + 1) % size]
+        bend = below - 2.0 * here + above
+        shift = 0.5 * (below - above) / bend if bend < 0.0 else 0.0
+        line = np.exp(2j * np.pi * (peak + shift) / size * np.arange(count))
+        left = left - line * ((left * np.conj(line) * outer).sum() / outer.sum())
+    return left.astype(np.complex64)
+
+
+def _smooth(samples: NDArray[np.complex128], sample_rate_hz: float) -> NDArray[np.complex128]:
+    window = np.hanning((round(SMOOTH_S * sample_rate_hz) | 1) + 2)[1:-1]
+    return np.asarray(np.convolve(samples, window / window.sum(), mode="same"))
+
+
+def _turned(count: int, cycles: float) -> NDArray[np.complex128]:
+    return np.asarray(np.exp(-2j * np.pi * cycles * np.arange(count)), dtype=np.complex128)
+
+
+def _edges(running: NDArray[np.complex128], shortest: int, longest: int) -> tuple[int, int]:
+    """Pair of samples between which the energy over the length is greatest."""
+    best, edges = -1.0, (0, shortest)
+    for length in range(shortest, longest + 1):
+        gathered = running[length:] - running[:-length]
+        score = (gathered.real**2 + gathered.imag**2) / length
+        at = int(np.argmax(score))
+        if score[at] > best:
+            best, edges = float(score[at]), (at, at + length)
+    return edges
+
+
+def _better_edges(
+    running: NDArray[np.complex128], first: int, last: int, shortest: int
+) -> tuple[int, int]:
+    """Move both edges by up to two coarse steps, to where the likelihood is greatest."""
+    reach = np.arange(-2 * COARSE, 2 * COARSE + 1)
+    starts = np.clip(first + reach, 0, running.size - 1)
+    ends = np.clip(last + reach, 0, running.size - 1)
+    length = ends[None, :] - starts[:, None]
+    gathered = running[ends][None, :] - running[starts][:, None]
+    score = np.where(length >= shortest, np.abs(gathered) ** 2 / np.maximum(length, 1), -1.0)
+    row, column = np.unravel_index(int(np.argmax(score)), score.shape)
+    if score[row, column] < 0.0:
+        return first, last
+    return int(starts[row]), int(ends[column])
+
+
+def _frequency(pulse: NDArray[np.complex64], rate_hz: float, near_hz: float) -> float:
+    """Frequency of greatest likelihood: the spectrum's peak, refined by a parabola."""
+    size = int(scipy.fft.next_fast_len(16 * pulse.size))
+    power = np.abs(scipy.fft.fft(pulse, size)) ** 2
+    frequencies = scipy.fft.fftfreq(size, 1.0 / rate_hz)
+    # Within two widths of the line: never to another transmitter.
+    power[np.abs(frequencies - near_hz) > 2.0 * rate_hz / pulse.size] = 0.0
+    peak = int(np.argmax(power))
+    below, here, above = power[peak - 1], power[peak], power[(peak + 1) % size]
+    bend = below - 2.0 * here + above
+    shift = 0.5 * (below - above) / bend if bend < 0.0 else 0.0
+    return float(frequencies[peak] + np.clip(shift, -0.5, 0.5) * rate_hz / size)
+
+
+def _between(running: NDArray[np.complex128], first: int, last: int) -> tuple[float, float]:
+    """Edges to a fraction of a sample: how much of the amplitude the samples at them hold.
+
+    The edge samples of a pulse hold the part of them that it covers. Each edge is moved until
+    the gathered amplitude is what the inside of the pulse tells.
+    """
+    length = last - first
+    inset = max(1, length // 8)
+    inside = running[last - inset] - running[first + inset]
+    amplitude = inside / (length - 2 * inset)
+    if amplitude == 0.0:
+        return float(first), float(last)
+    reach = min(3, first, running.size - 1 - last)
+    phase = np.conj(amplitude) / abs(amplitude) ** 2
+    before = float(((running[first + inset] - running[first - reach]) * phase).real)
+    after = float(((running[last + reach] - running[last - inset]) * phase).real)
+    return first + inset - before, last - inset + after
