@@ -7,3 +7,4 @@ experiment = App(name="experiment", help="Repeat an experiment: claims that can 
 experiment.command("uavrt.cli.experiment_detection:detection")
 experiment.command("uavrt.cli.experiment_localization:localization")
 experiment.command("uavrt.cli.experiment_recovery:recovery")
+experiment.command("uavrt.cli.experiment_resources:resources")

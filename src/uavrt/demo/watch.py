@@ -10,7 +10,7 @@ from typing import Any
 from uavrt.clock import cpu_s, monotonic_s
 from uavrt.demo.programs import Program
 from uavrt.errors import UavrtError
-from uavrt.ipc import decode_record
+from uavrt.ipc import decode_record, encode_record
 from uavrt.ipc.link import LineBuffer
 from uavrt.messages import ProcessStatus, SystemStatus
 from uavrt.supervisor.usage import children_of, usage_of
@@ -74,6 +74,12 @@ class StatusReader:
             self._open = bool(data)
             records += [decode_record(line) for line in self._lines.feed(data)]
         return records
+
+    def send(self, topic: str, record: object) -> None:
+        """Send a record to the supervisor: a command."""
+        self._sock.setblocking(True)
+        self._sock.sendall(encode_record(topic, record))
+        self._sock.setblocking(False)
 
     def close(self) -> None:
         """Close the connection."""

@@ -76,6 +76,17 @@ def _usage(pid: int, *, last_field: int) -> Usage:
     return Usage(ticks / _TICKS_PER_S, int(fields[21]) * _PAGE_BYTES / 1e6)
 
 
+def own_cpu_s(pid: int) -> float:
+    """Get a process's CPU time to the scheduler's nanosecond [s]; 0 when it has gone."""
+    total_ns = 0
+    for task in Path(f"/proc/{pid}/task").glob("*/schedstat"):
+        try:
+            total_ns += int(task.read_text().split()[0])
+        except (OSError, IndexError):
+            continue
+    return total_ns * 1e-9
+
+
 def pss_mb(pid: int) -> float:
     """Get the proportional set size [MB]: a page shared by n processes counts 1/n in each.
 

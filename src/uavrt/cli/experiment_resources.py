@@ -1,0 +1,42 @@
+"""``uavrt experiment resources``."""
+
+import json
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from uavrt.experiments.resources import Plan, run_resources
+from uavrt.experiments.resources.run import THESIS_MINUTES
+
+
+def resources(
+    *,
+    duration: float = THESIS_MINUTES,
+    tags: int = 1,
+    loads: tuple[int, ...] = Plan().loads,
+    json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Measure CPU and memory of each process in a long flight, beside the thesis's tables.
+
+    Samples come from a stand-in radio program at 3 MS/s. Afterwards, flights with ever more
+    tags until real time is lost.
+
+    Parameters
+    ----------
+    duration
+        Minutes of the long flight; the thesis's moments of measurement scale with it.
+    tags
+        Tags of the long flight; the thesis had one.
+    loads
+        Numbers of tags to try afterwards.
+    json_summary
+        Print one JSON object as the last line.
+    """
+    console = Console(stderr=True)
+    plan = Plan(minutes=duration, tags=tags, loads=loads)
+    report = run_resources(plan, say=lambda line: console.print(line))
+    if json_summary:
+        print(json.dumps(report.as_dict()))
+    else:
+        Console().print(report.table())

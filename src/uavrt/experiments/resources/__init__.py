@@ -1,0 +1,7 @@
+"""What a flight costs: CPU and memory of each process, and how many tags are too many."""
+
+from uavrt.experiments.resources.flight import Reading, SteadyFlight
+from uavrt.experiments.resources.report import ResourceReport
+from uavrt.experiments.resources.run import Plan, run_resources
+
+__all__ = ["Plan", "Reading", "ResourceReport", "SteadyFlight", "run_resources"]

@@ -1,0 +1,111 @@
+"""The experiment: a long flight, then flights with ever more tags."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from uavrt.clock import Clock, monotonic_s
+from uavrt.errors import UavrtError
+from uavrt.experiments.resources.flight import SteadyFlight
+from uavrt.experiments.resources.report import Load, Moment, ResourceReport, by_process
+from uavrt.experiments.resources.thesis import MINUTES
+
+THESIS_MINUTES = float(MINUTES[-1])
+STRETCH = 0.5
+"""Part of the time since the last moment over which the CPU share is taken; the first stretch
+also leaves out the start."""
+RADIO = "radio (stand-in)"
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """How long and how much."""
+
+    minutes: float = THESIS_MINUTES
+    """Of wall time; the moments of measurement scale with it."""
+    tags: int = 1
+    loads: tuple[int, ...] = (100, 200, 400, 800, 1600)
+    """Numbers of tags to try, until real time is lost; none: leave it out."""
+    load_s: float = 40.0
+    """How long each is tried."""
+
+
+def run_resources(plan: Plan, *, say: Say = lambda _line: None) -> ResourceReport:
+    """Run the experiment in real time.
+
+    Raises
+    ------
+    UavrtError
+        The drone side did not start, or ended by itself.
+    """
+    moments, lost = _long_flight(plan, say)
+    loads: list[Load] = []
+    for tags in plan.loads:
+        loads.append(_load(tags, plan.load_s))
+        say(f"{tags} tags: {'in real time' if loads[-1].real_time else 'too many'}")
+        if not loads[-1].real_time:
+            break
+    return ResourceReport(
+        tags=plan.tags, moments=tuple(moments), lost_samples=lost, loads=tuple(loads)
+    )
+
+
+def _long_flight(plan: Plan, say: Say) -> tuple[list[Moment], float]:
+    with SteadyFlight(plan.tags) as flight:
+        flight.upload()
+        flight.start()
+        began_s = monotonic_s()
+        moments = []
+        for thesis_minute in MINUTES:
+            due_s = began_s + 60.0 * plan.minutes * thesis_minute / THESIS_MINUTES
+            start_s = due_s - STRETCH * max(0.0, due_s - monotonic_s())
+            moments.append(_moment(flight, start_s, due_s, began_s))
+            say(f"{moments[-1].minute:.1f} min measured")
+        return moments, flight.lost_samples()
+
+
+def _moment(flight: SteadyFlight, start_s: float, end_s: float, began_s: float) -> Moment:
+    """Measure between two times."""
+    _fly_until(flight, start_s)
+    before, before_s = by_process(flight.readings(), "cpu_s"), monotonic_s()
+    _fly_until(flight, end_s)
+    readings, now_s = flight.readings(), monotonic_s()
+    after = by_process(readings, "cpu_s")
+    return Moment(
+        minute=round((now_s - began_s) / 60.0, 2),
+        cpu_percent={
+            name: 100.0 * (after[name] - before.get(name, 0.0)) / (now_s - before_s)
+            for name in after
+        },
+        pss_mb=by_process(readings, "pss_mb"),
+    )
+
+
+def _fly_until(flight: SteadyFlight, end_s: float) -> None:
+    while (left_s := end_s - monotonic_s()) > 0:
+        flight.listen(min(0.5, left_s))
+
+
+def _load(tags: int, seconds: float) -> Load:
+    clock = Clock.start()
+    with SteadyFlight(tags) as flight:
+        try:
+            flight.upload()
+            flight.start()
+        except UavrtError:
+            return Load(tags=tags, cpu_percent=0.0, behind_s=float("inf"), lost_samples=0.0)
+        began_s = monotonic_s()
+        moment = _moment(flight, began_s + 0.4 * seconds, began_s + seconds, began_s)
+        newest_ns = min(
+            health.counters.get("last_sample_ns", 0.0)
+            for name, health in flight.health.items()
+            if name.startswith("detector")
+        )
+        return Load(
+            tags=tags,
+            cpu_percent=sum(v for k, v in moment.cpu_percent.items() if k != RADIO),
+            # The health is up to a second old; so much is no sign of being late.
+            behind_s=max(0.0, (clock.now_ns() - newest_ns) * 1e-9 - 1.0),
+            lost_samples=flight.lost_samples(),
+        )
