@@ -1,6 +1,7 @@
 """The real gateway process on the loopback, seen by a second participant."""
 
 import socket
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -115,13 +116,15 @@ def node_list(ros_peer: Any, wait_until: Any, read: Any) -> Any:
     return found[-1]
 
 
-def collect(wait_until: Any, read: Any, count: int) -> list[bytes]:
-    """At least so many samples."""
+def collect(
+    wait_until: Any, read: Any, complete: Callable[[list[bytes]], bool] = bool
+) -> list[bytes]:
+    """Samples until they are complete; by default, until there is one."""
     found: list[bytes] = []
 
     def enough() -> bool:
         found.extend(read())
-        return len(found) >= count
+        return bool(found) and complete(found)
 
     wait_until(enough)
     return found
@@ -180,25 +183,21 @@ def test_pulses_arrive_byte_for_byte_with_and_without_a_pose(
     sent = [a_pulse(number) for number in range(60)]
     # The reader and the writer have found each other when the first pulse comes through.
     first: list[bytes] = []
+    first_poses: list[bytes] = []
 
     def connected() -> bool:
         gateway.send("pulse", sent[0])
         gateway.send("pulse_pose", PulsePose(pulse=sent[0], pose=POSE))
         first.extend(pulses())
-        return bool(first) and bool(poses())
+        first_poses.extend(poses())
+        return bool(first) and bool(first_poses)
 
     wait_until(connected)
     for pulse in sent[1:]:
         gateway.send("pulse", pulse)
         gateway.send("pulse_pose", PulsePose(pulse=pulse, pose=None))
     last = encode(pulse_to_ros(sent[-1], directory))
-    got: list[bytes] = []
-
-    def all_there() -> bool:
-        got.extend(pulses())
-        return any(trimmed(cdr, last) for cdr in got)
-
-    wait_until(all_there)
+    got = collect(wait_until, pulses, lambda got: trimmed(got[-1], last))
     expected = [encode(pulse_to_ros(pulse, directory)) for pulse in sent[1:]]
     later = [cdr for cdr in got if not trimmed(cdr, encode(pulse_to_ros(sent[0], directory)))]
     assert len(later) == len(expected)
@@ -207,9 +206,8 @@ def test_pulses_arrive_byte_for_byte_with_and_without_a_pose(
     message = ros_peer.read(later[0], PULSE)
     assert message.frequency == pytest.approx(148.7200125)
     assert message.start_time.nanosec == sent[1].start_time_ns % 10**9
-    with_pose = [cdr for cdr in collect(wait_until, poses, 59) if cdr]
     absent = encode(pulse_pose_to_ros(PulsePose(pulse=sent[-1], pose=None), directory))
-    assert trimmed(with_pose[-1], absent)
+    with_pose = collect(wait_until, poses, lambda got: trimmed(got[-1], absent))
     theirs = ros_peer.read(with_pose[-1], "uavrt_interfaces/msg/PulsePose")
     assert theirs.antenna_pose.position.x != theirs.antenna_pose.position.x
 
@@ -281,6 +279,8 @@ def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
     gateway = launch()
     number = iter(range(1, 1000))
     seen: list[bytes] = []
+    starts: list[bytes] = []
+    stored: list[bytes] = []
 
     def ask(name: str, tag: Tag | None = None) -> None:
         request: Any = Command(
@@ -297,12 +297,17 @@ def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
         gateway.send("flight", FLIGHT)
         gateway.send("flight_end", FLIGHT)
         seen.extend(detector())
-        return bool(start()) and bool(tags()) and bool(seen)
+        starts.extend(start())
+        stored.extend(tags())
+        return bool(starts) and bool(stored) and bool(seen)
 
     wait_until(connected)
     ask("add_tag", TAGS[1])
-    shown = collect(wait_until, tags, 1)[-1]
-    assert trimmed(shown, encode(tag_to_ros(TAGS[1])))
+    second = encode(tag_to_ros(TAGS[1]))
+    # Some of the first tag may still be on their way.
+    shown = collect(wait_until, tags, lambda got: trimmed(got[-1], second))
+    first_tag = encode(tag_to_ros(TAGS[0]))
+    assert all(trimmed(cdr, first_tag) for cdr in shown[:-1])
     ids: set[str] = set()
 
     def each_tag_has_its_detector() -> bool:
@@ -400,7 +405,7 @@ def test_the_antenna_s_pose_and_the_log_are_told(
     assert message.header.stamp.nanosec == POSE.time_ns % 10**9
     assert (message.pose.position.x, message.pose.position.y) == (47.0, 8.5)
     # The log reaches whoever comes late: it was written before we were found.
-    line = ros_peer.read(collect(wait_until, logs, 1)[0], "rcl_interfaces/msg/Log")
+    line = ros_peer.read(collect(wait_until, logs)[0], "rcl_interfaces/msg/Log")
     assert (line.level, line.msg, line.name) == (40, "radio absent", "StartStopComponent")
 
 
@@ -421,7 +426,7 @@ def test_a_refused_command_is_told_with_its_reason(
             message="no tags: send tags first",
         ),
     )
-    line = ros_peer.read(collect(wait_until, logs, 1)[-1], "rcl_interfaces/msg/Log")
+    line = ros_peer.read(collect(wait_until, logs)[-1], "rcl_interfaces/msg/Log")
     assert (line.level, line.msg) == (30, "start_detection refused: no tags: send tags first")
 
 
