@@ -6,6 +6,7 @@ needs no threshold; pulses that were missed count as "below the threshold".
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,20 +72,16 @@ def pattern_ml(
     best_deg = peak_deg(found.log_density)
     heard = len(matched_power)
     model_db = found.level_db + gain(np.array([best_deg]))[:heard, 0] - noise_db[:heard]
-    residual = _residuals(matched_power, model_db, found.fading_db, folds)
-    chi2 = float(np.sum(residual**2) / max(1, heard - 2)) if heard else None
-    # Pulses near the threshold are seen only when luck was with them: they would look like a
-    # misfit, so those that could have been missed do not judge the shape.
-    sure = np.ones(heard, bool)
-    if len(missed_below):
-        sure = model_db > 10.0 * np.log10(missed_below.max()) + 1.5 * found.fading_db
-    correlation = _correlation(residual[sure], headings.yaw_deg[:heard][sure])
-    inflation = (1.0 + correlation) / (1.0 - correlation)
-    if fading_db is not None and chi2 is not None:
-        inflation *= max(1.0, chi2)
+    misfit = _misfit(
+        headings.yaw_deg[:heard], matched_power, missed_below, model_db, found.fading_db, folds
+    )
+    inflation = (1.0 + misfit.correlation) / (1.0 - misfit.correlation)
+    if fading_db is not None and misfit.reduced_chi2 is not None:
+        inflation *= max(1.0, misfit.reduced_chi2)
     log_density = found.log_density / inflation
     density = np.exp(log_density - log_density.max())
     density /= density.sum()
+    sure = misfit.sure
     double = two_paths(
         headings.yaw_deg[:heard][sure],
         matched_power[sure],
@@ -111,13 +108,55 @@ def pattern_ml(
         second_lobe_probability=second,
         # A misfit makes the odds less certain just as it does the direction.
         evidence=(directional - found.log_flat) / inflation,
-        reduced_chi2=chi2,
-        multipath_suspected=paths_deg is not None or _is_marked(int(sure.sum()), correlation),
+        reduced_chi2=misfit.reduced_chi2,
+        multipath_suspected=paths_deg is not None or misfit.marked,
         paths_deg=paths_deg,
         fading_db=found.fading_db,
         level_db=found.level_db,
         level_sigma_db=found.level_sigma_db * inflation**0.5,
         posterior=whole_degrees(density),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Misfit:
+    """How the powers differ from the best bearing's."""
+
+    sure: NDArray[np.bool_]
+    """(n,) heard pulses that could not have been missed."""
+    correlation: float
+    """Of neighbours, 0 to 0.9; a standard deviation of chance is taken off."""
+    reduced_chi2: float | None
+
+    @property
+    def marked(self) -> bool:
+        """Whether the correlation is beyond chance: 3.3 sigma, 1 in 1000 or so."""
+        count = int(self.sure.sum())
+        return count > 0 and self.correlation > 2.3 / math.sqrt(count)
+
+
+def _misfit(
+    yaw_deg: NDArray[np.float64],
+    matched_power: NDArray[np.float64],
+    missed_below: NDArray[np.float64],
+    model_db: NDArray[np.float64],
+    fading_db: float,
+    folds: int,
+) -> _Misfit:
+    """Compare heard pulses (n,) with the model's levels.
+
+    Pulses near the threshold are heard only when luck was with them and would look like a
+    misfit; those that could have been missed do not judge the shape.
+    """
+    residual = _residuals(matched_power, model_db, fading_db, folds)
+    sure = np.ones(len(residual), bool)
+    if len(missed_below):
+        sure = model_db > 10.0 * np.log10(missed_below.max()) + 1.5 * fading_db
+    degrees = max(1, len(residual) - 2)
+    return _Misfit(
+        sure=sure,
+        correlation=_correlation(residual[sure], yaw_deg[sure]),
+        reduced_chi2=float(np.sum(residual**2)) / degrees if len(residual) else None,
     )
 
 
@@ -154,8 +193,3 @@ def _correlation(residual: NDArray[np.float64], yaw_deg: NDArray[np.float64]) ->
     in_time = float(residual[1:] @ residual[:-1]) / power
     over_heading = float(turned @ np.roll(turned, 1)) / power
     return float(np.clip(max(in_time, over_heading) - count**-0.5, 0.0, 0.9))
-
-
-def _is_marked(count: int, correlation: float) -> bool:
-    """Whether a correlation (less one sigma) is beyond chance: 3.3 sigma, 1 in 1000 or so."""
-    return count > 0 and correlation > 2.3 / math.sqrt(count)

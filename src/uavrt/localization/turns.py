@@ -91,33 +91,32 @@ def find_turns(
     for first, last in _runs(hovering):
         yaw = np.unwrap(yaw_deg[first:last], period=360.0)
         for start, stop in _legs(yaw):
-            if abs(yaw[stop] - yaw[start]) < least_turn_deg:
-                continue
             leg = slice(first + start, first + stop + 1)
-            for part in _without_long_pauses(
-                seconds[leg], yaw[start : stop + 1], longest_pause_s
-            ):
+            within = yaw[start : stop + 1]
+            for part in _without_long_pauses(seconds[leg], within, longest_pause_s):
                 span = slice(leg.start + part[0], leg.start + part[1] + 1)
-                unwrapped = yaw[span.start - first : span.stop - first]
+                turned = yaw[span.start - first : span.stop - first]
                 drift = np.hypot(
                     east[span] - np.median(east[span]), north[span] - np.median(north[span])
                 )
-                turned = float(unwrapped[-1] - unwrapped[0])
-                if abs(turned) < least_turn_deg or float(drift.max()) > radius_m:
-                    continue
-                middle = plane.to_geodetic(np.median(east[span]), np.median(north[span]))
-                turns.append(
-                    Turn(
-                        start_time_ns=int(time_ns[span.start]),
-                        end_time_ns=int(time_ns[span.stop - 1]),
-                        turned_deg=turned,
-                        stops=len(_stops(seconds[span], unwrapped)),
-                        widest_gap_deg=widest_gap_deg(unwrapped),
-                        latitude_deg=float(middle[0]),
-                        longitude_deg=float(middle[1]),
-                    )
-                )
+                if abs(turned[-1] - turned[0]) >= least_turn_deg and drift.max() <= radius_m:
+                    place = plane.to_geodetic(np.median(east[span]), np.median(north[span]))
+                    turns.append(_described(time_ns[span], seconds[span], turned, place))
     return turns
+
+
+def _described(
+    time_ns: _Ints, seconds: _Floats, yaw: _Floats, place: tuple[_Floats, _Floats]
+) -> Turn:
+    return Turn(
+        start_time_ns=int(time_ns[0]),
+        end_time_ns=int(time_ns[-1]),
+        turned_deg=float(yaw[-1] - yaw[0]),
+        stops=len(_stops(seconds, yaw)),
+        widest_gap_deg=widest_gap_deg(yaw),
+        latitude_deg=float(place[0]),
+        longitude_deg=float(place[1]),
+    )
 
 
 def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:

@@ -86,3 +86,34 @@ def test_a_reflection_50_degrees_away_is_flagged(relative_db: float) -> None:
         wrong = abs(difference_deg(found.bearing_deg, bearing)) > 10.0
         unnoticed += wrong and not found.ambiguous
     assert unnoticed <= 1
+
+
+def test_weak_pulses_summed_give_what_single_strong_ones_do() -> None:
+    """Eight stops at 8 dB: hopeless pulse by pulse, ten of them together are not."""
+    rng = np.random.default_rng(24)
+    pattern, yaw = PATTERNS["RA-23K"], np.arange(0.0, 360.0, 45.0)
+    errors = []
+    for _ in range(60):
+        bearing = float(rng.uniform(0, 360))
+        s = 10 ** ((8.0 + pattern.gain_db(bearing - yaw)) / 10)
+        noise = rng.normal(size=(2, 10, 8)) / np.sqrt(2)
+        power = ((np.sqrt(s) + noise[0]) ** 2 + noise[1] ** 2).mean(axis=0)
+        found = estimate_bearing(yaw, None, matched_power=power, folds=10)
+        errors.append(difference_deg(found.bearing_deg, bearing))
+    assert np.sqrt(np.mean(np.square(errors))) < 12.0
+
+
+def test_fading_that_lasts_widens_the_interval() -> None:
+    """Correlation 0.8 from pulse to pulse: 60 pulses are worth some seven."""
+    rng = np.random.default_rng(25)
+    yaw = np.arange(0.0, 360.0, 6.0)
+    inside = []
+    for _ in range(60):
+        bearing = float(rng.uniform(0, 360))
+        fading = rng.normal(0, 2.0, 60)
+        for pulse in range(1, 60):
+            fading[pulse] = 0.8 * fading[pulse - 1] + 0.6 * fading[pulse]
+        snr = 25.0 + PATTERNS["RA-23K"].gain_db(bearing - yaw) + fading
+        found = estimate_bearing(yaw, snr)
+        inside.append(holds(found, difference_deg(found.bearing_deg, bearing)))
+    assert np.mean(inside) >= 0.75
