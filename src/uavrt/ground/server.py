@@ -50,7 +50,7 @@ _NO_PAGE = """<!doctype html><html lang="en"><meta charset="utf-8">
 <title>uavrt ground station</title><h1>The page is not built</h1>
 <p>This installation was made without its page, because npm could not be reached. The server
 works; scripts can use <a href="/api/state">/api/state</a> and its neighbours.</p>
-<p>To build the page, with internet, in the clone: <code>python hatch_build.py page</code></p>
+<p>To build the page, with internet, in the clone: <code>pip install -e .</code></p>
 """
 
 
