@@ -66,6 +66,7 @@ class Supervisor:
         self._rows = rows_for(settings)
         self._on_record = on_record
         self._wake = asyncio.Event()
+        self._to_pump: dict[str, Instance] = {}
         self._stopping = False
         self._end_task: asyncio.Future[None] | None = None
         self._output = OutputLog(directory)
@@ -245,10 +246,21 @@ class Supervisor:
         for row in consumers_of(topic, self._rows):
             instance = self._fleet.instance_of(row)
             instance.outbox.put(line)
-            if instance.child is not None:
-                instance.child.pump()
+            self._pump_soon(instance)
         if self._on_record is not None:
             self._on_record(line)
+
+    def _pump_soon(self, instance: Instance) -> None:
+        """Send once per turn of the loop: all that one read has brought goes out together."""
+        if not self._to_pump:
+            asyncio.get_running_loop().call_soon(self._pump)
+        self._to_pump[instance.name] = instance
+
+    def _pump(self) -> None:
+        instances, self._to_pump = self._to_pump, {}
+        for instance in instances.values():
+            if instance.child is not None:
+                instance.child.pump()
 
     # ---------------------------------------------------------------- status
 

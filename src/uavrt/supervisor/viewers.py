@@ -25,17 +25,27 @@ class Viewers:
 
     def __init__(self) -> None:
         self._writers: set[asyncio.StreamWriter] = set()
+        self._lines: list[bytes] = []
         self.supervisor: Supervisor | None = None
 
     def show(self, line: bytes) -> None:
         """Send a record line to every viewer."""
+        if self._writers:
+            if not self._lines:
+                asyncio.get_running_loop().call_soon(self._show_all)
+            self._lines.append(line)
+
+    def _show_all(self) -> None:
+        """Send what has gathered in this turn of the loop."""
+        data = b"".join(self._lines)
+        self._lines.clear()
         for writer in list(self._writers):
             if writer.transport.get_write_buffer_size() > VIEWER_BUFFER_BYTES:
                 log.warning("viewer too slow: disconnected")
                 self._writers.discard(writer)
                 writer.transport.abort()
             else:
-                writer.write(line)
+                writer.write(data)
 
     async def serve(self, path: str) -> asyncio.Server:
         """Open the socket.
