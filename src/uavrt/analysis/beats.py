@@ -68,6 +68,10 @@ def _best_beat(
         chain = _longest_chains(times_s, interval_s)
         if chain.size < FEWEST:
             continue
+        # Votes tell the interval to some milliseconds, which breaks chains: once more with
+        # what the first chain says.
+        again = _longest_chains(times_s, fit_beat(times_s[chain], interval_s).interval_s)
+        chain = again if again.size > chain.size else chain
         beat = fit_beat(times_s[chain], interval_s)
         if beat.scatter_s > TOLERANCE_S or _chance(beat, times_s.size, span_s) > HIGHEST_CHANCE:
             continue
@@ -101,7 +105,9 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
             break
         near = slice(max(0, at - 3), at + 4)
         center = float((votes[near] * np.arange(votes.size)[near]).sum() / votes[near].sum())
-        candidates.append(center * step_s)
+        # With pulses missing, twice or three times the interval may have more votes.
+        parts = (center * step_s / part for part in (1.0, 2.0, 3.0))
+        candidates += [interval_s for interval_s in parts if interval_s >= SHORTEST_S]
         smooth[max(0, at - 5) : at + 6] = 0.0
     return candidates
 

@@ -317,9 +317,7 @@ def _figure(height: float) -> "Figure":
 def _colours() -> "Colormap":
     from matplotlib import colormaps
 
-    colours = colormaps["viridis"].copy()
-    colours.set_bad("0.8")
-    return colours
+    return colormaps["viridis"].with_extremes(bad="0.8")
 
 
 def _legend(axes: "Axes", otherwise: str) -> None:

@@ -14,6 +14,7 @@ from uavrt.config.settings import (
     RadioSettings,
     RecordingSettings,
     Settings,
+    UdpChannelSettings,
 )
 from uavrt.config.tag_files import parse_tags, read_tags, write_tags
 
@@ -24,6 +25,7 @@ __all__ = [
     "RadioSettings",
     "RecordingSettings",
     "Settings",
+    "UdpChannelSettings",
     "default_settings_text",
     "load_settings",
     "parse_settings",

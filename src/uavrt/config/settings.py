@@ -116,6 +116,23 @@ class RecordingSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class UdpChannelSettings:
+    """``[udp_channels]``: the tags' channels for the original's detectors as well."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
+    enabled: bool = False
+    """Send each tag's channel as UDP datagrams: 1024 samples at 3750 a second."""
+    host: str = "127.0.0.1"
+    """Where to."""
+    ports: Literal["current", "thesis"] = "current"
+    """``current``: 20000 + 2 × (channel - 1), and the next for a tag's second rate;
+    ``thesis``: 20000 + channel - 1. The flight's ``detectorConfig.txt`` names each port."""
+    stamps: Literal["seconds", "milliseconds"] = "seconds"
+    """``seconds`` and nanoseconds as the current original, or the thesis's ``milliseconds``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Ros2Settings:
     """``[ros2]``: the gateway to ROS 2; needs the extra ``uavrt[ros2]``."""
 
@@ -148,6 +165,7 @@ class Settings:
     antenna: AntennaSettings = field(default_factory=AntennaSettings)
     detection: DetectionSettings = field(default_factory=DetectionSettings)
     recording: RecordingSettings = field(default_factory=RecordingSettings)
+    udp_channels: UdpChannelSettings = field(default_factory=UdpChannelSettings)
     ros2: Ros2Settings = field(default_factory=Ros2Settings)
     status_socket: str | None = None
     """Path of a Unix socket on which the supervisor shows its topics as JSON lines."""

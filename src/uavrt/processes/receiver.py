@@ -16,6 +16,7 @@ from uavrt.ipc.samples import ChannelSender
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, IQBlock
 from uavrt.radio import SampleSource, open_radio
+from uavrt.radio.channel_output import ChannelOutput
 from uavrt.radio.sanity import SampleCheck
 from uavrt.recording.iq_recorder import IQRecorder
 from uavrt.recording.layout import FlightLayout
@@ -55,6 +56,7 @@ class Receiver:
             worker = assignment.worker_of_tag[tag.tag_id]
             self._workers_of_channel.setdefault(channel, set()).add(worker)
         self._recorder = self._open_recorder(frame, flight)
+        self._output = self._open_output(frame, flight)
         self._check = SampleCheck("the radio")
         self.failures = 0
         self.samples = 0
@@ -79,6 +81,25 @@ class Receiver:
             log.error("samples not recorded", reason=str(error))
             return None
 
+    def _open_output(self, frame: ProcessFrame, flight: FlightInfo) -> ChannelOutput | None:
+        """Open the original's ports if asked for; without them detection goes on."""
+        settings = frame.assignment.settings.udp_channels
+        if not settings.enabled:
+            return None
+        try:
+            output = ChannelOutput(
+                settings,
+                flight.tags,
+                band_rate_hz=self._front_end.plan.band_rate_hz,
+                center_frequency_hz=flight.center_frequency_hz,
+            )
+        except UavrtError as error:
+            log.error("channels not sent by UDP", reason=str(error))
+            return None
+        if output.left_out:
+            log.warning("tags beyond the original's channels", count=output.left_out)
+        return output
+
     def process(self, block: IQBlock) -> None:
         """Decimate, record, channelize and send one block."""
         self.samples += len(block.samples)
@@ -91,6 +112,8 @@ class Receiver:
         self._check.look(band)
         if self._recorder is not None:
             self._recorder.put(band)
+        if self._output is not None:
+            self._output.process(band)
         for channel in self._front_end.channelize(band):
             for worker in self._workers_of_channel[channel.channel]:
                 self._senders[worker].send(channel)
@@ -99,6 +122,8 @@ class Receiver:
         """Start the filters anew: what comes next does not continue what was."""
         self.failures += 1
         self._front_end.reset()
+        if self._output is not None:
+            self._output.reset()
         self._check = SampleCheck("the radio")
 
     def flush(self) -> None:
@@ -110,6 +135,8 @@ class Receiver:
         """Finish the recording."""
         if self._recorder is not None:
             self._recorder.close()
+        if self._output is not None:
+            self._output.close()
 
     def counters(self) -> Mapping[str, float]:
         """Count what came, what was lost, what was recorded."""
@@ -125,6 +152,8 @@ class Receiver:
         if self._recorder is not None:
             counters["recording_samples"] = self._recorder.written_samples
             counters["recording_samples_dropped"] = self._recorder.dropped_samples
+        if self._output is not None:
+            counters |= self._output.counters()
         return counters
 
 

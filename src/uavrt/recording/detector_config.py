@@ -9,6 +9,7 @@ channels that uavrt gives on request, and says to a person what was searched.
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from uavrt.clock import iso_utc
 from uavrt.config.text_files import write_text_atomically
@@ -36,7 +37,13 @@ class DetectorConfig:
     """Stretches not to search, from and to, relative to the channel's centre."""
 
 
-def detector_config(tag: Tag, center_frequency_hz: float, log_path: str = "") -> DetectorConfig:
+def detector_config(
+    tag: Tag,
+    center_frequency_hz: float,
+    log_path: str = "",
+    *,
+    ports: Literal["current", "thesis"] = "thesis",
+) -> DetectorConfig:
     """Find the tag's channel of the original's 100 around the radio frequency.
 
     A tag beyond them (another radio, no channelizer) has a channel of its own and port 0.
@@ -49,7 +56,7 @@ def detector_config(tag: Tag, center_frequency_hz: float, log_path: str = "") ->
             center_frequency_hz + steps * CHANNEL_RATE_HZ if inside else tag.frequency_hz
         ),
         sample_rate_hz=CHANNEL_RATE_HZ,
-        data_port=_DATA_PORT + steps % CHANNELS if inside else 0,
+        data_port=_DATA_PORT + (1 + (ports == "current")) * (steps % CHANNELS) if inside else 0,
         log_path=log_path,
     )
 

@@ -224,7 +224,13 @@ class FlightRecorder:
             # A ground station records too, and is not told the radio's frequency.
             if not path.exists() and math.isfinite(info.center_frequency_hz):
                 output = str(self.layout.tag_pulse_pose_log(tag.tag_id).parent)
-                config = detector_config(tag, info.center_frequency_hz, output)
+                sent = None if settings is None else settings.udp_channels
+                config = detector_config(
+                    tag,
+                    info.center_frequency_hz,
+                    output,
+                    ports="thesis" if sent is None or not sent.enabled else sent.ports,
+                )
                 write_detector_config(path, config, info.start_time_ns)
         try:
             self._logs.complete_from(self._connected())

@@ -1,0 +1,90 @@
+"""The tags' channels for the original's detectors, beside those for ours.
+
+Our channels are twice oversampled; the original's detectors want its own 3750 samples a second
+and its channel numbers. So the band, decimated once for both, is split again in the compatible
+mode, in the channels in use: 0.2 to 0.9 % of a core.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from uavrt.config.settings import UdpChannelSettings
+from uavrt.dsp import FrontEnd
+from uavrt.messages import IQBlock, Tag
+from uavrt.radio.channel_datagram import channel_port
+from uavrt.radio.channel_sender import ChannelDatagramSender
+
+
+class ChannelOutput:
+    """Sends the channels of tags to the original's ports.
+
+    Parameters
+    ----------
+    settings : UdpChannelSettings
+        Where to, and how.
+    tags : sequence of Tag
+        Whose channels; those of tags beyond the original's band are left out.
+    band_rate_hz, center_frequency_hz : float
+        Of the decimated band.
+
+    Raises
+    ------
+    UavrtError
+        No tag lies in the band, or it cannot be split.
+    """
+
+    def __init__(
+        self,
+        settings: UdpChannelSettings,
+        tags: Sequence[Tag],
+        *,
+        band_rate_hz: float,
+        center_frequency_hz: float,
+    ) -> None:
+        def front_end(frequencies_hz: Sequence[float]) -> FrontEnd:
+            return FrontEnd(
+                sample_rate_hz=band_rate_hz,
+                center_frequency_hz=center_frequency_hz,
+                frequencies_hz=frequencies_hz,
+                mode="compatible",
+            )
+
+        half_span_hz = front_end(()).plan.usable_half_span_hz
+        inside = [
+            tag for tag in tags if abs(tag.frequency_hz - center_frequency_hz) <= half_span_hz
+        ]
+        self._front_end = front_end([tag.frequency_hz for tag in inside])
+        self.left_out = len(tags) - len(inside)
+        """Tags beyond the original's band."""
+        ports: dict[int, list[int]] = {}
+        for tag in inside:
+            channel = self._front_end.channel_of(tag.frequency_hz)
+            places = ports.setdefault(channel, [channel_port(channel, settings.ports)])
+            if len(tag.pulse_intervals_s) > 1 and settings.ports == "current":
+                second = channel_port(channel, settings.ports, second=True)
+                places += [second] * (second not in places)
+        self.ports: Mapping[int, Sequence[int]] = ports
+        """Of each channel, numbered from 0."""
+        self._sender = ChannelDatagramSender(
+            ports if inside else {}, host=settings.host, style=settings.stamps
+        )
+
+    def process(self, band: IQBlock) -> None:
+        """Take the next block of the decimated band."""
+        if self.ports:
+            for channel in self._front_end.process(band):
+                self._sender.send(channel)
+
+    def reset(self) -> None:
+        """Start the filters anew after the radio has failed."""
+        self._front_end.reset()
+
+    def counters(self) -> dict[str, float]:
+        """Count what was sent."""
+        return {
+            "udp_channel_datagrams": self._sender.datagrams,
+            "udp_channel_datagrams_dropped": self._sender.dropped,
+        }
+
+    def close(self) -> None:
+        """Close the sockets."""
+        self._sender.close()
