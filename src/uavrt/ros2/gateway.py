@@ -5,7 +5,7 @@ It knows nothing of sockets: it is given records, messages and the time, and ret
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 from uavrt.config.settings import Settings
 from uavrt.errors import FormatError
@@ -26,8 +26,9 @@ from uavrt.messages import (
 from uavrt.pose import Mounting
 from uavrt.ros2 import convert, graph
 from uavrt.ros2.allowance import Allowance
+from uavrt.ros2.bus import Bus
 from uavrt.ros2.cdr import decode
-from uavrt.ros2.graph import AIRSPY, COMPONENTS, START_STOP, TOPICS, RosTopic
+from uavrt.ros2.graph import AIRSPY, COMPONENTS, START_STOP, RosTopic
 from uavrt.ros2.messages import (
     ERROR,
     OK,
@@ -54,16 +55,6 @@ REMEMBERED_PULSES = 1000
 
 LOG_LEVELS = (50, 50, 50, 40, 30, 20, 20, 10)
 """Level of ``rosout`` for each severity of MAVLink, 0 emergency to 7 debug."""
-
-
-class Bus(Protocol):
-    """The ROS 2 side, as the gateway needs it."""
-
-    def publish(self, topic: str, message: RosMessage, node: str | None = None) -> None:
-        """Send a message."""
-
-    def take(self, limit: int) -> list[tuple[RosTopic, bytes]]:
-        """Get messages that have arrived."""
 
 
 class Gateway:
@@ -400,10 +391,3 @@ def _next_due(due_ns: int, now_ns: int, period_s: float) -> int:
     """Keep the beat, unless so late that it is lost."""
     period_ns = round(period_s * 1e9)
     return due_ns + period_ns if now_ns - due_ns < period_ns else now_ns + period_ns
-
-
-assert set(COMPONENTS) == {
-    name.removeprefix("status_").removesuffix("_subprocess")
-    for name in TOPICS
-    if name.startswith("status_")
-}

@@ -71,6 +71,12 @@ def test_every_topic_has_nodes_that_exist() -> None:
         assert {topic.publisher, *topic.subscribers} <= set(graph.NODES)
 
 
+def test_every_component_has_its_control_and_status_topics() -> None:
+    for component, node in graph.COMPONENTS.items():
+        assert graph.TOPICS[f"control_{component}_subprocess"].subscribers == (node,)
+        assert graph.TOPICS[f"status_{component}_subprocess"].publisher == node
+
+
 def test_the_graph_is_that_of_the_thesis() -> None:
     # Fig. 2.1 of the thesis, as topics between nodes (reference/control.md §1.2).
     edges = {
