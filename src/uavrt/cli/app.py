@@ -22,6 +22,8 @@ app.command("uavrt.cli.bearing:bearing")
 app.command("uavrt.cli.localize:localize")
 app.command("uavrt.cli.channelize:channelize")
 app.command("uavrt.cli.export:export")
+app.command("uavrt.cli.fetch:fetch")
+app.command("uavrt.cli.report:report")
 app.command("uavrt.cli.tags:tags")
 app.command("uavrt.cli.experiment:experiment")
 

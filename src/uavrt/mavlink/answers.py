@@ -7,7 +7,11 @@ from uavrt.mavlink.dialect import MavCmd, MavProtocolCapability, MavResult
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.message import Message
 
-CAPABILITIES = MavProtocolCapability.MAVLINK2 | MavProtocolCapability.COMMAND_INT
+CAPABILITIES = (
+    MavProtocolCapability.MAVLINK2
+    | MavProtocolCapability.COMMAND_INT
+    | MavProtocolCapability.FTP
+)
 
 
 def answer_command(

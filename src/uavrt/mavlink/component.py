@@ -43,6 +43,8 @@ class Handlers:
     """A tunnel payload of type 0 (its valid bytes) and who sent it."""
     private: Callable[[int, bytes, Peer], None] = lambda kind, payload, peer: None
     """A tunnel payload of a private type."""
+    ftp: Callable[[bytes, Peer], None] = lambda payload, peer: None
+    """A request of a file client."""
     radio_status: Callable[[dialect.RadioStatus], None] = lambda status: None
     """The telemetry radio's report."""
 
@@ -167,6 +169,8 @@ class Component:
                     self._new_autopilot(now_ns)
             case dialect.Tunnel():
                 self._tunnel(message, peer)
+            case dialect.FileTransferProtocol():
+                self._handlers.ftp(message.payload, peer)
             case dialect.RadioStatus():
                 self._handlers.radio_status(message)
             case dialect.Timesync():

@@ -173,7 +173,7 @@ class PacedQueue:
 
 
 def _size(item: Item) -> int:
-    """Bytes of the frame, at most."""
+    """Bytes of the frame."""
     if isinstance(item, Tunnelled):
         return FRAME_OVERHEAD + len(item.payload)
-    return HEADER_BYTES + item.LAYOUT.size
+    return HEADER_BYTES + len(item.pack().rstrip(b"\0"))

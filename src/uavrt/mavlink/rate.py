@@ -36,6 +36,7 @@ QUEUE_GROW_S = 0.15
 QUEUE_SHRINK_S = 0.35
 """A SiK radio's whole buffer is 1850 B, 0.6 s of it."""
 MEAN_WEIGHT = 0.1
+QUICK_GROWTH = 1.25
 
 
 class LinkRate:
@@ -51,6 +52,8 @@ class LinkRate:
         self._means: deque[float] = deque(maxlen=BASE_WINDOW)
         self._round_ns = 0
         self._held_back = False
+        self._quick = True
+        """Nothing has been queued yet: the link may be a fast one."""
         self.radio_buffer_free_percent: int | None = None
 
     def bytes_s(self, now_ns: int) -> float:
@@ -91,8 +94,11 @@ class LinkRate:
     def _follow_queue(self, queue_s: float) -> None:
         if queue_s > QUEUE_SHRINK_S:
             self._rate *= 0.9
-        elif queue_s < QUEUE_GROW_S and self._held_back:
-            self._rate *= 1.05
+            self._quick = False
+        elif queue_s >= QUEUE_GROW_S:
+            self._quick = False
+        elif self._held_back:
+            self._rate *= QUICK_GROWTH if self._quick else 1.05
         self._held_back = False
         self._rate = min(MOST_BY_ACKS_BYTES_S, max(LEAST_BYTES_S, self._rate))
 

@@ -16,6 +16,8 @@ from uavrt.ipc.link import SupervisorGone
 from uavrt.log import get_logger
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
 from uavrt.mavlink.dialect import RadioStatus
+from uavrt.mavlink.ftp_files import FileTree
+from uavrt.mavlink.ftp_server import FileServer
 from uavrt.messages import (
     AttitudeSample,
     Command,
@@ -72,6 +74,7 @@ class ConnectionProcess:
                 position=self._position,
                 tunnel=self._tunnel,
                 private=self._private,
+                ftp=self._ftp,
                 radio_status=self._radio_status,
             ),
             frame.clock.now_ns,
@@ -84,6 +87,8 @@ class ConnectionProcess:
         self._link.tunnel.add_source(self._outlet.sender, Priority.PULSE)
         if frame.assignment.flight is not None:
             self._outlet.flight(frame.assignment.flight.directory)
+        self._files = FileServer(FileTree(settings.recording.directory), self._link.tunnel.wake)
+        self._link.tunnel.add_source(self._files, Priority.FILE)
         self._state = SystemState.IDLE
         self._next_heartbeat_s = 0.0
         self._next_report_s: dict[int, float] = {}
@@ -153,6 +158,7 @@ class ConnectionProcess:
         now_ns = self._frame.clock.now_ns()
         self._outlet.sender.station_present(self._link.station_present, now_ns)
         self._outlet.tick(now_ns)
+        self._files.work()
         self._link.tunnel.wake()
         if monotonic_s() >= self._next_heartbeat_s:
             self._next_heartbeat_s = monotonic_s() + HEARTBEAT_S
@@ -221,6 +227,12 @@ class ConnectionProcess:
         now_ns = self._frame.clock.now_ns()
         self._link.tunnel.rate.radio_status(status.txbuf, now_ns)
 
+    def _ftp(self, payload: bytes, peer: Peer) -> None:
+        now_ns = self._frame.clock.now_ns()
+        trip_s = self._files.receive(payload, peer, now_ns)
+        if trip_s is not None:
+            self._link.tunnel.rate.acknowledged(trip_s, now_ns)
+
     def _note_delivered(self, delivered: Delivered) -> None:
         self._frame.send("delivered", delivered)
 
@@ -256,6 +268,7 @@ class ConnectionProcess:
             "pose_resets": self._ring.resets,
             **{name: float(count) for name, count in self._exchange.counters.items()},
             **self._outlet.counters(),
+            **self._files.counters(),
             **self._link.counters(),
         }
 

@@ -13,6 +13,7 @@ from uavrt import tunnel
 from uavrt.clock import Clock
 from uavrt.errors import TunnelError
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
+from uavrt.mavlink.ftp_server import FileServer
 from uavrt.messages import AttitudeSample, Pose, PositionSample, Pulse, PulsePose, Tag
 from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
 from uavrt.tunnel.private import RECEIPT_TYPE, Receipt
@@ -68,12 +69,14 @@ class DroneSide:
             position=self.positions.append,
             tunnel=self._command,
             private=self._private,
+            ftp=self._ftp,
         )
         self._clock = clock
         self.connection = Connection(handlers, clock.now_ns)
         self.sender = ReliableSender[PulsePose](lambda p: tunnel.pulse_to_wire(p).encode())
         self.connection.tunnel.add_source(self.sender, Priority.PULSE)
         self._sent = 0
+        self.files: FileServer | None = None
 
     def send_pulse(self, pulse_pose: PulsePose) -> None:
         self._sent += 1
@@ -87,6 +90,13 @@ class DroneSide:
             self.sender.station_present(present, self._clock.now_ns())
             self.connection.tunnel.wake()
             await asyncio.sleep(0.05)
+
+    def _ftp(self, payload: bytes, peer: Peer) -> None:
+        now_ns = self._clock.now_ns()
+        if self.files is not None:
+            trip_s = self.files.receive(payload, peer, now_ns)
+            if trip_s is not None:
+                self.connection.tunnel.rate.acknowledged(trip_s, now_ns)
 
     def _private(self, payload_type: int, payload: bytes, peer: Peer) -> None:
         assert payload_type == RECEIPT_TYPE

@@ -1,0 +1,413 @@
+"""The file server against clients that nobody here wrote, and against bad requests."""
+
+import asyncio
+import contextlib
+import os
+import random
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+from typing import Any
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given, settings
+
+from uavrt.mavlink import Peer, Priority
+from uavrt.mavlink.dialect import FileTransferProtocol
+from uavrt.mavlink.ftp_files import FileTree
+from uavrt.mavlink.ftp_server import MAX_SESSIONS, FileServer
+from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
+
+CLIENT = Peer(255, 190)
+OTHER = Peer(245, 190)
+CONTENT = random.Random(5).randbytes(8_000)
+
+
+@pytest.fixture
+def flights(tmp_path: Path) -> Path:
+    root = tmp_path / "flights"
+    (root / "flight_log_1" / "iq").mkdir(parents=True)
+    (root / "flight_log_1" / "flight.sqlite").write_bytes(CONTENT)
+    (root / "flight_log_1" / "empty.txt").write_bytes(b"")
+    (tmp_path / "secret").write_text("not yours")
+    (root / "link").symlink_to(tmp_path / "secret")
+    (root / "link_directory").symlink_to(tmp_path)
+    os.mkfifo(root / "pipe")
+    return root
+
+
+class Asker:
+    """Sends requests and takes the replies, without a link."""
+
+    def __init__(self, server: FileServer, peer: Peer = CLIENT) -> None:
+        self.server, self.peer, self.sequence = server, peer, 0
+
+    def replies(self) -> list[FtpPacket]:
+        found = []
+        for _ in range(200):
+            self.server.work()
+        while (message := self.server.take(0, 1e4)) is not None if self.waits() else False:
+            assert isinstance(message, FileTransferProtocol)
+            assert message.target_system == self.peer.system_id
+            found.append(FtpPacket.decode(message.payload))
+        return found
+
+    def waits(self) -> bool:
+        return self.server.wait_ns(0) == 0
+
+    def ask(self, opcode: int, path: str = "", **values: Any) -> FtpPacket:
+        self.sequence += 2
+        data = {"data": path.encode()} if path else {}
+        packet = FtpPacket(sequence=self.sequence, opcode=opcode, **data, **values)  # type: ignore[arg-type]
+        self.server.receive(packet.encode(), self.peer, 0)
+        (reply,) = self.replies()
+        assert reply.sequence == self.sequence + 1
+        assert reply.request_opcode == opcode
+        assert reply.session == packet.session
+        return reply
+
+
+@pytest.fixture
+def asker(flights: Path) -> Iterator[Asker]:
+    server = FileServer(FileTree(flights, {"general.json": b"{}"}))
+    yield Asker(server)
+    server.close()
+
+
+def error_of(reply: FtpPacket) -> FtpError:
+    assert reply.opcode == Opcode.NAK
+    return FtpError(reply.data[0])
+
+
+def test_a_directory_is_listed_without_links_and_pipes(asker: Asker) -> None:
+    reply = asker.ask(Opcode.LIST_DIRECTORY, "/")
+    assert reply.data == b"Dflight_log_1\0Fgeneral.json\t2\0"
+    inside = asker.ask(Opcode.LIST_DIRECTORY, "/flight_log_1").data
+    assert inside == b"Fempty.txt\t0\0Fflight.sqlite\t8000\0Diq\0"
+    past = asker.ask(Opcode.LIST_DIRECTORY, "/flight_log_1", offset=3)
+    assert error_of(past) is FtpError.END_OF_FILE
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("/../secret", "/flight_log_1/../../secret", "/link", "/link_directory/secret"),
+        *("/flight_log_1", "/pipe", "/nothing", "/flight_log_1/flight.sqlite/x", "a" * 230),
+    ],
+)
+@pytest.mark.parametrize("opcode", [Opcode.OPEN_FILE_RO, Opcode.CALC_FILE_CRC32])
+def test_what_is_outside_or_no_file_cannot_be_opened(
+    asker: Asker, path: str, opcode: int
+) -> None:
+    assert error_of(asker.ask(opcode, path)) in (FtpError.FILE_NOT_FOUND, FtpError.FAIL_ERRNO)
+
+
+def test_a_link_cannot_be_listed_through(asker: Asker) -> None:
+    reply = asker.ask(Opcode.LIST_DIRECTORY, "/link_directory")
+    assert error_of(reply) is FtpError.FILE_NOT_FOUND
+
+
+@pytest.mark.parametrize("opcode", [6, 7, 8, 9, 10, 11, 12, 13])
+def test_nothing_can_be_written(asker: Asker, opcode: int, flights: Path) -> None:
+    before = sorted(flights.rglob("*"))
+    reply = asker.ask(opcode, "/flight_log_1/flight.sqlite")
+    assert error_of(reply) is FtpError.FILE_PROTECTED
+    assert sorted(flights.rglob("*")) == before
+
+
+def test_an_unknown_opcode_is_refused_at_once(asker: Asker) -> None:
+    assert error_of(asker.ask(16, "/")) is FtpError.UNKNOWN_COMMAND
+
+
+@pytest.mark.parametrize("session", [0, 1, 77, 255])
+def test_a_file_is_read_under_the_session_that_the_client_chose(
+    asker: Asker, session: int
+) -> None:
+    opened = asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite", session=session)
+    assert int.from_bytes(opened.data, "little") == len(CONTENT)
+    got = b""
+    while True:
+        reply = asker.ask(Opcode.READ_FILE, session=session, offset=len(got), size=DATA_SIZE)
+        if reply.opcode == Opcode.NAK:
+            break
+        got += reply.data
+    assert error_of(reply) is FtpError.END_OF_FILE
+    assert got == CONTENT
+    assert asker.ask(Opcode.TERMINATE_SESSION, session=session).opcode == Opcode.ACK
+    gone = asker.ask(Opcode.READ_FILE, session=session, size=10)
+    assert error_of(gone) is FtpError.INVALID_SESSION
+
+
+def test_a_burst_gives_the_file_in_parts_until_it_asks_to_go_on(asker: Asker) -> None:
+    asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
+    got, bursts = b"", 0
+    while len(got) < len(CONTENT):
+        asker.sequence += 2
+        request = FtpPacket(
+            sequence=asker.sequence, opcode=Opcode.BURST_READ_FILE, offset=len(got), size=200
+        )
+        asker.server.receive(request.encode(), CLIENT, 0)
+        parts = asker.replies()
+        assert [p.sequence for p in parts] == [
+            asker.sequence + 1 + i for i in range(len(parts))
+        ]
+        if parts[-1].opcode == Opcode.NAK:
+            assert FtpError(parts.pop().data[0]) is FtpError.END_OF_FILE
+        else:
+            assert parts[-1].burst_complete
+        assert not any(part.burst_complete for part in parts[:-1])
+        for part in parts:
+            assert part.offset == len(got)
+            got += part.data
+        bursts += 1
+    assert got == CONTENT
+    assert bursts == 2  # half a second at 10 kB/s each
+    end = asker.ask(Opcode.BURST_READ_FILE, offset=len(CONTENT), size=200)
+    assert error_of(end) is FtpError.END_OF_FILE
+
+
+def test_a_repeated_request_gets_the_same_reply_and_is_done_once(asker: Asker) -> None:
+    asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
+    request = FtpPacket(
+        sequence=asker.sequence, opcode=Opcode.OPEN_FILE_RO, data=b"/flight_log_1/flight.sqlite"
+    )
+    asker.server.receive(request.encode(), CLIENT, 0)
+    (again,) = asker.replies()
+    assert again.opcode == Opcode.ACK
+    assert asker.server.counters()["ftp_sessions"] == 1
+    assert asker.server.repeated == 1
+    asker.ask(Opcode.TERMINATE_SESSION)
+    terminate = FtpPacket(sequence=asker.sequence, opcode=Opcode.TERMINATE_SESSION)
+    asker.server.receive(terminate.encode(), CLIENT, 0)
+    (still,) = asker.replies()
+    assert still.opcode == Opcode.ACK
+
+
+def test_sessions_of_clients_are_apart_and_bounded(asker: Asker) -> None:
+    other = Asker(asker.server, OTHER)
+    asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
+    other.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt")
+    assert asker.ask(Opcode.READ_FILE, size=5).data == CONTENT[:5]
+    assert error_of(other.ask(Opcode.READ_FILE, size=5)) is FtpError.END_OF_FILE
+    other.ask(Opcode.RESET_SESSIONS)
+    assert asker.ask(Opcode.READ_FILE, size=5, offset=5).data == CONTENT[5:10]
+    for session in range(1, MAX_SESSIONS):
+        asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=session)
+    full = asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=99)
+    assert error_of(full) is FtpError.NO_SESSIONS_AVAILABLE
+
+
+def test_the_checksum_is_that_of_the_service(asker: Asker) -> None:
+    reply = asker.ask(Opcode.CALC_FILE_CRC32, "/flight_log_1/flight.sqlite")
+    assert int.from_bytes(reply.data, "little") == checksum(CONTENT)
+    # The usual check value with start 0 and no inversion (CRC-32/JAMCRC starts at all ones).
+    assert checksum(b"123456789") == 0x2DFD2D88
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.lists(st.binary(min_size=251, max_size=251), max_size=8))
+def test_any_bytes_are_answered_and_change_nothing(payloads: list[bytes]) -> None:
+    server = FileServer(FileTree("/nonexistent", {"a": b"123"}))
+    for number, payload in enumerate(payloads):
+        server.receive(payload, CLIENT, number)
+        for _ in range(300):
+            if server.wait_ns(number) != 0:
+                break
+            server.take(number, 1e4)
+        server.work()
+    assert server.counters()["ftp_sessions"] <= MAX_SESSIONS
+    server.close()
+
+
+# ------------------------------------------------------------- clients from elsewhere
+
+
+@contextlib.asynccontextmanager
+async def served(world: Any, flights: Path) -> AsyncIterator[FileServer]:
+    """The world's drone with a file server, as in the connection process."""
+    connection = world.drone.connection
+    server = FileServer(FileTree(flights), connection.tunnel.wake)
+    connection.tunnel.add_source(server, Priority.FILE)
+    world.drone.files = server
+
+    async def work() -> None:
+        while True:
+            server.work()
+            await asyncio.sleep(0.02)
+
+    async with world.flying():
+        task = asyncio.create_task(work())
+        try:
+            yield server
+        finally:
+            task.cancel()
+            server.close()
+
+
+def test_mavsdk_lists_downloads_and_compares(world: Any, flights: Path, tmp_path: Path) -> None:
+    import mavsdk
+    from mavsdk.plugins.ftp import Ftp
+
+    def client() -> None:
+        kind = mavsdk.ComponentType.GROUND_STATION
+        sdk = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(kind))
+        try:
+            sdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
+            for _ in range(200):
+                systems = sdk.get_systems()
+                if systems and 191 in systems[0].component_ids():
+                    break
+                time.sleep(0.05)
+            ftp = Ftp(systems[0])
+            ftp.set_target_compid(191)
+            listing = ftp.list_directory("/flight_log_1")
+            assert {"flight.sqlite", "empty.txt"} <= names_in(listing)
+            for burst in (False, True):
+                place = tmp_path / f"mavsdk{burst}"
+                place.mkdir()
+                download(ftp, "/flight_log_1/flight.sqlite", place, burst)
+                assert (place / "flight.sqlite").read_bytes() == CONTENT
+            local = str(tmp_path / "mavsdkTrue" / "flight.sqlite")
+            assert ftp.are_files_identical(local, "/flight_log_1/flight.sqlite")
+        finally:
+            sdk.destroy()
+
+    async def main() -> None:
+        async with served(world, flights) as server:
+            await asyncio.to_thread(client)
+            # Opcode 16, and an end of a session that listing did not open.
+            assert server.refused == 2
+            assert world.autopilot.counters()["dropped_to_ground"] == 0
+
+    asyncio.run(main())
+
+
+def names_in(listing: Any) -> set[str]:
+    return set(re.findall(r"[\w.]+", str([vars(entry) for entry in listing.entries])))
+
+
+def test_pymavlinks_client_lists_and_reads(world: Any, flights: Path, tmp_path: Path) -> None:
+    local = tmp_path / "got.bin"
+
+    def client() -> str:
+        finished = subprocess.run(
+            [
+                sys.executable,
+                *("-c", PYMAVLINK_CLIENT, str(world.ground_port), str(local)),
+            ],
+            capture_output=True,
+            text=True,
+            timeout=90,
+            check=False,
+        )
+        return finished.stdout + finished.stderr
+
+    async def main() -> None:
+        async with served(world, flights):
+            said = await asyncio.to_thread(client)
+            assert local.exists(), said
+            assert "flight.sqlite" in said
+            assert world.autopilot.counters()["dropped_to_ground"] == 0
+
+    asyncio.run(main())
+    assert local.read_bytes() == CONTENT
+
+
+PYMAVLINK_CLIENT = """
+import os, sys, time
+os.environ["MAVLINK20"] = "1"
+from pymavlink import mavutil, mavftp
+link = mavutil.mavlink_connection(
+    f"udpin:127.0.0.1:{sys.argv[1]}", source_system=255, source_component=190
+)
+deadline = time.monotonic() + 20
+while time.monotonic() < deadline:
+    link.mav.heartbeat_send(6, 8, 0, 0, 4)
+    message = link.recv_match(type="HEARTBEAT", blocking=True, timeout=1)
+    if message is not None and message.get_srcComponent() == 191:
+        break
+ftp = mavftp.MAVFTP(link, 1, 191)
+ftp.cmd_list(["/flight_log_1"])
+reply = ftp.process_ftp_reply("ListDirectory", timeout=10)
+print([entry.name for entry in ftp.list_result])
+ftp.cmd_get(["/flight_log_1/flight.sqlite", sys.argv[2]])
+result = ftp.process_ftp_reply("OpenFileRO", timeout=60)
+print(vars(result))
+"""
+
+
+MAVPROXY_COMMANDS = """\
+module load ftp
+vehicle 1:191
+ftp list /flight_log_1
+ftp crc /flight_log_1/flight.sqlite
+ftp get /flight_log_1/flight.sqlite {local}
+"""
+
+
+def test_mavproxy_lists_compares_and_reads(world: Any, flights: Path, tmp_path: Path) -> None:
+    pytest.importorskip("MAVProxy", reason="the extra peer MAVProxy is not installed")
+    local = tmp_path / "got.bin"
+
+    def client() -> str:
+        program = subprocess.Popen(
+            [
+                sys.executable,
+                *("-m", "MAVProxy.mavproxy", "--default-modules=link"),
+                f"--master=udpin:127.0.0.1:{world.ground_port}",
+                f"--state-basedir={tmp_path}",
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=tmp_path,
+            env=os.environ | {"MAVLINK20": "1", "HOME": str(tmp_path)},
+        )
+        assert program.stdin is not None
+        time.sleep(3.0)
+        for line in MAVPROXY_COMMANDS.format(local=local).splitlines():
+            program.stdin.write(line + "\n")
+            program.stdin.flush()
+            time.sleep(1.5)
+        deadline_s = time.monotonic() + 45.0
+        while time.monotonic() < deadline_s:
+            if local.exists() and local.stat().st_size == len(CONTENT):
+                break
+            time.sleep(0.2)
+        program.terminate()
+        said, _ = program.communicate(timeout=10)
+        return said
+
+    async def main() -> None:
+        async with served(world, flights):
+            said = await asyncio.to_thread(client)
+            assert "flight.sqlite" in said, said
+            assert f"0x{checksum(CONTENT):08x}" in said.lower(), said
+            assert local.exists(), said
+
+    asyncio.run(main())
+    assert local.read_bytes() == CONTENT
+
+
+def download(ftp: Any, remote: str, place: Path, burst: bool) -> None:
+    from mavsdk.plugins.ftp.ftp import FtpResult
+
+    done = threading.Event()
+    failed: list[str] = []
+
+    def progress(result: Any, data: Any, *_: Any) -> None:
+        result = FtpResult(result)
+        if result is not FtpResult.NEXT:
+            if result is not FtpResult.SUCCESS:
+                failed.append(result.name)
+            done.set()
+
+    ftp.download_async(remote, str(place), burst, progress)
+    assert done.wait(60.0)
+    assert not failed
