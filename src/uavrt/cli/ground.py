@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import os
 import signal
-import sys
 import webbrowser
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from uavrt.cli.screen import has_screen
 from uavrt.config import read_tags
 from uavrt.errors import ConfigError
 from uavrt.ground.station import Station, StationSettings, json_line
@@ -158,13 +158,6 @@ def _opening(show: Any) -> Any:
             webbrowser.open(event["address"])
 
     return show_and_open
-
-
-def has_screen() -> bool:
-    """Tell whether a browser could show something."""
-    if sys.platform in ("win32", "darwin"):
-        return True
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def _print_json(event: dict[str, Any]) -> None:

@@ -3,7 +3,7 @@
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -43,16 +43,25 @@ class Demo:
         Seed of everything random in the world.
     flight_dir : Path
         Where the drone makes its flight directory.
-    ground_port : int, optional
-        UDP port of the ground station; None picks a free one.
+    page_port : int, optional
+        Port of the ground station's page, 0 for any free one; None flies without a page.
+    on_page : callable, optional
+        Called with the page's address when it is there.
     """
 
     def __init__(
-        self, *, duration_s: float, seed: int, flight_dir: Path, ground_port: int | None
+        self,
+        *,
+        duration_s: float,
+        seed: int,
+        flight_dir: Path,
+        page_port: int | None = None,
+        on_page: Callable[[str], None] | None = None,
     ) -> None:
         self.scenario = demo_scenario(duration_s, seed)
         self._flight_dir = flight_dir
-        self._ground_port = ground_port or free_udp_port()
+        self._page_port = page_port
+        self._on_page = on_page
         self._stack = ExitStack()
         self.view = DemoView(
             duration_s=duration_s,
@@ -89,9 +98,10 @@ class Demo:
         return paths
 
     def _start(self, paths: DemoPaths) -> None:
-        companion_port = free_udp_port()
+        companion_port, ground_port = free_udp_port(), free_udp_port()
         start_ns = Clock.start().now_ns() + round(START_LEAD_S * 1e9)
         self.scenario = self.scenario.starting_at(start_ns)
+        self._begun_ns = start_ns - round(START_LEAD_S * 1e9)
         self._start_ns = start_ns
         write_scenario(self.scenario, paths.scenario)
         # The gateway is part of the demo wherever its extra is installed.
@@ -107,7 +117,7 @@ class Demo:
                 "--companion",
                 f"127.0.0.1:{companion_port}",
                 "--ground",
-                f"127.0.0.1:{self._ground_port}",
+                f"127.0.0.1:{ground_port}",
             ),
             self._program(
                 paths, "supervisor", "uavrt.supervisor", msgspec.json.encode(settings).decode()
@@ -118,17 +128,27 @@ class Demo:
                 "uavrt.cli",
                 "ground",
                 "--mavlink",
-                f"udpin://127.0.0.1:{self._ground_port}",
+                f"udpin://127.0.0.1:{ground_port}",
                 "--tags",
                 str(paths.tags),
                 "--start",
                 "--json",
                 "-o",
-                str(paths.ground),
+                str(self._ground_directory(paths)),
+                *self._page_arguments(),
             ),
         ]
         self._reader = StatusReader(paths.status_socket, READY_TIMEOUT_S, self._check)
         self._stack.callback(self._reader.close)
+
+    def _ground_directory(self, paths: DemoPaths) -> Path:
+        """Where the ground stores; with a page beside the drone's flights, to look at later."""
+        return paths.ground if self._page_port is None else paths.flights / "ground"
+
+    def _page_arguments(self) -> tuple[str, ...]:
+        if self._page_port is None:
+            return ("--headless",)
+        return ("--page", "--no-browser", "--port", str(self._page_port))
 
     def _program(self, paths: DemoPaths, name: str, *arguments: str) -> Program:
         program = Program(name, arguments, paths.directory / f"{name}.log")
@@ -169,6 +189,10 @@ class Demo:
         for event in self._programs[2].new_events():
             if event.get("event") == "pulse" and event["tag_id"] in self.view.tags:
                 self.view.tags[event["tag_id"]].delivered += 1
+            elif event.get("event") == "page":
+                self.view.page_address = event["address"]
+                if self._on_page is not None:
+                    self._on_page(event["address"])
         for topic, record in self._reader.read(REFRESH_S):
             match record:
                 case Pulse() if record.tag_id in self.view.tags:
@@ -206,7 +230,7 @@ class Demo:
         flight = read_flight(Path(self._flight_directory))
         # The world goes with the flight, so that bearings and positions can be checked later.
         shutil.copy(paths.scenario, self._flight_directory)
-        received = read_ground_pulses(paths.ground)
+        received = read_ground_pulses(self._ground_directory(paths), self._begun_ns)
         receiver = self._cpu.counters("receiver")
         first_ns, last_ns = receiver["first_sample_ns"], receiver["last_sample_ns"]
         truth = World(self.scenario).truth(int(first_ns), int(last_ns))
@@ -249,12 +273,17 @@ def run_demo(
     duration_s: float,
     seed: int,
     flight_dir: Path,
-    ground_port: int | None,
     console: Console | None,
     picture: Path | None = None,
+    page_port: int | None = None,
+    on_page: Callable[[str], None] | None = None,
 ) -> DemoSummary:
     """Run the demo once; see `Demo`."""
     demo = Demo(
-        duration_s=duration_s, seed=seed, flight_dir=flight_dir, ground_port=ground_port
+        duration_s=duration_s,
+        seed=seed,
+        flight_dir=flight_dir,
+        page_port=page_port,
+        on_page=on_page,
     )
     return demo.run(console, picture)

@@ -55,6 +55,7 @@ class DemoView:
     phase: str = "starting"
     cpu_percent: dict[str, float] = field(default_factory=dict)
     flight_directory: str = ""
+    page_address: str = ""
 
     def render(self, now_s: float) -> RenderableType:
         """Draw the view at an instant of the viewer's clock."""
@@ -100,7 +101,10 @@ class DemoView:
         bar = Table.grid(expand=True)  # alone, a bar does not end its line
         done_s = min(self.elapsed_s, self.duration_s)
         bar.add_row(ProgressBar(total=self.duration_s, completed=done_s))
-        return Group(grid, bar)
+        if not self.page_address:
+            return Group(grid, bar)
+        page = Text.assemble(("page ", "dim"), (self.page_address, "bold cyan"))
+        return Group(grid, bar, page)
 
     def _tag_table(self, now_s: float) -> RenderableType:
         table = Table(expand=True, box=None, header_style="dim")
