@@ -1,0 +1,183 @@
+"""The server's promises: to scripts, and against other people's web sites."""
+
+import asyncio
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
+
+TAG = {
+    "id": "2",
+    "name": "<img src=x onerror=alert(1)>",
+    "frequency_mhz": "148,71",
+    "interval_ms": 1254,
+    "pulse_width_ms": 20,
+    "k": 3,
+    "false_alarm_percent": 1,
+}
+
+
+def test_a_script_reads_the_state(served: Any) -> None:
+    state = served.ask("GET", "/api/state").json
+    assert state["connection"]["open"] is True
+    assert state["drone"]["present"] is False
+    assert state["actions"]["start"] == {
+        "label": "Start",
+        "enabled": False,
+        "reason": "The drone is not heard: check its power and the radio",
+    }
+
+
+def test_tags_are_kept_over_a_restart(served: Any, tmp_path: Path) -> None:
+    assert served.ask("PUT", "/api/tags", [TAG]).status == 200
+    again = type(served)(tmp_path / "ground")
+    try:
+        (row,) = again.ask("GET", "/api/tags").json
+    finally:
+        again.stop()
+    assert row["frequency_mhz"] == 148.71
+    assert row["name"] == TAG["name"]
+
+
+def test_a_wrong_tag_is_told_at_its_field_and_nothing_is_kept(served: Any) -> None:
+    answer = served.ask("PUT", "/api/tags", [TAG, TAG | {"frequency_mhz": "148710000"}])
+    assert answer.status == 422
+    assert {(fault["row"], fault["field"]) for fault in answer.json["faults"]} == {
+        (1, "frequency_mhz"),
+        (1, "id"),
+    }
+    assert served.ask("GET", "/api/tags").json == []
+
+
+def test_a_command_without_a_drone_is_refused_with_the_reason(served: Any) -> None:
+    answer = served.ask("POST", "/api/commands/start", {})
+    assert answer.status == 409
+    assert answer.json["accepted"] is False
+    assert "not heard" in answer.json["message"]
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "evil.example"},
+        {"Host": "evil.example:{port}"},
+        {"Host": "127.0.0.1.evil.example:{port}"},
+        {"Origin": "http://evil.example"},
+        {"Origin": "http://evil.example:{port}"},
+        {"Origin": "null"},
+        {"Origin": "http://localhost:{port}"},
+        {"Origin": "https://127.0.0.1:{port}"},
+        {"Sec-Fetch-Site": "cross-site"},
+        {"Sec-Fetch-Site": "same-site"},
+        {"Content-Type": "text/plain"},
+        {"Content-Type": "application/x-www-form-urlencoded"},
+    ],
+)
+def test_other_sites_cannot_command_the_drone(served: Any, headers: dict[str, str]) -> None:
+    told = {name: value.format(port=served.port) for name, value in headers.items()}
+    assert served.ask("POST", "/api/commands/mark", {}, told).status == 403
+
+
+@pytest.mark.parametrize("path", ["/", "/api/state", "/api/flights"])
+def test_a_rebound_name_reads_nothing(served: Any, path: str) -> None:
+    answer = served.ask("GET", path, headers={"Host": f"evil.example:{served.port}"})
+    assert answer.status == 403
+    assert b"drone" not in answer.body
+
+
+def test_the_own_page_may_command(served: Any) -> None:
+    own = {
+        "Origin": f"http://127.0.0.1:{served.port}",
+        "Sec-Fetch-Site": "same-origin",
+    }
+    assert served.ask("POST", "/api/commands/mark", {"text": "nest"}, own).status == 200
+    log = served.ask("GET", "/api/log").json
+    assert log[-1]["text"] == "mark: nest"
+
+
+def test_live_records_go_to_the_own_page_only(served: Any) -> None:
+    address = f"ws://127.0.0.1:{served.port}/api/records"
+
+    async def listen(origin: str | None) -> dict[str, object]:
+        async with connect(address, origin=origin) as socket:  # type: ignore[arg-type]
+            message: dict[str, object] = json.loads(await socket.recv())
+            return message
+
+    assert asyncio.run(listen(None))["topic"] == "hello"
+    assert asyncio.run(listen(f"http://127.0.0.1:{served.port}"))["topic"] == "hello"
+    with pytest.raises(InvalidStatus):
+        asyncio.run(listen("http://evil.example"))
+
+
+def test_every_answer_forbids_foreign_code(served: Any) -> None:
+    for path in ("/", "/api/state", "/nothing"):
+        headers = served.ask("GET", path).headers
+        headers = {name.lower(): value for name, value in headers.items()}
+        policy = headers["content-security-policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe" not in policy
+        assert "http" not in policy
+        assert headers["x-content-type-options"] == "nosniff"
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/api/flights/..%2Fetc",
+        "/api/flights/.",
+        "/api/flights/%2e%2e/columns",
+        "/api/flights/nothing/columns",
+        "/maps/..%2Fground.json",
+        "/maps/ground.json",
+        "/assets/..%2F..%2Fserver.py",
+        "/assets/%2e%2e/%2e%2e/server.py",
+    ],
+)
+def test_nothing_outside_is_served(served: Any, path: str) -> None:
+    assert served.ask("GET", path).status == 404
+
+
+@pytest.mark.parametrize("body", [b"", b"{", b"[[[[", b"[1, 2]", b'"x"', b"\xff"])
+def test_what_is_no_table_is_refused_in_words(served: Any, body: bytes) -> None:
+    headers = {"Content-Type": "application/json"}
+    answer = served.ask("PUT", "/api/tags", body, headers)
+    assert answer.status == 422
+    assert answer.json["error"]
+
+
+def test_a_large_request_is_refused(served: Any) -> None:
+    headers = {"Content-Type": "application/json", "Content-Length": "99999999"}
+    assert served.ask("PUT", "/api/tags", b"[]", headers).status == 403
+
+
+def test_settings_are_checked_and_kept(served: Any) -> None:
+    changed = served.ask("PUT", "/api/settings", {"antenna": "H", "gain": "14"})
+    assert changed.json["gain"] == 14
+    wrong = served.ask("PUT", "/api/settings", {"antenna": "H9"})
+    assert wrong.status == 422
+    assert served.ask("GET", "/api/settings").json["antenna"] == "H"
+
+
+def test_with_a_password_nothing_is_told_without_it(
+    serve: Callable[..., Any], tmp_path: Path
+) -> None:
+    station = serve(tmp_path / "ground", password="marmot")
+    try:
+        assert station.ask("GET", "/api/state").status == 401
+        assert station.ask("GET", "/").status == 401
+        script = {"Authorization": "Bearer marmot"}
+        assert station.ask("GET", "/api/state", headers=script).status == 200
+        form = {"Content-Type": "application/x-www-form-urlencoded"}
+        assert station.ask("POST", "/login", b"password=wrong", form).status == 401
+        answer = station.ask("POST", "/login", b"password=marmot", form)
+        assert answer.status == 303
+        headers = {name.lower(): value for name, value in answer.headers.items()}
+        assert "HttpOnly" in headers["set-cookie"]
+        cookie = {"Cookie": headers["set-cookie"].partition(";")[0]}
+        assert station.ask("GET", "/api/state", headers=cookie).status == 200
+    finally:
+        station.stop()
