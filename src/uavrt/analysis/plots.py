@@ -32,6 +32,8 @@ STYLES: Final[dict[DetectionStatus, tuple[str, str, str]]] = {
 """Colour, shape and name of each status."""
 CIRCLED: Final = 40
 """Up to so many pulses are circled in a waterfall; more would hide it."""
+TICKED: Final = 400
+"""Up to so many pulses have a tick of their own above a waterfall."""
 RASTER_ROWS: Final = 700
 LOWEST_SPAN_DB: Final = 15.0
 
@@ -161,7 +163,8 @@ def draw_waterfall(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "
         if not chosen:
             continue
         at = [_date((p.start_time_ns + p.end_time_ns) // 2) for p in chosen]
-        ticks.vlines(at, 0, 1, color=colour, linewidth=0.8)
+        if len(pulses) <= TICKED:
+            ticks.vlines(at, 0, 1, color=colour, linewidth=0.8)
         if len(pulses) <= CIRCLED:
             offset = [p.frequency_hz - tag.frequency_hz for p in chosen]
             axes.scatter(
@@ -169,13 +172,28 @@ def draw_waterfall(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "
             )
         ticks.plot([], [], color=colour, label=f"{len(chosen)} {name}", marker="|", ls="none")
     _legend(ticks, "no pulses")
-    ticks.set_ylim(0, 1)
+    if len(pulses) > TICKED:
+        _draw_counts(ticks, pulses, begin, end)
+    else:
+        ticks.set_ylim(0, 1)
     ticks.set_axis_off()
     axes.set_ylim(low, high)
     axes.set_ylabel(f"Offset from {tag.frequency_hz / 1e6:.6f} MHz [Hz]")
     _time_axis(axes, waterfall)
     figure.suptitle(f"{_name(tag)}: waterfall", x=0.01, ha="left")
     return figure
+
+
+def _draw_counts(axes: "Axes", pulses: Sequence[Pulse], begin: float, end: float) -> None:
+    """Pulses in each of 200 stretches, where ticks would touch each other."""
+    groups = [[p for p in pulses if p.detection_status == status] for status in STYLES]
+    axes.hist(
+        [[_date(pulse.start_time_ns) for pulse in group] for group in groups],
+        bins=200,
+        range=(begin, end),
+        stacked=True,
+        color=[colour for colour, _, _ in STYLES.values()],
+    )
 
 
 def draw_snr(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure":
@@ -187,7 +205,7 @@ def draw_snr(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure
         if not chosen:
             continue
         at = [_date(pulse.start_time_ns) for pulse in chosen]
-        style = {"marker": shape, "s": 18, "color": colour, "linewidth": 0.8}
+        style = {"marker": shape, "s": _dot_size(pulses), "color": colour, "linewidth": 0.8}
         upper.scatter(at, [p.snr_db for p in chosen], label=f"{len(chosen)} {name}", **style)
         lower.scatter(at, [p.frequency_hz - tag.frequency_hz for p in chosen], **style)
     _legend(upper, "no pulses")
@@ -219,7 +237,7 @@ def draw_beat(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figur
         interval_s = nominal_s if beat is None else beat.interval_s
         first_s = 0.0 if beat is None else beat.first_s + tag.pulse_width_s / 2
         _draw_raster(raster, waterfall, interval_s, first_s)
-        known = "nominal" if beat is None else f"± {1e3 * beat.sigma_s:.2f} ms, measured"
+        known = "nominal" if beat is None else f"± {1e3 * beat.sigma_s:.2g} ms, measured"
         raster.set_title(
             f"Rate {rate}: folded at {1e3 * interval_s:.2f} ms ({known})", loc="left", size=9
         )
@@ -282,7 +300,7 @@ def _draw_residuals(
             axes.scatter(
                 residual_ms[chosen],
                 times_s[chosen],
-                s=16,
+                s=_dot_size(pulses),
                 marker=shape,
                 color=colour,
                 linewidth=0.8,
@@ -350,6 +368,10 @@ def _time_axis(axes: "Axes", waterfall: Waterfall) -> None:
 def _date(time_ns: int) -> float:
     """Days since 1970, matplotlib's time."""
     return time_ns / NANOSECONDS_PER_SECOND / 86_400
+
+
+def _dot_size(pulses: Sequence[Pulse]) -> float:
+    return 16.0 if len(pulses) <= TICKED else 5.0
 
 
 def _edges(centers: NDArray[np.float64]) -> tuple[float, float]:
