@@ -10,45 +10,28 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.checks import check_searchable
+from uavrt.detection.cleaning import Cleaner
+from uavrt.detection.following import Follower
 from uavrt.detection.grid import Spectrogram, make_grid
-from uavrt.detection.lines import LineCanceller
+from uavrt.detection.judging import Judge, share_a_pulse
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
 from uavrt.detection.noise import RowNoise
+from uavrt.detection.rates import make_searches
 from uavrt.detection.refine import Measured, Refiner
 from uavrt.detection.report import Reporter
-from uavrt.detection.samples import (
-    BACKWARD_RESTART_BLOCKS,
-    Counters,
-    SampleBuffer,
-    blank_impulses,
-)
-from uavrt.detection.search import Candidate, RateSearch, jitter_reach
-from uavrt.detection.thresholds import (
-    decision_interval_s,
-    decision_span_s,
-    effective_hypotheses,
-    spread,
-    threshold,
-)
-from uavrt.detection.tracks import Slot, Track, log_evidence
-from uavrt.errors import ConfigError
+from uavrt.detection.samples import BACKWARD_RESTART_BLOCKS, Counters, SampleBuffer
+from uavrt.detection.search import Candidate, RateSearch
+from uavrt.detection.tracks import Track
 from uavrt.messages import Pulse, SearchReport, Tag
 
 BATCH_S = 0.25
 """Samples gathered before the search goes on: latency against NumPy's price of a call."""
 NOISE_STRIDE = 4
 """Of the columns, eight to a pulse, every fourth tells the noise as much as all."""
-_TRACK_BAND_HZ = 20.0
 _MAXIMUM_TRACKS = 12
-_UNIFORMITY = 0.3
-_LINES_EVERY = 10
 _LEARN_BATCHES = 3
 """The noise is followed so many batches at a time: a call costs more than its data."""
-_MEDIAN = math.log(2.0)
-"""Median of an exponential over its mean."""
-_STRONG = 30.0
-_OFF_ROW_HZ = 8.0
-_SAMPLE_LIMIT_FACTOR = 4.0
 
 
 class PulseDetector:
@@ -87,7 +70,9 @@ class PulseDetector:
         self.sample_rate_hz = float(sample_rate_hz)
         self.center_frequency_hz = float(center_frequency_hz)
         self.operating_mode = OperatingMode(operating_mode)
-        _check(tag, self.sample_rate_hz, self.center_frequency_hz, frequency_window_hz)
+        check_searchable(
+            tag, self.sample_rate_hz, self.center_frequency_hz, frequency_window_hz
+        )
         self._nominal_hz = tag.frequency_hz - self.center_frequency_hz
         if self.operating_mode is OperatingMode.KNOWN_HARD_LOCK:
             frequency_window_hz = min(frequency_window_hz, LOCK_HALF_WIDTH_HZ)
@@ -111,8 +96,10 @@ class PulseDetector:
         self._longest_hole_s = keep_s
         self._refiner = Refiner(self._grid, self._buffer)
         self._batch = round(BATCH_S * self.sample_rate_hz)
-        self._flank = max(2, round(0.35 * tag.pulse_width_s * self.sample_rate_hz))
-        self._short = max(2, round(0.05 * tag.pulse_width_s * self.sample_rate_hz))
+        self._judge = Judge(tag, grid=self._grid, buffer=self._buffer, refiner=self._refiner)
+        self._follower = Follower(
+            tag, grid=self._grid, buffer=self._buffer, refiner=self._refiner
+        )
         self._reporter = Reporter(
             tag,
             center_frequency_hz=self.center_frequency_hz,
@@ -130,55 +117,21 @@ class PulseDetector:
             independent_per_s=1.0 / tag.pulse_width_s,
             circular=self.frequency_window_hz >= self.sample_rate_hz / 2.0,
         )
-        bandwidth = min(2.0 * self.frequency_window_hz, self.sample_rate_hz)
-        self._searches = []
-        for rate, interval_s in enumerate(tag.pulse_intervals_s, start=1):
-            reach_s = jitter_reach(tag.interval_jitter_s, grid.hop_s) * grid.hop_s
-            interval_time_s = decision_interval_s(tag, rate)
-            first_s = decision_span_s(tag, rate)
-            begun_s = min(first_s - (tag.k - 1) * interval_s, interval_time_s)
-            steady, first = (
-                threshold(
-                    k=tag.k,
-                    hypotheses=effective_hypotheses(
-                        k=tag.k,
-                        bandwidth_hz=bandwidth,
-                        time_s=time_s,
-                        pulse_width_s=tag.pulse_width_s,
-                        uncertainty_s=tag.interval_uncertainty_s,
-                        reach_s=reach_s,
-                    ),
-                    spread=spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s),
-                    expected_false=tag.false_alarm_probability / len(tag.pulse_intervals_s),
-                )
-                for time_s in (interval_time_s, begun_s)
-            )
-            self._searches.append(
-                RateSearch(
-                    rows=grid.rows,
-                    hop_s=grid.hop_s,
-                    interval_s=interval_s,
-                    uncertainty_s=tag.interval_uncertainty_s,
-                    jitter_s=tag.interval_jitter_s,
-                    k=tag.k,
-                    threshold=steady,
-                    rate=rate,
-                    first_threshold=first,
-                    first_columns=math.ceil(first_s / grid.hop_s),
-                )
-            )
+        self._searches = make_searches(tag, grid, self.frequency_window_hz)
         self._first_noise_s = min(max(1.0, (tag.k - 1) * min(tag.pulse_intervals_s)), 6.0)
         self._waiting: list[NDArray[np.float32]] = []
         self._learnt: list[NDArray[np.float32]] = []
         self._spectrogram = Spectrogram(grid)
-        self._lines = LineCanceller(self.sample_rate_hz)
-        self._batches = 0
+        self._cleaner = Cleaner(
+            sample_rate_hz=self.sample_rate_hz,
+            pulse_width_s=tag.pulse_width_s,
+            counters=self.counters,
+        )
         self._column = 0
         self._clean = 0
-        self._floor = 0.0
         self._tracks: list[Track] = []
         self._stale_blocks = 0
-        self._epoch_ns = 0
+        self._follower.epoch_ns = 0
 
     def reset(self) -> None:
         """Forget samples, tracks and locks; counters and group numbers go on."""
@@ -203,7 +156,7 @@ class PulseDetector:
         samples = np.ascontiguousarray(samples, np.complex64)
         if not len(samples) or not self._admit(samples, time_ns):
             return self._reporter.drain()
-        while self._buffer.end - self._clean >= self._batch + self._flank + self._short:
+        while self._buffer.end - self._clean >= self._batch + self._cleaner.margin:
             self._advance(self._clean + self._batch)
         return self._reporter.drain()
 
@@ -234,20 +187,20 @@ class PulseDetector:
         """Put a block in its place; False when it is refused."""
         buffer, counters = self._buffer, self.counters
         if buffer.empty:
-            self._epoch_ns = time_ns
+            self._follower.epoch_ns = time_ns
         else:
             late_s = buffer.deviation_ns(time_ns) * 1e-9
             if late_s > self._longest_hole_s:
                 counters.restarts += 1
                 self._start()
-                self._epoch_ns = time_ns
+                self._follower.epoch_ns = time_ns
             elif late_s >= self.tag.pulse_width_s / 8.0:
                 count = round(late_s * self.sample_rate_hz)
                 counters.samples_lost += count
                 buffer.append_hole(count)
             elif late_s <= -self.tag.pulse_width_s / 8.0:
                 overlap = round(-late_s * self.sample_rate_hz)
-                if buffer.fill_hole(samples, time_ns, self._clean + self._flank):
+                if buffer.fill_hole(samples, time_ns, self._clean + self._cleaner.flank):
                     counters.samples_lost -= len(samples)
                     counters.samples += len(samples)
                     return False
@@ -258,7 +211,7 @@ class PulseDetector:
                         return False
                     counters.restarts += 1
                     self._start()
-                    self._epoch_ns = time_ns
+                    self._follower.epoch_ns = time_ns
                 else:
                     samples = samples[overlap:]
                     time_ns += round(overlap / self.sample_rate_hz * 1e9)
@@ -274,8 +227,7 @@ class PulseDetector:
         grid, buffer = self._grid, self._buffer
         if upto <= self._clean and not last:
             return
-        self._cancel_lines(self._clean, upto)
-        self._blank(self._clean, upto)
+        self._cleaner.clean(buffer, self._clean, upto, renew=self._column % 7 == 0)
         self._refiner.upto = upto
         self._clean = upto
         first = self._spectrogram.needed()
@@ -298,11 +250,14 @@ class PulseDetector:
             if last:
                 found += search.finish(level)
             self._consider(found, search)
-        self._follow(upto, last=last)
-        self._reporter.searched(self._searched_ns(upto), self._noise.level, self._score())
-
-    def _searched_ns(self, upto: int) -> int:
-        return self._buffer.time_ns(upto)
+        self._follower.follow(
+            self._tracks,
+            upto,
+            self._settle,
+            noise=self._noise.level,
+            floor=self._cleaner.mean_floor,
+        )
+        self._reporter.searched(buffer.time_ns(upto), self._noise.level, self._score())
 
     def _score(self) -> float:
         """Best statistic of the stretch over its threshold."""
@@ -310,35 +265,6 @@ class PulseDetector:
         for search in self._searches:
             search.best = 0.0
         return min(best, 0.999)
-
-    def _cancel_lines(self, first: int, last: int) -> None:
-        """Subtract carriers from [first, last)."""
-        new = self._buffer.view(max(first, self._buffer.start), last)
-        self._batches += 1
-        if self._batches % _LINES_EVERY == 0 or self._batches == 3:
-            self._lines.find(new)
-        self._lines.subtract(new)
-
-    def _blank(self, first: int, last: int) -> None:
-        """Zero impulses in [first, last), looking a flank to either side."""
-        buffer, margin = self._buffer, self._flank + self._short
-        low = max(buffer.start, first - margin)
-        high = min(buffer.end, last + margin)
-        stretch = buffer.view(low, high)
-        if not len(stretch):
-            return
-        if self._floor <= 0.0 or self._column % 7 == 0:
-            power = stretch.real**2 + stretch.imag**2
-            self._floor = float(np.median(power))
-        if self._floor > 0.0:
-            self.counters.samples_blanked += blank_impulses(
-                stretch,
-                floor=self._floor,
-                short=self._short,
-                flank=self._flank,
-                first=first - low,
-                last=last - low,
-            )
 
     def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
         """Feed the noise with columns that hold no lost samples; queue all for the search."""
@@ -375,20 +301,24 @@ class PulseDetector:
         """Turn candidates into groups; several candidates of the same pulses are one."""
         taken: list[list[Measured]] = []
         for candidate in found:
-            if self._explained(candidate, search, taken):
+            if self._judge.explained(candidate, search, taken, self._tracks):
                 continue
-            places = self._measure(candidate, search)
+            places = self._judge.measure(candidate, search, self._noise.level)
             if places is None:
                 continue
             group = [pulse for _, pulse in places]
-            if any(_share_a_pulse(group, other, self._grid.window) for other in taken):
+            if any(share_a_pulse(group, other, self._grid.window) for other in taken):
                 continue
             taken.append(group)
             owner = self._reporter.owner(self._tracks, self._nominal_hz, self._now_s())
-            clash = [t for t in self._tracks if self._overlaps(t, group)]
-            if any(t.confirmed for t in clash) or any(self._equals(t, group) for t in clash):
+            clash = [t for t in self._tracks if self._judge.overlaps(t, group)]
+            if any(t.confirmed for t in clash) or any(
+                self._judge.equals(t, group) for t in clash
+            ):
                 continue
-            reason = self._refusal(group, search)
+            reason = self._judge.refusal(
+                group, search, noise=self._noise.level, floor=self._cleaner.mean_floor
+            )
             if reason is not None:
                 self.counters.reject(reason)
                 continue
@@ -400,7 +330,7 @@ class PulseDetector:
             )
             track.begin(
                 [
-                    (place, self._seconds(m.start), self._buffer.time_ns(m.start), m)
+                    (place, self._follower.seconds(m.start), self._buffer.time_ns(m.start), m)
                     for place, m in places
                 ]
             )
@@ -413,221 +343,11 @@ class PulseDetector:
                     min(self._tracks, key=lambda t: (t.confirmed, not t.held, t.score))
                 )
 
-    def _explained(
-        self, candidate: Candidate, search: RateSearch, taken: list[list[Measured]]
-    ) -> bool:
-        """Whether a group or a confirmed track has one of a candidate's pulses already."""
-        grid = self._grid
-        bin_hz = self.sample_rate_hz / grid.window
-        near = (search.reach + 1) * grid.hop + 0.75 * grid.window
-        offset = float(grid.offsets_hz[candidate.row])
-        known = [m for group in taken for m in group]
-        known += [s.measured for t in self._tracks if t.confirmed for s in t.slots]
-        for measured in known:
-            apart = abs(measured.offset_hz - offset) / bin_hz
-            leak = measured.power / max(1.0, math.pi * apart / 2.0) ** 2
-            if (apart < 1.5 or leak > 0.2 * candidate.strength) and any(
-                abs(grid.start(column) - measured.start) < near for column in candidate.columns
-            ):
-                return True
-        return False
-
-    def _measure(
-        self, candidate: Candidate, search: RateSearch
-    ) -> list[tuple[int, Measured]] | None:
-        """Measure a candidate's pulses, with their places among the K."""
-        grid = self._grid
-        starts = np.array([grid.start(column) for column in candidate.columns])
-        half = (search.reach + 1) * grid.hop
-        margin = half + grid.window + 2
-        kept = (starts > self._buffer.start + half) & (starts < self._refiner.upto - margin)
-        if not kept.any():
-            return None
-        offset = float(grid.offsets_hz[candidate.row])
-        found: list[Measured] | None = None
-        for _ in range(3):
-            found = self._refiner.search(
-                starts[kept],
-                half,
-                offset,
-                self.sample_rate_hz / grid.window / 4.0,
-                self._noise.level,
-                climb=True,
-            )
-            if found is None:
-                return None
-            strongest = max(found, key=lambda pulse: pulse.power)
-            if strongest.power < _STRONG or abs(strongest.offset_hz - offset) < _OFF_ROW_HZ:
-                break
-            # The limit on a cell lets noise choose among the rows of a strong pulse.
-            offset = strongest.offset_hz
-        assert found is not None
-        return list(zip(np.flatnonzero(kept).tolist(), found, strict=True))
-
-    def _refusal(self, group: list[Measured], search: RateSearch) -> str | None:
-        """Why a group above the threshold is no tag, or None."""
-        bin_hz = self.sample_rate_hz / self._grid.window
-        total = 0.0
-        floor = _UNIFORMITY * min(60.0, max(pulse.power for pulse in group))
-        if self._is_the_other_rate(group, search):
-            return "a pulse of the other rate between"
-        for pulse in group:
-            offset, power = self._refiner.strongest(pulse)
-            apart = abs(offset - pulse.offset_hz)
-            apart = min(apart, self.sample_rate_hz - apart)
-            if apart > bin_hz and pulse.power > 4.0:
-                # A rectangular pulse elsewhere leaks at most 1 / (pi df tp)^2; double margin.
-                leak = 4.0 * power / (math.pi * apart / bin_hz) ** 2
-                if power > 3.0 * pulse.power and leak > pulse.power:
-                    return "side lobe of a stronger signal"
-            if pulse.power > 8.0 and self._refiner.is_impulse(pulse, self._floor / _MEDIAN):
-                return "an impulse"
-            if len(self.tag.pulse_intervals_s) > 1 and pulse.power < floor:
-                return "a pulse of the rate is missing"
-            pulse.contrast = self._refiner.contrast(pulse)
-            local = pulse.power / pulse.contrast
-            total += min(pulse.power / (local if local > 3.0 else 1.0), search.limit)
-        if total < search.threshold * 0.97:
-            return "no contrast with its surroundings"
-        return None
-
-    def _is_the_other_rate(self, group: list[Measured], search: RateSearch) -> bool:
-        """Whether the tag's other rate has pulses between those of the group.
-
-        Every second pulse of a rate is a train of twice the interval; the pulses between give
-        it away.
-        """
-        if len(self.tag.pulse_intervals_s) < 2 or len(group) < 2:
-            return False
-        nominal = self.tag.pulse_intervals_s
-        scale = (group[-1].start - group[0].start) / (
-            max(1, search.k - 1) * nominal[search.rate - 1]
-        )
-        other = nominal[2 - search.rate] * scale
-        strength = min(max(sum(p.enr for p in group) / len(group), 8.0), 30.0)
-        width = self._grid.window
-        half = self.tag.interval_jitter_s * self.sample_rate_hz + width / 8.0
-        evidence = 0.0
-        at = group[0].start + other
-        while at < group[-1].start - width:
-            if all(abs(at - p.start) > half + width for p in group):
-                found = self._refiner.search(
-                    np.array([at]), half, group[0].offset_hz, _TRACK_BAND_HZ, self._noise.level
-                )
-                if found is not None:
-                    evidence += log_evidence(found[0].power, strength)
-            at += other
-        return evidence > 0.0
-
-    def _overlaps(self, track: Track, group: list[Measured]) -> bool:
-        return _share_a_pulse(group, [s.measured for s in track.slots], self._grid.window)
-
-    def _equals(self, track: Track, group: list[Measured]) -> bool:
-        """Whether at most one pulse of the group is new to the track."""
-        own = [s.measured for s in track.slots]
-        shared = sum(_share_a_pulse([m], own, self._grid.window) for m in group)
-        return shared >= len(group) - 1
-
     # --- tracks -----------------------------------------------------------------------------
 
-    def _seconds(self, index: float) -> float:
-        return (self._buffer.time_ns(index) - self._epoch_ns) * 1e-9
+    def _settle(self) -> None:
+        """Decide which track is the tag, and report what it has found."""
+        self._reporter.settle(self._tracks, self._nominal_hz, self._now_s())
 
     def _now_s(self) -> float:
-        return self._seconds(self._clean)
-
-    def _follow(self, upto: int, *, last: bool) -> None:
-        """Look where the tracks expect their next pulses."""
-        for track in self._tracks:
-            while not track.dead and self._step(track, upto):
-                if len(self.tag.pulse_intervals_s) > 1 and track.confirmed:
-                    self._follow_rival(track, upto)
-                self._reporter.settle(self._tracks, self._nominal_hz, self._now_s())
-        self._reporter.settle(self._tracks, self._nominal_hz, self._now_s())
-        self._tracks = [t for t in self._tracks if not t.dead]
-
-    def _follow_rival(self, track: Track, upto: int) -> None:
-        """Let the other rate look for its pulses up to the same time, and compare."""
-        rival = track.rival
-        while rival is not None and rival.time_s < track.time_s and not rival.dead:
-            if not self._step(rival, upto):
-                break
-        if rival is not None and rival.dead:
-            track.rival = None
-        track.settle_rivalry()
-
-    def _step(self, track: Track, upto: int) -> bool:
-        """Test a track's next slot when its samples are there."""
-        grid = self._grid
-        time_s, half_s = track.expected()
-        spread_s = track.spread_s()
-        half = half_s * self.sample_rate_hz
-        start = self._buffer.index(self._epoch_ns + round(time_s * 1e9))
-        if start + half + grid.window + 3 > upto:
-            return False
-        begin, end = math.floor(start), math.ceil(start) + grid.window
-        if self._buffer.lost_between(begin, end) > grid.window // 2:
-            track.skip()
-            return True
-        band = _TRACK_BAND_HZ
-        found = self._refiner.search(
-            np.array([start]),
-            half,
-            track.offset_hz,
-            band,
-            self._noise.level,
-            spread=spread_s * self.sample_rate_hz,
-        )
-        if found is None:
-            track.skip()
-            return True
-        measured = found[0]
-        if measured.power > 8.0 and self._refiner.is_impulse(measured, self._floor / _MEDIAN):
-            track.skip()
-            return True
-        track.step(
-            Slot(
-                number=0,
-                time_s=self._seconds(measured.start),
-                time_ns=self._buffer.time_ns(measured.start),
-                measured=measured,
-                volume=track.volume(half_s, band),
-            )
-        )
-        return True
-
-
-def _share_a_pulse(one: list[Measured], two: list[Measured], window: int) -> bool:
-    """Whether two groups have a pulse at the same time, at whatever frequency it leaks to."""
-    return any(abs(a.start - b.start) < 0.75 * window for a in one for b in two)
-
-
-def _check(tag: Tag, rate_hz: float, center_hz: float, window_hz: float) -> None:
-    """Refuse what cannot be searched."""
-    if not rate_hz > 0.0 or not math.isfinite(rate_hz):
-        raise ConfigError(f"a sample rate of {rate_hz} Hz", remedy="Give a positive rate")
-    if not window_hz > 0.0:
-        raise ConfigError(
-            f"a frequency window of {window_hz} Hz", remedy="Give a positive half-width"
-        )
-    if abs(tag.frequency_hz - center_hz) > rate_hz / 2.0:
-        raise ConfigError(
-            f"tag {tag.tag_id} at {tag.frequency_hz:.0f} Hz is not in the channel of "
-            f"{rate_hz:.0f} Hz around {center_hz:.0f} Hz",
-            remedy="Choose the channel that holds the tag",
-        )
-    if tag.k < 1 or not 0.0 < tag.false_alarm_probability < 1.0:
-        raise ConfigError(
-            f"tag {tag.tag_id} has k = {tag.k}, false alarms {tag.false_alarm_probability}",
-            remedy="k is 1 or more, the false-alarm probability lies between 0 and 1",
-        )
-    if tag.pulse_width_s * rate_hz < 4.0:
-        raise ConfigError(
-            f"a pulse of {tag.pulse_width_s} s is shorter than 4 samples",
-            remedy="Use a higher channel rate",
-        )
-    if min(tag.pulse_intervals_s) - tag.interval_uncertainty_s <= 2.0 * tag.pulse_width_s:
-        raise ConfigError(
-            f"tag {tag.tag_id} has an interval shorter than two pulses",
-            remedy="Correct its interval, uncertainty or pulse width",
-        )
+        return self._follower.seconds(self._clean)

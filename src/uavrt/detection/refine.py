@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from uavrt.detection.grid import Grid
 from uavrt.detection.samples import SampleBuffer
 
-FREQUENCY_STEPS = 5
+TRACK_BAND_HZ = 20.0
+"""How far a followed pulse may lie from its track [Hz]."""
 _NEWTON_STEPS = 3
 _BURST = 9.0
 """Standard deviations of a quarter window's noise energy that make a burst."""

@@ -1,0 +1,37 @@
+"""What cannot be searched, refused with a remedy."""
+
+import math
+
+from uavrt.errors import ConfigError
+from uavrt.messages import Tag
+
+
+def check_searchable(tag: Tag, rate_hz: float, center_hz: float, window_hz: float) -> None:
+    """Refuse what cannot be searched."""
+    if not rate_hz > 0.0 or not math.isfinite(rate_hz):
+        raise ConfigError(f"a sample rate of {rate_hz} Hz", remedy="Give a positive rate")
+    if not window_hz > 0.0:
+        raise ConfigError(
+            f"a frequency window of {window_hz} Hz", remedy="Give a positive half-width"
+        )
+    if abs(tag.frequency_hz - center_hz) > rate_hz / 2.0:
+        raise ConfigError(
+            f"tag {tag.tag_id} at {tag.frequency_hz:.0f} Hz is not in the channel of "
+            f"{rate_hz:.0f} Hz around {center_hz:.0f} Hz",
+            remedy="Choose the channel that holds the tag",
+        )
+    if tag.k < 1 or not 0.0 < tag.false_alarm_probability < 1.0:
+        raise ConfigError(
+            f"tag {tag.tag_id} has k = {tag.k}, false alarms {tag.false_alarm_probability}",
+            remedy="k is 1 or more, the false-alarm probability lies between 0 and 1",
+        )
+    if tag.pulse_width_s * rate_hz < 4.0:
+        raise ConfigError(
+            f"a pulse of {tag.pulse_width_s} s is shorter than 4 samples",
+            remedy="Use a higher channel rate",
+        )
+    if min(tag.pulse_intervals_s) - tag.interval_uncertainty_s <= 2.0 * tag.pulse_width_s:
+        raise ConfigError(
+            f"tag {tag.tag_id} has an interval shorter than two pulses",
+            remedy="Correct its interval, uncertainty or pulse width",
+        )

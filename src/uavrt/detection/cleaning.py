@@ -1,0 +1,86 @@
+"""Carriers and impulses taken out of new samples, in place."""
+
+import math
+
+import numpy as np
+
+from uavrt.detection.lines import LineCanceller
+from uavrt.detection.samples import Counters, SampleBuffer, blank_impulses
+
+_LINES_EVERY = 10
+_MEDIAN = math.log(2.0)
+"""Median of an exponential over its mean."""
+
+
+class Cleaner:
+    """Cleans the samples of one stream, stretch by stretch.
+
+    Parameters
+    ----------
+    sample_rate_hz, pulse_width_s : float
+    counters : Counters
+    """
+
+    def __init__(
+        self, *, sample_rate_hz: float, pulse_width_s: float, counters: Counters
+    ) -> None:
+        self._counters = counters
+        self._lines = LineCanceller(sample_rate_hz)
+        self.flank = max(2, round(0.35 * pulse_width_s * sample_rate_hz))
+        """Samples looked at to either side of an impulse."""
+        self._short = max(2, round(0.05 * pulse_width_s * sample_rate_hz))
+        self._stretches = 0
+        self.floor = 0.0
+        """Median power of a sample; zero before the first stretch."""
+
+    @property
+    def margin(self) -> int:
+        """Samples that must be there beyond a stretch."""
+        return self.flank + self._short
+
+    @property
+    def mean_floor(self) -> float:
+        """Mean power of a sample without pulses."""
+        return self.floor / _MEDIAN
+
+    def clean(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
+        """Clean the samples of indices [first, last).
+
+        Parameters
+        ----------
+        buffer : SampleBuffer
+        first, last : int
+        renew : bool
+            Measure the floor again.
+        """
+        self._cancel_lines(buffer, first, last)
+        self._blank(buffer, first, last, renew=renew)
+
+    def _cancel_lines(self, buffer: SampleBuffer, first: int, last: int) -> None:
+        """Subtract carriers from [first, last)."""
+        new = buffer.view(max(first, buffer.start), last)
+        self._stretches += 1
+        if self._stretches % _LINES_EVERY == 0 or self._stretches == 3:
+            self._lines.find(new)
+        self._lines.subtract(new)
+
+    def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
+        """Zero impulses in [first, last), looking a flank to either side."""
+        margin = self.flank + self._short
+        low = max(buffer.start, first - margin)
+        high = min(buffer.end, last + margin)
+        stretch = buffer.view(low, high)
+        if not len(stretch):
+            return
+        if self.floor <= 0.0 or renew:
+            power = stretch.real**2 + stretch.imag**2
+            self.floor = float(np.median(power))
+        if self.floor > 0.0:
+            self._counters.samples_blanked += blank_impulses(
+                stretch,
+                floor=self.floor,
+                short=self._short,
+                flank=self.flank,
+                first=first - low,
+                last=last - low,
+            )

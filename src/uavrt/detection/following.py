@@ -1,0 +1,122 @@
+"""Tracks carried on through the samples, pulse by pulse."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.grid import Grid
+from uavrt.detection.refine import TRACK_BAND_HZ, Refiner
+from uavrt.detection.samples import SampleBuffer
+from uavrt.detection.tracks import Slot, Track
+from uavrt.messages import Tag
+
+
+class Follower:
+    """Follows the tracks of one detector.
+
+    Parameters
+    ----------
+    tag : Tag
+    grid : Grid
+    buffer : SampleBuffer
+    refiner : Refiner
+    """
+
+    def __init__(self, tag: Tag, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner) -> None:
+        self._tag = tag
+        self._grid = grid
+        self._buffer = buffer
+        self._refiner = refiner
+        self.epoch_ns = 0
+        """Zero of the tracks' seconds."""
+
+    def seconds(self, index: float) -> float:
+        """Time of a sample, as the tracks count it [s]."""
+        return (self._buffer.time_ns(index) - self.epoch_ns) * 1e-9
+
+    def follow(
+        self,
+        tracks: list[Track],
+        upto: int,
+        settle: Callable[[], None],
+        *,
+        noise: NDArray[np.float32],
+        floor: float,
+    ) -> None:
+        """Look where the tracks expect their next pulses; drop the dead.
+
+        Parameters
+        ----------
+        tracks : list of Track
+            Changed in place.
+        upto : int
+            Index after the last clean sample.
+        settle : callable
+            Called after each pulse: decides who is the tag and reports.
+        noise : ndarray of float32, shape (rows,)
+        floor : float
+            Mean power of a sample without pulses.
+        """
+        for track in tracks:
+            while not track.dead and self._step(track, upto, noise=noise, floor=floor):
+                if len(self._tag.pulse_intervals_s) > 1 and track.confirmed:
+                    self._follow_rival(track, upto, noise=noise, floor=floor)
+                settle()
+        settle()
+        tracks[:] = [t for t in tracks if not t.dead]
+
+    def _follow_rival(
+        self, track: Track, upto: int, *, noise: NDArray[np.float32], floor: float
+    ) -> None:
+        """Let the other rate look for its pulses up to the same time, and compare."""
+        rival = track.rival
+        while rival is not None and rival.time_s < track.time_s and not rival.dead:
+            if not self._step(rival, upto, noise=noise, floor=floor):
+                break
+        if rival is not None and rival.dead:
+            track.rival = None
+        track.settle_rivalry()
+
+    def _step(
+        self, track: Track, upto: int, *, noise: NDArray[np.float32], floor: float
+    ) -> bool:
+        """Test a track's next slot when its samples are there."""
+        grid = self._grid
+        time_s, half_s = track.expected()
+        spread_s = track.spread_s()
+        half = half_s * grid.sample_rate_hz
+        start = self._buffer.index(self.epoch_ns + round(time_s * 1e9))
+        if start + half + grid.window + 3 > upto:
+            return False
+        begin, end = math.floor(start), math.ceil(start) + grid.window
+        if self._buffer.lost_between(begin, end) > grid.window // 2:
+            track.skip()
+            return True
+        band = TRACK_BAND_HZ
+        found = self._refiner.search(
+            np.array([start]),
+            half,
+            track.offset_hz,
+            band,
+            noise,
+            spread=spread_s * grid.sample_rate_hz,
+        )
+        if found is None:
+            track.skip()
+            return True
+        measured = found[0]
+        if measured.power > 8.0 and self._refiner.is_impulse(measured, floor):
+            track.skip()
+            return True
+        track.step(
+            Slot(
+                number=0,
+                time_s=self.seconds(measured.start),
+                time_ns=self._buffer.time_ns(measured.start),
+                measured=measured,
+                volume=track.volume(half_s, band),
+            )
+        )
+        return True

@@ -1,0 +1,170 @@
+"""Candidates measured on the samples: is it a group of the tag, or something else."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.grid import Grid
+from uavrt.detection.refine import TRACK_BAND_HZ, Measured, Refiner
+from uavrt.detection.samples import SampleBuffer
+from uavrt.detection.search import Candidate, RateSearch
+from uavrt.detection.tracks import Track, log_evidence
+from uavrt.messages import Tag
+
+_UNIFORMITY = 0.3
+_STRONG = 30.0
+_OFF_ROW_HZ = 8.0
+
+
+class Judge:
+    """Judges the candidates of one detector.
+
+    Parameters
+    ----------
+    tag : Tag
+    grid : Grid
+    buffer : SampleBuffer
+    refiner : Refiner
+    """
+
+    def __init__(self, tag: Tag, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner) -> None:
+        self._tag = tag
+        self._grid = grid
+        self._buffer = buffer
+        self._refiner = refiner
+
+    def explained(
+        self,
+        candidate: Candidate,
+        search: RateSearch,
+        taken: list[list[Measured]],
+        tracks: list[Track],
+    ) -> bool:
+        """Whether a group or a confirmed track has one of a candidate's pulses already."""
+        grid = self._grid
+        bin_hz = grid.sample_rate_hz / grid.window
+        near = (search.reach + 1) * grid.hop + 0.75 * grid.window
+        offset = float(grid.offsets_hz[candidate.row])
+        known = [m for group in taken for m in group]
+        known += [s.measured for t in tracks if t.confirmed for s in t.slots]
+        for measured in known:
+            apart = abs(measured.offset_hz - offset) / bin_hz
+            leak = measured.power / max(1.0, math.pi * apart / 2.0) ** 2
+            if (apart < 1.5 or leak > 0.2 * candidate.strength) and any(
+                abs(grid.start(column) - measured.start) < near for column in candidate.columns
+            ):
+                return True
+        return False
+
+    def measure(
+        self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
+    ) -> list[tuple[int, Measured]] | None:
+        """Measure a candidate's pulses, with their places among the K."""
+        grid = self._grid
+        starts = np.array([grid.start(column) for column in candidate.columns])
+        half = (search.reach + 1) * grid.hop
+        margin = half + grid.window + 2
+        kept = (starts > self._buffer.start + half) & (starts < self._refiner.upto - margin)
+        if not kept.any():
+            return None
+        offset = float(grid.offsets_hz[candidate.row])
+        found: list[Measured] | None = None
+        for _ in range(3):
+            found = self._refiner.search(
+                starts[kept],
+                half,
+                offset,
+                grid.sample_rate_hz / grid.window / 4.0,
+                noise,
+                climb=True,
+            )
+            if found is None:
+                return None
+            strongest = max(found, key=lambda pulse: pulse.power)
+            if strongest.power < _STRONG or abs(strongest.offset_hz - offset) < _OFF_ROW_HZ:
+                break
+            # The limit on a cell lets noise choose among the rows of a strong pulse.
+            offset = strongest.offset_hz
+        assert found is not None
+        return list(zip(np.flatnonzero(kept).tolist(), found, strict=True))
+
+    def refusal(
+        self,
+        group: list[Measured],
+        search: RateSearch,
+        *,
+        noise: NDArray[np.float32],
+        floor: float,
+    ) -> str | None:
+        """Why a group above the threshold is no tag, or None."""
+        rate_hz = self._grid.sample_rate_hz
+        bin_hz = rate_hz / self._grid.window
+        total = 0.0
+        least = _UNIFORMITY * min(60.0, max(pulse.power for pulse in group))
+        if self._is_the_other_rate(group, search, noise):
+            return "a pulse of the other rate between"
+        for pulse in group:
+            offset, power = self._refiner.strongest(pulse)
+            apart = abs(offset - pulse.offset_hz)
+            apart = min(apart, rate_hz - apart)
+            if apart > bin_hz and pulse.power > 4.0:
+                # A rectangular pulse elsewhere leaks at most 1 / (pi df tp)^2; double margin.
+                leak = 4.0 * power / (math.pi * apart / bin_hz) ** 2
+                if power > 3.0 * pulse.power and leak > pulse.power:
+                    return "side lobe of a stronger signal"
+            if pulse.power > 8.0 and self._refiner.is_impulse(pulse, floor):
+                return "an impulse"
+            if len(self._tag.pulse_intervals_s) > 1 and pulse.power < least:
+                return "a pulse of the rate is missing"
+            pulse.contrast = self._refiner.contrast(pulse)
+            local = pulse.power / pulse.contrast
+            total += min(pulse.power / (local if local > 3.0 else 1.0), search.limit)
+        if total < search.threshold * 0.97:
+            return "no contrast with its surroundings"
+        return None
+
+    def _is_the_other_rate(
+        self, group: list[Measured], search: RateSearch, noise: NDArray[np.float32]
+    ) -> bool:
+        """Whether the tag's other rate has pulses between those of the group.
+
+        Every second pulse of a rate is a train of twice the interval; the pulses between give
+        it away.
+        """
+        if len(self._tag.pulse_intervals_s) < 2 or len(group) < 2:
+            return False
+        nominal = self._tag.pulse_intervals_s
+        scale = (group[-1].start - group[0].start) / (
+            max(1, search.k - 1) * nominal[search.rate - 1]
+        )
+        other = nominal[2 - search.rate] * scale
+        strength = min(max(sum(p.enr for p in group) / len(group), 8.0), 30.0)
+        width = self._grid.window
+        half = self._tag.interval_jitter_s * self._grid.sample_rate_hz + width / 8.0
+        evidence = 0.0
+        at = group[0].start + other
+        while at < group[-1].start - width:
+            if all(abs(at - p.start) > half + width for p in group):
+                found = self._refiner.search(
+                    np.array([at]), half, group[0].offset_hz, TRACK_BAND_HZ, noise
+                )
+                if found is not None:
+                    evidence += log_evidence(found[0].power, strength)
+            at += other
+        return evidence > 0.0
+
+    def overlaps(self, track: Track, group: list[Measured]) -> bool:
+        """Whether a group has a pulse of a track."""
+        return share_a_pulse(group, [s.measured for s in track.slots], self._grid.window)
+
+    def equals(self, track: Track, group: list[Measured]) -> bool:
+        """Whether at most one pulse of the group is new to the track."""
+        own = [s.measured for s in track.slots]
+        shared = sum(share_a_pulse([m], own, self._grid.window) for m in group)
+        return shared >= len(group) - 1
+
+
+def share_a_pulse(one: list[Measured], two: list[Measured], window: int) -> bool:
+    """Whether two groups have a pulse at the same time, at whatever frequency it leaks to."""
+    return any(abs(a.start - b.start) < 0.75 * window for a in one for b in two)
