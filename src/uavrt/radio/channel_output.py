@@ -2,7 +2,7 @@
 
 Our channels are twice oversampled; the original's detectors want its own 3750 samples a second
 and its channel numbers. So the band, decimated once for both, is split again in the compatible
-mode, in the channels in use: 0.2 to 0.9 % of a core.
+mode: 0.2 % of a core for one channel, 0.3 % for ten, 1.3 % for all hundred (measured here).
 """
 
 from collections.abc import Mapping, Sequence
