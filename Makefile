@@ -5,6 +5,10 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
 
+# Several processes with several BLAS threads each on a few cores fight.
+export OPENBLAS_NUM_THREADS = 1
+export OMP_NUM_THREADS = 1
+
 .PHONY: demo test check lint types contracts bench browser docs clean setup
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
