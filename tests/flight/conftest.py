@@ -12,7 +12,7 @@ import pytest
 from uavrt.clock import Clock
 from uavrt.config.settings import Settings
 from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
-from uavrt.demo.watch import StatusReader
+from uavrt.monitor import StatusReader, status_socket_path
 from uavrt.simulation import Scenario, write_scenario
 from uavrt.simulation.flight import Flight, Leg
 from uavrt.simulation.scenario import Radio, SimulatedTag
@@ -98,7 +98,7 @@ class DroneBay:
             msgspec.json.encode(settings).decode(),
             *arguments,
         )
-        status = StatusReader(paths.status_socket, 20.0, supervisor.check)
+        status = StatusReader(status_socket_path(settings), 20.0, supervisor.check)
         self._stack.callback(status.close)
         return Drone(
             scenario=scenario,

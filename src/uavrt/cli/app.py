@@ -26,6 +26,9 @@ app.command("uavrt.cli.fetch:fetch")
 app.command("uavrt.cli.report:report")
 app.command("uavrt.cli.tags:tags")
 app.command("uavrt.cli.experiment:experiment")
+app.command("uavrt.cli.monitor:monitor")
+app.command("uavrt.cli.doctor:doctor")
+app.command("uavrt.cli.service:service")
 
 
 def main() -> None:

@@ -13,6 +13,7 @@ from uavrt.config import load_settings, read_tags
 from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError
 from uavrt.mavlink import parse_address
+from uavrt.monitor.reader import status_socket_path
 
 DEFAULT_CONFIG = Path("uavrt.toml")
 
@@ -41,10 +42,7 @@ def run(
     tags
         Load these tags and start detecting at once, without a ground station.
     """
-    if config.exists() or config != DEFAULT_CONFIG:
-        settings = load_settings(config)
-    else:
-        settings = Settings()
+    settings = settings_from(config)
     if mavlink is not None:
         address = "" if mavlink == "none" else mavlink
         settings = replace(settings, mavlink=replace(settings.mavlink, address=address))
@@ -55,12 +53,20 @@ def run(
     if settings.mavlink.address:
         parse_address(settings.mavlink.address)
     _check_writable(Path(settings.recording.directory))
+    settings = replace(settings, status_socket=str(status_socket_path(settings)))
     arguments = [msgspec.json.encode(settings).decode()]
     if tags is not None:
         arguments.append(msgspec.json.encode(read_tags(tags)).decode())
     sys.stdout.flush()
     # The supervisor takes this process's place: what read the settings leaves the memory.
     os.execv(sys.executable, [sys.executable, "-m", "uavrt.supervisor", *arguments])
+
+
+def settings_from(config: Path) -> Settings:
+    """Read the settings; the defaults if the default file does not exist."""
+    if config.exists() or config != DEFAULT_CONFIG:
+        return load_settings(config)
+    return Settings()
 
 
 def _check_writable(directory: Path) -> None:

@@ -17,10 +17,11 @@ from uavrt.config import write_tags
 from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
 from uavrt.demo.summary import DemoSummary, summarize_tag
 from uavrt.demo.view import DemoView, TagView
-from uavrt.demo.watch import Cpu, StatusReader
+from uavrt.demo.watch import Cpu
 from uavrt.errors import UavrtError
 from uavrt.ground.records import read_ground_pulses
 from uavrt.messages import Pulse, SystemStatus
+from uavrt.monitor import StatusReader
 from uavrt.recording import read_flight
 from uavrt.simulation import World, demo_scenario, write_scenario
 from uavrt.simulation.flight import Flight

@@ -1,17 +1,9 @@
-"""What the demo sees of the running system: its records and its CPU time."""
+"""What the demo's processes cost: their CPU time."""
 
-import select
-import socket
-import time
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
 
 from uavrt.clock import cpu_s, monotonic_s
 from uavrt.demo.programs import Program
-from uavrt.errors import UavrtError
-from uavrt.ipc import decode_record, encode_record
-from uavrt.ipc.link import LineBuffer
 from uavrt.messages import ProcessStatus, SystemStatus
 from uavrt.supervisor.usage import children_of, usage_of
 
@@ -19,71 +11,6 @@ RADIO = "radio (simulated)"
 AUTOPILOT = "autopilot (simulated)"
 GROUND = "ground"
 VIEW = "demo's view"
-
-
-class StatusReader:
-    """Reads the records that the supervisor shows on its status socket.
-
-    Parameters
-    ----------
-    path : Path
-        The socket.
-    timeout_s : float
-        How long to wait for the supervisor to open it [s].
-    check : callable
-        Called while waiting; raises when a program has ended.
-
-    Raises
-    ------
-    UavrtError
-        The supervisor did not open the socket in time.
-    """
-
-    def __init__(self, path: Path, timeout_s: float, check: Callable[[], None]) -> None:
-        self._sock = socket.socket(socket.AF_UNIX)
-        self._lines = LineBuffer()
-        deadline_s = monotonic_s() + timeout_s
-        while True:
-            try:
-                self._sock.connect(str(path))
-                break
-            except (FileNotFoundError, ConnectionRefusedError):
-                check()
-                if monotonic_s() > deadline_s:
-                    raise UavrtError("the supervisor did not start in time") from None
-                time.sleep(0.05)
-        self._sock.setblocking(False)
-        self._open = True
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the supervisor is still there."""
-        return self._open
-
-    def read(self, wait_s: float) -> list[tuple[str, Any]]:
-        """Get the topics and records that came within `wait_s`; none after the end."""
-        deadline_s = monotonic_s() + wait_s
-        records: list[tuple[str, Any]] = []
-        while (rest_s := deadline_s - monotonic_s()) > 0:
-            if not self._open:
-                time.sleep(rest_s)
-                break
-            if not select.select([self._sock], [], [], rest_s)[0]:
-                break
-            data = self._sock.recv(1 << 18)
-            self._open = bool(data)
-            records += [decode_record(line) for line in self._lines.feed(data)]
-        return records
-
-    def send(self, topic: str, record: object) -> None:
-        """Send a record to the supervisor: a command."""
-        self._sock.setblocking(True)
-        self._sock.sendall(encode_record(topic, record))
-        self._sock.setblocking(False)
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._sock.close()
 
 
 class Cpu:

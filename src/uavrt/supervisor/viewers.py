@@ -55,7 +55,8 @@ class Viewers:
         ConfigError
             The path cannot be used.
         """
-        with contextlib.suppress(FileNotFoundError):
+        with contextlib.suppress(OSError):
+            os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
             os.unlink(path)
         old_mask = os.umask(0o077)
         try:

@@ -17,9 +17,9 @@ import msgspec
 from uavrt.clock import Clock, monotonic_s
 from uavrt.config.settings import DetectionSettings
 from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
-from uavrt.demo.watch import StatusReader
 from uavrt.errors import UavrtError
 from uavrt.messages import Health, Pulse, PulsePose, StatusText, SystemStatus
+from uavrt.monitor import StatusReader
 from uavrt.simulation import Scenario, write_scenario
 from uavrt.supervisor.usage import descendants_of
 

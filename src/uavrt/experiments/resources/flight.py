@@ -14,9 +14,9 @@ import msgspec
 from uavrt.clock import Clock, monotonic_s
 from uavrt.config.settings import DetectionSettings, RadioSettings
 from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
-from uavrt.demo.watch import StatusReader
 from uavrt.errors import UavrtError
 from uavrt.messages import Command, CommandReply, Health, SystemState, SystemStatus, Tag
+from uavrt.monitor import StatusReader
 from uavrt.simulation import Scenario, demo_scenario, write_scenario
 from uavrt.simulation.steady_radio import steady_tags
 from uavrt.supervisor.usage import children_of, descendants_of, own_cpu_s, pss_mb

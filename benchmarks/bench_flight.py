@@ -1,0 +1,85 @@
+"""The whole drone side in its processes, as in the field: cost, start and stop.
+
+100 tags, a quarter of them beeping, at 3 MS/s from a stand-in radio program, which is not
+counted; poses from the simulated autopilot, not counted either. Memory is the proportional set
+size, so pages that processes share are counted once in the sum.
+"""
+
+import time
+
+from benchmarks.harness import Table
+from uavrt.experiments.resources import Reading, SteadyFlight
+from uavrt.experiments.resources.report import by_process
+
+TAGS = 100
+MINUTES = 5.0
+RADIO = "radio (stand-in)"
+SUPERVISOR_CPU, SUPERVISOR_MB = 1.0, 40.0
+TOTAL_MB = 350.0
+START_S, STOP_S = 2.0, 3.0
+
+
+def run() -> list[Table]:
+    """All tables of this section."""
+    with SteadyFlight(TAGS) as flight:
+        flight.upload()
+        start_s = flight.start()
+        settle(flight, 10.0)
+        before, began_s = flight.readings(), time.monotonic()
+        settle(flight, 60.0 * MINUTES)
+        after, ended_s = flight.readings(), time.monotonic()
+        lost = flight.lost_samples()
+        stop_s = flight.stop()
+        end_s = flight.end()
+    return [
+        costs(before, after, ended_s - began_s, lost),
+        Table(
+            title="Start and stop",
+            header=["", "s", "bar"],
+            rows=[
+                ["start until all detectors work", f"{start_s:.2f}", bar(start_s, START_S)],
+                ["stop until the last pulse is safe", f"{stop_s:.2f}", bar(stop_s, STOP_S)],
+                ["SIGTERM until all processes ended", f"{end_s:.2f}", bar(end_s, STOP_S)],
+            ],
+        ),
+    ]
+
+
+def settle(flight: SteadyFlight, seconds: float) -> None:
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s:
+        flight.listen(0.5)
+
+
+def costs(before: list[Reading], after: list[Reading], seconds: float, lost: float) -> Table:
+    cpu_before, cpu_after = by_process(before, "cpu_s"), by_process(after, "cpu_s")
+    memory = by_process(after, "pss_mb")
+    percent = {
+        name: 100.0 * (cpu_after[name] - cpu_before.get(name, 0.0)) / seconds
+        for name in cpu_after
+    }
+    rows = [[name, f"{percent[name]:.2f}", f"{memory[name]:.1f}", ""] for name in memory]
+    for row in rows:
+        if row[0] == "supervisor":
+            row[3] = (
+                f"≤ {SUPERVISOR_CPU:g} %: {met(percent['supervisor'] <= SUPERVISOR_CPU)}, "
+                f"≤ {SUPERVISOR_MB:g} MB: {met(memory['supervisor'] <= SUPERVISOR_MB)}"
+            )
+    total_cpu = sum(value for name, value in percent.items() if name != RADIO)
+    total_mb = sum(value for name, value in memory.items() if name != RADIO)
+    rows.append(["sum without the radio", f"{total_cpu:.2f}", f"{total_mb:.1f}"])
+    rows[-1].append(f"≤ {TOTAL_MB:g} MB: {met(total_mb <= TOTAL_MB)}")
+    return Table(
+        title=f"A flight with {TAGS} tags, {MINUTES:g} minutes",
+        header=["process", "CPU % of a core", "PSS MB", "bar"],
+        rows=rows,
+        notes=[f"Samples lost: {lost:.0f}. One viewer on the status socket."],
+    )
+
+
+def bar(value: float, most: float) -> str:
+    return f"≤ {most:g} s: {met(value <= most)}"
+
+
+def met(good: bool) -> str:
+    return "met" if good else "NOT met"

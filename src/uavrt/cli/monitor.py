@@ -1,0 +1,112 @@
+"""``uavrt monitor``: a terminal view of a running system; start and stop without a ground."""
+
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from cyclopts import Parameter
+from rich.console import Console
+from rich.live import Live
+
+from uavrt.cli.run import DEFAULT_CONFIG, settings_from
+from uavrt.config import read_tags
+from uavrt.errors import UavrtError
+from uavrt.messages import SystemStatus
+from uavrt.monitor import (
+    MonitorView,
+    StatusReader,
+    start_detection,
+    status_socket_path,
+    stop_detection,
+)
+
+REFRESH_S = 0.25
+FIRST_STATUS_S = 5.0
+
+
+def monitor(
+    *,
+    config: Annotated[Path, Parameter(alias="-c")] = DEFAULT_CONFIG,
+    flight_dir: Path | None = None,
+    start: Path | None = None,
+    stop: Annotated[bool, Parameter(negative="")] = False,
+    once: Annotated[bool, Parameter(negative="")] = False,
+    json_status: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Show a running system in this terminal: processes, rates, losses, tags.
+
+    Works over ssh. Ctrl-C ends the view, not the system. Run it as the user that the system
+    runs as, with the same settings file.
+
+    Parameters
+    ----------
+    config
+        Settings file of the running system: it says where the system shows its state.
+    flight_dir
+        Where its flight directories are, in place of the settings' one.
+    start
+        Send these tags, start detecting, and end.
+    stop
+        Stop detecting, and end.
+    once
+        Show the state once, and end.
+    json_status
+        Print the state as one JSON object, and end.
+    """
+    settings = settings_from(config)
+    if flight_dir is not None:
+        recording = replace(settings.recording, directory=str(flight_dir))
+        settings = replace(settings, recording=recording)
+    reader = _connect(status_socket_path(settings))
+    try:
+        if start is not None:
+            flight = start_detection(reader, read_tags(start))
+            print(f"detecting; flight: {flight}")
+        elif stop:
+            print(f"stopping; flight: {stop_detection(reader)}")
+        elif once or json_status:
+            _show_once(reader, as_json=json_status)
+        else:
+            _watch(reader)
+    finally:
+        reader.close()
+
+
+def _connect(path: Path) -> StatusReader:
+    try:
+        return StatusReader(path, 0.0, lambda: None)
+    except (UavrtError, PermissionError) as error:
+        raise UavrtError(
+            f"no running system answers at {path}",
+            remedy="Start it with `uavrt run`, give its --config, or be the user it runs as",
+        ) from error
+
+
+def _show_once(reader: StatusReader, *, as_json: bool) -> None:
+    view = MonitorView()
+    deadline_s = time.monotonic() + FIRST_STATUS_S
+    while view.status is None and time.monotonic() < deadline_s:
+        for topic, record in reader.read(REFRESH_S):
+            view.take(topic, record, time.monotonic())
+    if view.status is None:
+        raise UavrtError("the supervisor says nothing")
+    if as_json:
+        print(json.dumps(_plain(view.status)))
+    else:
+        Console().print(view.render(time.monotonic()))
+
+
+def _plain(status: SystemStatus) -> object:
+    return msgspec.to_builtins(status)
+
+
+def _watch(reader: StatusReader) -> None:
+    view = MonitorView()
+    with Live(get_renderable=lambda: view.render(time.monotonic()), refresh_per_second=4):
+        while reader.is_open:
+            for topic, record in reader.read(REFRESH_S):
+                view.take(topic, record, time.monotonic())
+    print("the supervisor has ended")

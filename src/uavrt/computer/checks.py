@@ -1,0 +1,281 @@
+"""``uavrt doctor``: is this computer fit to fly? One finding a line, each with what to do."""
+
+import asyncio
+import grp
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.clock import Clock, wall_ns
+from uavrt.computer.service import RADIOS
+from uavrt.config.settings import Settings
+from uavrt.errors import UavrtError
+from uavrt.mavlink import Connection, Handlers
+from uavrt.mavlink.address import parse_address
+from uavrt.messages import SystemState, SystemStatus
+from uavrt.radio import check_device
+
+SYSFS_USB = Path("/sys/bus/usb/devices")
+THERMAL = Path("/sys/class/thermal")
+OLDEST_TIME_NS = 1_750_000_000 * 10**9
+"""June 2025: a computer that believes in an earlier time has lost its clock."""
+LISTEN_S = 4.0
+"""Heartbeats come once a second."""
+HOT_C = 80.0
+"""A Raspberry Pi 5 slows down from 80 °C (Raspberry Pi documentation, frequency management)."""
+IDLE_CORES_NEEDED = 0.5
+"""A hundred tags need a tenth of a core of the reference machine, some small cores a half."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One line of the doctor."""
+
+    what: str
+    ok: bool
+    text: str
+    remedy: str = ""
+
+
+def examine(settings: Settings, running: SystemStatus | None) -> Iterator[Finding]:
+    """Look at everything, one finding after the other.
+
+    Parameters
+    ----------
+    settings : Settings
+        The settings that would be flown with.
+    running : SystemStatus or None
+        State of a system that runs already: it holds the radio and the serial port.
+    """
+    yield check_radio(settings, running)
+    yield check_permissions(settings)
+    yield check_autopilot(settings, running)
+    yield check_clock()
+    yield check_disk(settings)
+    yield check_processor()
+    yield check_temperature()
+
+
+def check_radio(settings: Settings, running: SystemStatus | None) -> Finding:
+    """Is the radio there?"""
+    if running is not None and running.state is SystemState.DETECTING:
+        receiver = next((p for p in running.processes if p.process == "receiver"), None)
+        good = receiver is not None and receiver.status == "receiving"
+        return Finding(
+            what="radio",
+            ok=good,
+            text=f"in use: {receiver.status if receiver else 'no receiver'}",
+            remedy="" if good else "Look at the texts in uavrt monitor",
+        )
+    try:
+        said = check_device(settings.radio)
+    except UavrtError as error:
+        return Finding(
+            what="radio", ok=False, text=error.message, remedy=error.remedy or "Plug it in"
+        )
+    words = said.splitlines()[0] if said else f"{settings.radio.kind}: not asked"
+    return Finding(what="radio", ok=True, text=words)
+
+
+def check_permissions(settings: Settings) -> Finding:
+    """May this user use the radio's USB device and the serial port?"""
+    closed = [str(node) for node in _radio_nodes() if not os.access(node, os.R_OK | os.W_OK)]
+    if closed:
+        return Finding(
+            what="permissions",
+            ok=False,
+            text=f"{', '.join(closed)} is closed to this user",
+            remedy="sudo uavrt service install writes the udev rule; be in the group plugdev",
+        )
+    address = settings.mavlink.address
+    if address.startswith("serial:"):
+        port = parse_address(address).device
+        if not os.path.exists(port):
+            return Finding(
+                what="permissions",
+                ok=False,
+                text=f"there is no {port}",
+                remedy="Plug the autopilot's cable in, or set mavlink.address",
+            )
+        if not os.access(port, os.R_OK | os.W_OK):
+            return Finding(
+                what="permissions",
+                ok=False,
+                text=f"{port} is closed to this user",
+                remedy='sudo usermod -a -G dialout "$USER", then log in again',
+            )
+    return Finding(what="permissions", ok=True, text=f"groups {', '.join(_groups())}")
+
+
+def _radio_nodes() -> Iterator[Path]:
+    known = {(vendor, product) for vendor, product, _ in RADIOS}
+    for device in SYSFS_USB.glob("*"):
+        with suppress(OSError, ValueError):
+            vendor = (device / "idVendor").read_text().strip()
+            product = (device / "idProduct").read_text().strip()
+            if (vendor, product) in known:
+                bus = int((device / "busnum").read_text())
+                number = int((device / "devnum").read_text())
+                yield Path(f"/dev/bus/usb/{bus:03d}/{number:03d}")
+
+
+def _groups() -> list[str]:
+    names = []
+    for number in os.getgroups():
+        with suppress(KeyError):
+            names.append(grp.getgrgid(number).gr_name)
+    return sorted(names)
+
+
+def check_autopilot(settings: Settings, running: SystemStatus | None) -> Finding:
+    """Does an autopilot answer?"""
+    what = "autopilot"
+    address = settings.mavlink.address
+    if not address:
+        return Finding(what=what, ok=True, text="none configured: pulses get no position")
+    if running is not None:
+        link = next((p for p in running.processes if p.process == "connection"), None)
+        heard = link is not None and link.status in ("waiting for ground station", "ready")
+        text = f"the running system says: {link.status if link else 'no connection'}"
+    else:
+        heard, text = _listen(settings)
+    return Finding(
+        what=what,
+        ok=heard,
+        text=text,
+        remedy="" if heard else "Check wiring, baud rate and the autopilot's MAVLink port",
+    )
+
+
+def _listen(settings: Settings) -> tuple[bool, str]:
+    """Listen for an autopilot; whether one was heard, and what to say of it."""
+    clock = Clock.start()
+    link = Connection(
+        Handlers(
+            attitude=lambda _sample: None,
+            position=lambda _sample: None,
+            tunnel=lambda _payload, _peer: None,
+        ),
+        clock.now_ns,
+        component_id=settings.mavlink.component_id,
+    )
+
+    async def listen() -> None:
+        task = asyncio.create_task(link.run(settings.mavlink.address))
+        deadline_s = time.monotonic() + LISTEN_S
+        while time.monotonic() < deadline_s and not task.done():
+            if link.status() not in ("waiting for autopilot", "waiting for time"):
+                break
+            await asyncio.sleep(0.05)
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+
+    faults: list[str] = []
+    try:
+        asyncio.run(listen())
+    except* UavrtError as group:
+        faults = [str(error) for error in group.exceptions]
+    if faults:
+        return False, faults[0]
+    status = link.status()
+    if status == "waiting for autopilot":
+        return False, f"nothing heard at {settings.mavlink.address} in {LISTEN_S:.0f} s"
+    return True, f"heard at {settings.mavlink.address}"
+
+
+def check_clock() -> Finding:
+    """Is the clock set? Every time in a flight hangs on it."""
+    what = "clock"
+    if wall_ns() < OLDEST_TIME_NS:
+        return Finding(
+            what=what,
+            ok=False,
+            text=time.strftime("believes it is %Y-%m-%d %H:%M UTC", time.gmtime()),
+            remedy="sudo timedatectl set-time, or fit a battery for the clock",
+        )
+    synchronized = _timedatectl()
+    now = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
+    if synchronized == "no":
+        return Finding(
+            what=what,
+            ok=False,
+            text=f"{now}, not synchronized",
+            remedy="Let it see a time server once before the flight, or check it by eye",
+        )
+    return Finding(
+        what=what, ok=True, text=now + (", synchronized" if synchronized == "yes" else "")
+    )
+
+
+def _timedatectl() -> str:
+    """Ask systemd whether a time server has set the clock: ``yes``, ``no`` or nothing."""
+    if shutil.which("timedatectl") is None:
+        return ""
+    finished = subprocess.run(
+        ["timedatectl", "show", "-p", "NTPSynchronized", "--value"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=5.0,
+    )
+    return finished.stdout.strip()
+
+
+def check_disk(settings: Settings) -> Finding:
+    """Is there room for a flight?"""
+    directory = Path(settings.recording.directory).resolve()
+    present = next(path for path in (directory, *directory.parents) if path.exists())
+    free_mb = shutil.disk_usage(present).free / 1e6
+    limit_mb = settings.recording.minimum_free_mb
+    good = free_mb >= limit_mb and os.access(present, os.W_OK)
+    return Finding(
+        what="disk",
+        ok=good,
+        text=f"{free_mb:.0f} MB free at {present}",
+        remedy=""
+        if good
+        else f"Make room (at least {limit_mb:.0f} MB), or set recording.directory",
+    )
+
+
+def check_processor(measure_s: float = 1.0) -> Finding:
+    """Is there processor time left?"""
+    before = _idle_s()
+    time.sleep(measure_s)
+    idle = (_idle_s() - before) / measure_s
+    cores = os.cpu_count() or 1
+    return Finding(
+        what="processor",
+        ok=idle >= IDLE_CORES_NEEDED,
+        text=f"{idle:.1f} of {cores} cores idle",
+        remedy="" if idle >= IDLE_CORES_NEEDED else "See what else runs: top",
+    )
+
+
+def _idle_s() -> float:
+    """Idle time of all cores since boot [s] (proc(5): idle and iowait of ``/proc/stat``)."""
+    fields = Path("/proc/stat").read_text().split("\n", 1)[0].split()
+    return (int(fields[4]) + int(fields[5])) / os.sysconf("SC_CLK_TCK")
+
+
+def check_temperature() -> Finding:
+    """Is the processor cool enough?"""
+    hottest: float | None = None
+    for zone in THERMAL.glob("thermal_zone*/temp"):
+        with suppress(OSError, ValueError):
+            hottest = max(hottest or -273.0, int(zone.read_text()) / 1000.0)
+    if hottest is None:
+        return Finding(what="temperature", ok=True, text="this computer does not tell")
+    good = hottest < HOT_C
+    return Finding(
+        what="temperature",
+        ok=good,
+        text=f"{hottest:.0f} °C",
+        remedy="" if good else "Give it air: from 80 °C on it slows down",
+    )

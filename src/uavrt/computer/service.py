@@ -1,0 +1,223 @@
+"""Start at boot: a systemd unit and a udev rule.
+
+The unit is ``Type=notify`` with a watchdog (systemd.service(5)): systemd starts the supervisor
+again when it ends or falls silent, and the supervisor goes on with the flight. The rule lets
+the group ``plugdev`` use the radio: Debian's own rule (``TAG+="uaccess"``) opens it only to who
+sits at the screen, not to ssh and not to a service.
+"""
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.config.text_files import write_text_atomically
+from uavrt.errors import UsageError
+
+UNIT = "uavrt.service"
+UNIT_PATH = Path("etc/systemd/system") / UNIT
+WANTED_PATH = Path("etc/systemd/system/multi-user.target.wants") / UNIT
+RULE_PATH = Path("etc/udev/rules.d/60-uavrt.rules")
+WATCHDOG_S = 15
+"""The supervisor speaks every second; the tuner may hold it for 10 s as a flight starts."""
+
+RADIOS = (
+    ("1d50", "60a1", "Airspy Mini and R2"),
+    ("03eb", "800c", "Airspy HF+"),
+    ("0bda", "2838", "RTL-SDR"),
+    ("0bda", "2832", "RTL-SDR"),
+    ("1d50", "6089", "HackRF One"),
+)
+"""USB vendor, product and name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServicePlan:
+    """What the service runs, as whom, where."""
+
+    program: Path
+    """The ``uavrt`` command."""
+    user: str
+    directory: Path
+    """Working directory: relative paths of the settings begin here."""
+    config: Path | None = None
+    """Settings file; None: ``uavrt.toml`` in the directory, if it is there."""
+
+
+def unit_text(plan: ServicePlan) -> str:
+    """Write the unit."""
+    config = ["--config", str(plan.config)] if plan.config is not None else []
+    command = " ".join(_quoted(word) for word in (str(plan.program), "run", *config))
+    return f"""\
+[Unit]
+Description=uavrt: find radio-tagged animals from a drone
+Documentation=man:systemd.service(5)
+After=local-fs.target
+# However often it fails in a row, it is tried again: nobody can press a button in the air.
+StartLimitIntervalSec=0
+
+[Service]
+Type=notify
+NotifyAccess=main
+ExecStart={command}
+User={plan.user}
+SupplementaryGroups=dialout plugdev
+WorkingDirectory={plan.directory}
+Restart=always
+RestartSec=0.5
+WatchdogSec={WATCHDOG_S}
+WatchdogSignal=SIGKILL
+KillMode=mixed
+TimeoutStartSec=30
+TimeoutStopSec=20
+OOMScoreAdjust=-500
+
+[Install]
+WantedBy=multi-user.target
+"""
+
+
+def rule_text() -> str:
+    """Write the udev rule."""
+    lines = ["# uavrt: radios for the group plugdev, also over ssh and for services"]
+    for vendor, product, name in RADIOS:
+        lines.append(f"# {name}")
+        lines.append(
+            f'SUBSYSTEM=="usb", ATTR{{idVendor}}=="{vendor}", ATTR{{idProduct}}=="{product}", '
+            'MODE="0660", GROUP="plugdev"'
+        )
+    lines.append("# FTDI cable to the autopilot: a name that stays, no ModemManager")
+    lines.append(
+        'SUBSYSTEM=="tty", ATTRS{idVendor}=="0403", ATTRS{idProduct}=="6001", '
+        'SYMLINK+="autopilot", ENV{ID_MM_DEVICE_IGNORE}="1"'
+    )
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(word: str) -> str:
+    """Quote a word for ``ExecStart=`` (systemd.service(5), "Command lines")."""
+    if any(c in word for c in "\n\r\0"):
+        raise UsageError(f"{word!r} cannot stand in a unit")
+    escaped = (
+        word.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
+    )
+    return f'"{escaped}"' if escaped != word or " " in word else word
+
+
+def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
+    """Write unit and rule, and enable the unit; as often as wanted.
+
+    Parameters
+    ----------
+    root : Path
+        Another root than the running system's: files are written, nothing is started.
+
+    Returns
+    -------
+    list of str
+        What was done, in words.
+
+    Raises
+    ------
+    UsageError
+        No permission.
+    """
+    done = [
+        _write(root / UNIT_PATH, unit_text(plan)),
+        _write(root / RULE_PATH, rule_text()),
+        _link(root / WANTED_PATH, f"/{UNIT_PATH}"),
+    ]
+    if root == Path("/"):
+        done += _call(
+            ("udevadm", "control", "--reload"),
+            ("udevadm", "trigger", "--subsystem-match=usb", "--subsystem-match=tty"),
+            ("systemctl", "daemon-reload"),
+            ("systemctl", "restart", UNIT),
+        )
+    return done
+
+
+def remove(root: Path = Path("/")) -> list[str]:
+    """Stop and disable the service, and remove unit and rule; flights stay.
+
+    Raises
+    ------
+    UsageError
+        No permission.
+    """
+    done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
+    for path in (WANTED_PATH, UNIT_PATH, RULE_PATH):
+        try:
+            (root / path).unlink()
+        except FileNotFoundError:
+            continue
+        except PermissionError as error:
+            raise _not_allowed(root / path) from error
+        done.append(f"removed {root / path}")
+    if root == Path("/"):
+        done += _call(("systemctl", "daemon-reload"), ("udevadm", "control", "--reload"))
+    return done
+
+
+def status(root: Path = Path("/")) -> list[str]:
+    """Say what is installed, and how the service is."""
+    lines = [
+        f"{'unit':<8}{_present(root / UNIT_PATH)}",
+        f"{'at boot':<8}{'yes' if (root / WANTED_PATH).is_symlink() else 'no'}",
+        f"{'rule':<8}{_present(root / RULE_PATH)}",
+    ]
+    if root == Path("/") and shutil.which("systemctl"):
+        state = _output("systemctl", "is-active", UNIT)
+        lines.append(f"{'state':<8}{state or 'unknown'}")
+    return lines
+
+
+def _present(path: Path) -> str:
+    return str(path) if path.exists() else "not installed"
+
+
+def _write(path: Path, text: str) -> str:
+    try:
+        if path.exists() and path.read_text(encoding="utf-8") == text:
+            return f"{path} is up to date"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text_atomically(path, text)
+    except PermissionError as error:
+        raise _not_allowed(path) from error
+    return f"wrote {path}"
+
+
+def _link(path: Path, target: str) -> str:
+    """Enable as ``systemctl enable`` does, which needs no running systemd this way."""
+    try:
+        if path.is_symlink() and str(path.readlink()) == target:
+            return f"{UNIT} starts at boot"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.unlink(missing_ok=True)
+        path.symlink_to(target)
+    except PermissionError as error:
+        raise _not_allowed(path) from error
+    return f"{UNIT} will start at boot"
+
+
+def _not_allowed(path: Path) -> UsageError:
+    return UsageError(f"{path} cannot be written", remedy="Run it with sudo")
+
+
+def _call(*commands: Sequence[str]) -> list[str]:
+    """Run commands; say which did not work instead of stopping half-way."""
+    said = []
+    for command in commands:
+        if shutil.which(command[0]) is None:
+            said.append(f"no {command[0]} here: {' '.join(command)} was left out")
+            continue
+        finished = subprocess.run(command, capture_output=True, text=True, check=False)
+        if finished.returncode:
+            said.append(f"{' '.join(command)} failed: {finished.stderr.strip()}")
+    return said
+
+
+def _output(*command: str) -> str:
+    finished = subprocess.run(command, capture_output=True, text=True, check=False)
+    return finished.stdout.strip()

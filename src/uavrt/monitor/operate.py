@@ -1,0 +1,88 @@
+"""Start and stop without a ground station: cart, bench and field-monitor use."""
+
+import os
+from collections.abc import Sequence
+
+from uavrt.clock import monotonic_s
+from uavrt.errors import CommandRefused, UavrtError
+from uavrt.messages import Command, CommandName, CommandReply, Tag
+from uavrt.monitor.reader import StatusReader
+
+REPLY_S = 15.0
+"""The tuner may take some seconds on a small busy computer."""
+
+
+def start_detection(
+    reader: StatusReader,
+    tags: Sequence[Tag],
+    *,
+    center_frequency_hz: float | None = None,
+    gain: int | None = None,
+) -> str:
+    """Send tags and start detecting; get the flight's directory.
+
+    Raises
+    ------
+    CommandRefused
+        The system's state does not allow it; the text says why.
+    UavrtError
+        No answer.
+    """
+    _ask(reader, "start_tags", 1)
+    for number, tag in enumerate(tags):
+        _ask(reader, "add_tag", 2 + number, tag=tag)
+    _ask(reader, "end_tags", 2 + len(tags))
+    return _ask(
+        reader,
+        "start_detection",
+        3 + len(tags),
+        center_frequency_hz=center_frequency_hz,
+        gain=gain,
+    )
+
+
+def stop_detection(reader: StatusReader) -> str:
+    """Stop detecting; get the flight's directory.
+
+    Raises
+    ------
+    CommandRefused
+        The system's state does not allow it.
+    UavrtError
+        No answer.
+    """
+    return _ask(reader, "stop_detection", 1)
+
+
+def _ask(
+    reader: StatusReader,
+    name: CommandName,
+    number: int,
+    *,
+    tag: Tag | None = None,
+    center_frequency_hz: float | None = None,
+    gain: int | None = None,
+) -> str:
+    # Another call of the command line must not be taken for a retry of this one.
+    source = f"command line {os.getpid()} {id(reader)} {monotonic_s():.6f}"
+    command = Command(
+        name=name,
+        request_id=number,
+        tag=tag,
+        center_frequency_hz=center_frequency_hz,
+        gain=gain,
+        source=source,
+    )
+    reader.send("command", command)
+    deadline_s = monotonic_s() + REPLY_S
+    while monotonic_s() < deadline_s:
+        for _, record in reader.read(0.1):
+            if (
+                isinstance(record, CommandReply)
+                and record.name == name
+                and record.request_id == number
+            ):
+                if not record.accepted:
+                    raise CommandRefused(record.message)
+                return record.message
+    raise UavrtError(f"the supervisor did not answer {name}")

@@ -1,0 +1,150 @@
+"""The terminal view: state, processes, rates, losses, tags."""
+
+from collections import deque
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+
+from rich.console import Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from uavrt.messages import ProcessStatus, Pulse, StatusText, SystemStatus
+
+RATE_WINDOW_S = 60.0
+FRESH_S = 5.0
+TEXTS_SHOWN = 6
+LOSSES = ("samples_lost", "channel_samples_dropped", "records_dropped", "records_refused")
+"""Counters that should stay at zero."""
+
+
+@dataclass(slots=True)
+class Heard:
+    """What has been heard of one tag since the monitor began."""
+
+    pulses: int = 0
+    last: Pulse | None = None
+    times_s: deque[float] = field(default_factory=deque)
+
+
+@dataclass(slots=True)
+class MonitorView:
+    """Takes records in; `render` draws them."""
+
+    status: SystemStatus | None = None
+    heard: dict[int, Heard] = field(default_factory=dict)
+    texts: deque[StatusText] = field(default_factory=lambda: deque(maxlen=TEXTS_SHOWN))
+    cpu_percent: dict[str, float] = field(default_factory=dict)
+    _cpu_before: dict[str, tuple[int, float]] = field(default_factory=dict)
+
+    def take(self, topic: str, record: object, now_s: float) -> None:
+        """Take a record of the status socket in."""
+        match record:
+            case Pulse() if topic == "pulse":
+                heard = self.heard.setdefault(record.tag_id, Heard())
+                heard.pulses += 1
+                heard.last = record
+                heard.times_s.append(now_s)
+            case StatusText():
+                self.texts.append(record)
+            case SystemStatus():
+                self.status = record
+                for process in record.processes:
+                    self._measure(process, record.time_ns)
+
+    def _measure(self, process: ProcessStatus, time_ns: int) -> None:
+        before = self._cpu_before.get(process.process)
+        self._cpu_before[process.process] = (time_ns, process.cpu_s)
+        if before is not None and time_ns > before[0]:
+            share = (process.cpu_s - before[1]) * 1e9 / (time_ns - before[0])
+            smooth = self.cpu_percent.get(process.process, 100.0 * share)
+            self.cpu_percent[process.process] = 0.7 * smooth + 30.0 * share
+
+    @property
+    def losses(self) -> float:
+        """Everything that was lost or refused anywhere."""
+        processes = self.status.processes if self.status else ()
+        return sum(p.counters.get(name, 0.0) for p in processes for name in LOSSES)
+
+    def render(self, now_s: float) -> RenderableType:
+        """Draw at a moment of the viewer's monotonic clock [s]."""
+        if self.status is None:
+            return Panel("waiting for the supervisor …", title="uavrt monitor")
+        return Panel(
+            Group(self._head(), self._tags(now_s), self._processes(), *self._texts()),
+            title="uavrt monitor",
+        )
+
+    def _head(self) -> RenderableType:
+        status = self.status
+        assert status is not None
+        losses = self.losses
+        center = status.center_frequency_hz
+        return Text.assemble(
+            ("state ", "dim"),
+            (status.state.value, "bold"),
+            ("   radio at ", "dim"),
+            f"{center / 1e6:.4f} MHz" if center else "–",
+            ("   lost ", "dim"),
+            (f"{losses:.0f}", "bold red" if losses else "bold green"),
+            ("   flight ", "dim"),
+            status.flight_directory or "–",
+            ("   UTC ", "dim"),
+            f"{datetime.fromtimestamp(status.time_ns * 1e-9, tz=UTC):%H:%M:%S}",
+        )
+
+    def _tags(self, now_s: float) -> RenderableType:
+        table = _table("tag", "frequency", "last SNR", "noise", "per minute", "pulses", "heard")
+        assert self.status is not None
+        for tag in self.status.tags:
+            heard = self.heard.get(tag.tag_id, Heard())
+            while heard.times_s and heard.times_s[0] < now_s - RATE_WINDOW_S:
+                heard.times_s.popleft()
+            last = heard.last
+            ago_s = now_s - heard.times_s[-1] if heard.times_s else None
+            frequency = last.frequency_hz if last else tag.frequency_hz
+            table.add_row(
+                f"{tag.tag_id} {tag.name or ''}",
+                f"{frequency / 1e6:.5f} MHz",
+                f"{last.snr_db:.1f} dB" if last else "–",
+                f"{last.noise_psd:.1e}" if last else "–",
+                str(len(heard.times_s)),
+                str(heard.pulses),
+                Text(
+                    "never" if ago_s is None else f"{ago_s:.0f} s ago",
+                    "bold green" if ago_s is not None and ago_s < FRESH_S else "yellow",
+                ),
+            )
+        return table
+
+    def _processes(self) -> RenderableType:
+        table = _table("process", "status", "CPU", "memory", "restarts", "losses")
+        assert self.status is not None
+        for process in self.status.processes:
+            lost = sum(process.counters.get(name, 0.0) for name in LOSSES)
+            table.add_row(
+                process.process,
+                Text(process.status, "" if process.ok else "bold red"),
+                f"{self.cpu_percent.get(process.process, 0.0):.1f} %",
+                f"{process.memory_mb:.0f} MB",
+                str(process.restarts),
+                f"{lost:.0f}",
+            )
+        return table
+
+    def _texts(self) -> list[RenderableType]:
+        return [
+            Text(
+                text.text,
+                "bold red" if text.severity <= 3 else "yellow" if text.severity <= 4 else "",
+            )
+            for text in self.texts
+        ]
+
+
+def _table(*titles: str) -> Table:
+    table = Table(expand=True, box=None, header_style="dim")
+    for title in titles:
+        left = title in ("tag", "process", "status")
+        table.add_column(title, justify="left" if left else "right")
+    return table

@@ -1,0 +1,94 @@
+"""A running drone side seen, started and stopped from its own terminal: cart and bench use."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from uavrt.config import write_tags
+from uavrt.config.settings import MavlinkSettings, RecordingSettings
+from uavrt.errors import CommandRefused
+from uavrt.messages import SystemState
+from uavrt.monitor import MonitorView, start_detection, stop_detection
+from uavrt.recording import read_flight
+
+pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
+
+
+def show_until(drone: Any, view: MonitorView, condition: Any, timeout_s: float = 40.0) -> None:
+    deadline_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline_s, view.status
+        for topic, record in drone.status.read(0.2):
+            view.take(topic, record, time.monotonic())
+
+
+def drawn(view: MonitorView) -> str:
+    console = Console(width=120, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
+    console.print(view.render(time.monotonic()))
+    console.file.close()
+    return console.export_text()
+
+
+def test_a_cart_without_autopilot_is_started_watched_and_stopped(
+    drone_bay: Any, thesis_scenario: Any
+) -> None:
+    drone = drone_bay.launch(thesis_scenario, mavlink=MavlinkSettings(address=""))
+    view = MonitorView()
+    assert "waiting for the supervisor" in drawn(view)
+    with pytest.raises(CommandRefused, match="no tag"):
+        start_detection(drone.status, ())
+    flight = start_detection(drone.status, thesis_scenario.tags)
+    show_until(drone, view, lambda: view.heard and view.heard[2].pulses >= 4)
+    text = drawn(view)
+    for word in ("detecting", "receiver", "recorder", "MHz", "dB", flight):
+        assert word in text.replace("\n", "")
+    assert view.losses == 0
+    assert stop_detection(drone.status) == flight
+    show_until(drone, view, lambda: view.status and view.status.state is SystemState.HAS_TAGS)
+    recorded = read_flight(flight).pulse_poses
+    assert len(recorded) >= 4
+    assert all(item.pose is None for item in recorded)
+
+
+def test_the_command_line_finds_the_running_system_by_its_flights(
+    drone_bay: Any, thesis_scenario: Any, tmp_path: Path
+) -> None:
+    flights = tmp_path / "f"
+    drone = drone_bay.launch(
+        thesis_scenario,
+        mavlink=MavlinkSettings(address=""),
+        recording=RecordingSettings(directory=str(flights)),
+        status_socket=str(flights / "status.sock"),
+    )
+    assert drone.supervisor.exit_code is None
+    tags = tmp_path / "tags.toml"
+    write_tags(tags, thesis_scenario.tags)
+
+    def uavrt(*arguments: str) -> "subprocess.CompletedProcess[str]":
+        return subprocess.run(
+            [
+                *(sys.executable, "-m", "uavrt.cli", "monitor"),
+                *("--flight-dir", str(flights), *arguments),
+            ],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    assert '"idle"' in uavrt("--json").stdout
+    assert "detecting; flight:" in uavrt("--start", str(tags)).stdout
+    assert "detecting" in uavrt("--once").stdout
+    assert "stopping; flight:" in uavrt("--stop").stdout
+    nothing = subprocess.run(
+        [sys.executable, "-m", "uavrt.cli", "monitor", "--flight-dir", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert nothing.returncode == 2
+    assert "no running system answers" in nothing.stderr
