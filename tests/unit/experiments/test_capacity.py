@@ -1,0 +1,70 @@
+"""The thesis's §5.4, by model and through links."""
+
+import asyncio
+import socket
+from dataclasses import replace
+
+import pytest
+
+from uavrt.clock import Clock
+from uavrt.experiments.capacity import COUNTS, GAPS_MS, model_row, our_sender_row, run_links
+from uavrt.messages import Pose
+from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_the_simulated_autopilot_reproduces_the_thesis_within_seven_percent(count: int) -> None:
+    rows = [model_row(count, gap_ms) for gap_ms in GAPS_MS]
+    assert [row for row in rows if not row.reproduced] == []
+    assert all(row.received + row.dropped_by_autopilot == count for row in rows)
+
+
+def test_another_autopilot_would_not_pass_for_the_thesiss() -> None:
+    assert not replace(model_row(1000, 2), received=700).reproduced
+
+
+@pytest.mark.parametrize("gap_s", [0.012, 0.020])
+def test_our_sender_loses_none_in_4_ms_and_8_ms_loops(gap_s: float) -> None:
+    for pass_ns in (4_000_000, 8_333_333):
+        row = our_sender_row(1500, gap_s, pass_ns)
+        assert (row.received, row.dropped_by_autopilot) == (1500, 0)
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        opened.bind(("127.0.0.1", 0))
+        return int(opened.getsockname()[1])
+
+
+def test_through_links_every_loss_is_the_autopilots() -> None:
+    companion, ground = free_port(), free_port()
+    settings = AutopilotSettings(
+        companion=("127.0.0.1", companion), ground=("127.0.0.1", ground)
+    )
+
+    def still(time_ns: int) -> Pose:
+        return Pose(
+            time_ns=time_ns,
+            latitude_deg=35.0,
+            longitude_deg=-111.0,
+            altitude_amsl_m=2000.0,
+            altitude_relative_m=50.0,
+            quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+        )
+
+    async def main() -> None:
+        autopilot = FakeAutopilot(still, settings, Clock.start())
+        task = asyncio.create_task(autopilot.run())
+        try:
+            at = "udpin://127.0.0.1"
+            rows = await run_links(f"{at}:{companion}", f"{at}:{ground}", (60,), (0, 20))
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+        together, apart = rows
+        assert together.received < 20
+        assert together.between == 60 - together.received
+        assert apart.received == 60
+        assert autopilot.counters()["dropped_to_ground"] == together.between
+
+    asyncio.run(main())
