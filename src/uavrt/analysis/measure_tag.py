@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from uavrt.analysis.beats import FEWEST, FoundBeat, find_beats
 from uavrt.analysis.measure_pulses import PulseWindow, measure_pulses
 from uavrt.analysis.measured_tag import MeasuredTag
-from uavrt.analysis.pulse_search import Bursts, BurstSearch
+from uavrt.analysis.pulse_search import SIDE_HZ, Bursts, BurstSearch
 from uavrt.dsp import FrontEnd
 from uavrt.errors import ConfigError, UsageError
 from uavrt.messages import ChannelBlock, IQBlock
@@ -33,6 +33,9 @@ MARGIN_S: Final = 0.100
 """Kept before and after a burst's middle; the outer halves of it are noise alone."""
 ECHO_S: Final = 0.1
 ECHO_DB: Final = 6.0
+FAR_ECHO_DB: Final = 30.0
+"""A weaker burst at the same time as a tag's pulse is its flank, 6 dB down within 20 kHz and
+30 dB down anywhere (overload, mirror image); or another tag, whose next pulse comes alone."""
 MOST_BEATS: Final = 8
 
 
@@ -185,15 +188,18 @@ def _gather(bursts: Bursts, span_s: float) -> list[_Found]:
 def _drop_echoes(bursts: Bursts, taken: NDArray[np.intp], free: NDArray[np.bool_]) -> None:
     """Take away what comes with a tag's pulses: their flanks, spread over the band.
 
-    A weaker burst at the same time is such a one, wherever it is; so is any of the same bin.
+    A weaker burst at the same time is such a one: near by, or anywhere if it is far weaker. So
+    is any of the same frequency.
     """
     place = np.searchsorted(bursts.times_s[taken], bursts.times_s)
     for neighbour in (place - 1, place):
         mate = taken[np.clip(neighbour, 0, taken.size - 1)]
         together = np.abs(bursts.times_s - bursts.times_s[mate]) <= ECHO_S
-        weaker = bursts.levels_db < bursts.levels_db[mate] - ECHO_DB
-        same = np.abs(bursts.frequencies_hz - bursts.frequencies_hz[mate]) <= GATHER_HZ
-        free &= ~(together & (weaker | same))
+        below_db = bursts.levels_db[mate] - bursts.levels_db
+        distance_hz = np.abs(bursts.frequencies_hz - bursts.frequencies_hz[mate])
+        flank = (below_db > ECHO_DB) & (distance_hz <= SIDE_HZ)
+        spread = below_db > FAR_ECHO_DB
+        free &= ~(together & (flank | spread | (distance_hz <= GATHER_HZ)))
 
 
 def _densest(bursts: Bursts, free: NDArray[np.bool_], refused: list[float]) -> float | None:

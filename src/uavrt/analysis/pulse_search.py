@@ -18,6 +18,8 @@ WINDOW_S: Final = 0.016
 HOP_S: Final = 0.004
 BATCH_S: Final = 2.0
 """Stretch over which a bin's usual level is its median."""
+MOST_CELLS_AT_ONCE: Final = 6_000_000
+"""24 MiB of levels, and some three times that while they are searched: at 3 MS/s, 0.5 s."""
 FALSE_CELLS_PER_S: Final = 3.0
 """Cells that noise may raise in a second, over the whole band; the fold sorts them out."""
 WIDE_FRACTION: Final = 0.25
@@ -64,7 +66,8 @@ class BurstSearch:
         self._bins = inside[np.argsort(frequencies[inside])]
         self._low_hz = float(frequencies[self._bins[0]]) if self._bins.size else 0.0
         self._step_hz = sample_rate_hz / self._size
-        self._batch = max(64, round(BATCH_S / HOP_S))
+        batch = min(BATCH_S / HOP_S, MOST_CELLS_AT_ONCE / max(self._bins.size, 1))
+        self._batch = max(64, round(batch))
         cells_per_s = self._bins.size / HOP_S
         # Exponential noise: P(level > x times the mean) = exp(-x); its median is ln 2.
         self._factor = np.log(max(cells_per_s / FALSE_CELLS_PER_S, np.e)) / np.log(2.0)
