@@ -133,14 +133,13 @@ class PulseDatagramSender:
 
     def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:
         try:
-            family, _, _, _, self._place = socket.getaddrinfo(
-                host, port, type=socket.SOCK_DGRAM
-            )[0]
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         except OSError as error:
             raise LinkError(
                 f"no address {host}: {error.strerror}", remedy="Check the name"
             ) from error
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._place = found[4]
+        self._socket = socket.socket(found[0], socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._tag_ids = tuple(tag_ids)
         self._last_heartbeat_s = -math.inf
