@@ -1,0 +1,220 @@
+"""The report as PDF: A4 pages for print and mail."""
+
+import io
+import textwrap
+from typing import TYPE_CHECKING
+
+from uavrt.analysis.report import maps, roses, times, words
+from uavrt.analysis.report.style import A4_IN, FAINT, SOFT, new_figure, styled, tag_color
+from uavrt.analysis.survey import Survey
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.backends.backend_pdf import PdfPages
+    from matplotlib.figure import Figure, FigureBase
+
+_LEFT, _RIGHT, _TOP, _BOTTOM = 0.08, 0.93, 0.95, 0.06
+_LINE = 0.0155
+"""Height of a line of 9 points over that of the page, with space between."""
+
+
+def pdf_document(survey: Survey) -> bytes:
+    """Write all pages; needs matplotlib.
+
+    Raises
+    ------
+    UsageError
+        The extra ``uavrt[analysis]`` is not installed.
+    """
+    with styled():
+        from matplotlib.backends.backend_pdf import PdfPages
+
+        stream = io.BytesIO()
+        with PdfPages(stream, metadata={"Title": survey.name, "CreationDate": None}) as pages:
+            book = _Book(pages, survey)
+            book.first_page()
+            for tag_id in survey.tag_ids:
+                if survey.pulses_of(tag_id):
+                    book.tag_page(tag_id)
+            book.last_pages()
+        return stream.getvalue()
+
+
+class _Book:
+    """Pages one after the other."""
+
+    def __init__(self, pages: "PdfPages", survey: Survey) -> None:
+        self._pages = pages
+        self._survey = survey
+        self._number = 0
+
+    def first_page(self) -> None:
+        """Title, warnings, where the tags are, the map."""
+        survey = self._survey
+        writer = _Writer(self)
+        writer.text(survey.name, size=16, weight="bold", width=60)
+        writer.text(words.heading_line(survey), color=SOFT)
+        writer.skip()
+        for warning in survey.warnings:
+            writer.text(f"! {warning}", color="#8a5a00")
+        for one in words.findings(survey):
+            writer.skip(0.5)
+            color = tag_color(survey.tag_ids, one.tag_id)
+            place = "" if one.place is None else f"    {one.place}"
+            writer.text(one.title + place, size=11, weight="bold", color=color)
+            writer.text(one.detail)
+        if writer.left < 0.42:
+            writer.end_page()
+        height = min(0.62, writer.left - 0.02)
+        figure = writer.figure
+        part = _part(figure, _BOTTOM, height)
+        maps.draw_overview(part, survey)
+        writer.end_page()
+
+    def tag_page(self, tag_id: int) -> None:
+        """Map, roses and times of one tag; more roses on pages of their own."""
+        survey = self._survey
+        figure = self.page()
+        title = f"Tag {words.title_of(survey, tag_id)}"
+        color = tag_color(survey.tag_ids, tag_id)
+        figure.text(_LEFT, _TOP, title, size=14, weight="bold", va="top", color=color)
+        maps.draw_tag_map(_part(figure, 0.53, 0.38), survey, tag_id)
+        roses.draw_roses(_part(figure, 0.27, 0.25), survey, tag_id)
+        times.draw_times(_part(figure, _BOTTOM, 0.20), survey, [tag_id])
+        self.save(figure)
+        count = len(survey.bearings_of(tag_id))
+        rest = list(range(roses.COLUMNS, count, roses.COLUMNS))
+        for start in range(0, len(rest), 3):
+            figure = self.page()
+            figure.text(_LEFT, _TOP, f"{title}, further turns", size=14, va="top", color=color)
+            for row, first in enumerate(rest[start : start + 3]):
+                roses.draw_roses(_part(figure, 0.64 - 0.29 * row, 0.27), survey, tag_id, first)
+            self.save(figure)
+
+    def last_pages(self) -> None:
+        """Tables, system, methods."""
+        survey = self._survey
+        writer = _Writer(self)
+        writer.table("Tags", words.tag_table(survey), (15, 10, 10, 7, 10, 19, 11, 8))
+        if survey.bearings:
+            widths = (6, 10, 24, 9, 16, 8, 20)
+            writer.table("Bearings", words.bearing_table(survey), widths)
+        if survey.health:
+            writer.table("System", words.health_table(survey), (14, 18, 18, 42))
+        if events := words.events(survey):
+            rows = [[time, text] for time, text in events]
+            writer.table("Events", (["Time", "Event"], rows), (10, 82))
+        if survey.search_reports:
+            writer.room(0.2)
+            times.draw_noise(_part(writer.figure, writer.top - 0.17, 0.16), survey)
+            writer.skip(12)
+        writer.room(0.2)
+        writer.text("Methods", size=12, weight="bold")
+        for text in words.methods(survey):
+            writer.text(text)
+            writer.skip(0.3)
+        for text in words.SOURCES:
+            writer.text(text, color=SOFT)
+        writer.text(words.made_by(), color=SOFT)
+        writer.end_page()
+
+    def page(self) -> "Figure":
+        """Begin a page."""
+        return new_figure(*A4_IN)
+
+    def save(self, figure: "Figure") -> None:
+        """Number a page and add it."""
+        self._number += 1
+        figure.text(_RIGHT, 0.025, str(self._number), ha="right", color=SOFT, size=8)
+        figure.text(_LEFT, 0.025, self._survey.name, color=SOFT, size=8)
+        self._pages.savefig(figure)  # type: ignore[no-untyped-call]
+
+
+class _Writer:
+    """Text from the top of a page down, on the next page when it is full."""
+
+    def __init__(self, book: _Book) -> None:
+        self._book = book
+        self.figure = book.page()
+        self.top = _TOP
+
+    @property
+    def left(self) -> float:
+        """Room left on the page, of its height."""
+        return self.top - _BOTTOM
+
+    def text(
+        self,
+        text: str,
+        *,
+        size: float = 9,
+        weight: str = "normal",
+        color: str = "#1b2430",
+        width: int = 104,
+    ) -> None:
+        """Write a paragraph."""
+        width = round(width * 9 / size) if size > 9 and width == 104 else width
+        for line in textwrap.wrap(text, width) or [""]:
+            self.room(_LINE * size / 9)
+            self.figure.text(
+                _LEFT, self.top, line, size=size, weight=weight, color=color, va="top"
+            )
+            self.top -= _LINE * size / 9
+
+    def skip(self, lines: float = 1.0) -> None:
+        """Leave room."""
+        self.top -= lines * _LINE
+
+    def room(self, height: float) -> None:
+        """Go to the next page unless there is that much room."""
+        if self.left < height:
+            self.end_page()
+            self.figure = self._book.page()
+
+    def table(self, title: str, table: words.Table, widths: tuple[int, ...]) -> None:
+        """Write a table; `widths` are in characters and together at most 92."""
+        header, rows = table
+        self.room(5 * _LINE)
+        self.text(title, size=12, weight="bold")
+        self._row(header, widths, color=SOFT)
+        for row in rows:
+            self._row(row, widths)
+        self.skip()
+
+    def _row(self, cells: list[str], widths: tuple[int, ...], color: str = "#1b2430") -> None:
+        wrapped = [textwrap.wrap(c, w) or [""] for c, w in zip(cells, widths, strict=True)]
+        lines = max(map(len, wrapped))
+        self.room(lines * _LINE)
+        scale = (_RIGHT - _LEFT) / sum(widths)
+        left = _LEFT
+        for text, width in zip(wrapped, widths, strict=True):
+            for number, line in enumerate(text):
+                y = self.top - number * _LINE * 0.9
+                self.figure.text(left, y, line, size=8, color=color, va="top")
+            left += width * scale
+        self.top -= lines * _LINE * 0.9 + 0.2 * _LINE
+        self.figure.add_artist(_rule(self.top))
+        self.top -= 0.2 * _LINE
+
+    def end_page(self) -> None:
+        """Save the page and begin another."""
+        self._book.save(self.figure)
+        self.figure = self._book.page()
+        self.top = _TOP
+
+
+def _rule(height: float) -> "Artist":
+    from matplotlib.lines import Line2D
+
+    return Line2D([_LEFT, _RIGHT], [height, height], color=FAINT, lw=0.5)
+
+
+def _part(figure: "Figure", bottom: float, height: float) -> "FigureBase":
+    """Part of a page between the margins; shares are of the page's height."""
+    grid = figure.add_gridspec(
+        3,
+        3,
+        height_ratios=[1.0 - bottom - height, height, bottom],
+        width_ratios=[_LEFT, _RIGHT - _LEFT, 1.0 - _RIGHT],
+    )
+    return figure.add_subfigure(grid[1, 1])

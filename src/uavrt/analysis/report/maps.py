@@ -1,0 +1,228 @@
+"""Maps: graticule, track, pulses by SNR, bearings with wedges, positions with regions."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.report.style import INK, SNR_COLORS, SOFT, message, tag_color
+from uavrt.analysis.shapes import Point, ray, ray_length_m, region95, wedge
+from uavrt.analysis.survey import Survey, thinned
+from uavrt.localization import Position, TangentPlane
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+_LEAST_HALF_M = 120.0
+_NICE = (1, 2, 5)
+
+
+class LocalMap:
+    """Axes in metres around the flight, with a graticule of degrees."""
+
+    def __init__(self, axes: "Axes", survey: Survey, tag_ids: Sequence[int]) -> None:
+        self.axes = axes
+        places = [(pose.longitude_deg, pose.latitude_deg) for pose in survey.track]
+        for tag_id in tag_ids:
+            found = survey.position_of(tag_id)
+            if found is not None and found.position is not None:
+                places.append((found.position.longitude_deg, found.position.latitude_deg))
+        self.plane = TangentPlane(latitude_deg=places[0][1], longitude_deg=places[0][0])
+        self._frame(places)
+
+    def line(self, points: Iterable[Point]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """East and north [m] of places."""
+        array = np.array(list(points))
+        return self.plane.to_local(array[:, 1], array[:, 0])
+
+    def _frame(self, places: list[Point]) -> None:
+        east, north = self.line(places)
+        middle = ((east.max() + east.min()) / 2, (north.max() + north.min()) / 2)
+        half = float(max(np.ptp(east), np.ptp(north))) / 2 * 1.25
+        half = max(half, _LEAST_HALF_M)
+        self.axes.set_aspect("equal")
+        self.axes.spines[:].set_visible(True)
+        self.axes.set_xlim(middle[0] - half, middle[0] + half)
+        self.axes.set_ylim(middle[1] - half, middle[1] + half)
+        self._graticule()
+        self._scale_bar(half)
+
+    def _graticule(self) -> None:
+        (left, right), (low, high) = self.axes.get_xlim(), self.axes.get_ylim()
+        south, west = (float(value) for value in self._degrees(left, low))
+        north, east = (float(value) for value in self._degrees(right, high))
+        east = west + (east - west) % 360.0
+        longitudes, latitudes = _round_values(west, east), _round_values(south, north)
+        xs = [float(self.plane.to_local((south + north) / 2, lon)[0]) for lon in longitudes]
+        ys = [float(self.plane.to_local(lat, (west + east) / 2)[1]) for lat in latitudes]
+        decimals = _decimals(longitudes)
+        self.axes.set_xticks(xs, [_degrees(lon, "E", "W", decimals) for lon in longitudes])
+        decimals = _decimals(latitudes)
+        self.axes.set_yticks(ys, [_degrees(lat, "N", "S", decimals) for lat in latitudes])
+        self.axes.tick_params(axis="y", labelrotation=90)
+        for label in self.axes.get_yticklabels():
+            label.set_verticalalignment("center")
+        self.axes.grid(visible=True)
+        self.axes.set_axisbelow(True)
+
+    def _degrees(self, east_m: float, north_m: float) -> tuple[float, float]:
+        latitude, longitude = self.plane.to_geodetic(east_m, north_m)
+        return float(latitude), float(longitude)
+
+    def _scale_bar(self, half_m: float) -> None:
+        length = nice_below(half_m / 2)
+        (left, _), (low, high) = self.axes.get_xlim(), self.axes.get_ylim()
+        x, y = left + 0.08 * half_m, low + 0.08 * half_m
+        self.axes.plot([x, x + length], [y, y], color=INK, lw=2, solid_capstyle="butt")
+        text = f"{length:g} m" if length < 1000 else f"{length / 1000:g} km"
+        self.axes.text(x, y + 0.03 * half_m, text, va="bottom")
+        x, y = left + 0.1 * half_m, high - 0.32 * half_m
+        self.axes.annotate(
+            "N",
+            xy=(x, y + 0.22 * half_m),
+            xytext=(x, y),
+            ha="center",
+            arrowprops={"arrowstyle": "-|>", "color": INK},
+        )
+
+
+def draw_overview(target: "FigureBase", survey: Survey) -> None:
+    """Draw the whole flight: track, all bearings, all positions."""
+    if not survey.track:
+        message(target, "No map: nothing in this recording has a place.")
+        return
+    axes = target.subplots()
+    chart = LocalMap(axes, survey, survey.tag_ids)
+    _track(chart, survey)
+    for tag_id in survey.tag_ids:
+        color = tag_color(survey.tag_ids, tag_id)
+        _bearings(chart, survey, tag_id, color, wedges=len(survey.tag_ids) <= 4)
+        _position(chart, survey, tag_id, color)
+    _legend(axes)
+
+
+def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
+    """Draw one tag: pulses by SNR, bearings with 90 % wedges, probability, position."""
+    pulses = [one for one in survey.pulses_of(tag_id) if one.pose is not None]
+    if not survey.track or not pulses:
+        message(target, "No map: this tag was not heard at any known place.")
+        return
+    axes = target.subplots()
+    chart = LocalMap(axes, survey, [tag_id])
+    _track(chart, survey)
+    color = tag_color(survey.tag_ids, tag_id)
+    found = survey.position_of(tag_id)
+    if found is not None and found.position is not None:
+        _heat(chart, found.position)
+    _bearings(chart, survey, tag_id, color, wedges=True)
+    east, north = chart.line(
+        (one.pose.longitude_deg, one.pose.latitude_deg) for one in pulses if one.pose
+    )
+    snr = np.array([one.pulse.snr_db for one in pulses])
+    known = np.isfinite(snr)
+    dots = axes.scatter(
+        east[known],
+        north[known],
+        c=snr[known],
+        s=12,
+        cmap=SNR_COLORS,
+        zorder=4,
+        linewidths=0,
+        rasterized=len(pulses) > 2000,
+    )
+    if known.any():
+        target.colorbar(dots, ax=axes, label="SNR [dB]", shrink=0.6)
+    _position(chart, survey, tag_id, color)
+    _legend(axes)
+
+
+def _legend(axes: "Axes") -> None:
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper right", fontsize=7.5)
+
+
+def _track(chart: LocalMap, survey: Survey) -> None:
+    poses = thinned(survey.track)
+    east, north = chart.line((pose.longitude_deg, pose.latitude_deg) for pose in poses)
+    chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2, label="flight")
+    chart.axes.plot(east[:1], north[:1], "o", color=SOFT, ms=4, zorder=3)
+
+
+def _bearings(
+    chart: LocalMap, survey: Survey, tag_id: int, color: str, *, wedges: bool
+) -> None:
+    found = survey.position_of(tag_id)
+    position = None if found is None else found.position
+    (left, right), (low, high) = chart.axes.get_xlim(), chart.axes.get_ylim()
+    for one in survey.bearings_of(tag_id):
+        length_m = max(ray_length_m(one, position), math.hypot(right - left, high - low))
+        believed = one.bearing.accepted and not one.bearing.ambiguous
+        x, y = chart.line(ray(one, length_m))
+        style = "-" if believed else (0, (4, 3))
+        chart.axes.plot(x, y, color=color, lw=1.1, ls=style, zorder=3, scalex=False)
+        area = wedge(one, length_m)
+        if wedges and area is not None and one.bearing.accepted:
+            x, y = chart.line(area)
+            chart.axes.fill(x, y, color=color, alpha=0.10, lw=0, zorder=1)
+    chart.axes.set_xlim(left, right)
+    chart.axes.set_ylim(low, high)
+
+
+def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
+    found = survey.position_of(tag_id)
+    if found is None or found.position is None:
+        return
+    position = found.position
+    area = region95(position)
+    limits = chart.axes.get_xlim(), chart.axes.get_ylim()
+    if area is not None:
+        x, y = chart.line(area)
+        chart.axes.plot(x, y, color=color, lw=1.3, zorder=5)
+    (x,), (y,) = chart.line([(position.longitude_deg, position.latitude_deg)])
+    tag = survey.tag(tag_id)
+    name = f"tag {tag_id}" + (f", {tag.name}" if tag is not None and tag.name else "")
+    chart.axes.plot(
+        [x], [y], "*", color=color, ms=13, mec="white", zorder=6, label=f"{name} and 95 %"
+    )
+    chart.axes.set_xlim(limits[0])
+    chart.axes.set_ylim(limits[1])
+
+
+def _heat(chart: LocalMap, position: Position) -> None:
+    """Draw contours of the probability, out of the grid's own plane."""
+    grid = position.grid
+    if grid is None:
+        return
+    plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
+    east, north = np.meshgrid(grid.east_m, grid.north_m)
+    latitude, longitude = plane.to_geodetic(east, north)
+    x, y = chart.plane.to_local(latitude, longitude)
+    share = grid.probability / grid.probability.max()
+    chart.axes.contourf(
+        x, y, share, levels=[0.02, 0.1, 0.25, 0.5, 0.75, 1.01], cmap="Reds", alpha=0.35
+    )
+
+
+def nice_below(value: float) -> float:
+    """Largest 1, 2 or 5 times a power of ten that is not above a value."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return max(step * power for step in _NICE if step * power <= value * (1 + 1e-9))
+
+
+def _round_values(low: float, high: float) -> list[float]:
+    step = nice_below(max(high - low, 1e-6) / 2.5)
+    first = math.ceil(low / step)
+    return [index * step for index in range(first, math.floor(high / step) + 1)]
+
+
+def _decimals(values: Sequence[float]) -> int:
+    step = abs(values[1] - values[0]) if len(values) > 1 else 1e-3
+    return max(0, -math.floor(math.log10(step) + 1e-9))
+
+
+def _degrees(value: float, positive: str, negative: str, decimals: int) -> str:
+    value = math.remainder(value, 360.0)
+    return f"{abs(value):.{decimals}f}° {positive if value >= 0 else negative}"

@@ -1,0 +1,121 @@
+"""Roses: SNR over heading with the antenna's pattern, and what the pattern leaves."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.bearings import TagBearing
+from uavrt.analysis.report.style import INK, SOFT, message, tag_color
+from uavrt.analysis.survey import Survey
+from uavrt.localization import PATTERNS
+from uavrt.pose import yaw_deg
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+COLUMNS = 4
+_Floats = NDArray[np.float64]
+
+
+def headings_and_snr(survey: Survey, bearing: TagBearing) -> tuple[_Floats, _Floats]:
+    """Headings [deg] and SNR [dB] of the pulses that went into a bearing."""
+    pairs = [
+        (yaw_deg(one.pose.quaternion_wxyz), one.pulse.snr_db)
+        for one in survey.pulses_of(bearing.tag_id)
+        if one.pose is not None
+        and bearing.start_time_ns <= one.pulse.start_time_ns <= bearing.end_time_ns
+        and np.isfinite(one.pulse.snr_db)
+    ]
+    array = np.array(pairs, np.float64).reshape(-1, 2)
+    return array[:, 0], array[:, 1]
+
+
+def draw_roses(
+    target: "FigureBase", survey: Survey, tag_id: int, first: int = 0, most: int = COLUMNS
+) -> None:
+    """Draw up to `most` of a tag's bearings, from number `first` on: rose and residuals."""
+    bearings = survey.bearings_of(tag_id)[first : first + most]
+    if not bearings:
+        message(target, "No rose: no turn in place in which this tag was heard three times.")
+        return
+    color = tag_color(survey.tag_ids, tag_id)
+    columns = max(len(bearings), min(most, 3))
+    layout = target.add_gridspec(2, columns, height_ratios=[3.2, 1.0])
+    for column, one in enumerate(bearings):
+        yaw, snr = headings_and_snr(survey, one)
+        rose = target.add_subplot(layout[0, column], projection="polar")
+        _rose(rose, survey, one, yaw, snr, color)
+        rest = target.add_subplot(layout[1, column])
+        _residuals(rest, survey, one, yaw, snr, color)
+        if column == 0:
+            rest.set_ylabel("SNR − pattern [dB]")
+
+
+def verdict(one: TagBearing) -> str:
+    """Say in a few words what to think of a bearing."""
+    bearing = one.bearing
+    if not bearing.accepted:
+        return "no clear direction"
+    if bearing.multipath_suspected:
+        return "reflection likely"
+    if bearing.ambiguous:
+        return "ambiguous"
+    return "clear"
+
+
+def _rose(
+    axes: "Axes", survey: Survey, one: TagBearing, yaw: _Floats, snr: _Floats, color: str
+) -> None:
+    bearing = one.bearing
+    axes.set_theta_zero_location("N")  # type: ignore[attr-defined]
+    axes.set_theta_direction(-1)  # type: ignore[attr-defined]
+    top = max(float(snr.max(initial=10.0)), bearing.level_db or 0.0) + 3.0
+    floor = min(float(snr.min(initial=top)), top - 20.0) - 3.0
+    if bearing.interval90_deg is not None:
+        low, high = bearing.interval90_deg
+        width = np.radians((high - low) % 360.0)
+        axes.bar(
+            np.radians(low) + width / 2,
+            top - floor,
+            width=width,
+            bottom=floor,
+            color=color,
+            alpha=0.18,
+            lw=0,
+        )
+    if bearing.level_db is not None:
+        around = np.linspace(0.0, 360.0, 361)
+        level = bearing.level_db + PATTERNS[survey.antenna].gain_db(
+            around - bearing.bearing_deg
+        )
+        axes.plot(np.radians(around), np.maximum(level, floor), color=SOFT, lw=1.0)
+    axes.plot(np.radians([bearing.bearing_deg] * 2), [floor, top], color=color, lw=1.8)
+    axes.plot(np.radians(yaw), snr, "o", color=INK, ms=2.6, alpha=0.8, mew=0)
+    axes.set_rlim(floor, top)  # type: ignore[attr-defined]
+    axes.set_xticks(np.radians([0, 90, 180, 270]), ["N", "E", "S", "W"])
+    axes.set_rlabel_position(135)  # type: ignore[attr-defined]
+    axes.tick_params(labelsize=7, pad=0)
+    text = f"{bearing.bearing_deg:.0f}°"
+    if bearing.sigma_deg is not None:
+        text += f" ± {bearing.sigma_deg:.0f}°"
+    axes.set_title(f"{text}\n{verdict(one)}, {len(snr)} pulses", loc="center", fontsize=8.5)
+
+
+def _residuals(
+    axes: "Axes", survey: Survey, one: TagBearing, yaw: _Floats, snr: _Floats, color: str
+) -> None:
+    bearing = one.bearing
+    axes.axhline(0.0, color=SOFT, lw=0.8)
+    axes.axvline(0.0, color=color, lw=1.2)
+    off = (yaw - bearing.bearing_deg + 180.0) % 360.0 - 180.0
+    level = float(np.median(snr)) if bearing.level_db is None else bearing.level_db
+    rest = snr - level - PATTERNS[survey.antenna].gain_db(off)
+    axes.plot(off, rest, "o", color=INK, ms=2.2, alpha=0.8, mew=0)
+    bound = max(6.0, float(np.abs(rest).max(initial=0.0)) * 1.1)
+    axes.set_ylim(-bound, bound)
+    axes.set_xlim(-180, 180)
+    axes.set_xticks([-180, -90, 0, 90, 180], ["−180°", "", "0", "", "180°"], fontsize=7)
+    axes.set_xlabel("off the bearing", fontsize=7.5)
+    axes.tick_params(axis="y", labelsize=7)

@@ -1,0 +1,216 @@
+"""The report's sentences and tables, the same in HTML and PDF."""
+
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+
+import uavrt
+from uavrt.analysis.report.roses import verdict
+from uavrt.analysis.survey import Survey
+from uavrt.localization import TangentPlane
+
+Table = tuple[list[str], list[list[str]]]
+"""Names of the columns, rows."""
+
+_POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+
+METHODS = (
+    "Pulses. A detector for each tag sums K pulses at the listed interval and reports what "
+    "exceeds a threshold set for the listed probability of a false alarm. SNR is the energy of "
+    "a pulse over the noise power density.",
+    "Poses. Attitude and position of the autopilot, interpolated at the centre of each pulse; "
+    "the antenna's mounting is applied once. Headings are over ground from true north.",
+    "Bearings. The likelihood of the powers of one turn in place under the antenna's pattern "
+    "{antenna}, with unknown level and log-normal fading; missed pulses count as censored. "
+    "Given are the most probable direction, the standard deviation inside the main lobe and "
+    "the arc that holds 90 % of the probability [1]. A bearing is dashed when there is no "
+    "clear direction, another lobe holds more than 5 %, or a reflection is likely.",
+    "Positions. Product of the bearings' probabilities over the ground, each allowed to be an "
+    "outlier; the star is the most probable place, the line around it holds the tag with "
+    "95 %. The form of the problem is Lenth's [2]; his estimators are in `uavrt localize`.",
+)
+SOURCES = (
+    "[1] M. W. Shafer, G. Vega, K. Rothfus, P. Flikkema: UAV wildlife radiotelemetry: System "
+    "and methods of localization. Methods in Ecology and Evolution 10 (2019). The estimator "
+    "there (principal components) is replaced by a likelihood.",
+    "[2] R. V. Lenth: On finding the source of a signal. Technometrics 23 (1981), 149–154.",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """Where one tag is, for a person who wants to walk there."""
+
+    tag_id: int
+    title: str
+    place: str | None
+    """Coordinates to read out; None when there is no position."""
+    detail: str
+
+
+def heading_line(survey: Survey) -> str:
+    """When, how long, with what."""
+    span = survey.span_ns
+    if span is None:
+        return "Empty recording."
+    start = datetime.fromtimestamp(span[0] // 1_000_000_000, tz=UTC)
+    minutes = (span[1] - span[0]) / 60e9
+    heard = len({one.pulse.tag_id for one in survey.pulse_poses})
+    return (
+        f"{start:%Y-%m-%d %H:%M:%S} UTC, {minutes:.1f} minutes · "
+        f"{heard} of {_count(len(survey.tag_ids), 'tag')} heard, "
+        f"{_count(len(survey.pulse_poses), 'pulse')} · antenna {survey.antenna}"
+    )
+
+
+def findings(survey: Survey) -> list[Finding]:
+    """One for each tag, in order."""
+    return [_finding(survey, tag_id) for tag_id in survey.tag_ids]
+
+
+def tag_table(survey: Survey) -> Table:
+    """What was heard of each tag."""
+    header = [
+        *("Tag", "Listed MHz", "Heard MHz", "Pulses", "Confirmed", "SNR median / best"),
+        *("Last heard", "Bearings"),
+    ]
+    rows = []
+    for tag_id in survey.tag_ids:
+        tag, own = survey.tag(tag_id), survey.pulses_of(tag_id)
+        snr = [one.pulse.snr_db for one in own if math.isfinite(one.pulse.snr_db)]
+        heard = [one.pulse.frequency_hz for one in own if math.isfinite(one.pulse.frequency_hz)]
+        rows.append(
+            [
+                title_of(survey, tag_id),
+                "–" if tag is None else f"{tag.frequency_hz / 1e6:.4f}",
+                f"{np.median(heard) / 1e6:.4f}" if heard else "–",
+                str(len(own)),
+                str(sum(one.pulse.confirmed for one in own)),
+                f"{np.median(snr):.0f} / {max(snr):.0f} dB" if snr else "–",
+                clock(own[-1].pulse.start_time_ns) if own else "never",
+                str(len(survey.bearings_of(tag_id))),
+            ]
+        )
+    return header, rows
+
+
+def bearing_table(survey: Survey) -> Table:
+    """All bearings."""
+    header = ["Tag", "Time", "From", "Bearing", "90 % within", "Pulses", "Verdict"]
+    rows = []
+    for one in survey.bearings:
+        interval = one.bearing.interval90_deg
+        rows.append(
+            [
+                str(one.tag_id),
+                clock(one.start_time_ns),
+                f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f}",
+                f"{one.bearing.bearing_deg:.0f}°",
+                "–" if interval is None else f"{interval[0]:.0f}° to {interval[1]:.0f}°",
+                str(one.bearing.pulses),
+                verdict(one),
+            ]
+        )
+    return header, rows
+
+
+def health_table(survey: Survey) -> Table:
+    """What each process said of itself."""
+    header = ["Process", "Last word", "Well", "Counted"]
+    rows = []
+    for process in sorted({one.process for one in survey.health}):
+        own = [one for one in survey.health if one.process == process]
+        counters = {name: n for name, n in own[-1].counters.items() if n}
+        text = ", ".join(f"{name.replace('_', ' ')} {n:g}" for name, n in counters.items())
+        share = sum(one.ok for one in own) / len(own)
+        rows.append([process, own[-1].status, f"{100 * share:.0f} % of the time", text or "–"])
+    return header, rows
+
+
+def events(survey: Survey) -> list[tuple[str, str]]:
+    """Times and words: notes, and messages of severity warning and above."""
+    found = [(time_ns, text) for time_ns, text in survey.notes]
+    found += [(time_ns, one.text) for time_ns, one in survey.status_texts if one.severity <= 4]
+    return [(clock(time_ns), text) for time_ns, text in sorted(found)]
+
+
+def methods(survey: Survey) -> list[str]:
+    """How all this was computed."""
+    return [text.format(antenna=survey.antenna) for text in METHODS]
+
+
+def made_by() -> str:
+    """Who made the report."""
+    return f"uavrt {uavrt.__version__}"
+
+
+def title_of(survey: Survey, tag_id: int) -> str:
+    """Number and name of a tag."""
+    tag = survey.tag(tag_id)
+    return f"{tag_id} {tag.name}" if tag is not None and tag.name else str(tag_id)
+
+
+def clock(time_ns: int) -> str:
+    """UTC time of day."""
+    return f"{datetime.fromtimestamp(time_ns // 1_000_000_000, tz=UTC):%H:%M:%S}"
+
+
+def _finding(survey: Survey, tag_id: int) -> Finding:
+    title = f"Tag {title_of(survey, tag_id)}"
+    found = survey.position_of(tag_id)
+    if found is None or found.position is None:
+        return Finding(
+            tag_id=tag_id, title=title, place=None, detail=_why_no_position(survey, tag_id)
+        )
+    position = found.position
+    parts = []
+    if position.radius50_m is not None and position.radius95_m is not None:
+        parts.append(
+            f"within {position.radius50_m:.0f}\u00a0m with 50\u00a0%, "
+            f"{position.radius95_m:.0f}\u00a0m with 95\u00a0% probability"
+        )
+    if survey.track:
+        start = survey.track[0]
+        plane = TangentPlane(latitude_deg=start.latitude_deg, longitude_deg=start.longitude_deg)
+        east, north = plane.to_local(position.latitude_deg, position.longitude_deg)
+        direction = math.degrees(math.atan2(float(east), float(north))) % 360.0
+        point = _POINTS[round(direction / 45.0) % 8]
+        distance = math.hypot(float(east), float(north))
+        parts.append(f"{distance:.0f} m from the start of the track towards {point}")
+    parts.append(f"from {_count(position.stations, 'bearing')}")
+    if position.at_edge:
+        parts.append("it may be farther out")
+    if position.stations == 1:
+        parts.append("one bearing tells the direction, hardly the distance")
+    return Finding(
+        tag_id=tag_id,
+        title=title,
+        place=f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}",
+        detail="; ".join(parts) + ".",
+    )
+
+
+def _why_no_position(survey: Survey, tag_id: int) -> str:
+    own = survey.pulses_of(tag_id)
+    if not own:
+        reports = [r for r in survey.search_reports if r.tag_id == tag_id]
+        if not reports:
+            return "Not heard."
+        seconds = (reports[-1].time_ns - reports[0].time_ns) / 1e9
+        best = max((r.best_score for r in reports if math.isfinite(r.best_score)), default=0.0)
+        return (
+            f"Not heard in {seconds:.0f} s of search; the strongest trace had "
+            f"{100 * best:.0f} % of the threshold."
+        )
+    found = survey.position_of(tag_id)
+    if found is not None and found.reason:
+        return f"Heard {len(own)} times. No position: {found.reason}"
+    if all(one.pose is None for one in own):
+        return f"Heard {len(own)} times, never at a known place."
+    return f"Heard {len(own)} times, but there is no turn in place to take a bearing from."
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"

@@ -1,0 +1,130 @@
+"""The report: complete in itself, and possible whatever the flight found."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from uavrt.analysis.report import html_page, pdf_document, words
+from uavrt.analysis.report.maps import draw_overview
+from uavrt.analysis.report.style import new_figure, styled
+from uavrt.analysis.survey import NO_BEARINGS_FROM_THESE, Survey, read_survey
+
+WriteFlight = Callable[..., Path]
+
+
+class Page(HTMLParser):
+    """What a browser would fetch, and what a reader would read."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.fetched: list[str] = []
+        self.words: list[str] = []
+        self.pictures: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+        for name, value in attrs:
+            if name in ("src", "href", "action", "srcset") and value:
+                inside = value.startswith("data:image/svg+xml;base64,")
+                (self.pictures if inside else self.fetched).append(value)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(self.words).replace("\u00a0", " ")
+
+
+@pytest.fixture(scope="module")
+def survey(write_flight: WriteFlight) -> Survey:
+    return read_survey(write_flight())
+
+
+def test_the_page_fetches_nothing_and_says_where_the_tag_is(survey: Survey) -> None:
+    page = Page(html_page(survey))
+    assert page.open == []
+    assert page.fetched == []
+    assert len(page.pictures) == 5  # overview, map, roses, times, noise
+    found = survey.position_of(2)
+    assert found is not None
+    assert found.position is not None
+    place = f"{found.position.latitude_deg:.5f}, {found.position.longitude_deg:.5f}"
+    assert place in page.text
+    assert "Kiwi & <Chick>" in page.text
+    assert "Not heard in 239 s of search" in page.text
+    assert "samples lost <12>" in page.text
+    assert "Lenth" in page.text
+
+
+def test_the_pdf_has_a_page_for_each_heard_tag(survey: Survey) -> None:
+    content = pdf_document(survey)
+    assert content.startswith(b"%PDF-")
+    assert len(re.findall(rb"/Type /Page\b", content)) == 3  # first, tag 2, tables
+
+
+def test_a_flight_without_pulses_and_poses_still_has_a_report(
+    write_flight: WriteFlight,
+) -> None:
+    survey = read_survey(write_flight(heard=0, poses=False))
+    page = Page(html_page(survey))
+    assert "Not heard." in page.text
+    assert "0 of 2 tags heard, 0 pulses" in page.text
+    assert pdf_document(survey).startswith(b"%PDF-")
+
+
+def test_pulses_without_poses_are_reported_with_the_reason(write_flight: WriteFlight) -> None:
+    survey = read_survey(write_flight(poses=False))
+    (first, second) = words.findings(survey)
+    assert first.place is None
+    assert "never at a known place" in first.detail
+    assert second.detail.startswith("Not heard in")
+    assert any("have no pose" in warning for warning in survey.warnings)
+    assert any("No bearings" in warning for warning in survey.warnings)
+
+
+def test_ten_tags_have_ten_findings_in_order(write_flight: WriteFlight) -> None:
+    survey = read_survey(write_flight(tags=10, heard=10))
+    assert [one.tag_id for one in words.findings(survey)] == list(range(2, 12))
+    assert sum(one.place is not None for one in words.findings(survey)) == 10
+    header, rows = words.tag_table(survey)
+    assert len(rows) == 10
+    assert all(len(row) == len(header) for row in rows)
+    with styled():
+        figure = new_figure(7.6, 6.4)
+        draw_overview(figure, survey)
+        assert len(figure.axes[0].get_legend_handles_labels()[1]) == 11
+
+
+def test_an_old_log_of_the_original_gets_a_report_without_bearings(tmp_path: Path) -> None:
+    line = (
+        "2, 148.71, 170020541{}, 230494976, 170020541{}, 250494957, 1700205420, 434494972, "
+        "1700205420, 4294967295, 69.6484, 0.219541, 1, 69.8253, 1, 1, 47.3978, 8.54561, "
+        "488.077, 0.00189066, -0.00109068, 0.71339, 0.700764\n"
+    )
+    path = tmp_path / "pulse_pose_log.txt"
+    path.write_text("".join(line.format(n, n) for n in range(9)))
+    survey = read_survey(path)
+    assert survey.bearings == ()
+    assert survey.warnings[-1] == NO_BEARINGS_FROM_THESE
+    assert "half-way" in Page(html_page(survey)).text
+
+
+def test_the_command_writes_both_and_names_them(write_flight: WriteFlight) -> None:
+    flight = write_flight(heard=0)
+    command = [sys.executable, "-m", "uavrt.cli", "report", str(flight)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=90)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [f"{flight}/report.html", f"{flight}/report.pdf"]
+    assert (flight / "report.html").read_text().startswith("<!DOCTYPE html>")
