@@ -1,0 +1,103 @@
+#!/bin/sh
+# From a bare Debian 12, Ubuntu 24.04 or Raspberry Pi OS 12 (or newer, 64-bit) to a started
+# service. Run it as often as you like: what is there already stays.
+#
+#   sudo deploy/install.sh [options]
+#
+#   --radio NAME     airspy (default), airspyhf, rtlsdr, hackrf or none
+#   --user NAME      who the service runs as; by default who called sudo
+#   --directory DIR  settings and flights (default /var/lib/uavrt)
+#   --prefix DIR     the program (default /opt/uavrt)
+#   --ros2           also the gateway to ROS 2
+#   --root DIR       install below DIR: no system packages, no groups, nothing is started
+set -eu
+
+say() { printf '%s\n' "uavrt: $*"; }
+fail() { printf '%s\n' "uavrt: $*" >&2; exit 1; }
+
+radio=airspy user=${SUDO_USER:-$(id -un)} directory=/var/lib/uavrt prefix=/opt/uavrt
+extras= root=
+while [ $# -gt 0 ]; do
+    case $1 in
+        --ros2) extras='[ros2]'; shift; continue ;;
+        -h | --help) sed -n '2,14s/^# \{0,1\}//p' "$0"; exit 0 ;;
+    esac
+    [ $# -ge 2 ] || fail "$1 needs a value, or is unknown (--help)"
+    case $1 in
+        --radio) radio=$2 ;;
+        --user) user=$2 ;;
+        --directory) directory=$2 ;;
+        --prefix) prefix=$2 ;;
+        --root) root=${2%/} ;;
+        *) fail "unknown option $1 (--help)" ;;
+    esac
+    shift 2
+done
+source=$(cd "$(dirname "$0")/.." && pwd)
+
+case $radio in
+    airspy) package=airspy ;;
+    airspyhf) package=airspyhf ;;
+    rtlsdr) package=rtl-sdr ;;
+    hackrf) package=hackrf ;;
+    none) package= ;;
+    *) fail "unknown radio $radio: airspy, airspyhf, rtlsdr, hackrf or none" ;;
+esac
+
+# 1. Packages of the system: Python's venv, the radio's program, setpriv.
+if [ -z "$root" ]; then
+    [ "$(id -u)" = 0 ] || fail "run it with sudo"
+    command -v apt-get >/dev/null || fail "no apt-get: this is for Debian, Ubuntu, Raspberry Pi OS"
+    missing=
+    for name in python3-venv util-linux $package; do
+        dpkg-query -W -f '${Status}' "$name" 2>/dev/null | grep -q 'ok installed' ||
+            missing="$missing $name"
+    done
+    if [ -n "$missing" ]; then
+        say "installing$missing"
+        apt-get update -qq
+        # shellcheck disable=SC2086
+        DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing
+    fi
+fi
+
+# 2. The program, in an environment of its own.
+python=${PYTHON:-python3}
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
+    fail "Python 3.11 or newer is needed; this is $("$python" --version)"
+environment=$root$prefix/venv
+[ -x "$environment/bin/python" ] || "$python" -m venv "$environment"
+stamp=$environment/.uavrt-source
+# What the source is: the sum over its files, so that an unchanged one is not built again.
+now=$(cd "$source" && find pyproject.toml src -type f ! -path '*/__pycache__/*' -exec cksum {} + |
+    sort -k3 | cksum)$extras
+if [ "$(cat "$stamp" 2>/dev/null)" = "$now" ]; then
+    say "the program is up to date"
+else
+    say "installing the program into $environment"
+    "$environment/bin/python" -m pip install --quiet --upgrade "$source$extras"
+    printf '%s' "$now" >"$stamp"
+fi
+
+# 3. A place for settings and flights, and the groups for serial port and radio.
+mkdir -p "$root$directory"
+if [ ! -e "$root$directory/uavrt.toml" ]; then
+    "$environment/bin/python" -c \
+        'import sys; from uavrt.config import write_default_settings as w; w(sys.argv[1])' \
+        "$root$directory/uavrt.toml"
+    say "wrote $root$directory/uavrt.toml: please read it"
+fi
+if [ -z "$root" ]; then
+    for group in dialout plugdev; do
+        getent group "$group" >/dev/null || groupadd --system "$group"
+        id -nG "$user" | tr ' ' '\n' | grep -qx "$group" || usermod -a -G "$group" "$user"
+    done
+    chown "$user:" "$directory" "$directory/uavrt.toml"
+fi
+
+# 4. Unit and udev rule; the service starts now and at every boot.
+"$environment/bin/uavrt" service install --user "$user" --directory "$directory" \
+    --root "${root:-/}"
+
+say "done. What is missing yet:"
+(cd "$root$directory" && "$environment/bin/uavrt" doctor) || true

@@ -1,0 +1,43 @@
+"""The tables as text for the manual: ``python -m uavrt.supervisor.describe``."""
+
+import sys
+
+from uavrt.ipc.topics import TOPICS
+from uavrt.supervisor.table import PROCESSES, ProcessRow, always, consumers_of, on_every_drone
+
+
+def processes_markdown() -> str:
+    """Describe every process: when it runs, its limits."""
+    lines = [
+        "| process | what it does | when | silent at most | CPU | memory |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in PROCESSES:
+        name = f"`{row.name}`" + (" × workers" if row.per_worker else "")
+        lines.append(
+            f"| {name} | {row.meaning} | {_when(row)} | {row.silence_limit_s:g} s | "
+            f"{row.cpu_budget_percent:g} % | {row.memory_limit_mb:g} MB |"
+        )
+    return "\n".join(lines)
+
+
+def topics_markdown() -> str:
+    """Describe which records go from where to where."""
+    lines = ["| record | from | to | what it is |", "|---|---|---|---|"]
+    for topic in TOPICS.values():
+        producers = [row.name for row in PROCESSES if topic.name in row.produces]
+        consumers = [row.name for row in consumers_of(topic.name)]
+        lines.append(
+            f"| `{topic.name}` | {', '.join(producers) or 'supervisor'} | "
+            f"{', '.join(consumers) or '–'} | {topic.meaning} |"
+        )
+    return "\n".join(lines)
+
+
+def _when(row: ProcessRow) -> str:
+    when = "always" if row.runs is always else "while detecting"
+    return when if row.configured is on_every_drone else f"{when}, if configured"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(f"{processes_markdown()}\n\n{topics_markdown()}\n")

@@ -1,0 +1,85 @@
+"""From nothing to a service, twice; and every dependency of the drone for its processor."""
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+pytestmark = [pytest.mark.flight, pytest.mark.timeout(600)]
+
+
+def files_below(root: Path) -> dict[str, int]:
+    return {
+        str(path.relative_to(root)): path.stat(follow_symlinks=False).st_mtime_ns
+        for path in root.rglob("*")
+        if not path.is_dir() and "__pycache__" not in path.parts
+    }
+
+
+def test_the_script_installs_below_a_root_and_a_second_run_changes_nothing(
+    tmp_path: Path,
+) -> None:
+    def run() -> "subprocess.CompletedProcess[str]":
+        return subprocess.run(
+            [str(ROOT / "deploy/install.sh"), "--root", str(tmp_path), "--user", "pi"],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=os.environ | {"PYTHON": sys.executable},
+        )
+
+    first = run()
+    assert first.returncode == 0, first.stderr
+    unit = (tmp_path / "etc/systemd/system/uavrt.service").read_text()
+    assert "User=pi" in unit
+    assert "WorkingDirectory=/var/lib/uavrt" in unit
+    assert (tmp_path / "etc/udev/rules.d/60-uavrt.rules").exists()
+    assert (tmp_path / "var/lib/uavrt/uavrt.toml").exists()
+    program = tmp_path / "opt/uavrt/venv/bin/uavrt"
+    assert str(program) in unit
+    version = subprocess.run([program, "--version"], capture_output=True, text=True, check=True)
+    assert version.stdout.strip()
+    before = files_below(tmp_path)
+    second = run()
+    assert second.returncode == 0, second.stderr
+    assert "the program is up to date" in second.stdout
+    assert files_below(tmp_path) == before
+
+
+@pytest.mark.parametrize("arguments", [["--radio", "crystal"], ["--what", "x"], ["--user"]])
+def test_the_script_refuses_what_it_does_not_know(arguments: list[str]) -> None:
+    refused = subprocess.run(
+        [str(ROOT / "deploy/install.sh"), *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert refused.returncode == 1
+    assert refused.stderr.startswith("uavrt: ")
+
+
+def test_the_script_is_plain_sh() -> None:
+    subprocess.run(["sh", "-n", str(ROOT / "deploy/install.sh")], check=True)
+
+
+@pytest.mark.parametrize("python", ["311", "312", "313"])
+def test_every_dependency_of_the_drone_has_a_wheel_for_its_processor(python: str) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    resolved = subprocess.run(
+        [
+            *(sys.executable, "-m", "pip", "install", "--dry-run", "--quiet"),
+            *("--only-binary=:all:", "--target", "unused", "--python-version", python),
+            *("--implementation", "cp", "--platform", "manylinux_2_28_aarch64"),
+            *("--platform", "manylinux_2_17_aarch64", "--platform", "manylinux2014_aarch64"),
+            *("--disable-pip-version-check", "--ignore-installed"),
+            *project["dependencies"],
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert resolved.returncode == 0, resolved.stderr
