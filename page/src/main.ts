@@ -65,7 +65,7 @@ function buildHeader(): void {
       "div",
       { class: "tools" },
       h("button", { id: "voice", class: "tool", "aria-pressed": "false", title: "Speak warnings (V)", onclick: toggleVoice }, "Voice"),
-      h("button", { id: "theme", class: "tool", title: "Dark or light (D)", onclick: toggleTheme }, "Dark"),
+      h("button", { id: "theme", class: "tool", title: "Dark or light (D)", onclick: toggleTheme }, document.documentElement.dataset.theme === "dark" ? "Light" : "Dark"),
     ),
   ]);
 }
@@ -121,15 +121,15 @@ function toggleTheme(): void {
   setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
 }
 
-function setTheme(theme: string): void {
-  document.documentElement.dataset.theme = theme;
+function setTheme(chosen: string): void {
+  document.documentElement.dataset.theme = chosen;
   try {
-    localStorage.setItem("theme", theme);
+    localStorage.setItem("theme", chosen);
   } catch {
     // Private windows keep nothing; it is only a colour.
   }
-  say(by("theme"), theme === "dark" ? "Light" : "Dark");
-  mapView()?.recolour();
+  say(by("theme"), chosen === "dark" ? "Light" : "Dark");
+  mapView().recolour();
   recolourPlots();
 }
 
@@ -153,19 +153,20 @@ function keys(event: KeyboardEvent): void {
   event.preventDefault();
 }
 
-buildHeader();
-buildFly();
-buildPlots();
-buildSetup();
-buildLog();
-buildFlights(show);
 let theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
 try {
   theme = localStorage.getItem("theme") ?? theme;
 } catch {
   // As above.
 }
-setTheme(theme);
+// Before the map is made: its ground has the theme's colour.
+document.documentElement.dataset.theme = theme;
+buildHeader();
+buildFly();
+buildPlots();
+buildSetup();
+buildLog();
+buildFlights(show);
 store.on(["state", "online", "pose", "reset"], drawHeader);
 document.addEventListener("keydown", keys);
 const wanted = location.hash.slice(1);

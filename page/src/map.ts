@@ -141,7 +141,9 @@ export class MapView {
     );
     // In a replay, a position stands only when all its turns have been flown.
     const last = Math.max(...store.bearings.map((one) => one.end_time_ns), 0);
-    const positions = store.until >= last ? store.positions.filter((one) => shown(one.tag_id)) : [];
+    // One bearing gives a wedge, not a place.
+    const placed = store.positions.filter((one) => one.stations > 1 && shown(one.tag_id));
+    const positions = store.until >= last ? placed : [];
     this.source("wedges").setData(collection(bearings.flatMap((one) => wedgeOf(one, positions))));
     this.source("rays").setData(collection(bearings.map((one) => rayOf(one, positions))));
     this.source("regions").setData(collection(positions.flatMap(regionsOf)));

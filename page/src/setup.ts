@@ -344,6 +344,6 @@ function drawSettings(): void {
 function drawConnection(): void {
   const state = store.state;
   if (!state) return;
-  const told = state.connection.error ?? (state.connection.open ? (state.drone.present ? "drone heard" : "open; no drone heard yet") : "not connected");
+  const told = state.connection.error ? "not connected: see above" : (state.connection.open ? (state.drone.present ? "drone heard" : "open; no drone heard yet") : "not connected");
   say(by("link-state"), told);
 }

@@ -31,6 +31,8 @@ REQUIRED = ("id", "frequency_mhz", "interval_ms", "pulse_width_ms")
 MAX_ROWS = 200
 MAX_NAME = 60
 
+_INCOMPLETE = Fault(line=0, text="incomplete")
+
 Row = dict[str, Any]
 
 PRESETS: tuple[dict[str, Any], ...] = (
@@ -84,9 +86,10 @@ def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
         raise UsageError(f"{len(rows)} tags are too many", remedy=f"At most {MAX_ROWS}")
     found: list[FieldFault] = []
     drafts = [_draft(row, index, found) for index, row in enumerate(rows)]
-    faults: list[Fault] = []
+    # A fault from the beginning: incomplete drafts are judged, but made into no tags.
+    faults = [_INCOMPLETE] if found else []
     tags = tags_from_drafts(drafts, faults)
-    found += [_at_field(fault) for fault in faults]
+    found += [_at_field(fault) for fault in faults if fault is not _INCOMPLETE]
     return ((), found) if found else (tags, [])
 
 

@@ -1,0 +1,260 @@
+"""A whole flight through the page, in a real browser, against the simulated world.
+
+Debian's Chromium, driven by Playwright. With the environment variable UAVRT_SCREENSHOTS set to
+a directory, each view is saved there as a picture (``make screenshots``).
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from uavrt.recording import read_flight
+from uavrt.simulation import demo_scenario
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+ARGUMENTS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+SCREENSHOTS = os.environ.get("UAVRT_SCREENSHOTS")
+FLIGHT_S = 100.0 if SCREENSHOTS else 40.0
+WAIT_MS = 30_000
+
+pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    if CHROMIUM is None:
+        pytest.fail("Chromium is missing: `make browser` installs it from Debian")
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(
+            executable_path=CHROMIUM, headless=True, args=list(ARGUMENTS)
+        )
+        yield running
+        running.close()
+
+
+class Ground:
+    """``uavrt ground`` as a user starts it."""
+
+    def __init__(self, directory: Path, port: int = 0) -> None:
+        self._log = (directory / "ground.log").open("ab")
+        self._process = subprocess.Popen(
+            [
+                sys.executable,
+                *("-m", "uavrt.cli", "ground", "--no-browser"),
+                *("-o", str(directory / "ground"), "--port", str(port)),
+            ],
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            text=True,
+        )
+        assert self._process.stdout is not None
+        self.address = self._process.stdout.readline().split()[4]
+        self.port = int(self.address.rpartition(":")[2].strip("/"))
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+        self._log.close()
+
+    def stop(self) -> None:
+        self._process.terminate()
+        self._process.communicate(timeout=20)
+        self._log.close()
+
+
+class Watched:
+    """A page, everything it asked for, and everything that went wrong in it."""
+
+    def __init__(self, browser: Browser, address: str, **context: Any) -> None:
+        self._context = browser.new_context(
+            viewport={"width": 1024, "height": 600}, accept_downloads=True, **context
+        )
+        self.page: Page = self._context.new_page()
+        self.hosts: set[str] = set()
+        self.errors: list[str] = []
+        self.page.on("request", lambda request: self.hosts.add(_host(request.url)))
+        self.page.on("websocket", lambda socket: self.hosts.add(_host(socket.url)))
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("dialog", self._dialog)
+        self.page.goto(address)
+
+    def _dialog(self, dialog: Any) -> None:
+        if dialog.type == "prompt":
+            dialog.accept("nest seen")
+        else:
+            self.errors.append(f"dialog: {dialog.message}")
+            dialog.dismiss()
+
+    def picture(self, name: str) -> None:
+        if SCREENSHOTS:
+            self.page.wait_for_timeout(600)
+            path = Path(SCREENSHOTS) / f"ground-{name}.png"
+            self.page.screenshot(path=path)
+
+    def close(self) -> None:
+        self._context.close()
+
+
+def _host(url: str) -> str:
+    parts = urlsplit(url)
+    return parts.netloc if parts.scheme in ("http", "https", "ws", "wss") else parts.scheme
+
+
+def type_tags(page: Page, scenario: Any) -> None:
+    """Type the tags in as a person does, with one mistake on the way."""
+    page.click("#tab-setup")
+    for place, tag in enumerate(scenario.tags):
+        page.click("#tag-add")
+        row = {
+            "id": tag.tag_id,
+            "name": tag.name,
+            "frequency_mhz": tag.frequency_hz / 1e6,
+            "interval_ms": round(tag.pulse_intervals_s[0] * 1000),
+            "second_interval_ms": (
+                round(tag.pulse_intervals_s[1] * 1000) if len(tag.pulse_intervals_s) > 1 else ""
+            ),
+            "pulse_width_ms": round(tag.pulse_width_s * 1000),
+            "interval_uncertainty_ms": 60,
+            "interval_jitter_ms": 20,
+        }
+        for key, value in row.items():
+            page.fill(f'input[data-row="{place}"][data-key="{key}"]', str(value))
+
+
+def test_a_whole_flight_is_flown_through_the_page(
+    browser: Browser, drone_bay: Any, tmp_path: Path
+) -> None:
+    ground = Ground(tmp_path)
+    watched = Watched(browser, ground.address, color_scheme="light")
+    page = watched.page
+    scenario = demo_scenario(FLIGHT_S, 1)
+
+    # Set-up: the mistake is told at its field, and saved is only what is right.
+    type_tags(page, scenario)
+    first = page.locator('input[data-row="0"][data-key="frequency_mhz"]')
+    right = first.input_value()
+    first.fill("148612000")
+    page.click("#tag-save")
+    expect(page.locator("#tag-table .fault").first).to_contain_text("looks like Hz")
+    expect(first).to_have_attribute("aria-invalid", "true")
+    watched.picture("setup-fault")
+    first.fill(right)
+    page.click("#tag-save")
+    expect(page.locator("#tag-state")).to_have_text("saved")
+
+    # Before the drone is there, buttons say why they do nothing.
+    page.click("#tab-fly")
+    expect(page.locator("#act-start")).to_have_attribute("aria-disabled", "true")
+
+    drone = drone_bay.launch(scenario)
+    page.click("#tab-setup")
+    page.fill("#link-address", f"udpin://127.0.0.1:{drone.ground_port}")
+    page.click("#link-connect")
+    expect(page.locator("#link-state")).to_have_text("drone heard", timeout=WAIT_MS)
+    watched.picture("setup")
+
+    page.click("#tab-fly")
+    page.click("#act-send_tags")
+    expect(page.locator("#act-send_tags")).to_contain_text("Tags sent", timeout=WAIT_MS)
+    page.click("#act-start")
+    expect(page.locator("#chip-state")).to_have_text("Detecting", timeout=WAIT_MS)
+
+    # Pulses, the map with them, a bearing, and the way to the tag.
+    for tag in scenario.tags:
+        card = page.locator(f'.card[data-tag="{tag.tag_id}"]')
+        expect(card).to_have_attribute("data-fresh", "live", timeout=WAIT_MS)
+    drawn = "() => window.uavrt.map().querySourceFeatures('pulses').length > 5"
+    page.wait_for_function(drawn, timeout=WAIT_MS)
+    page.wait_for_selector(".rose", timeout=WAIT_MS)
+    page.click("#act-mark")
+    page.wait_for_function("() => window.uavrt.store.positions.length > 0", timeout=WAIT_MS)
+    expect(page.locator("#walk-place")).to_contain_text("35.17")
+    page.click('[data-format="mgrs"]')
+    expect(page.locator("#walk-place")).to_contain_text("12S VD")
+    page.click('[data-format="decimal"]')
+
+    # A reload, and a second browser: the same flight.
+    before = page.evaluate("() => window.uavrt.store.pulses.count")
+    page.reload()
+    page.wait_for_function(f"() => window.uavrt.store.pulses.count >= {before}")
+    second = Watched(browser, ground.address, color_scheme="dark")
+    second.page.wait_for_function(f"() => window.uavrt.store.pulses.count >= {before}")
+    second.page.wait_for_selector(".rose", timeout=WAIT_MS)
+
+    # The server is killed and comes back: the page goes on by itself, nothing is missing.
+    ground.kill()
+    expect(page.locator("#banner")).to_contain_text("does not answer")
+    ground = Ground(tmp_path, ground.port)
+    expect(page.locator("#banner")).to_be_hidden(timeout=WAIT_MS)
+    expect(page.locator("#chip-state")).to_have_text("Detecting", timeout=WAIT_MS)
+    page.wait_for_function(f"() => window.uavrt.store.pulses.count > {before}", timeout=WAIT_MS)
+
+    page.wait_for_function(
+        "() => window.uavrt.store.bearings.some((one) => one.turn >= 2)",
+        timeout=WAIT_MS + 1000 * FLIGHT_S,
+    )
+    page.keyboard.press("f")
+    watched.picture("fly")
+    second.page.keyboard.press("f")
+    second.picture("fly-dark")
+    page.click("#tab-plots")
+    expect(page.locator("#polar circle.polar-dot").first).to_be_visible()
+    watched.picture("plots")
+
+    page.click("#tab-fly")
+    page.click("#act-stop")
+    expect(page.locator("#chip-state")).to_have_text("Ready", timeout=WAIT_MS)
+    page.click("#tab-log")
+    page.fill("#log-text", "nest seen")
+    expect(page.locator(".log-line")).to_have_count(1)
+    page.fill("#log-text", "")
+    watched.picture("log")
+
+    # The flight is a flight: listed, exported, looked at again.
+    page.click("#tab-flights")
+    row = page.locator("tr[data-flight]")
+    expect(row).to_have_count(1)
+    watched.picture("flights")
+    with page.expect_download() as download:
+        row.locator("text=GEOJSON").click()
+    collection = json.loads(Path(download.value.path()).read_text())
+    kinds = {feature["properties"]["kind"] for feature in collection["features"]}
+    assert kinds == {"track", "pulse", "bearing", "position"}
+    row.locator(".open-flight").click()
+    expect(page.locator("#banner")).to_contain_text("Past flight")
+    slider = page.locator("#replay-slider")
+    slider.fill("300")
+    shown = page.evaluate("() => [window.uavrt.store.shown(), window.uavrt.store.pulses.count]")
+    assert 0 < shown[0] < shown[1]
+    watched.picture("replay")
+    page.click("#replay-live")
+    expect(page.locator("#banner")).to_be_hidden()
+
+    # All that was shown is on the disk, and nobody else was asked for anything.
+    (directory,) = (tmp_path / "ground").glob("flight_log_*")
+    recorded = read_flight(directory)
+    assert len(recorded.pulse_poses) == shown[1]
+    assert any("nest seen" in text for _, text in recorded.notes)
+    for each in (watched, second):
+        assert each.hosts - {"blob", "data"} == {urlsplit(ground.address).netloc}
+        assert each.errors == []
+        each.close()
+    ground.stop()

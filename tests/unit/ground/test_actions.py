@@ -1,0 +1,72 @@
+"""Which button may be pressed when."""
+
+from itertools import product
+
+from uavrt.ground.actions import ACTIONS, Busy, Situation, action_states
+from uavrt.messages import SystemState
+from uavrt.supervisor.transitions import Refused, outcome
+
+BUSY = Busy(action="start", text="starting")
+
+
+def situation(**changes: object) -> Situation:
+    usual: dict[str, object] = {
+        "link_open": True,
+        "drone_present": True,
+        "state": SystemState.HAS_TAGS,
+        "tags": 2,
+        "tags_sent": True,
+        "busy": None,
+        "flight_open": False,
+    }
+    return Situation(**{**usual, **changes})  # type: ignore[arg-type]
+
+
+def enabled(**changes: object) -> set[str]:
+    states = action_states(situation(**changes))
+    return {name for name, state in states.items() if state["enabled"]}
+
+
+def test_a_button_is_off_exactly_when_it_says_why() -> None:
+    for link, present, state, tags, sent, busy, flight in product(
+        (True, False),
+        (True, False),
+        (None, *SystemState),
+        (0, 2),
+        (True, False),
+        (None, BUSY),
+        (True, False),
+    ):
+        states = action_states(
+            situation(
+                link_open=link,
+                drone_present=present,
+                state=state,
+                tags=tags,
+                tags_sent=sent,
+                busy=busy,
+                flight_open=flight,
+            )
+        )
+        assert set(states) == set(ACTIONS)
+        for one in states.values():
+            assert one["enabled"] is (one["reason"] is None)
+
+
+def test_what_is_offered_is_never_refused_by_the_drones_table() -> None:
+    first = {"send_tags": "start_tags", "start": "start_detection", "stop": "stop_detection"}
+    for state, tags, sent in product(SystemState, (0, 2), (True, False)):
+        for action in enabled(state=state, tags=tags, tags_sent=sent) & set(first):
+            assert not isinstance(outcome(state, first[action]), Refused)  # type: ignore[arg-type]
+
+
+def test_the_buttons_of_a_flight_follow_its_state() -> None:
+    assert enabled(state=SystemState.IDLE, tags_sent=False) == {"send_tags", "capture"}
+    assert enabled() == {"send_tags", "start", "capture"}
+    assert enabled(state=SystemState.DETECTING, flight_open=True) == {"stop", "mark"}
+    assert enabled(drone_present=False) == set()
+    assert enabled(busy=BUSY) == set()
+
+
+def test_changed_tags_must_be_sent_before_a_start() -> None:
+    assert "start" not in enabled(tags_sent=False)

@@ -1,0 +1,286 @@
+"""Flights on the disk, as the page reads and exports them."""
+
+import csv
+import io
+import json
+import math
+import sqlite3
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from uavrt.clock import Clock
+from uavrt.errors import UsageError
+from uavrt.ground import maps
+from uavrt.ground.contours import contour_segments, refined
+from uavrt.ground.estimates import AntennaChoice, Estimates, Estimator
+from uavrt.ground.exports import EXPORTS, export
+from uavrt.ground.flight_keeper import FlightKeeper
+from uavrt.ground.flights import Columns, FlightLibrary
+from uavrt.localization import PATTERNS, TangentPlane
+from uavrt.messages import Pose, Pulse, PulsePose, Tag
+from uavrt.recording import read_flight
+
+START_NS = 1_700_000_000_000_000_000
+PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
+TAG = Tag(
+    tag_id=2,
+    frequency_hz=148.7e6,
+    pulse_width_s=0.02,
+    pulse_intervals_s=(1.2,),
+    name='<b>"lynx" & co</b>',
+)
+TURN_S = 60.0
+TAG_EAST_M, TAG_NORTH_M = 300.0, 400.0
+
+
+def pose_at(seconds: float, east_m: float, yaw_deg: float) -> Pose:
+    latitude, longitude = PLANE.to_geodetic(east_m, 0.0)
+    half = math.radians(yaw_deg) / 2.0
+    return Pose(
+        time_ns=START_NS + round(seconds * 1e9),
+        latitude_deg=float(latitude),
+        longitude_deg=float(longitude),
+        altitude_amsl_m=1000.0,
+        altitude_relative_m=40.0,
+        quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+    )
+
+
+def pulse_at(pose: Pose, snr_db: float) -> PulsePose:
+    pulse = Pulse(
+        tag_id=2,
+        frequency_hz=148_700_010.0,
+        start_time_ns=pose.time_ns,
+        end_time_ns=pose.time_ns + 20_000_000,
+        snr_db=snr_db,
+        group_snr_db=snr_db,
+        score=2.0,
+        group_index=1,
+        group_sequence=1,
+        noise_psd=1e-9,
+        detection_status="confirmed",
+        confirmed=True,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )
+    return PulsePose(pulse=pulse, pose=pose)
+
+
+def fly(keeper: FlightKeeper, *, until_s: float = math.inf) -> None:
+    """Two full turns in place, 200 m apart, with a tag heard by the antenna's pattern."""
+    rng = np.random.default_rng(5)
+    seconds = 0.0
+    for station in (0.0, 200.0):
+        towards = math.degrees(math.atan2(TAG_EAST_M - station, TAG_NORTH_M))
+        for step in range(int(TURN_S * 5)):
+            if seconds > until_s:
+                return
+            pose = pose_at(seconds, station, 360.0 * step / (TURN_S * 5))
+            keeper.add_pose(pose)
+            if step % 6 == 0:
+                gain = float(PATTERNS["RA-23K"].gain_db(towards - 360.0 * step / (TURN_S * 5)))
+                keeper.add_pulse(pulse_at(pose, 30.0 + gain + rng.normal(0.0, 1.0)))
+            seconds += 0.2
+        for step in range(100):
+            keeper.add_pose(pose_at(seconds, station + step * 2.0, 0.0))
+            seconds += 0.2
+
+
+@pytest.fixture
+def keeper(tmp_path: Path) -> Iterator[FlightKeeper]:
+    keeper = FlightKeeper(tmp_path, Clock.start())
+    keeper.begin([TAG])
+    yield keeper
+    keeper.close()
+
+
+@pytest.fixture
+def flown(keeper: FlightKeeper, tmp_path: Path) -> tuple[FlightLibrary, str]:
+    fly(keeper)
+    keeper.commit()
+    assert keeper.flight_id is not None
+    return FlightLibrary(tmp_path), keeper.flight_id
+
+
+def estimates(columns: Columns) -> Estimates:
+    return Estimator().estimate(columns, AntennaChoice())
+
+
+def test_what_is_on_the_disk_is_what_the_estimates_see(
+    keeper: FlightKeeper, flown: tuple[FlightLibrary, str]
+) -> None:
+    library, flight_id = flown
+    stored, kept = library.columns(flight_id), keeper.columns()
+    np.testing.assert_array_equal(stored.pulses, kept.pulses)
+    np.testing.assert_array_equal(stored.poses, kept.poses)
+    assert library.summary(flight_id).pulses == len(
+        read_flight(library.path(flight_id)).pulse_poses
+    )
+    assert library.summary(flight_id).source == "ground"
+
+
+def test_a_restart_goes_on_with_the_flight_and_takes_no_pulse_twice(
+    flown: tuple[FlightLibrary, str], keeper: FlightKeeper, tmp_path: Path
+) -> None:
+    library, flight_id = flown
+    keeper.close()
+    again = FlightKeeper(tmp_path, Clock.start())
+    assert again.resume(flight_id)
+    again.load(library.columns(flight_id))
+    before = again.pulses
+    known = pulse_at(pose_at(0.0, 0.0, 0.0), 30.0)
+    assert not again.add_pulse(known)
+    assert again.add_pulse(pulse_at(pose_at(999.0, 0.0, 0.0), 30.0))
+    assert again.pulses == before + 1
+    again.close()
+    assert library.summary(flight_id).pulses == before + 1
+
+
+def test_the_tag_is_found_where_it_is(flown: tuple[FlightLibrary, str]) -> None:
+    library, flight_id = flown
+    found = estimates(library.columns(flight_id))
+    assert [one["turn"] for one in found.bearings] == [0, 1]
+    for one, station in zip(found.bearings, (0.0, 200.0), strict=True):
+        true = math.degrees(math.atan2(TAG_EAST_M - station, TAG_NORTH_M)) % 360.0
+        assert one["bearing_deg"] == pytest.approx(true, abs=6.0)
+        assert one["accepted"]
+        heard = [value for value in one["rose_snr_db"] if value is not None]
+        assert one["rose_snr_db"][round(true / 22.5) % 16] >= max(heard) - 2.0
+        assert min(heard) < max(heard) - 10.0
+    (position,) = found.positions
+    east, north = PLANE.to_local(position["latitude_deg"], position["longitude_deg"])
+    assert math.hypot(east - TAG_EAST_M, north - TAG_NORTH_M) < position["radius95_m"] + 20.0
+    assert position["region50"]
+    assert position["heat"]["width"] > 10
+
+
+def test_a_turn_that_goes_on_gives_a_wide_interval_that_narrows(keeper: FlightKeeper) -> None:
+    widths = []
+    for until_s in (14.0, 35.0, 59.0):
+        part = FlightKeeper(keeper._directory / f"{until_s}", Clock.start())
+        part.begin([TAG])
+        fly(part, until_s=until_s)
+        (one,) = estimates(part.columns()).bearings
+        part.close()
+        low, high = one["interval90_deg"]
+        widths.append((high - low) % 360.0)
+        true = math.degrees(math.atan2(TAG_EAST_M, TAG_NORTH_M))
+        assert (true - low) % 360.0 <= widths[-1] + 3.0
+    assert widths[2] < widths[0]
+
+
+def test_an_offset_of_the_antenna_turns_the_bearing(flown: tuple[FlightLibrary, str]) -> None:
+    library, flight_id = flown
+    columns = library.columns(flight_id)
+    straight = estimates(columns).bearings[0]["bearing_deg"]
+    turned = Estimator().estimate(columns, AntennaChoice(offset_deg=90.0)).bearings[0]
+    assert (turned["bearing_deg"] - straight) % 360.0 == pytest.approx(90.0, abs=0.5)
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_every_export_is_well_formed_and_holds_the_flight(
+    flown: tuple[FlightLibrary, str], name: str
+) -> None:
+    library, flight_id = flown
+    columns = library.columns(flight_id)
+    content = export(name, library.summary(flight_id), columns, estimates(columns))
+    match name:
+        case "csv":
+            rows = list(csv.DictReader(io.StringIO(content.decode())))
+            assert len(rows) == columns.pulses.shape[1]
+            assert float(rows[0]["latitude_deg"]) == pytest.approx(46.5)
+        case "geojson":
+            features = json.loads(content)["features"]
+            kinds = [feature["properties"]["kind"] for feature in features]
+            assert kinds.count("pulse") == columns.pulses.shape[1]
+            assert kinds.count("bearing") == 2
+        case "gpx":
+            root = ElementTree.fromstring(content)
+            assert len(root.findall("{*}wpt")) == 1
+            assert len(root.findall(".//{*}trkpt")) > 100
+        case "kmz":
+            with zipfile.ZipFile(io.BytesIO(content)) as archive:
+                document = archive.read("doc.kml")
+            ElementTree.fromstring(document)
+            assert b"http" not in document.replace(b"http://www.opengis.net/kml/2.2", b"")
+    if name in ("gpx", "kmz"):
+        assert b"<b>" not in content
+
+
+def test_no_name_leads_out_of_the_directory(tmp_path: Path) -> None:
+    library = FlightLibrary(tmp_path / "flights")
+    (tmp_path / "flight.sqlite").touch()
+    (tmp_path / "flights").mkdir()
+    for name in ("..", ".", "", "../flights", "a/../..", "/", "\0", "x\0"):
+        with pytest.raises(UsageError):
+            library.path(name)
+
+
+def test_a_full_disk_is_told_and_mended(
+    keeper: FlightKeeper, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    directory = tmp_path / (keeper.flight_id or "")
+    keeper.commit()
+    with sqlite3.connect(directory / "flight.sqlite") as other:
+        other.execute("BEGIN EXCLUSIVE")
+        keeper.add_pulse(pulse_at(pose_at(1.0, 0.0, 0.0), 20.0))
+        keeper.commit()
+        assert keeper.fault is not None
+        assert "cannot write" in keeper.fault
+        other.rollback()
+    other.close()
+    keeper.commit()
+    assert keeper.fault is None
+    assert len(read_flight(directory).pulse_poses) == 1
+
+
+def test_level_lines_of_a_cone_are_circles() -> None:
+    x, y = np.linspace(-10.0, 10.0, 41), np.linspace(-8.0, 8.0, 33)
+    cone = np.exp(-np.hypot(x[None, :], y[:, None]))
+    lines = contour_segments(x, y, cone, math.exp(-5.03))
+    radius = np.hypot(lines[..., 0], lines[..., 1])
+    np.testing.assert_allclose(radius, 5.03, atol=0.1)
+    ends = np.round(lines.reshape(-1, 2), 9)
+    _, counts = np.unique(ends, axis=0, return_counts=True)
+    assert set(counts) == {2}  # closed: every end is shared by two pieces
+
+
+def test_refining_keeps_the_probability_where_it_was() -> None:
+    x, y = np.linspace(0.0, 10.0, 11), np.linspace(0.0, 8.0, 9)
+    bell = np.exp(-((x[None, :] - 4.0) ** 2) / 3.0 - (y[:, None] - 5.0) ** 2)
+    fine_x, fine_y, fine = refined(x, y, bell / bell.sum())
+    assert fine.shape == (33, 41)
+    assert fine.sum() == pytest.approx(1.0)
+    assert fine_x[fine.argmax() % 41] == pytest.approx(4.0)
+    assert fine_y[fine.argmax() // 41] == pytest.approx(5.0)
+    exact = np.exp(-((fine_x[None, :] - 4.0) ** 2) / 3.0 - (fine_y[:, None] - 5.0) ** 2)
+    np.testing.assert_allclose(fine, exact / exact.sum(), atol=2e-4)
+
+
+def test_map_files_are_listed_and_their_tiles_turned_over(tmp_path: Path) -> None:
+    path = tmp_path / "valley.mbtiles"
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
+        database.execute(
+            "CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data BLOB)"
+        )
+        facts = [("format", "png"), ("bounds", "7,46,9,47")]
+        database.executemany("INSERT INTO metadata VALUES (?, ?)", facts)
+        database.execute("INSERT INTO tiles VALUES (3, 4, 5, ?)", (b"\x89PNG north",))
+    database.close()
+    (tmp_path / "broken.pmtiles").write_bytes(b"nothing of the kind")
+    (tmp_path / "notes.txt").touch()
+    broken, valley = maps.map_list(tmp_path)
+    assert "PMTiles" in broken["fault"]
+    assert valley["bounds"] == [7.0, 46.0, 9.0, 47.0]
+    # MBTiles counts rows from the south: row 5 of 8 is row 2 from the north.
+    assert maps.tile(path, 3, 4, 2) == (b"\x89PNG north", "image/png", None)
+    assert maps.tile(path, 3, 4, 5) is None
+    with pytest.raises(UsageError):
+        maps.map_path(tmp_path, "../valley.mbtiles")

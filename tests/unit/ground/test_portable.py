@@ -1,0 +1,66 @@
+"""The ground works on Windows and macOS: nothing of POSIX alone is imported for it."""
+
+import subprocess
+import sys
+
+import pytest
+
+HIDDEN = (
+    *("fcntl", "termios", "tty", "pty", "grp", "pwd", "resource", "posix", "syslog"),
+    *("curses", "readline", "multiprocessing.popen_fork"),
+    "multiprocessing.popen_forkserver",
+)
+
+PROGRAM = """
+import importlib, importlib.abc, os, signal, socket, sys
+# What the standard library itself needs is loaded before the others are hidden.
+import asyncio, concurrent.futures, logging, pathlib, random, shutil, sqlite3, ssl, subprocess
+import tempfile, uuid, zipfile, email, http.client, webbrowser
+
+class Hidden(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name in {hidden!r} and not _by_others():
+            raise ModuleNotFoundError(f"hidden {{name}}", name=name)
+        return None
+
+def _by_others():
+    frame = sys._getframe(2)
+    while frame is not None:
+        name = frame.f_globals.get("__name__", "")
+        if not name.startswith("importlib") and not name.startswith("_frozen"):
+            return not name.startswith("uavrt")
+        frame = frame.f_back
+    return False
+
+for name in {hidden!r}:
+    sys.modules.pop(name, None)
+for name in ("fork", "forkpty", "wait4", "getuid", "setsid"):
+    if hasattr(os, name):
+        delattr(os, name)
+for name in ("AF_UNIX", "SO_REUSEPORT"):
+    if hasattr(socket, name):
+        delattr(socket, name)
+sys.meta_path.insert(0, Hidden())
+importlib.import_module({module!r})
+print("imported")
+"""
+
+
+@pytest.mark.parametrize(
+    "module",
+    ["uavrt.ground.page", "uavrt.ground.server", "uavrt.ground.exports", "uavrt.cli.ground"],
+)
+def test_the_ground_needs_nothing_of_posix(module: str) -> None:
+    program = PROGRAM.format(hidden=tuple(HIDDEN), module=module)
+    finished = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert finished.stdout == "imported\n", finished.stderr
+
+
+def test_the_test_itself_would_notice() -> None:
+    program = PROGRAM.format(hidden=tuple(HIDDEN), module="uavrt.radio.stream")
+    finished = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert "hidden fcntl" in finished.stderr

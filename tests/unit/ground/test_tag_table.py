@@ -1,0 +1,138 @@
+"""Tags as people type and keep them."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uavrt.errors import UsageError
+from uavrt.ground.tag_table import (
+    FIELDS,
+    PRESETS,
+    export_text,
+    import_rows,
+    rows_from_tags,
+    tags_from_rows,
+)
+from uavrt.messages import Tag
+
+ROW = {
+    "id": 4,
+    "name": "otter, the second",
+    "frequency_mhz": "148.697",
+    "interval_ms": "1333",
+    "second_interval_ms": 2000,
+    "pulse_width_ms": 15,
+    "interval_uncertainty_ms": 60,
+    "interval_jitter_ms": 20,
+    "k": 3,
+    "false_alarm_percent": "0.5",
+}
+TRACKER_TAGS = (
+    "selected,id,name,manufacturerId,freqMHz\n1,2,luna,1,146.123456\n0,4,sol,2,146.2\n"
+)
+TRACKER_MAKERS = (
+    "id,name,ip_msecs_1,ip_msecs_2,ip1_id,ip2_id,pulse_width,uncertainty,jitter\n"
+    "1,Two,1333,2000,Moving,Resting,15,60,20\n2,One,1254,0,-,-,20,60,10\n"
+)
+
+
+def test_a_row_becomes_a_tag_in_our_units() -> None:
+    (tag,), faults = tags_from_rows([ROW])
+    assert faults == []
+    assert tag == Tag(
+        tag_id=4,
+        frequency_hz=148_697_000.0,
+        pulse_width_s=0.015,
+        pulse_intervals_s=(1.333, 2.0),
+        interval_uncertainty_s=0.06,
+        interval_jitter_s=0.02,
+        k=3,
+        false_alarm_probability=0.005,
+        name="otter, the second",
+    )
+
+
+@pytest.mark.parametrize(
+    ("field", "written", "says"),
+    [
+        ("frequency_mhz", "148697000", "write 148.697"),
+        ("frequency_mhz", "", "needed"),
+        ("frequency_mhz", "abc", "not a number"),
+        ("interval_ms", "1.333", "seconds"),
+        ("pulse_width_ms", "0.015", "seconds"),
+        ("id", "0", "whole number"),
+        ("id", "2.5", "whole number"),
+        ("k", "0", "whole number"),
+        ("false_alarm_percent", "100", "between 0 and 100"),
+        ("false_alarm_percent", "nan", "not a number"),
+        ("interval_jitter_ms", "-1", "negative"),
+        ("second_interval_ms", "1333", "same"),
+        ("name", "x" * 61, "60"),
+        ("name", "a\x1b[2Jb", "printable"),
+    ],
+)
+def test_a_mistake_is_told_at_its_field(field: str, written: str, says: str) -> None:
+    tags, faults = tags_from_rows([ROW | {field: written}])
+    assert tags == ()
+    told = [fault for fault in faults if fault.field in (field, "pulse_width_ms")]
+    assert any(says in fault.text for fault in told)
+    assert all(fault.row == 0 for fault in faults)
+
+
+def test_an_id_used_twice_is_told_at_the_second() -> None:
+    _, faults = tags_from_rows([ROW, ROW])
+    assert [(fault.row, fault.field) for fault in faults] == [(1, "id")]
+
+
+@given(
+    st.lists(
+        st.dictionaries(
+            st.sampled_from([*FIELDS, "name", "other"]),
+            st.one_of(
+                st.none(), st.text(max_size=12), st.integers(), st.floats(), st.booleans()
+            ),
+        ),
+        max_size=4,
+    )
+)
+def test_whatever_is_typed_is_tags_or_faults_never_both(rows: list[dict[str, object]]) -> None:
+    tags, faults = tags_from_rows(rows)
+    assert not (tags and faults)
+    assert len(tags) == len(rows) or faults
+    for fault in faults:
+        assert 0 <= fault.row < len(rows)
+        assert fault.field in (*FIELDS, "name")
+        assert fault.text
+
+
+def test_rows_and_files_come_back_as_they_were() -> None:
+    tags, _ = tags_from_rows([ROW])
+    assert tags_from_rows(rows_from_tags(tags))[0] == tags
+    for name in ("tags.toml", "tags.csv"):
+        rows = import_rows({name: export_text(tags, name)})
+        assert tags_from_rows(rows)[0] == tags
+
+
+def test_tag_info_is_read_and_refuses_two_rates() -> None:
+    tags, _ = tags_from_rows([ROW | {"second_interval_ms": ""}])
+    (row,) = import_rows({"TagInfo.txt": export_text(tags, "TagInfo.txt")})
+    assert row["frequency_mhz"] == 148.697
+    double, _ = tags_from_rows([ROW])
+    with pytest.raises(UsageError, match="second interval"):
+        export_text(double, "TagInfo.txt")
+
+
+def test_tagtrackers_two_databases_are_read_together() -> None:
+    files = {"TagInfo.db": TRACKER_TAGS, "TagManufacturer.db": TRACKER_MAKERS}
+    tags, faults = tags_from_rows(import_rows(files))
+    assert faults == []
+    assert [tag.pulse_intervals_s for tag in tags] == [(1.333, 2.0), (1.254,)]
+    assert tags[0].frequency_hz == 146_123_456.0
+    with pytest.raises(UsageError, match="together"):
+        import_rows({"TagInfo.db": TRACKER_TAGS})
+
+
+def test_every_preset_is_a_possible_tag() -> None:
+    for preset in PRESETS:
+        row = {**preset, "id": 2, "name": "", "frequency_mhz": 150, "k": 3}
+        assert tags_from_rows([row | {"false_alarm_percent": 1}])[1] == []

@@ -1,0 +1,111 @@
+"""What the ground reads from the autopilot's and the radio's frames."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uavrt.ground.vehicle import LossMeter, VehicleWatch
+from uavrt.mavlink import dialect
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
+from uavrt.mavlink.message import Message
+
+NOW_NS = 1_700_000_000_000_000_000
+SECOND = 1_000_000_000
+HEARTBEAT = dialect.Heartbeat(
+    type=2, autopilot=3, base_mode=128, custom_mode=0, system_status=4, mavlink_version=3
+)
+PLACE = dialect.GlobalPositionInt(
+    time_boot_ms=1,
+    lat=351_782_410,
+    lon=-1_116_565_870,
+    alt=2_107_000,
+    relative_alt=9_500,
+    vx=0,
+    vy=0,
+    vz=0,
+    hdg=9_000,
+)
+
+
+class Autopilot:
+    def __init__(self, component: int = 1) -> None:
+        self._writer = FrameWriter(1, component)
+
+    def frame(self, message: Message) -> Frame:
+        (frame,) = FrameParser().feed(self._writer.encode(message))
+        return frame
+
+
+def test_position_and_heading_make_a_pose() -> None:
+    watch, autopilot = VehicleWatch(Peer(255, 190)), Autopilot()
+    assert watch.receive(autopilot.frame(PLACE), NOW_NS) is None  # whose is it?
+    watch.receive(autopilot.frame(HEARTBEAT), NOW_NS)
+    pose = watch.receive(autopilot.frame(PLACE), NOW_NS)
+    assert pose is not None
+    assert pose.latitude_deg == pytest.approx(35.178241)
+    assert pose.altitude_relative_m == 9.5
+    w, x, y, z = pose.quaternion_wxyz
+    assert (w, x, y, z) == pytest.approx((0.7071, 0.0, 0.0, 0.7071), abs=1e-4)
+    assert watch.armed
+
+
+def test_before_the_first_fix_there_is_no_place() -> None:
+    watch, autopilot = VehicleWatch(Peer(255, 190)), Autopilot()
+    watch.receive(autopilot.frame(HEARTBEAT), NOW_NS)
+    nowhere = dialect.GlobalPositionInt(
+        time_boot_ms=1, lat=0, lon=0, alt=0, relative_alt=0, vx=0, vy=0, vz=0, hdg=0
+    )
+    assert watch.receive(autopilot.frame(nowhere), NOW_NS) is None
+    assert watch.pose is None
+
+
+def test_an_autopilot_that_sends_nothing_is_asked_now_and_then() -> None:
+    watch, autopilot = VehicleWatch(Peer(255, 190)), Autopilot()
+    assert watch.requests(NOW_NS) == []  # nobody there
+    watch.receive(autopilot.frame(HEARTBEAT), NOW_NS)
+    asked = watch.requests(NOW_NS)
+    assert [
+        message.param1 for message in asked if isinstance(message, dialect.CommandLong)
+    ] == [
+        dialect.AttitudeQuaternion.ID,
+        dialect.GlobalPositionInt.ID,
+    ]
+    assert watch.requests(NOW_NS + SECOND) == []
+    watch.receive(autopilot.frame(PLACE), NOW_NS + SECOND)
+    assert watch.requests(NOW_NS + 3 * SECOND) == []
+
+
+def test_only_the_drones_answer_is_a_round_trip() -> None:
+    watch = VehicleWatch(Peer(255, 190))
+    ping = watch.ping(NOW_NS)
+    assert isinstance(ping, dialect.Ping)
+
+    def answer(target: int) -> dialect.Ping:
+        return dialect.Ping(
+            time_usec=ping.time_usec, seq=ping.seq, target_system=target, target_component=190
+        )
+
+    later_ns = NOW_NS + 50_000_000
+    watch.receive(Autopilot(component=1).frame(answer(255)), later_ns)
+    watch.receive(Autopilot(component=191).frame(answer(254)), later_ns)
+    assert watch.round_trip_s is None
+    watch.receive(Autopilot(component=191).frame(answer(255)), later_ns)
+    assert watch.round_trip_s == pytest.approx(0.05, abs=1e-5)
+
+
+@given(st.lists(st.booleans(), min_size=30, max_size=400), st.integers(0, 255))
+def test_the_loss_is_the_share_of_missing_numbers(arrived: list[bool], first: int) -> None:
+    meter = LossMeter()
+    kept = [place for place, one in enumerate(arrived) if one]
+    gaps = [b - a for a, b in pairwise(kept)]
+    for place in kept:
+        meter.add((first + place) % 256, NOW_NS)
+    share = meter.share(NOW_NS)
+    if not kept:
+        assert share is None
+    elif all(gap < 128 for gap in gaps):
+        assert share == pytest.approx(1.0 - len(kept) / (kept[-1] - kept[0] + 1))
+    assert meter.share(NOW_NS + 60 * SECOND) is None
