@@ -239,10 +239,14 @@ class ByteJoiner:
         if self._after is None:
             self._parts = [rest] if rest else []
         else:
-            # The sample that the gap cuts is lost as well, with both of its ends.
-            lost = len(rest) + self._lost_bytes
-            self._cut = -lost % SAMPLE_BYTES
-            self._lost_before = (lost + self._cut) // SAMPLE_BYTES
+            # The sample that the gap cuts is lost as well, with both of its ends. What is left
+            # to cut of one that an earlier gap took has been counted with that.
+            lost = len(rest) + self._lost_bytes - self._cut
+            if lost > 0:
+                self._cut = -lost % SAMPLE_BYTES
+                self._lost_before = (lost + self._cut) // SAMPLE_BYTES
+            else:
+                self._cut = -lost
             payload, self._after, self._lost_bytes = self._after, None, 0
             self._parts = []
             self._append(payload)
