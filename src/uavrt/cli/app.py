@@ -7,34 +7,53 @@ from cyclopts import App
 import uavrt
 from uavrt.errors import UavrtError
 
-app = App(
-    name="uavrt",
-    help=uavrt.__doc__,
-    version=uavrt.__version__,
-)
-# Named as text: a command's module is imported when the command is called.
-app.command("uavrt.cli.demo:demo")
-app.command("uavrt.cli.run:run")
-app.command("uavrt.cli.ground:ground")
-app.command("uavrt.cli.detect:detect")
-app.command("uavrt.cli.simulate:simulate")
-app.command("uavrt.cli.bearing:bearing")
-app.command("uavrt.cli.localize:localize")
-app.command("uavrt.cli.channelize:channelize")
-app.command("uavrt.cli.export:export")
-app.command("uavrt.cli.fetch:fetch")
-app.command("uavrt.cli.report:report")
-app.command("uavrt.cli.tags:tags")
-app.command("uavrt.cli.experiment:experiment")
-app.command("uavrt.cli.monitor:monitor")
-app.command("uavrt.cli.doctor:doctor")
-app.command("uavrt.cli.service:service")
+COMMANDS = {
+    "demo": "The whole system on this machine, with simulated animals.",
+    "run": "The drone side: radio, detectors, autopilot, recorder.",
+    "ground": "The ground station.",
+    "detect": "Find pulses in a recording or a live stream.",
+    "bearing": "Bearings from a flight or a pulse log.",
+    "localize": "Positions from a flight or from bearings.",
+    "report": "A report of a flight, to look at and hand on.",
+    "export": "A flight as files for other programs.",
+    "fetch": "Copy flights from the drone over the radio link.",
+    "tags": "Check, convert and measure tags.",
+    "simulate": "A recording, telemetry and truth of a simulated world.",
+    "channelize": "The channelizer alone.",
+    "experiment": "Claims as repeatable experiments.",
+    "monitor": "Watch a running system in a terminal.",
+    "doctor": "What is wrong with this computer, and what to do.",
+    "service": "Start the drone side at boot.",
+}
+"""Each is the function of this name in the module of this name, imported when it is called."""
+
+
+def make_app(*, summaries: bool = False) -> App:
+    """Make the command line.
+
+    Parameters
+    ----------
+    summaries : bool
+        Describe each command by its line above; else by its own text, for which its module
+        is imported.
+    """
+    made = App(name="uavrt", help=uavrt.__doc__, version=uavrt.__version__)
+    for place, (name, text) in enumerate(COMMANDS.items()):
+        made.command(
+            f"uavrt.cli.{name}:{name}", help=text if summaries else None, sort_key=place
+        )
+    return made
+
+
+app = make_app()
 
 
 def main() -> None:
     """Run ``uavrt``; a deliberate error is printed without a traceback and exits with 2."""
     try:
-        app(sys.argv[1:])
+        arguments = sys.argv[1:]
+        called = bool(arguments) and arguments[0] in COMMANDS
+        (app if called else make_app(summaries=True))(arguments)
     except UavrtError as error:
         print(f"uavrt: {error}", file=sys.stderr)
         sys.exit(2)
