@@ -1,6 +1,7 @@
 """From nothing to a service, twice; and every dependency of the drone for its processor."""
 
 import os
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -12,6 +13,23 @@ ROOT = Path(__file__).parents[2]
 pytestmark = [pytest.mark.flight, pytest.mark.timeout(600)]
 
 
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    """The files of the repository as they are now, where nobody edits them meanwhile."""
+    copy = tmp_path / "source"
+    tracked = subprocess.run(
+        ["git", "-C", str(ROOT), "ls-files", "-z", "src", "deploy", "*.toml", "*.py", "*.md"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split("\0")
+    for name in [*filter(None, tracked), "LICENSE"]:
+        if (ROOT / name).is_file():
+            (copy / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, copy / name)
+    return copy
+
+
 def files_below(root: Path) -> dict[str, int]:
     return {
         str(path.relative_to(root)): path.stat(follow_symlinks=False).st_mtime_ns
@@ -21,11 +39,13 @@ def files_below(root: Path) -> dict[str, int]:
 
 
 def test_the_script_installs_below_a_root_and_a_second_run_changes_nothing(
-    tmp_path: Path,
+    tmp_path: Path, source: Path
 ) -> None:
+    root = tmp_path / "root"
+
     def run() -> "subprocess.CompletedProcess[str]":
         return subprocess.run(
-            [str(ROOT / "deploy/install.sh"), "--root", str(tmp_path), "--user", "pi"],
+            [str(source / "deploy/install.sh"), "--root", str(root), "--user", "pi"],
             capture_output=True,
             text=True,
             check=False,
@@ -34,20 +54,20 @@ def test_the_script_installs_below_a_root_and_a_second_run_changes_nothing(
 
     first = run()
     assert first.returncode == 0, first.stderr
-    unit = (tmp_path / "etc/systemd/system/uavrt.service").read_text()
+    unit = (root / "etc/systemd/system/uavrt.service").read_text()
     assert "User=pi" in unit
     assert "WorkingDirectory=/var/lib/uavrt" in unit
-    assert (tmp_path / "etc/udev/rules.d/60-uavrt.rules").exists()
-    assert (tmp_path / "var/lib/uavrt/uavrt.toml").exists()
-    program = tmp_path / "opt/uavrt/venv/bin/uavrt"
+    assert (root / "etc/udev/rules.d/60-uavrt.rules").exists()
+    assert (root / "var/lib/uavrt/uavrt.toml").exists()
+    program = root / "opt/uavrt/venv/bin/uavrt"
     assert str(program) in unit
     version = subprocess.run([program, "--version"], capture_output=True, text=True, check=True)
     assert version.stdout.strip()
-    before = files_below(tmp_path)
+    before = files_below(root)
     second = run()
     assert second.returncode == 0, second.stderr
     assert "the program is up to date" in second.stdout
-    assert files_below(tmp_path) == before
+    assert files_below(root) == before
 
 
 @pytest.mark.parametrize("arguments", [["--radio", "crystal"], ["--what", "x"], ["--user"]])

@@ -6,8 +6,7 @@ It gives the command a ``NOTIFY_SOCKET`` and a watchdog time as systemd does (sd
 sd_watchdog_enabled(3)), starts it again when it ends otherwise than by ``exit 0``
 (``Restart=on-failure``), kills it when its watchdog falls silent (``WatchdogSignal=SIGKILL``),
 and says what happens as JSON lines. Unlike systemd it kills nothing that the service leaves
-behind: what an
-orphan does here, it does by itself.
+behind: what an orphan does here, it does by itself.
 """
 
 import argparse
@@ -56,12 +55,12 @@ class ServiceManager:
         self._stopping = True
 
     def run(self) -> int:
-        """Keep the service running; the exit code of its last life."""
+        """Keep the service running until it ends well or is to stop; always 0."""
         while True:
             code = self._one_life()
             _say("ended", exit_code=code)
             if self._stopping or code == 0:
-                return code
+                return 0
             time.sleep(self._restart_s)
 
     def _one_life(self) -> int:

@@ -1,5 +1,6 @@
 """Tell systemd that the system is ready and alive (sd_notify(3)); nothing without systemd."""
 
+import contextlib
 import os
 import socket
 
@@ -26,9 +27,16 @@ class SystemdNotifier:
         """Say that the end was asked for."""
         self._send("STOPPING=1")
 
-    def _send(self, state: str) -> None:
+    def close(self) -> None:
+        """Close the socket."""
         if self._sock is not None:
-            self._sock.sendto(state.encode(), self._address)
+            self._sock.close()
+
+    def _send(self, state: str) -> None:
+        """Send, or leave it: a manager that is gone or busy never stops a flight."""
+        if self._sock is not None:
+            with contextlib.suppress(OSError):
+                self._sock.sendto(state.encode(), socket.MSG_DONTWAIT, self._address)
 
 
 def _watchdog_s() -> float | None:

@@ -1,0 +1,75 @@
+"""What cannot be samples is refused; what can be is let through."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from uavrt.errors import RadioGarbled, RadioStalled
+from uavrt.messages import IQBlock
+from uavrt.radio.sanity import DEAD_S, SampleCheck
+
+RATE_HZ = 375_000.0
+
+
+def block(samples: NDArray[np.complex64]) -> IQBlock:
+    return IQBlock(samples=samples, sample_index=0, time_ns=0, sample_rate_hz=RATE_HZ)
+
+
+def noise(rms: float, seed: int = 1, count: int = 32_768) -> NDArray[np.complex64]:
+    parts = np.random.default_rng(seed).standard_normal((count, 2), np.float32)
+    return (parts.view(np.complex64)[:, 0] * np.float32(rms / np.sqrt(2))).astype(np.complex64)
+
+
+@given(st.floats(1e-9, 1.0), st.integers(0, 100))
+@settings(deadline=None)
+def test_any_level_a_receiver_can_have_is_let_through(rms: float, seed: int) -> None:
+    check = SampleCheck("the radio")
+    check.look(block(noise(rms, seed, 4096)))
+
+
+def test_a_saturated_receiver_is_let_through() -> None:
+    samples = np.where(np.arange(4096) % 2, 1 + 1j, -1 - 1j).astype(np.complex64)
+    SampleCheck("the radio").look(block(samples))
+
+
+@given(st.binary(max_size=256))
+@settings(deadline=None, max_examples=20)
+def test_random_bytes_never_raise_anything_else(content: bytes) -> None:
+    samples = np.frombuffer(content[: len(content) // 8 * 8], np.complex64)
+    try:
+        SampleCheck("the radio").look(block(samples))
+    except (RadioGarbled, RadioStalled):
+        return
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_block_of_random_bytes_is_refused(seed: int) -> None:
+    content = np.random.default_rng(seed).bytes(8 * 32_768)
+    with pytest.raises(RadioGarbled, match="the radio gives values that are not samples"):
+        SampleCheck("the radio").look(block(np.frombuffer(content, np.complex64)))
+
+
+@pytest.mark.parametrize("shift", range(1, 4))
+def test_samples_cut_within_a_number_are_refused(shift: int) -> None:
+    content = noise(0.01).tobytes()[shift : shift - 8]
+    with pytest.raises(RadioGarbled):
+        SampleCheck("the radio").look(block(np.frombuffer(content, np.complex64)))
+
+
+def test_zeros_are_borne_for_a_second_and_forgiven_by_one_sample() -> None:
+    check = SampleCheck("the radio")
+    zeros = block(np.zeros(round(0.45 * DEAD_S * RATE_HZ), np.complex64))
+    for _ in range(5):
+        check.look(zeros)
+        check.look(zeros)
+        check.look(block(noise(1e-6)))
+    check.look(zeros)
+    check.look(zeros)
+    with pytest.raises(RadioStalled, match="only zeros"):
+        check.look(zeros)
+
+
+def test_an_empty_block_says_nothing() -> None:
+    SampleCheck("the radio").look(block(np.zeros(0, np.complex64)))
