@@ -69,14 +69,18 @@ environment=$root$prefix/venv
 [ -x "$environment/bin/python" ] || "$python" -m venv "$environment"
 stamp=$environment/.uavrt-source
 # What the source is: the sum over its files, so that an unchanged one is not built again.
-now=$(cd "$source" && find pyproject.toml src -type f ! -path '*/__pycache__/*' -exec cksum {} + |
-    sort -k3 | cksum)$extras
-if [ "$(cat "$stamp" 2>/dev/null)" = "$now" ]; then
+fingerprint() {
+    (cd "$source" && find pyproject.toml hatch_build.py src -type f \
+        ! -path '*/__pycache__/*' -exec cksum {} + | sort -k3 | cksum)
+    printf '%s' "$extras"
+}
+if [ "$(cat "$stamp" 2>/dev/null)" = "$(fingerprint)" ]; then
     say "the program is up to date"
 else
     say "installing the program into $environment"
     "$environment/bin/python" -m pip install --quiet --upgrade "$source$extras"
-    printf '%s' "$now" >"$stamp"
+    # After the build, which writes the MAVLink dialect into the source.
+    fingerprint >"$stamp"
 fi
 
 # 3. A place for settings and flights, and the groups for serial port and radio.

@@ -10,7 +10,7 @@ resumed when all of these are, with the same tags.
 import random
 import signal
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from uavrt.clock import Clock, monotonic_s
@@ -20,7 +20,8 @@ from uavrt.experiments.recovery.report import Kill, RecoveryReport
 from uavrt.messages import Health, Pulse, SystemState
 from uavrt.recording import read_flight, read_pulse_pose_log
 from uavrt.recording.layout import FlightLayout
-from uavrt.simulation import demo_scenario
+from uavrt.simulation import Scenario, demo_scenario
+from uavrt.simulation.flight import Flight, Leg
 from uavrt.supervisor.restarts import SETTLED_S
 from uavrt.supervisor.table import PROCESSES
 from uavrt.supervisor.usage import descendants_of, is_alive
@@ -32,6 +33,8 @@ SUPERVISOR_LIMIT_S = 10.0
 GIVE_UP_S = 40.0
 ORPHAN_LIMIT_S = 1.0
 LONGEST_CUT_WAIT_S = 2.5
+HEIGHT_M = 40.0
+TURN_DEG_S = 12.0
 SECONDS_EACH = 12.0
 """A kill with everything around it; for the length of the simulated flight."""
 
@@ -201,7 +204,7 @@ def run_recovery(
         The system did not even start.
     """
     count = plan.kills + plan.supervisor_kills + plan.power_cuts
-    scenario = demo_scenario(60.0 + SECONDS_EACH * count, plan.seed)
+    scenario = turning_scenario(60.0 + SECONDS_EACH * count, plan.seed)
     faults: list[str] = []
     with ServedDrone(scenario, flights.resolve(), workers=workers) as drone:
         recovery = Recovery(drone, plan, say)
@@ -222,6 +225,15 @@ def run_recovery(
         orphans=recovery.orphans,
         flights=len(recovery.directories),
         faults=tuple(faults),
+    )
+
+
+def turning_scenario(duration_s: float, seed: int) -> Scenario:
+    """Make the demo's animals, and a drone that turns above them from the first second."""
+    scenario = demo_scenario(60.0, seed)
+    turn = Leg(duration_s=duration_s, turn_deg=TURN_DEG_S * duration_s)
+    return replace(
+        scenario, duration_s=duration_s, flight=Flight(height_m=HEIGHT_M, leg=(turn,))
     )
 
 
