@@ -168,4 +168,5 @@ class Settings:
     udp_channels: UdpChannelSettings = field(default_factory=UdpChannelSettings)
     ros2: Ros2Settings = field(default_factory=Ros2Settings)
     status_socket: str | None = None
-    """Path of a Unix socket on which the supervisor shows its topics as JSON lines."""
+    """Path of a Unix socket on which the supervisor shows its topics as JSON lines; left out:
+    ``status.sock`` beside the flights."""
