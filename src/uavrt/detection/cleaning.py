@@ -7,7 +7,9 @@ import numpy as np
 from uavrt.detection.lines import LineCanceller
 from uavrt.detection.samples import Counters, SampleBuffer, blank_impulses
 
-_LINES_EVERY = 10
+_LINES_EVERY = 7
+"""Stretches of 0.35 s between two looks for carriers."""
+_FLOOR_STRIDE = 4
 _MEDIAN = math.log(2.0)
 """Median of an exponential over its mean."""
 
@@ -58,11 +60,13 @@ class Cleaner:
 
     def _cancel_lines(self, buffer: SampleBuffer, first: int, last: int) -> None:
         """Subtract carriers from [first, last)."""
-        new = buffer.view(max(first, buffer.start), last)
+        first = max(first, buffer.start)
+        new = buffer.view(first, last)
+        before = buffer.view(max(buffer.start, first - self._lines.needed), first)
         self._stretches += 1
-        if self._stretches % _LINES_EVERY == 0 or self._stretches == 3:
-            self._lines.find(new)
-        self._lines.subtract(new)
+        if self._stretches % _LINES_EVERY == 0 or self._stretches == 2:
+            self._lines.find(before, new)
+        self._lines.subtract(before, new)
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Zero impulses in [first, last), looking a flank to either side."""
@@ -73,8 +77,10 @@ class Cleaner:
         if not len(stretch):
             return
         if self.floor <= 0.0 or renew:
-            power = stretch.real**2 + stretch.imag**2
-            self.floor = float(np.median(power))
+            some = stretch[::_FLOOR_STRIDE]
+            power = some.real**2 + some.imag**2
+            middle = len(power) // 2
+            self.floor = float(np.partition(power, middle)[middle])
         if self.floor > 0.0:
             self._counters.samples_blanked += blank_impulses(
                 stretch,

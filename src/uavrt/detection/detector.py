@@ -25,7 +25,7 @@ from uavrt.detection.search import Candidate, RateSearch
 from uavrt.detection.tracks import Track
 from uavrt.messages import Pulse, SearchReport, Tag
 
-BATCH_S = 0.25
+BATCH_S = 0.35
 """Samples gathered before the search goes on: latency against NumPy's price of a call."""
 NOISE_STRIDE = 4
 """Of the columns, eight to a pulse, every fourth tells the noise as much as all."""
@@ -87,13 +87,17 @@ class PulseDetector:
             half_width_hz=frequency_window_hz,
         )
         longest = max(tag.pulse_intervals_s) + tag.interval_uncertainty_s
-        keep_s = (tag.k + 1) * longest + tag.interval_jitter_s + 1.0
+        span_s = (tag.k - 1) * longest
+        if len(tag.pulse_intervals_s) > 1:
+            # The other rate is followed from the last pulse heard, maybe two intervals ago.
+            span_s += 2.0 * longest
+        keep_s = max(span_s, 1.0) + tag.interval_jitter_s + 1.0
         self._buffer = SampleBuffer(
             sample_rate_hz=self.sample_rate_hz,
             keep=math.ceil(keep_s * self.sample_rate_hz) + self._grid.window,
             tolerance_s=tag.pulse_width_s / 8.0,
         )
-        self._longest_hole_s = keep_s
+        self._longest_hole_s = (tag.k + 1) * longest + tag.interval_jitter_s + 1.0
         self._refiner = Refiner(self._grid, self._buffer)
         self._batch = round(BATCH_S * self.sample_rate_hz)
         self._judge = Judge(tag, grid=self._grid, buffer=self._buffer, refiner=self._refiner)
@@ -156,7 +160,10 @@ class PulseDetector:
         samples = np.ascontiguousarray(samples, np.complex64)
         if not len(samples) or not self._admit(samples, time_ns):
             return self._reporter.drain()
-        while self._buffer.end - self._clean >= self._batch + self._cleaner.margin:
+        needed = self._batch + self._cleaner.margin
+        if self._buffer.end - self._clean < needed:
+            return []
+        while self._buffer.end - self._clean >= needed:
             self._advance(self._clean + self._batch)
         return self._reporter.drain()
 
@@ -249,6 +256,7 @@ class PulseDetector:
                 found += search.push(block, level)
             if last:
                 found += search.finish(level)
+            found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
             self._consider(found, search)
         self._follower.follow(
             self._tracks,
@@ -272,22 +280,18 @@ class PulseDetector:
         whole = power
         if self._buffer.holes:
             whole = power[self._whole_columns(begin, len(power))]
+        self._learnt.append(whole[::NOISE_STRIDE].copy())
         if self._noise.ready:
-            self._learnt.append(whole[::NOISE_STRIDE])
             if len(self._learnt) >= _LEARN_BATCHES:
                 self._noise.update(np.concatenate(self._learnt))
                 self._learnt.clear()
             return
         gathered = sum(len(block) for block in self._waiting) * self._grid.hop_s
         if gathered >= self._first_noise_s or last:
-            if len(self._waiting) > 1:
-                self._waiting = [np.concatenate(self._waiting)]
-            everything = self._waiting[0]
-            if self._buffer.holes:
-                start = begin + len(power) - len(everything)
-                everything = everything[self._whole_columns(start, len(everything))]
-            if len(everything) >= 16 * NOISE_STRIDE:
-                self._noise.start(everything[::NOISE_STRIDE])
+            everything = np.concatenate(self._learnt)
+            if len(everything) >= 16:
+                self._noise.start(everything)
+                self._learnt.clear()
 
     def _whole_columns(self, begin: int, count: int) -> NDArray[np.bool_]:
         grid = self._grid
@@ -347,7 +351,8 @@ class PulseDetector:
 
     def _settle(self) -> None:
         """Decide which track is the tag, and report what it has found."""
-        self._reporter.settle(self._tracks, self._nominal_hz, self._now_s())
+        if self._tracks:
+            self._reporter.settle(self._tracks, self._nominal_hz, self._now_s())
 
     def _now_s(self) -> float:
         return self._follower.seconds(self._clean)

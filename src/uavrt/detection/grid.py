@@ -8,6 +8,7 @@ quarter of a bin apart, in seconds and hertz whatever the sample rate.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +42,15 @@ class Grid:
         Row frequencies relative to the centre of the channel.
     toeplitz : ndarray of complex64, shape (samples, outputs), or None
         Several outputs of the filter as one matrix product.
-    matrix : ndarray of complex64, shape (window / decimation, rows)
+    length : int
+        Narrow-band samples of a window.
+    matrix : ndarray of complex64, shape (length, rows), or None
         The transform, scaled so that the output noise power is the channel's per sample.
+    halves : pair of ndarray of float32, or None
+        Instead of the matrix, where rows lie symmetrically around the tag and the narrow band
+        was shifted to put the tag at zero: `half_transforms`.
+    turn_hz : float
+        What the narrow band is shifted down by after the filter.
     """
 
     sample_rate_hz: float
@@ -52,7 +60,10 @@ class Grid:
     reach: int
     offsets_hz: NDArray[np.float64]
     toeplitz: NDArray[np.complex64] | None
-    matrix: NDArray[np.complex64]
+    length: int
+    matrix: NDArray[np.complex64] | None
+    halves: tuple[NDArray[np.float32], NDArray[np.float32]] | None
+    turn_hz: float
 
     @property
     def hop_s(self) -> float:
@@ -82,9 +93,12 @@ class Grid:
             Squared magnitude of the matched filter; in noise its mean is the noise power of
             one channel sample, for a pulse it is that times ENR + 1.
         """
-        length, hop = len(self.matrix), self.hop // self.decimation
+        length, hop = self.length, self.hop // self.decimation
         count = max(0, (len(samples) - length) // hop + 1)
         result = np.empty((count, self.rows), np.float32)
+        if self.matrix is None:
+            self._power_by_halves(samples, result)
+            return result
         chunk = max(1, _SINGLE_THREAD_PRODUCT // self.matrix.size)
         for first in range(0, count, chunk):
             last = min(first + chunk, count)
@@ -93,6 +107,47 @@ class Grid:
             np.multiply(parts, parts, out=parts)
             np.add(parts[:, 0::2], parts[:, 1::2], out=result[first:last])
         return result
+
+    def _power_by_halves(
+        self, samples: NDArray[np.complex64], result: NDArray[np.float32]
+    ) -> None:
+        """Power of rows at ± f together: a quarter of the products, and real ones.
+
+        With e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n) around a window's middle the transform
+        at ± f is A ∓ jB, A the sum of e cos and B that of o sin.
+        """
+        assert self.halves is not None
+        cosines, sines = self.halves
+        hop, half = self.hop // self.decimation, self.length // 2
+        parts = np.empty((2, len(samples)), np.float32)
+        parts[0], parts[1] = samples.real, samples.imag
+        middle = self.rows // 2
+        chunk = max(1, _SINGLE_THREAD_PRODUCT // (2 * cosines.size))
+        for first in range(0, len(result), chunk):
+            count = min(chunk, len(result) - first)
+            frames = np.ndarray(
+                (self.length, 2, count),
+                np.float32,
+                parts,
+                4 * first * hop,
+                (4, 4 * len(samples), 4 * hop),
+            )
+            late, early = frames[self.length - half :], frames[half - 1 :: -1][:half]
+            odd = (late - early).reshape(half, 2 * count)
+            even = np.empty((len(cosines), 2, count), np.float32)
+            np.add(late, early, out=even[:half])
+            even[half:] = frames[half : self.length - half]
+            a = (even.reshape(len(cosines), 2 * count).T @ cosines).reshape(2, count, -1)
+            b = (odd.T @ sines).reshape(2, count, -1)
+            above = result[first : first + count, middle:]
+            below = result[first : first + count, middle::-1]
+            for out, one, two in (
+                (below, a[0] - b[1], a[1] + b[0]),
+                (above, a[0] + b[1], a[1] - b[0]),
+            ):
+                np.multiply(one, one, out=one)
+                np.multiply(two, two, out=two)
+                np.add(one, two, out=out)
 
 
 class Spectrogram:
@@ -136,6 +191,11 @@ class Spectrogram:
             last = min(first + chunk, count)
             pieces = _windows(samples, first * stride, (last - first, length), stride)
             np.matmul(np.ascontiguousarray(pieces), grid.toeplitz, out=band[first:last])
+        if grid.turn_hz:
+            # The turn within a row of outputs is in the filter.
+            rows = self.consumed // outputs + np.arange(count)
+            turns = np.modf(rows * (grid.turn_hz * stride / grid.sample_rate_hz))[0]
+            band *= np.exp(-2j * np.pi * turns).astype(np.complex64)[:, np.newaxis]
         return band.ravel()
 
 
@@ -193,9 +253,17 @@ def make_grid(
         )
         for output in range(_OUTPUTS_PER_ROW):
             toeplitz[output * decimation : output * decimation + len(taps), output] = taps
-    n = (np.arange(length) * decimation)[:, np.newaxis]
-    phase = -2j * np.pi * n * (offsets / sample_rate_hz)[np.newaxis, :]
     scale = decimation / math.sqrt(length * decimation)
+    symmetric = toeplitz is not None and len(offsets) == 2 * reach + 1
+    matrix, halves = None, None
+    if toeplitz is not None and symmetric:
+        shift = 2.0 * math.pi * offset_hz * decimation / sample_rate_hz
+        toeplitz *= np.exp(-1j * shift * np.arange(_OUTPUTS_PER_ROW)).astype(np.complex64)
+        halves = half_transforms(length, reach + 1, scale)
+    else:
+        n = (np.arange(length) * decimation)[:, np.newaxis]
+        phase = -2j * np.pi * n * (offsets / sample_rate_hz)[np.newaxis, :]
+        matrix = np.ascontiguousarray((np.exp(phase) * scale).astype(np.complex64))
     return Grid(
         sample_rate_hz=sample_rate_hz,
         window=length * decimation,
@@ -204,8 +272,40 @@ def make_grid(
         reach=side,
         offsets_hz=offsets.astype(np.float64),
         toeplitz=toeplitz,
-        matrix=np.ascontiguousarray((np.exp(phase) * scale).astype(np.complex64)),
+        length=length,
+        matrix=matrix,
+        halves=halves,
+        turn_hz=offset_hz if symmetric else 0.0,
     )
+
+
+@lru_cache(maxsize=32)
+def half_transforms(
+    length: int, rows: int, scale: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Cosines and sines of the rows from the tag's frequency up, shared by all tags.
+
+    Parameters
+    ----------
+    length : int
+        Samples of a window; rows are 1 / (`ROWS_PER_BIN` × length) of the rate apart.
+    rows : int
+    scale : float
+
+    Returns
+    -------
+    cosines : ndarray of float32, shape (length - length // 2, rows)
+        For the pairs of samples from the middle outwards; an odd window's middle comes last.
+    sines : ndarray of float32, shape (length // 2, rows)
+    """
+    half = length // 2
+    away = np.arange(half) + (1.0 if length % 2 else 0.5)
+    frequency = np.arange(rows) / (ROWS_PER_BIN * length)
+    phase = 2.0 * np.pi * away[:, np.newaxis] * frequency[np.newaxis, :]
+    cosines, sines = scale * np.cos(phase), scale * np.sin(phase)
+    if length % 2:
+        cosines = np.concatenate((cosines, np.full((1, rows), scale)))
+    return cosines.astype(np.float32), sines.astype(np.float32)
 
 
 def _band_filter(

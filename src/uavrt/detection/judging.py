@@ -65,9 +65,11 @@ class Judge:
         starts = np.array([grid.start(column) for column in candidate.columns])
         half = (search.reach + 1) * grid.hop
         margin = half + grid.window + 2
-        kept = (starts > self._buffer.start + half) & (starts < self._refiner.upto - margin)
+        kept = (starts >= self._buffer.start) & (starts < self._refiner.upto - margin)
         if not kept.any():
             return None
+        # Beside the stream's first sample the stretch looked at is moved, not given up.
+        starts = np.maximum(starts, self._buffer.start + math.ceil(half) + 1)
         offset = float(grid.offsets_hz[candidate.row])
         found: list[Measured] | None = None
         for _ in range(3):
@@ -118,6 +120,8 @@ class Judge:
             if len(self._tag.pulse_intervals_s) > 1 and pulse.power < least:
                 return "a pulse of the rate is missing"
             pulse.contrast = self._refiner.contrast(pulse)
+            if pulse.contrast <= 0.0:
+                continue  # its samples are lost: nothing there, nothing beside it to compare
             local = pulse.power / pulse.contrast
             total += min(pulse.power / (local if local > 3.0 else 1.0), search.limit)
         if total < search.threshold * 0.97:

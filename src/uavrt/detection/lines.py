@@ -37,18 +37,34 @@ class LineCanceller:
         self._length = 1 << round(math.log2(LOOK_S * sample_rate_hz))
         self._window = np.hanning(self._length).astype(np.float32)
         self._block = max(1, round(_BLOCK_S * sample_rate_hz))
-        self._past = np.zeros(0, np.complex64)
+        self._past: NDArray[np.complex64] | None = None
+        """Newest samples as they were before carriers were taken out; None: as they are."""
         self.frequencies_hz: list[float] = []
         """Carriers being subtracted, relative to the channel's centre."""
 
-    def find(self, samples: NDArray[np.complex64]) -> None:
-        """Look for carriers in the newest samples, this or the last call's."""
-        newest = np.concatenate((self._past, samples))[-self._length :]
+    @property
+    def needed(self) -> int:
+        """Samples before the new ones that `find` and `subtract` look at."""
+        return max(self._length, round(FIT_S * self._rate))
+
+    def find(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
+        """Look for carriers in the newest samples, this or the last calls'.
+
+        Parameters
+        ----------
+        before : ndarray of complex64
+            What is kept of the samples before, in whatever state `subtract` left them.
+        samples : ndarray of complex64, shape (n,)
+            The new ones.
+        """
+        past = before if self._past is None else self._past
+        newest = np.concatenate((past, samples))[-self._length :]
         if len(newest) < self._length:
             return
         spectrum = np.fft.fft(newest * self._window)
         power = spectrum.real**2 + spectrum.imag**2
-        floor = np.median(power.reshape(-1, _GROUP), axis=1)
+        middle = _GROUP // 2
+        floor = np.partition(power.reshape(-1, _GROUP), middle, axis=1)[:, middle]
         over = power > np.repeat(_RATIO * floor, _GROUP)
         if not over.any():
             self.frequencies_hz = []
@@ -80,18 +96,22 @@ class LineCanceller:
         powers = sums.real**2 + sums.imag**2
         return float(np.median(powers)) > 0.3 * float(powers.mean())
 
-    def subtract(self, samples: NDArray[np.complex64]) -> None:
+    def subtract(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
         """Take the carriers out of new samples, in place.
 
         Parameters
         ----------
+        before : ndarray of complex64
+            What is kept of the samples before.
         samples : ndarray of complex64, shape (n,)
             The samples that follow those of the last call.
         """
-        past = self._past
-        keep = max(self._length, round(FIT_S * self._rate))
-        self._past = np.concatenate((past, samples))[-keep:]
-        if not self.frequencies_hz or not len(samples):
+        if not self.frequencies_hz:
+            self._past = None
+            return
+        past = before[-self.needed :] if self._past is None else self._past
+        self._past = np.concatenate((past, samples))[-self.needed :]
+        if not len(samples):
             return
         before = past[-round(FIT_S * self._rate) :]
         both = np.concatenate((before, samples))

@@ -57,7 +57,7 @@ class SampleBuffer:
         self._ns_per_sample = NANOSECONDS_PER_SECOND / sample_rate_hz
         self._keep = keep
         self._tolerance_ns = tolerance_s * NANOSECONDS_PER_SECOND
-        self._data = np.zeros(keep + keep // 4 + 4096, np.complex64)
+        self._data = np.zeros(keep + keep // 4 + 1024, np.complex64)
         self.start = 0
         """Index of the oldest sample kept."""
         self.end = 0
@@ -74,7 +74,8 @@ class SampleBuffer:
 
     def deviation_ns(self, time_ns: int) -> float:
         """How much later a block is than the samples so far say."""
-        return time_ns - self.time_ns(self.end)
+        ahead = self.end - self._stamp_index[-1]
+        return (time_ns - self._stamp_ns[-1]) - ahead * self._ns_per_sample
 
     def time_ns(self, index: float) -> int:
         """Time of a sample at the antenna, also between samples and a little beyond."""
@@ -139,7 +140,10 @@ class SampleBuffer:
                 grown[:kept] = self._data[used - kept : used]
                 self._data = grown
             else:
-                self._data[:kept] = self._data[used - kept : used].copy()
+                # One move within the buffer; a NumPy assignment would make a copy first.
+                data = self._data.view(np.uint8).data
+                size = self._data.itemsize
+                data[: kept * size] = data[(used - kept) * size : used * size]
             self.start = self.end - kept
             self._forget()
             used = kept
@@ -185,6 +189,10 @@ def blank_impulses(
     int
         Samples blanked.
     """
+    parts = samples.view(np.float32)
+    largest = max(float(parts.max(initial=0.0)), -float(parts.min(initial=0.0)))
+    if 2.0 * largest**2 < 24.0 * floor:
+        return 0
     power = samples.real**2 + samples.imag**2
     if float(power[first:last].max(initial=0.0)) < 24.0 * floor:
         return 0

@@ -25,6 +25,8 @@ the false alarms of noise as much (measured: docs/explanation/detection.md)."""
 _ANCHORS_AT_ONCE = 96
 _CANDIDATES_AT_ONCE = 8
 _DENSE_FROM_K = 9
+_PIECE_S = 0.4
+"""Most columns taken in at once, in seconds: a ring of cells needs no more beyond its span."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,11 +108,11 @@ class RateSearch:
         """(anchor places, intervals, k - 1): cells from the anchor to the others."""
         self._waits = [math.ceil((k - 1 - place) * intervals[-1]) for place in range(k)]
         self.dense = k >= _DENSE_FROM_K
-        self._base = 0
-        self._filled = self.span
-        # Half a span more than is needed: moved once in 1.3 s, and a hundred tags share 350 MB.
-        self._cells = np.zeros((self.span + max(self.span // 2, 512), rows), np.float32)
-        """Maxima over the jitter; row i is column `_base` + i - `span`: zeros come first."""
+        self.columns = 0
+        """Columns whose maxima over the jitter are known, since the start."""
+        self._piece = max(16, math.ceil(_PIECE_S / hop_s))
+        self._cells = np.zeros((self.span + self._piece + 2, rows), np.float32)
+        """Maxima over the jitter, a ring: column c lies in row c modulo the length."""
         self._tail = np.zeros((0, rows), np.float32)
         self._anchor_column = np.zeros(0, np.intp)
         self._anchor_row = np.zeros(0, np.intp)
@@ -118,11 +120,6 @@ class RateSearch:
         self._searched = 0
         self.best = 0.0
         """Largest statistic over the threshold since it was last set to zero."""
-
-    @property
-    def columns(self) -> int:
-        """Columns whose maxima over the jitter are known, since the start."""
-        return self._base + self._filled - self.span
 
     def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         """Take new columns and test every hypothesis that they complete.
@@ -139,12 +136,22 @@ class RateSearch:
         list of Candidate
             Best first; several may be of the same pulses.
         """
+        if len(power) <= self._piece:
+            return self._push(power, noise)
+        found: list[Candidate] = []
+        for first in range(0, len(power), self._piece):
+            found += self._push(power[first : first + self._piece], noise)
+        found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
+        return found
+
+    def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
+        """Take at most a piece of columns."""
         block = np.concatenate((self._tail, power)) if len(self._tail) else power
         reach = self.reach
         if len(block) <= 2 * reach:
             self._tail = block.copy()
             return []
-        if self._base + self._filled == self.span and not len(self._tail):
+        if not self.columns and not len(self._tail):
             # The very first columns have no past: zeros stand for it.
             block = np.concatenate((np.zeros((reach, self._rows), np.float32), block))
         largest = sliding_maximum(block, reach)
@@ -157,11 +164,14 @@ class RateSearch:
         if self.dense:
             return self._search_dense(noise)
         needed = np.float32(self.threshold / self.k) * noise
-        peaks = np.flatnonzero((middle >= needed) & (middle == largest))
+        peaks = np.flatnonzero(middle >= needed)
+        if not len(peaks):
+            return self._search_anchors(noise)
+        peaks = peaks[middle.reshape(-1)[peaks] == largest.reshape(-1)[peaks]]
         row = peaks % self._rows
         self._anchor_column = np.concatenate((self._anchor_column, first + peaks // self._rows))
         self._anchor_row = np.concatenate((self._anchor_row, row))
-        self._anchor_power = np.concatenate((self._anchor_power, middle.ravel()[peaks]))
+        self._anchor_power = np.concatenate((self._anchor_power, middle.reshape(-1)[peaks]))
         return self._search_anchors(noise)
 
     def finish(self, noise: NDArray[np.float32]) -> list[Candidate]:
@@ -172,18 +182,12 @@ class RateSearch:
         return self.push(np.zeros((columns, self._rows), np.float32), noise)
 
     def _append(self, largest: NDArray[np.float32]) -> None:
-        count = len(largest)
-        if self._filled + count > len(self._cells):
-            if self.span + count > len(self._cells):
-                self._cells = np.concatenate(
-                    (self._cells, np.zeros((self.span + count, self._rows), np.float32))
-                )
-            keep = self._cells[self._filled - self.span : self._filled].copy()
-            self._base += self._filled - self.span
-            self._cells[: self.span] = keep
-            self._filled = self.span
-        self._cells[self._filled : self._filled + count] = largest
-        self._filled += count
+        ring = self._cells
+        at = self.columns % len(ring)
+        before = min(len(largest), len(ring) - at)
+        ring[at : at + before] = largest[:before]
+        ring[: len(largest) - before] = largest[before:]
+        self.columns += len(largest)
 
     def _search_anchors(self, noise: NDArray[np.float32]) -> list[Candidate]:
         """Test every anchor in every place whose last pulse the new columns complete."""
@@ -228,9 +232,9 @@ class RateSearch:
             totals = own[:, np.newaxis]
             cells = np.zeros((len(anchors), 1, 0), np.float32)
         else:
-            at = (column - self._base + self.span) * self._rows + row
+            at = (column % len(self._cells)) * self._rows + row
             where = at[:, np.newaxis, np.newaxis] + self._offsets[places]
-            cells = self._cells.reshape(-1).take(where.reshape(-1)).reshape(where.shape)
+            cells = self._cells.reshape(-1).take(where, mode="wrap")
             limited = cells / level[:, np.newaxis, np.newaxis]
             np.minimum(limited, np.float32(self.limit), out=limited)
             totals = np.einsum("aij->ai", limited)
@@ -267,10 +271,10 @@ class RateSearch:
         self._searched = upto
         if upto <= done:
             return []
-        first = done - self._base + self.span
         count = upto - done
-        low = first - (self.k - 1) * self.longest
-        scaled = self._cells[low : first + count] * (1.0 / noise).astype(np.float32)
+        low = done - (self.k - 1) * self.longest
+        cells = self._cells.take(np.arange(low, upto), axis=0, mode="wrap")
+        scaled = cells * (1.0 / noise).astype(np.float32)
         np.minimum(scaled, np.float32(self.limit), out=scaled)
         top = len(scaled) - count
         found: list[Candidate] = []

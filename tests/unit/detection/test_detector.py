@@ -140,6 +140,32 @@ def test_lost_blocks_lose_their_pulses_only() -> None:
     assert abs(detector.counters.samples_lost - lost) <= 327
 
 
+def test_a_group_with_a_pulse_in_a_hole_is_judged_by_the_others() -> None:
+    # Two strong pulses carry a group whose third place holds nothing but lost samples.
+    rng = np.random.default_rng(36)
+    truth = pulse_train(
+        rng, duration_s=20.0, interval_s=1.254, offset_hz=0.0, enr_db=18.0, first_s=0.2
+    )
+    samples = make_samples(rng, truth, duration_s=20.0)
+    detector = PulseDetector(
+        THESIS_TAG, sample_rate_hz=3750.0, center_frequency_hz=THESIS_TAG.frequency_hz
+    )
+    pulses = []
+    lost = [
+        range(round((p.start_s - 0.3) * 3750), round((p.start_s + 0.4) * 3750)) for p in truth
+    ]
+    for first in range(0, len(samples), 75):
+        if any(first in stretch for stretch in lost[2::3]):
+            continue
+        time_ns = START_NS + round(first / 3750.0 * 1e9)
+        pulses += detector.process(samples[first : first + 75], time_ns)
+    pulses += detector.flush()
+    result = compare(pulses, truth, THESIS_TAG)
+    heard = [seen for index, seen in enumerate(result.found) if index % 3 != 2]
+    assert all(heard)
+    assert result.false_confirmed == 0
+
+
 def test_stale_and_repeated_blocks_are_refused_and_counted() -> None:
     rng = np.random.default_rng(35)
     truth = pulse_train(rng, duration_s=20.0, interval_s=1.254, offset_hz=0.0, enr_db=20.0)
