@@ -12,7 +12,7 @@ import pytest
 from uavrt.clock import Clock
 from uavrt.ground.link import GroundLink
 from uavrt.ground.receipts import Receipts
-from uavrt.messages import PulsePose
+from uavrt.messages import PulsePose, SystemState
 from uavrt.recording import read_flight
 
 MakeScenario = Callable[..., Any]
@@ -37,6 +37,12 @@ def connection_pid(drone: Any) -> int:
                     if process.process == "connection" and process.pid:
                         return int(process.pid)
     raise AssertionError("no connection process")
+
+
+def state_of(drone: Any) -> SystemState:
+    """The newest state that the supervisor has told, after all that was waiting to be read."""
+    records = [record for _ in range(6) for record in drone.status.read(0.5)]
+    return SystemState([r.state for topic, r in records if topic == "system_status"][-1])
 
 
 @pytest.mark.flight
@@ -80,6 +86,8 @@ def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
     asyncio.run(fly(store_one, receipts, first=False, stop=False))
     store_two: list[PulsePose] = []
     asyncio.run(fly(store_two, Receipts(2), first=False, stop=True))
+    # The restarted connection counts its requests from one: none may pass for an old one.
+    assert state_of(drone) is SystemState.HAS_TAGS
     (flight,) = (drone.directory / "flights").glob("flight_log_*")
     recorded = {key_of(item) for item in read_flight(flight).pulse_poses}
     got = Counter(key_of(item) for item in store_two)

@@ -100,6 +100,8 @@ class Fleet:
         instance.outbox.put_first(encode_record("assignment", self._assignment(instance)))
         instance.stop_asked_s = None
         instance.health = None
+        if "command" in instance.row.produces:
+            self._mission.forget_replies()
         instance.child = Child(
             name=instance.name,
             module=instance.row.module,

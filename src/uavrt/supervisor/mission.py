@@ -129,6 +129,10 @@ class Mission:
                 del self._replies[next(iter(self._replies))]
         return self._replies[key]
 
+    def forget_replies(self) -> None:
+        """Take no command for a repeated one: a new process numbers its requests anew."""
+        self._replies.clear()
+
     def _decide(self, command: Command) -> CommandReply:
         if self.ending and command.name == "start_detection":
             return _reply(command, False, "stopping: try again in a moment")
