@@ -271,6 +271,9 @@ class Supervisor:
         # Until the last pulse is recorded the flight is not over for the operator.
         state = SystemState.DETECTING if mission.ending else mission.state
         instances = list(self._fleet.instances)
+        counters = {"output_lines_lost": float(self._output.lost_lines)}
+        if (free_mb := self._disk.free_mb) is not None:
+            counters["disk_free_mb"] = free_mb
         return SystemStatus(
             time_ns=self.clock.now_ns(),
             state=state,
@@ -282,10 +285,7 @@ class Supervisor:
                     mission.state,
                     instances,
                     own_usage(os.getpid()),
-                    {
-                        "disk_free_mb": self._disk.free_mb,
-                        "output_lines_lost": float(self._output.lost_lines),
-                    },
+                    counters,
                 ),
                 *(instance.status() for instance in instances),
             ),

@@ -33,7 +33,8 @@ class DiskGuard:
         self._may_prune = settings.remove_oldest_flights
         self._flight: Path | None = None
         self._warned = False
-        self.free_mb = float("inf")
+        self.free_mb: float | None = None
+        """Free space [MB]; None before the first look and where it cannot be measured."""
 
     def flying(self, flight: Path | None) -> None:
         """Say which flight is being written; it is never removed."""
@@ -43,13 +44,13 @@ class DiskGuard:
         """Measure; get texts (severity, text) for the operator. Runs in a thread of its own."""
         self.free_mb = self._measure()
         texts: list[tuple[int, str]] = []
-        while self.free_mb < self._limit_mb and self._may_prune:
+        while self._is_short(self.free_mb) and self._may_prune:
             removed = self._remove_oldest()
             if removed is None:
                 break
             self.free_mb = self._measure()
             texts.append((4, f"Disk nearly full: removed {removed.name}"))
-        if self.free_mb >= self._limit_mb:
+        if self.free_mb is None or not self._is_short(self.free_mb):
             self._warned = False
         elif not self._warned:
             self._warned = True
@@ -58,11 +59,14 @@ class DiskGuard:
             )
         return texts
 
-    def _measure(self) -> float:
+    def _is_short(self, free_mb: float | None) -> bool:
+        return free_mb is not None and free_mb < self._limit_mb
+
+    def _measure(self) -> float | None:
         try:
             usage = os.statvfs(self._directory)
         except OSError:
-            return float("inf")
+            return None
         return usage.f_bavail * usage.f_frsize / 1e6
 
     def _remove_oldest(self) -> Path | None:

@@ -77,6 +77,16 @@ def test_without_leave_nothing_is_removed_and_the_operator_hears_once(tmp_path: 
     assert len(list(tmp_path.iterdir())) == 2
 
 
+@pytest.mark.parametrize("looked", [False, True])
+def test_a_disk_that_cannot_be_measured_has_no_free_space_to_tell(
+    tmp_path: Path, looked: bool
+) -> None:
+    guard = DiskGuard(tmp_path / "absent", RecordingSettings())
+    if looked:
+        assert guard.check() == []
+    assert guard.free_mb is None
+
+
 def test_the_oldest_go_first_and_the_present_flight_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
