@@ -11,9 +11,9 @@ from cyclopts import Parameter
 
 from uavrt.config import load_settings, read_tags
 from uavrt.config.settings import Settings
-from uavrt.errors import ConfigError
 from uavrt.mavlink import parse_address
 from uavrt.monitor.reader import status_socket_path
+from uavrt.recording import require_writable
 
 DEFAULT_CONFIG = Path("uavrt.toml")
 
@@ -52,7 +52,7 @@ def run(
         )
     if settings.mavlink.address:
         parse_address(settings.mavlink.address)
-    _check_writable(Path(settings.recording.directory))
+    require_writable(Path(settings.recording.directory))
     settings = replace(settings, status_socket=str(status_socket_path(settings)))
     arguments = [msgspec.json.encode(settings).decode()]
     if tags is not None:
@@ -67,17 +67,3 @@ def settings_from(config: Path) -> Settings:
     if config.exists() or config != DEFAULT_CONFIG:
         return load_settings(config)
     return Settings()
-
-
-def _check_writable(directory: Path) -> None:
-    """Refuse at once what would fail at the first flight."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        probe = directory / ".writable"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise ConfigError(
-            f"flights cannot be kept in {directory}: {error.strerror}",
-            remedy="Set recording.directory, or --flight-dir, to a writable place",
-        ) from error

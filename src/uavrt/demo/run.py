@@ -22,7 +22,7 @@ from uavrt.errors import UavrtError
 from uavrt.ground.records import read_ground_pulses
 from uavrt.messages import Pulse, SystemStatus
 from uavrt.monitor import StatusReader
-from uavrt.recording import read_flight
+from uavrt.recording import read_flight, require_writable
 from uavrt.simulation import World, demo_scenario, write_scenario
 from uavrt.simulation.flight import Flight
 
@@ -92,6 +92,7 @@ class Demo:
     # ------------------------------------------------------------------- set-up
 
     def _prepare(self) -> DemoPaths:
+        require_writable(self._flight_dir)
         work = tempfile.mkdtemp(prefix="uavrt-demo-")
         self._stack.callback(shutil.rmtree, work, ignore_errors=True)
         paths = DemoPaths(directory=Path(work), flights=self._flight_dir.resolve())

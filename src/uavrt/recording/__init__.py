@@ -11,7 +11,7 @@ from uavrt.recording.detector_config import (
 )
 from uavrt.recording.flight_reader import Flight, read_flight, read_health, read_search_reports
 from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.layout import FlightLayout, new_flight_directory
+from uavrt.recording.layout import FlightLayout, new_flight_directory, require_writable
 from uavrt.recording.process_log import ProcessLog
 from uavrt.recording.pulse_files import (
     PulseFormat,
@@ -42,5 +42,6 @@ __all__ = [
     "read_pulse_file",
     "read_pulse_pose_log",
     "read_search_reports",
+    "require_writable",
     "write_detector_config",
 ]

@@ -110,3 +110,23 @@ def new_flight_directory(directory: Path, start_time_ns: int) -> Path:
         path = directory / f"flight_log_{flight_stamp(start_time_ns)}_{number}"
         number += 1
     return path
+
+
+def require_writable(directory: Path) -> None:
+    """Refuse at once what would fail at the first flight; the directory is made if need be.
+
+    Raises
+    ------
+    RecordingError
+        Nothing can be written there.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        probe = directory / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise RecordingError(
+            f"flights cannot be kept in {directory}: {error.strerror}",
+            remedy="Set recording.directory, or --flight-dir, to a writable place",
+        ) from error

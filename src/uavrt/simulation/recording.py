@@ -81,7 +81,10 @@ def simulate_to_directory(
     scenario = replace(scenario, duration_s=duration_s)
     rate_hz = scenario.radio.sample_rate_hz if sample_rate_hz is None else sample_rate_hz
     if not (0.0 < duration_s < math.inf and 0.0 < rate_hz < math.inf):
-        raise ConfigError(f"cannot record {duration_s:g} s at {rate_hz:g} S/s")
+        raise ConfigError(
+            f"cannot record {duration_s:g} s at {rate_hz:g} samples a second",
+            remedy="Give --duration and --sample-rate as positive numbers: 60 and 3e6",
+        )
     synthesizer = IQSynthesizer(scenario, sample_rate_hz=rate_hz)
     total = round(duration_s * rate_hz)
     base = Path(directory)

@@ -30,6 +30,8 @@ def uavrt(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         (["ground", "--mavlink", "serial:///dev/no-such-port:57600"], "no-such-port"),
         (["ground", "-o", "/proc/ground"], "-o"),
         (["demo", "--duration", "10"], "40"),
+        (["demo", "--flight-dir", "/proc/flights", "--headless"], "--flight-dir"),
+        (["simulate", "demo", "-o", "world", "--duration", "nan"], "--duration"),
         (["no-such-command"], "no-such-command"),
     ],
 )
