@@ -199,7 +199,7 @@ def _layout(
 
 def _guess(path: Path) -> str | None:
     found = _SUFFIXES.get(path.suffix.lower())
-    if found is None and path.with_name(path.name + ".sigmf-meta").exists():
+    if found is None and Path(f"{path}.sigmf-meta").exists():
         return "sigmf"
     return found
 

@@ -136,6 +136,7 @@ def test_a_sample_rate_that_cannot_be_is_refused(tmp_path: Path, rate: float) ->
         ("empty.cu8", {"sample_rate_hz": 1.0, "center_frequency_hz": 1.0}, "no samples"),
         ("empty.wav", {}, "not a WAV"),
         (".", {"sample_rate_hz": 1.0}, "directory"),
+        ("/", {}, "directory"),
     ],
 )
 def test_what_cannot_be_opened_is_refused_with_the_remedy(
