@@ -63,7 +63,9 @@ class MavsdkGround:
     def pulses(self, size: int) -> list[bytes]:
         """Pulses of a struct size, detector heartbeats and search reports left out."""
         status_at = {128: 64, 120: 72}[size]
-        return [p for p in self.payloads if p[0] == 7 and len(p) == size and p[status_at] < 3]
+        pulses = [p for p in self.payloads if p[0] == 7 and len(p) == size]
+        # At frequency 0 it is a detector's heartbeat (reference/control.md §2.3).
+        return [p for p in pulses if p[status_at] < 3 and p[8:12] != bytes(4)]
 
 
 def wait_for(condition: Callable[[], Any], timeout_s: float) -> Any:

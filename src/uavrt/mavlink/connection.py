@@ -245,6 +245,20 @@ class Connection:
         """True while any ground station's heartbeats come."""
         return self.component.discovery.station_present(self._clock_ns())
 
+    @property
+    def autopilot_present(self) -> bool:
+        """True while the autopilot's heartbeats come."""
+        return self.component.discovery.autopilot_present(self._clock_ns())
+
+    def peers(self) -> dict[str, str]:
+        """Who is there, for a log line."""
+        discovery = self.component.discovery
+        stations = discovery.stations(self._clock_ns())
+        return {
+            "autopilot": str(discovery.autopilot or "none"),
+            "ground_stations": ", ".join(map(str, stations)) or "none",
+        }
+
     def status(self) -> str:
         """What is missing, in a word or two."""
         return self.component.status(self._clock_ns())
@@ -261,7 +275,8 @@ class Connection:
             await asyncio.sleep(TICK_S)
 
     def _receive(self, frame: Frame) -> None:
-        self.component.receive(frame, self._clock_ns())
+        age_ns = 0 if self._link is None else self._link.frame_age_ns
+        self.component.receive(frame, self._clock_ns() - age_ns)
 
     def _send(self, message: Message) -> None:
         if self._link is not None:

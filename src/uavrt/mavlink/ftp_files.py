@@ -36,7 +36,7 @@ class FileTree:
     """
 
     def __init__(self, root: str | Path, extra: Mapping[str, bytes] | None = None) -> None:
-        self._root = Path(root)
+        self.root = Path(root)
         self.extra: dict[str, bytes] = dict(extra or {})
 
     def entries(self, name: str) -> list[bytes]:
@@ -84,7 +84,7 @@ class FileTree:
 
     def _inside(self, parts: list[str]) -> Path:
         """Path of a name, if no part of it leads elsewhere."""
-        root = Path(os.path.realpath(self._root))
+        root = Path(os.path.realpath(self.root))
         place = root.joinpath(*parts)
         if os.path.realpath(place) != str(place):
             raise FileRefused(FtpError.FILE_NOT_FOUND)

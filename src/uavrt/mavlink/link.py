@@ -50,6 +50,8 @@ class Link:
         self._sent = 0
         self._dropped = 0
         self._reconnects = 0
+        self.frame_age_ns = 0
+        """How long ago the frame that is being handed over arrived."""
 
     async def open(self) -> None:
         """Open it; raises `LinkError`."""

@@ -1,8 +1,15 @@
-"""Texts for the operator in pieces of 50 bytes, and back together. Pure."""
+"""Texts for the operator in pieces of 50 bytes, and back together; not too many. Pure."""
 
-from uavrt.mavlink.dialect import Statustext
+from collections import OrderedDict
+
+from uavrt.mavlink.dialect import MavSeverity, Statustext
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 CHUNK = 50
+TEXT_BURST = 10
+TEXTS_A_SECOND = 0.5
+TEXTS_KNOWN = 64
+REPEAT_NS = ns_from_s(10.0)
 MAX_CHUNKS = 8
 """400 bytes: more would hold the radio for a second."""
 
@@ -39,6 +46,37 @@ def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
         Statustext(severity=severity, text=piece, id=text_id, chunk_seq=index)
         for index, piece in enumerate(pieces)
     ]
+
+
+class TextLimiter:
+    """Which texts go out: ten at once, then one every two seconds, none again within 10 s.
+
+    A fault that repeats must not fill the radio link. Alerts, critical or worse, always go.
+    """
+
+    def __init__(self) -> None:
+        self._tokens = float(TEXT_BURST)
+        self._filled_ns: int | None = None
+        self._recent: OrderedDict[str, int] = OrderedDict()
+        self.left_out = 0
+
+    def allows(self, severity: int, text: str, now_ns: int) -> bool:
+        """Tell whether a text may go now; count it if not."""
+        if self._filled_ns is not None:
+            elapsed_s = (now_ns - self._filled_ns) / NANOSECONDS_PER_SECOND
+            self._tokens = min(TEXT_BURST, self._tokens + elapsed_s * TEXTS_A_SECOND)
+        self._filled_ns = now_ns
+        last_ns = self._recent.get(text)
+        again = last_ns is not None and now_ns - last_ns < REPEAT_NS
+        if again or (self._tokens < 1.0 and severity > MavSeverity.CRITICAL):
+            self.left_out += 1
+            return False
+        self._tokens = max(0.0, self._tokens - 1.0)
+        self._recent[text] = now_ns
+        self._recent.move_to_end(text)
+        if len(self._recent) > TEXTS_KNOWN:
+            self._recent.popitem(last=False)
+        return True
 
 
 class TextAssembler:

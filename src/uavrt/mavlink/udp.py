@@ -1,84 +1,166 @@
-"""Links over UDP."""
+"""Links over UDP.
+
+Messages come 4 ms apart; to be woken for each costs more than to read it. So the socket is read
+empty at a wake-up and then looked at every `REST_S` until it is quiet. Each frame's age comes
+from the kernel's time stamp, so that clocks are compared with the time of arrival.
+"""
 
 import asyncio
-from typing import Any
+import socket
+import struct
+import sys
 
-from uavrt.clock import monotonic_s
+from uavrt.clock import monotonic_s, wall_ns
 from uavrt.errors import LinkError
 from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
-from uavrt.mavlink.link import MAX_PENDING, RETRY_S, FrameHandler, Link
+from uavrt.mavlink.link import RETRY_S, FrameHandler, Link
 
 log = get_logger()
 
+REST_S = 0.008
+"""PX4 itself looks once in 8 ms at a link of 1200 B/s."""
 PEER_SILENCE_S = 30.0
 """A peer that is silent this long is not sent to any more."""
 MAX_PEERS = 8
+DATAGRAM = 2048
+RECEIVE_BUFFER = 1 << 18
+SO_TIMESTAMPNS = 35
+"""Linux, asm-generic/socket.h; the socket module has no name for it before Python 3.14."""
+OLDEST_NS = 10_000_000_000
+"""An age beyond this is a step of the wall clock and no age."""
+_TIMESPEC = struct.Struct("@ll")
+_GONE = (ConnectionRefusedError, ConnectionResetError)
 
 
-class UdpLink(Link, asyncio.DatagramProtocol):
+class UdpLink(Link):
     """UDP: ``udpin`` listens and answers whoever speaks, ``udpout`` speaks to one address."""
 
     def __init__(self, address: Address, on_frame: FrameHandler) -> None:
         super().__init__(address, on_frame)
-        self._transport: Any = None  # a selector transport; its class is no DatagramTransport
+        self._socket: socket.socket | None = None
+        self._timer: asyncio.TimerHandle | None = None
         self._peers: dict[tuple[str, int], float] = {}
         self._closed = False
+        self._watched = False
 
     async def open(self) -> None:
         """Bind or connect the socket."""
-        place = (self.address.host, self.address.port)
         listen = self.address.kind == "udpin"
-        loop = asyncio.get_running_loop()
         try:
-            await loop.create_datagram_endpoint(
-                lambda: self,
-                local_addr=place if listen else None,
-                remote_addr=None if listen else place,
+            found = await asyncio.get_running_loop().getaddrinfo(
+                self.address.host, self.address.port, type=socket.SOCK_DGRAM
             )
+            family, kind, protocol, _, place = found[0]
+            opened = socket.socket(family, kind, protocol)
+            try:
+                opened.setblocking(False)
+                opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+                if sys.platform == "linux":
+                    opened.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+                if listen:
+                    opened.bind(place)
+                else:
+                    opened.connect(place)
+            except OSError:
+                opened.close()
+                raise
         except OSError as error:
             raise LinkError(
                 f"{self.address}: {error.strerror or error}",
                 remedy=f"Port {self.address.port} may be held by another program "
                 "(`ss -ulpn` shows which), or the address is not of this computer",
             ) from error
+        self._socket = opened
+        self._listen()
 
     @property
     def local_port(self) -> int:
         """Port the socket is bound to, also where the system chose it."""
-        assert self._transport is not None
-        port: int = self._transport.get_extra_info("sockname")[1]
+        assert self._socket is not None
+        port: int = self._socket.getsockname()[1]
         return port
 
     async def close(self) -> None:
         """Close the socket."""
         self._closed = True
-        if self._transport is not None:
-            self._transport.close()
-            await asyncio.sleep(0)
+        self._release()
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Asyncio's: the socket is there."""
-        self._transport = transport
+    def _release(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if self._socket is not None:
+            self._deaf()
+            self._socket.close()
+            self._socket = None
 
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        """Asyncio's: take a datagram; a frame never spans two."""
-        if self.address.kind == "udpin":
-            self._remember(addr[:2])
-        self._parser.reset()
-        self._take(data)
+    def _listen(self) -> None:
+        """Be woken by the next datagram."""
+        assert self._socket is not None
+        try:
+            asyncio.get_running_loop().add_reader(self._socket.fileno(), self._woken)
+            self._watched = True
+        except NotImplementedError:  # Windows: look by the clock
+            self._rest()
 
-    def error_received(self, exc: Exception) -> None:
-        """Asyncio's: the peer's port is closed, most likely not started yet."""
-        log.debug("datagram refused", address=str(self.address), reason=str(exc))
+    def _deaf(self) -> None:
+        if self._watched and self._socket is not None:
+            asyncio.get_running_loop().remove_reader(self._socket.fileno())
+        self._watched = False
 
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Asyncio's: closed by us, or the network went away: open again."""
-        self._transport = None
-        if not self._closed:
-            asyncio.get_running_loop().call_later(RETRY_S, self._reopen)
+    def _rest(self) -> None:
+        self._timer = asyncio.get_running_loop().call_later(REST_S, self._look)
+
+    def _woken(self) -> None:
+        self._deaf()
+        self._read_all()
+        if self._socket is not None:
+            self._rest()
+
+    def _look(self) -> None:
+        """After a rest: read again; be woken only when it has become quiet."""
+        self._timer = None
+        found = self._read_all()
+        if self._socket is None:
+            return
+        if found:
+            self._rest()
+        else:
+            self._listen()
+
+    def _read_all(self) -> bool:
+        """Read all there is; False when there was nothing."""
+        found = False
+        while self._socket is not None:
+            try:
+                data, ancillary, _, sender = _receive(self._socket)
+            except BlockingIOError:
+                break
+            except _GONE:  # the peer's port is closed, most likely not started yet
+                continue
+            except OSError as error:
+                self._lost(error)
+                break
+            found = True
+            self.frame_age_ns = _age_ns(ancillary)
+            if self.address.kind == "udpin":
+                self._remember(sender[:2])
+            self._parser.reset()  # a frame never spans two datagrams
+            self._take(data)
+        return found
+
+    def _lost(self, error: OSError) -> None:
+        """The network went away: open again."""
+        log.warning("link lost", address=str(self.address), reason=str(error))
+        self._release()
+        self._retry_later()
+
+    def _retry_later(self) -> None:
+        self._timer = asyncio.get_running_loop().call_later(RETRY_S, self._reopen)
 
     def _reopen(self) -> None:
+        self._timer = None
         if not self._closed:
             self._reconnects += 1
             self._reopening = asyncio.get_running_loop().create_task(self._try_open())
@@ -88,7 +170,7 @@ class UdpLink(Link, asyncio.DatagramProtocol):
             await self.open()
         except LinkError as error:
             log.warning("link still down", reason=str(error))
-            asyncio.get_running_loop().call_later(RETRY_S, self._reopen)
+            self._retry_later()
 
     def _remember(self, peer: tuple[str, int]) -> None:
         now = monotonic_s()
@@ -101,12 +183,40 @@ class UdpLink(Link, asyncio.DatagramProtocol):
             del self._peers[min(self._peers, key=self._peers.__getitem__)]
 
     def _write(self, frame: bytes) -> bool:
-        transport = self._transport
-        if transport is None or transport.get_write_buffer_size() > MAX_PENDING:
+        opened = self._socket
+        if opened is None:
             return False
-        if self.address.kind == "udpout":
-            transport.sendto(frame)
-            return True
-        for peer in self._peers:
-            transport.sendto(frame, peer)
-        return bool(self._peers)
+        places = (None,) if self.address.kind == "udpout" else tuple(self._peers)
+        sent = False
+        for place in places:
+            try:
+                if place is None:
+                    opened.send(frame)
+                else:
+                    opened.sendto(frame, place)
+            except _GONE:
+                sent = True  # refused is the answer to an earlier frame
+            except OSError:
+                continue
+            else:
+                sent = True
+        return sent
+
+
+def _receive(
+    opened: socket.socket,
+) -> tuple[bytes, list[tuple[int, int, bytes]], int, tuple[str, int]]:
+    if hasattr(opened, "recvmsg"):
+        return opened.recvmsg(DATAGRAM, 64)
+    data, sender = opened.recvfrom(DATAGRAM)
+    return data, [], 0, sender
+
+
+def _age_ns(ancillary: list[tuple[int, int, bytes]]) -> int:
+    """How long ago a datagram arrived, by the kernel's stamp of it."""
+    for level, kind, data in ancillary:
+        if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
+            seconds, nanoseconds = _TIMESPEC.unpack(data[: _TIMESPEC.size])
+            age_ns = wall_ns() - (int(seconds) * 1_000_000_000 + int(nanoseconds))
+            return age_ns if 0 <= age_ns < OLDEST_NS else 0
+    return 0

@@ -6,7 +6,6 @@ on disk. Turns tunnel payloads into commands and the supervisor's replies into a
 
 import asyncio
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from uavrt.clock import monotonic_s
@@ -35,6 +34,7 @@ from uavrt.messages import (
     SystemStatus,
 )
 from uavrt.pose import PoseAttacher, PoseRing
+from uavrt.processes.ground_status import GroundStatus
 from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.tunnel.delivery import PulseDelivery
 from uavrt.tunnel.exchange import Answer, Exchange
@@ -48,11 +48,8 @@ POSE_PERIOD_NS = 50_000_000
 errs by less than 0.1° when a turn of 60°/s begins."""
 POSES_PER_RECORD = 10
 LINK_RETRY_S = 3.0
-HEARTBEAT_S = 1.0
-SEARCH_REPORT_S = 5.0
-"""Between two reports of the same tag to the ground; they share the link with its pulses."""
+PEERS = ("autopilot", "ground station")
 MESSAGES_KEPT = 200
-THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
 
 
 class ConnectionProcess:
@@ -90,8 +87,8 @@ class ConnectionProcess:
         self._files = FileServer(FileTree(settings.recording.directory), self._link.tunnel.wake)
         self._link.tunnel.add_source(self._files, Priority.FILE)
         self._state = SystemState.IDLE
-        self._next_heartbeat_s = 0.0
-        self._next_report_s: dict[int, float] = {}
+        self._status = GroundStatus(self._exchange, self._link.tunnel, self._files)
+        self._heard = (False, False)
         self._poses: list[Pose] = []
         self._next_pose_ns = 0
         self._link_fault = ""
@@ -135,6 +132,7 @@ class ConnectionProcess:
     def _take(self, record: Any) -> None:
         match record:
             case Pulse():
+                self._status.detector_alive(record.tag_id, self._frame.clock.now_ns())
                 self._attacher.add(record, self._frame.clock.now_ns())
             case PulsePose():
                 pulse_pose = self._delivery.recorded(record)
@@ -145,32 +143,40 @@ class ConnectionProcess:
             case CommandReply():
                 self._answer(self._exchange.reply(record))
             case StatusText() if self._address:
-                self._link.tunnel.send_text(record.severity, record.text)
+                self._status.text(record, self._frame.clock.now_ns())
             case SystemStatus():
                 self._state = record.state
-            case SearchReport():
-                self._send_search_report(record)
+                self._status.tags(len(record.tags))
+            case SearchReport() if self._address:
+                self._status.search_report(record, self._frame.clock.now_ns())
 
     def _tick(self) -> None:
-        self._pass_on(self._attacher.ready(self._frame.clock.now_ns()))
+        now_ns = self._frame.clock.now_ns()
+        self._pass_on(self._attacher.ready(now_ns))
         for pulse_pose in self._delivery.overdue(monotonic_s()):
             self._send_pulse(pulse_pose)
-        now_ns = self._frame.clock.now_ns()
         self._outlet.sender.station_present(self._link.station_present, now_ns)
         self._outlet.tick(now_ns)
         self._files.work()
+        if self._address:
+            self._status.tick(self._shown_state(), now_ns)
+            self._say_who_is_there()
         self._link.tunnel.wake()
-        if monotonic_s() >= self._next_heartbeat_s:
-            self._next_heartbeat_s = monotonic_s() + HEARTBEAT_S
-            self._send_status(
-                self._exchange.heartbeat(self._shown_state(), cpu_temperature_c())
-            )
         status = self._link.status() if self._address else "no autopilot configured"
         self._frame.report(
             (self._link_fault and "link fault") or status,
             ok=not self._link_fault,
             counters=self._counters,
         )
+
+    def _say_who_is_there(self) -> None:
+        """Log it when the autopilot or the ground appears or falls silent."""
+        heard = (self._link.autopilot_present, self._link.station_present)
+        for name, before, now in zip(PEERS, self._heard, heard, strict=True):
+            if before != now:
+                event = f"{name} heard" if now else f"{name} lost"
+                log.info(event, **self._link.peers())
+        self._heard = heard
 
     def _shown_state(self) -> SystemState:
         """The system's state; detecting as long as a pulse has not gone out."""
@@ -247,16 +253,6 @@ class ConnectionProcess:
             self._outlet.add(pulse_pose)
             self._link.tunnel.wake()
 
-    def _send_status(self, payload: bytes | None) -> None:
-        if payload is not None and self._address:
-            self._link.tunnel.send_tunnel(payload, Priority.STATUS)
-
-    def _send_search_report(self, report: SearchReport) -> None:
-        now_s = monotonic_s()
-        if now_s >= self._next_report_s.get(report.tag_id, 0.0):
-            self._next_report_s[report.tag_id] = now_s + SEARCH_REPORT_S
-            self._send_status(self._exchange.search_report(report))
-
     def _counters(self) -> dict[str, float]:
         return {
             "pulses_waiting_for_pose": len(self._attacher),
@@ -269,16 +265,9 @@ class ConnectionProcess:
             **{name: float(count) for name, count in self._exchange.counters.items()},
             **self._outlet.counters(),
             **self._files.counters(),
+            "texts_left_out": self._status.texts_left_out,
             **self._link.counters(),
         }
-
-
-def cpu_temperature_c() -> float | None:
-    """Temperature of the processor [°C], None where the system does not say."""
-    try:
-        return int(THERMAL_ZONE.read_text()) / 1000.0
-    except (OSError, ValueError):
-        return None
 
 
 def main() -> None:

@@ -15,6 +15,7 @@ from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode, generati
 from uavrt.tunnel.convert import (
     COMMAND_NAMES,
     ack_to_wire,
+    detector_heartbeat,
     heartbeat_to_wire,
     pulse_to_wire,
     search_report_to_wire,
@@ -109,6 +110,12 @@ class Exchange:
         if self.generation == "G0":
             return None
         return search_report_to_wire(report).encode()
+
+    def detector_heartbeat(self, tag_id: int, time_ns: int) -> bytes | None:
+        """Get the payload of a detector's sign of life; the thesis's generation has none."""
+        if self.generation == "G0":
+            return None
+        return detector_heartbeat(tag_id, time_ns).encode()
 
     def heartbeat(self, state: SystemState, cpu_temperature_c: float | None) -> bytes | None:
         """Get the payload of the 1 Hz heartbeat; the thesis's generation has none."""

@@ -1,0 +1,171 @@
+"""What the drone tells of itself: heartbeat, detectors, texts, the computer's load.
+
+Belongs to the connection process. All of it shares a link that may carry 1200 bytes a second,
+so each kind has its own pace.
+"""
+
+import os
+import shutil
+import time
+from pathlib import Path
+
+from uavrt.mavlink import Priority, TunnelSender
+from uavrt.mavlink.dialect import OnboardComputerStatus
+from uavrt.mavlink.ftp_server import FileServer
+from uavrt.mavlink.statustext import TextLimiter
+from uavrt.messages import SearchReport, StatusText, SystemState
+from uavrt.tunnel.exchange import Exchange
+from uavrt.units import ns_from_s
+
+HEARTBEAT_NS = ns_from_s(1.0)
+COMPUTER_NS = ns_from_s(10.0)
+"""250 bytes: 2 % of the slowest link."""
+SEARCH_REPORT_NS = ns_from_s(5.0)
+"""Between two reports of the same tag; they share the link with its pulses."""
+ALIVE_NS = ns_from_s(3.0)
+"""Between two signs of life of a tag's detector: the original's ground station expects one in
+(K + 1) intervals and a second, about 6 s (reference/control.md §2.5)."""
+ALIVE_PER_TAG_NS = ns_from_s(0.1)
+"""With many tags ever less often: they never take more than 10 small messages a second."""
+THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
+UNKNOWN_U8 = 0xFF
+UNKNOWN_I8 = 127
+UNKNOWN_U32 = 0xFFFFFFFF
+
+
+class GroundStatus:
+    """Says what is due.
+
+    Parameters
+    ----------
+    exchange : Exchange
+        Writes payloads in the ground's generation.
+    sender : TunnelSender
+        Takes them.
+    files : FileServer
+        Its root is the place whose free space is told.
+    """
+
+    def __init__(self, exchange: Exchange, sender: TunnelSender, files: FileServer) -> None:
+        self._exchange = exchange
+        self._sender = sender
+        self._root = files.tree.root
+        self._limiter = TextLimiter()
+        self._next_ns: dict[str, int] = {}
+        self._tags = 1
+        self._busy = _busy_ticks()
+
+    @property
+    def texts_left_out(self) -> int:
+        """Texts that were too many."""
+        return self._limiter.left_out
+
+    def tags(self, count: int) -> None:
+        """Take how many tags there are."""
+        self._tags = count
+
+    def tick(self, state: SystemState, now_ns: int) -> None:
+        """Send what goes without being asked."""
+        if self._due("heartbeat", HEARTBEAT_NS, now_ns):
+            self._send(self._exchange.heartbeat(state, cpu_temperature_c()))
+        if self._due("computer", COMPUTER_NS, now_ns):
+            self._sender.send_message(self._computer_status())
+
+    def text(self, text: StatusText, now_ns: int) -> None:
+        """Send a text for the operator, unless there are too many."""
+        if self._limiter.allows(text.severity, text.text, now_ns):
+            self._sender.send_text(text.severity, text.text)
+
+    def search_report(self, report: SearchReport, now_ns: int) -> None:
+        """A tag was searched: tell it now and then."""
+        if self._due(f"search {report.tag_id}", SEARCH_REPORT_NS, now_ns):
+            self._send(self._exchange.search_report(report))
+        else:
+            self.detector_alive(report.tag_id, now_ns)
+
+    def detector_alive(self, tag_id: int, now_ns: int) -> None:
+        """A tag's detector has said something."""
+        period_ns = max(ALIVE_NS, ALIVE_PER_TAG_NS * self._tags)
+        if self._due(f"alive {tag_id}", period_ns, now_ns):
+            self._send(self._exchange.detector_heartbeat(tag_id, now_ns))
+
+    def _due(self, name: str, period_ns: int, now_ns: int) -> bool:
+        if now_ns < self._next_ns.get(name, 0):
+            return False
+        self._next_ns[name] = now_ns + period_ns
+        return True
+
+    def _send(self, payload: bytes | None) -> None:
+        if payload is not None:
+            self._sender.send_tunnel(payload, Priority.STATUS)
+
+    def _computer_status(self) -> OnboardComputerStatus:
+        """Load, memory and space of this computer; the rest is unknown."""
+        before, self._busy = self._busy, _busy_ticks()
+        ticks = self._busy[1] - before[1]
+        load = round(100 * (self._busy[0] - before[0]) / ticks) if ticks > 0 else UNKNOWN_U8
+        memory = _memory_mib()
+        disk = _disk_mib(self._root)
+        temperature = cpu_temperature_c()
+        core = UNKNOWN_I8 if temperature is None else max(-127, min(126, round(temperature)))
+        unknown = (UNKNOWN_U32,)
+        return OnboardComputerStatus(
+            time_usec=time.monotonic_ns() // 1000,
+            uptime=time.monotonic_ns() // 1_000_000 & 0xFFFFFFFF,
+            type=0,
+            cpu_cores=bytes([UNKNOWN_U8] * 8),
+            cpu_combined=bytes([load, *[UNKNOWN_U8] * 9]),
+            gpu_cores=bytes([UNKNOWN_U8] * 4),
+            gpu_combined=bytes([UNKNOWN_U8] * 10),
+            temperature_board=UNKNOWN_I8,
+            temperature_core=(core, *[UNKNOWN_I8] * 7),
+            fan_speed=(32767,) * 4,
+            ram_usage=memory[0],
+            ram_total=memory[1],
+            storage_type=(0, *unknown * 3),
+            storage_usage=(disk[0], *unknown * 3),
+            storage_total=(disk[1], *unknown * 3),
+            link_type=unknown * 6,
+            link_tx_rate=unknown * 6,
+            link_rx_rate=unknown * 6,
+            link_tx_max=unknown * 6,
+            link_rx_max=unknown * 6,
+        )
+
+
+def cpu_temperature_c() -> float | None:
+    """Temperature of the processor [°C], None where the system does not say."""
+    try:
+        return int(THERMAL_ZONE.read_text()) / 1000.0
+    except (OSError, ValueError):
+        return None
+
+
+def _busy_ticks() -> tuple[int, int]:
+    """Busy and all ticks of the processors since boot."""
+    try:
+        first = Path("/proc/stat").read_text().split("\n", 1)[0].split()
+        ticks = [int(part) for part in first[1:9]]
+    except (OSError, ValueError):
+        return 0, 0
+    return sum(ticks) - ticks[3] - ticks[4], sum(ticks)
+
+
+def _memory_mib() -> tuple[int, int]:
+    """Used and whole memory [MiB]."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        kib = {line.split(":")[0]: int(line.split()[1]) for line in lines[:5]}
+        total = kib["MemTotal"]
+        return (total - kib["MemAvailable"]) // 1024, total // 1024
+    except (OSError, ValueError, KeyError, IndexError):
+        return UNKNOWN_U32, UNKNOWN_U32
+
+
+def _disk_mib(place: Path) -> tuple[int, int]:
+    """Used and whole space where flights are recorded [MiB]."""
+    try:
+        usage = shutil.disk_usage(place if place.exists() else os.curdir)
+    except OSError:
+        return UNKNOWN_U32, UNKNOWN_U32
+    return usage.used >> 20, usage.total >> 20
