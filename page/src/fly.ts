@@ -75,7 +75,7 @@ export function buildFly(): void {
   store.on(["estimates", "selection", "reset", "pulses", "tags"], drawWalk);
   store.on(["reset", "selection"], drawReplay);
   setInterval(drawCards, 1000);
-  void get<Choices>("/choices").then(offerMaps);
+  void get<Choices>("/choices").then(offerMaps, () => undefined);
 }
 
 // ------------------------------------------------------------------- actions
@@ -354,7 +354,7 @@ function drawWalk(): void {
     void get<Readout>(`/readout?latitude_deg=${best[1]}&longitude_deg=${best[0]}`).then((readout) => {
       strongest = { key, readout };
       say(by("walk-place"), readout[format] ?? readout.decimal);
-    });
+    }, () => undefined); // the server is away: the page asks again when it is back
   }
   say(by("walk-way"), wayTo(best));
 }

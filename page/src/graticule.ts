@@ -12,6 +12,7 @@ const LON_APART_PX = 120;
 
 export class Graticule {
   private labels: HTMLElement;
+  private drawn: { west: number; east: number; south: number; north: number; zoom: number } | null = null;
 
   constructor(
     private map: MapLibre,
@@ -20,7 +21,9 @@ export class Graticule {
     this.labels = h("div", { class: "graticule-labels", "aria-hidden": "true" });
     container.appendChild(this.labels);
     map.on("move", () => this.label());
-    map.on("moveend", () => this.draw());
+    map.on("moveend", () => {
+      if (!this.holds()) this.draw();
+    });
     map.on("resize", () => this.draw());
   }
 
@@ -41,7 +44,25 @@ export class Graticule {
     this.draw();
   }
 
-  private lines(): { lats: number[]; lons: number[]; digits: [number, number] } {
+  /** Whether the lines that are drawn still reach beyond the view, at about its zoom. */
+  private holds(): boolean {
+    const drawn = this.drawn;
+    const bounds = this.map.getBounds();
+    return (
+      drawn !== null &&
+      Math.abs(drawn.zoom - this.map.getZoom()) < 0.3 &&
+      bounds.getWest() >= drawn.west &&
+      bounds.getEast() <= drawn.east &&
+      bounds.getSouth() >= drawn.south &&
+      bounds.getNorth() <= drawn.north
+    );
+  }
+
+  private lines(area?: { west: number; east: number; south: number; north: number }): {
+    lats: number[];
+    lons: number[];
+    digits: [number, number];
+  } {
     const bounds = this.map.getBounds();
     const box = this.map.getContainer();
     const step = (spanDeg: number, pixels: number, apart: number) =>
@@ -50,15 +71,21 @@ export class Graticule {
     const lonStep = step(bounds.getEast() - bounds.getWest(), box.clientWidth, LON_APART_PX);
     const between = (low: number, high: number, by: number) => {
       const found: number[] = [];
-      for (let line = Math.ceil(low / by); line * by <= high && found.length < 60; line += 1) {
+      for (let line = Math.ceil(low / by); line * by <= high && found.length < 90; line += 1) {
         found.push(line * by);
       }
       return found;
     };
     const digits = (by: number) => Math.max(0, Math.ceil(-Math.log10(by) - 1e-9));
+    const { west, east, south, north } = area ?? {
+      west: bounds.getWest(),
+      east: bounds.getEast(),
+      south: bounds.getSouth(),
+      north: bounds.getNorth(),
+    };
     return {
-      lats: between(Math.max(-85, bounds.getSouth()), Math.min(85, bounds.getNorth()), latStep),
-      lons: between(bounds.getWest(), bounds.getEast(), lonStep),
+      lats: between(Math.max(-85, south), Math.min(85, north), latStep),
+      lons: between(west, east, lonStep),
       digits: [digits(latStep), digits(lonStep)],
     };
   }
@@ -67,11 +94,12 @@ export class Graticule {
     const source = this.map.getSource("graticule") as GeoJSONSource | undefined;
     if (!source) return;
     const bounds = this.map.getBounds();
-    const { lats, lons } = this.lines();
     const wide = bounds.getEast() - bounds.getWest();
     const high = bounds.getNorth() - bounds.getSouth();
     const [west, east] = [bounds.getWest() - wide, bounds.getEast() + wide];
     const [south, north] = [Math.max(-85, bounds.getSouth() - high), Math.min(85, bounds.getNorth() + high)];
+    this.drawn = { west, east, south, north, zoom: this.map.getZoom() };
+    const { lats, lons } = this.lines({ west, east, south, north });
     source.setData({
       type: "Feature",
       properties: {},

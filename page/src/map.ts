@@ -8,6 +8,7 @@ import {
   ScaleControl,
   addProtocol,
   setWorkerUrl,
+  type LngLatBounds,
   type StyleSpecification,
 } from "maplibre-gl";
 import workerUrl from "maplibre-gl/dist/maplibre-gl-worker.mjs?worker&url";
@@ -22,9 +23,12 @@ import type { BearingRecord, MapFile, PositionRecord } from "./types";
 
 type Feature = GeoJSON.Feature;
 
-/** Above this many, pulses below zoom 15 are drawn in clusters. */
+/** Above this many, pulses are drawn in clusters: one for each cell of the screen. */
 const CLUSTER_FROM = 4000;
-const CLUSTER_MAX_ZOOM = 14;
+/** Size of a cell below zoom 15, where a circle stands for several pulses, and from there on. */
+const CELL_PX = 14;
+const FINE_CELL_PX = 4;
+const FINE_ZOOM = 15;
 /** Pulses newer than the last clustering, drawn one by one. */
 const RECENT = 1500;
 const RAY_M = 900;
@@ -55,6 +59,7 @@ export class MapView {
   };
   private ready = false;
   private clustered = 0;
+  private drawn: { bounds: LngLatBounds; zoom: number } | null = null;
   private markers: Marker[] = [];
   private drone: Marker;
   private droneShown = false;
@@ -97,11 +102,35 @@ export class MapView {
     if (all || count < this.clustered) this.clustered = 0;
     if (count >= CLUSTER_FROM && (this.clustered === 0 || count - this.clustered > RECENT)) {
       this.clustered = count;
-      this.source("bulk").setData(pulseFeatures(0, count));
+      this.drawClusters();
     } else if (this.clustered === 0) this.source("bulk").setData(EMPTY);
     this.source("pulses").setData(pulseFeatures(this.clustered, count));
     this.drawStrongest(count);
     this.frame();
+  }
+
+  /** Draw the many pulses around the view as one for each cell, with count and best SNR. */
+  private drawClusters(): void {
+    if (this.clustered === 0) return;
+    const zoom = this.map.getZoom();
+    const size = zoom >= FINE_ZOOM ? FINE_CELL_PX : CELL_PX;
+    const bounds = this.map.getBounds();
+    this.drawn = { bounds, zoom };
+    this.source("bulk").setData(clusterFeatures(this.clustered, bounds, zoom, size));
+  }
+
+  /** Whether the view is still within what was drawn around it, at about its zoom. */
+  private drawnHolds(): boolean {
+    const drawn = this.drawn;
+    if (!drawn || Math.abs(drawn.zoom - this.map.getZoom()) > 0.3) return false;
+    const [was, is] = [drawn.bounds, this.map.getBounds()];
+    const [wide, high] = [was.getEast() - was.getWest(), was.getNorth() - was.getSouth()];
+    return (
+      is.getWest() > was.getWest() - wide &&
+      is.getEast() < was.getEast() + wide &&
+      is.getSouth() > was.getSouth() - high &&
+      is.getNorth() < was.getNorth() + high
+    );
   }
 
   drawTrack(): void {
@@ -166,7 +195,7 @@ export class MapView {
     this.layers[name] = visible;
     const ids: Record<keyof Layers, string[]> = {
       track: ["track"],
-      pulses: ["clusters", "bulk", "pulses"],
+      pulses: ["bulk", "pulses"],
       rose: [],
       bearings: ["wedges", "rays"],
       regions: ["regions", "heat"],
@@ -309,16 +338,11 @@ export class MapView {
 
   private addLayers(): void {
     const map = this.map;
-    for (const id of ["track", "pulses", "wedges", "rays", "regions", "strongest"]) {
+    for (const id of ["track", "pulses", "bulk", "wedges", "rays", "regions", "strongest"]) {
       map.addSource(id, { type: "geojson", data: EMPTY });
     }
-    map.addSource("bulk", {
-      type: "geojson",
-      data: EMPTY,
-      cluster: true,
-      clusterMaxZoom: CLUSTER_MAX_ZOOM,
-      clusterRadius: 22,
-      clusterProperties: { snr: ["max", ["get", "snr"]] },
+    map.on("moveend", () => {
+      if (!this.drawnHolds()) this.drawClusters();
     });
     this.graticule.addTo();
     map.addLayer({
@@ -351,21 +375,13 @@ export class MapView {
       "circle-stroke-color": "#1c272c",
     };
     map.addLayer({
-      id: "clusters",
-      type: "circle",
-      source: "bulk",
-      filter: ["has", "point_count"],
-      paint: {
-        ...circle,
-        "circle-radius": ["interpolate", ["linear"], ["log10", ["get", "point_count"]], 0, 4, 4, 16],
-      },
-    });
-    map.addLayer({
       id: "bulk",
       type: "circle",
       source: "bulk",
-      filter: ["!", ["has", "point_count"]],
-      paint: { ...circle, "circle-radius": 4 },
+      paint: {
+        ...circle,
+        "circle-radius": ["interpolate", ["linear"], ["log10", ["get", "count"]], 0, 3, 3, 10],
+      },
     });
     map.addLayer({
       id: "pulses",
@@ -438,6 +454,41 @@ function pulseFeatures(from: number, to: number): GeoJSON.FeatureCollection {
     if (!Number.isFinite(lat[place]!) || store.hidden.has(tag[place]!)) continue;
     const value = snr[place]!;
     features.push(point([lon[place]!, lat[place]!], { snr: Number.isFinite(value) ? value : 0 }));
+  }
+  return collection(features);
+}
+
+/**
+ * The best of each cell of the screen, in a view three times as wide and high: what a pan of one
+ * screen shows is there already. Bounded by the screen, not by the flight: 100 000 pulses take
+ * one pass over typed arrays.
+ */
+function clusterFeatures(count: number, bounds: LngLatBounds, zoom: number, cellPx: number): GeoJSON.FeatureCollection {
+  const [lat, lon, snr, tag] = (["lat", "lon", "snr", "tag"] as const).map((name) =>
+    store.pulses.get(name),
+  ) as [Float64Array, Float64Array, Float64Array, Float64Array];
+  const [west, south, east, north] = [bounds.getWest(), bounds.getSouth(), bounds.getEast(), bounds.getNorth()];
+  const [wide, high] = [east - west, north - south];
+  const lonStep = (cellPx * 360) / (512 * 2 ** zoom);
+  const latStep = lonStep * Math.cos((((south + north) / 2) * Math.PI) / 180);
+  const columns = Math.ceil((3 * wide) / lonStep) + 1;
+  const best = new Map<number, number>();
+  const counts = new Map<number, number>();
+  for (let place = 0; place < count; place += 1) {
+    const column = Math.floor((lon[place]! - west + wide) / lonStep);
+    const row = Math.floor((lat[place]! - south + high) / latStep);
+    if (!(column >= 0 && column < columns && row >= 0 && row * latStep <= 3 * high)) continue;
+    if (store.hidden.has(tag[place]!)) continue;
+    const cell = row * columns + column;
+    const before = best.get(cell);
+    counts.set(cell, (counts.get(cell) ?? 0) + 1);
+    if (before === undefined || snr[place]! > snr[before]!) best.set(cell, place);
+  }
+  const features: Feature[] = [];
+  for (const [cell, place] of best) {
+    const value = snr[place]!;
+    const properties = { snr: Number.isFinite(value) ? value : 0, count: counts.get(cell)! };
+    features.push(point([lon[place]!, lat[place]!], properties));
   }
   return collection(features);
 }

@@ -186,8 +186,9 @@ class Store {
   }
 
   private async loadEstimates(flightId: string, ticket: number): Promise<void> {
-    const found = await get<Estimates>(`/flights/${encodeURIComponent(flightId)}/estimates`);
-    if (ticket === this.loading) this.take(found);
+    const path = `/flights/${encodeURIComponent(flightId)}/estimates`;
+    const found = await get<Estimates>(path).catch(() => null);
+    if (found && ticket === this.loading) this.take(found);
   }
 
   backToLive(): void {

@@ -120,8 +120,8 @@ class PageStation:
                 link = self.session.link
                 if link is not None:
                     await link.wait_for_drone(RETRY_S)
-                    await self.session.send_tags()
-                    directory = await self.session.start()
+                    await self.session.commands.send_tags()
+                    directory = await self.session.commands.start()
                     self._started = True
                     self._show({"event": "started", "directory": directory})
                     return
@@ -133,7 +133,7 @@ class PageStation:
         """Stop detection; wait until the drone has stopped and no pulse comes any more."""
         with contextlib.suppress(LinkError, CommandRefused):
             if self.session.state in ESSENTIAL:
-                await self.session.stop()
+                await self.session.commands.stop()
         deadline_s = monotonic_s() + STOP_TIMEOUT_S
         await asyncio.sleep(QUIET_S)
         while monotonic_s() < deadline_s:

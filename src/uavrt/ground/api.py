@@ -1,0 +1,365 @@
+"""The routes of the ground station's server; docs/reference/ground-api.md describes them."""
+
+import asyncio
+import contextlib
+import json
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError
+from uavrt.ground import maps, tag_table
+from uavrt.ground.coordinates import readout
+from uavrt.ground.estimates import Estimator
+from uavrt.ground.exports import EXPORTS, export
+from uavrt.ground.flights import PULSE_COLUMNS, Columns
+from uavrt.ground.hub import encode
+from uavrt.ground.ports import serial_ports
+from uavrt.ground.session import GroundSession
+from uavrt.localization import PATTERNS
+
+POSE_COLUMNS = (
+    "time_ns",
+    "latitude_deg",
+    "longitude_deg",
+    "altitude_relative_m",
+    "quaternion_w",
+    "quaternion_x",
+    "quaternion_y",
+    "quaternion_z",
+)
+
+
+class Api:
+    """The routes; each returns something for JSON, or a response.
+
+    Parameters
+    ----------
+    session : GroundSession
+        What is shown and commanded.
+    """
+
+    def __init__(self, session: GroundSession) -> None:
+        self._session = session
+        self._estimates: dict[tuple[Any, ...], Any] = {}
+
+    def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
+        """Path below ``/api``, method, handler."""
+        return [
+            ("/state", "GET", self.state),
+            ("/tags", "GET", self.tags),
+            ("/tags", "PUT", self.put_tags),
+            ("/tags/check", "POST", self.check_tags),
+            ("/tags/import", "POST", self.import_tags),
+            ("/tags/{name}", "GET", self.export_tags),
+            ("/settings", "GET", self.settings),
+            ("/settings", "PUT", self.put_settings),
+            ("/choices", "GET", self.choices),
+            ("/connection", "POST", self.connect),
+            ("/commands/{name}", "POST", self.command),
+            ("/readout", "GET", self.readout),
+            ("/log", "GET", self.log),
+            ("/flights", "GET", self.flights),
+            ("/flights/{flight_id}", "GET", self.flight),
+            ("/flights/{flight_id}/pulses", "GET", self.pulses),
+            ("/flights/{flight_id}/columns", "GET", self.columns),
+            ("/flights/{flight_id}/track", "GET", self.track),
+            ("/flights/{flight_id}/estimates", "GET", self.estimates),
+            ("/flights/{flight_id}/export/{name}", "GET", self.export),
+        ]
+
+    async def state(self, request: Request) -> Any:
+        """All that is known of drone, link and flight."""
+        return self._session.snapshot()
+
+    async def tags(self, request: Request) -> Any:
+        """The tag table."""
+        return tag_table.rows_from_tags(self._session.store.tags)
+
+    async def put_tags(self, request: Request) -> Any:
+        """Keep the tag table if it has no fault; tell all faults otherwise."""
+        tags, faults = tag_table.tags_from_rows(await _json(request))
+        if faults:
+            return _Answer(422, {"faults": [asdict(fault) for fault in faults]})
+        self._session.store.set_tags(tags)
+        self._session.tags_changed()
+        return {"faults": [], "tags": tag_table.rows_from_tags(tags)}
+
+    async def check_tags(self, request: Request) -> Any:
+        """Tell the faults of a table that is being typed."""
+        _, faults = tag_table.tags_from_rows(await _json(request))
+        return {"faults": [asdict(fault) for fault in faults]}
+
+    async def import_tags(self, request: Request) -> Any:
+        """Read rows from files; they are not kept yet."""
+        files = await _json(request)
+        if not isinstance(files, dict) or not all(
+            isinstance(one, str) for one in files.values()
+        ):
+            raise FormatError("files must be texts by their names")
+        return {"rows": tag_table.import_rows(files)}
+
+    async def export_tags(self, request: Request) -> Any:
+        """Write the table as a file."""
+        name = request.path_params["name"]
+        text = tag_table.export_text(self._session.store.tags, name)
+        return _download(text.encode(), name, "text/plain; charset=utf-8")
+
+    async def settings(self, request: Request) -> Any:
+        """The set-up."""
+        return asdict(self._session.store.settings)
+
+    async def put_settings(self, request: Request) -> Any:
+        """Change some of the set-up."""
+        store = self._session.store
+        store.set_settings(store.settings.changed(await _json(request)))
+        self._session.settings_changed()
+        return asdict(store.settings)
+
+    async def choices(self, request: Request) -> Any:
+        """What there is to choose from: serial ports, antennas, presets, maps."""
+        return {
+            "ports": await asyncio.to_thread(serial_ports),
+            "antennas": {
+                name: {"e_plane_db": pattern.e_plane_db} for name, pattern in PATTERNS.items()
+            },
+            "presets": tag_table.PRESETS,
+            "maps": maps.map_list(self._session.store.directory / "maps"),
+            "maps_directory": str((self._session.store.directory / "maps").absolute()),
+            "exports": list(EXPORTS),
+        }
+
+    async def connect(self, request: Request) -> Any:
+        """Connect to an address; an empty one disconnects."""
+        wanted = await _json(request)
+        address = wanted.get("address") if isinstance(wanted, dict) else None
+        if address:
+            store = self._session.store
+            store.set_settings(store.settings.changed({"address": address}))
+            self._session.settings_changed()
+            await self._session.connect()
+        else:
+            await self._session.disconnect()
+            self._session.send_state()
+        return self._session.snapshot()["connection"]
+
+    async def command(self, request: Request) -> Any:
+        """Ask something of the drone; the answer is its acknowledgement."""
+        session = self._session
+        body = await _json(request)
+        text = str(body.get("text", "")) if isinstance(body, dict) else ""
+        commands: dict[str, Callable[[], Awaitable[str]]] = {
+            "send_tags": session.commands.send_tags,
+            "start": session.commands.start,
+            "stop": session.commands.stop,
+            "capture": session.commands.capture,
+            "mark": lambda: session.commands.mark(text),
+        }
+        name = request.path_params["name"]
+        if name not in commands:
+            return _Answer(404, {"error": f"there is no command {name[:40]!r}"})
+        try:
+            return {"accepted": True, "message": await commands[name]()}
+        except (CommandRefused, LinkError) as error:
+            return _Answer(409, {"accepted": False, "message": str(error)})
+
+    async def readout(self, request: Request) -> Any:
+        """A place in every way of writing: ``?latitude_deg=…&longitude_deg=…``."""
+        try:
+            latitude = float(request.query_params.get("latitude_deg", ""))
+            longitude = float(request.query_params.get("longitude_deg", ""))
+        except ValueError:
+            latitude = longitude = float("nan")
+        if not (-90.0 <= latitude <= 90.0 and -360.0 <= longitude <= 360.0):
+            raise FormatError("latitude_deg and longitude_deg must be a place on earth")
+        return readout(latitude, longitude).as_dict()
+
+    async def log(self, request: Request) -> Any:
+        """The operator's log."""
+        return self._session.log.lines()
+
+    async def flights(self, request: Request) -> Any:
+        """All flights on this computer, newest first."""
+        return await asyncio.to_thread(self._session.library.summaries)
+
+    async def flight(self, request: Request) -> Any:
+        """One flight: its summary, tags and log."""
+        library, flight_id = self._session.library, _flight_id(request)
+        summary = await asyncio.to_thread(library.summary, flight_id)
+        return {
+            **asdict(summary),
+            "rows": tag_table.rows_from_tags(summary.tags),
+            "log": await asyncio.to_thread(library.log, flight_id),
+        }
+
+    async def pulses(self, request: Request) -> Any:
+        """Some pulses as records: ``?after=0&limit=1000``."""
+        after = _whole(request, "after", 0, 2**31)
+        limit = _whole(request, "limit", 1000, 10_000)
+        library, flight_id = self._session.library, _flight_id(request)
+        return await asyncio.to_thread(library.records, flight_id, after, limit)
+
+    async def columns(self, request: Request) -> Any:
+        """All pulses in columns of little-endian float64; their names in a header."""
+        columns = await self._columns(request)
+        return _binary(columns.pulses.astype("<f8").tobytes(), PULSE_COLUMNS)
+
+    async def track(self, request: Request) -> Any:
+        """The vehicle's poses, likewise."""
+        columns = await self._columns(request)
+        return _binary(columns.poses.astype("<f8").tobytes(), POSE_COLUMNS)
+
+    async def estimates(self, request: Request) -> Any:
+        """Bearings and positions of a flight, with the antenna that is set."""
+        library, flight_id = self._session.library, _flight_id(request)
+        antenna = self._session.store.settings.antenna_choice
+        pulses = (await asyncio.to_thread(library.summary, flight_id)).pulses
+        key = (flight_id, pulses, antenna)
+        if key not in self._estimates:
+            columns = await self._columns(request)
+            self._estimates.clear()
+            self._estimates[key] = await asyncio.to_thread(
+                Estimator().estimate, columns, antenna
+            )
+        return asdict(self._estimates[key])
+
+    async def export(self, request: Request) -> Any:
+        """A flight as a file for other programs."""
+        flight_id, name = _flight_id(request), request.path_params["name"]
+        if name not in EXPORTS:
+            return _Answer(404, {"error": f"there is no export {name[:40]!r}"})
+        columns = await self._columns(request)
+        antenna = self._session.store.settings.antenna_choice
+        found = await asyncio.to_thread(Estimator().estimate, columns, antenna)
+        summary = self._session.library.summary(flight_id)
+        content = await asyncio.to_thread(export, name, summary, columns, found)
+        return _download(content, f"{flight_id}.{name}", EXPORTS[name])
+
+    async def map_file(self, request: Request) -> Any:
+        """A map file; the browser reads parts of it."""
+        path = maps.map_path(
+            self._session.store.directory / "maps", request.path_params["name"]
+        )
+        return FileResponse(path, media_type="application/octet-stream")
+
+    async def map_tile(self, request: Request) -> Any:
+        """One tile of an MBTiles file."""
+        place = request.path_params
+        path = maps.map_path(self._session.store.directory / "maps", place["name"])
+        tile = await asyncio.to_thread(maps.tile, path, place["z"], place["x"], place["y"])
+        if tile is None:
+            return Response(status_code=204)
+        content, kind, encoding = tile
+        headers = {"Content-Encoding": encoding} if encoding else {}
+        return Response(content, media_type=kind, headers=headers)
+
+    async def records(self, websocket: WebSocket) -> None:
+        """Everything as it comes, after one record of all that stands."""
+        await websocket.accept()
+        queue = self._session.hub.listen()
+        hello = {"topic": "hello", "record": self._session.hello()}
+        listening = asyncio.create_task(_until_closed(websocket))
+        try:
+            await websocket.send_text(encode(hello).decode())
+            async for text in _texts(queue, listening):
+                await websocket.send_text(text)
+            with contextlib.suppress(RuntimeError):
+                await websocket.close(1001)
+        except (WebSocketDisconnect, RuntimeError):
+            pass  # the browser went away while we were sending
+        finally:
+            listening.cancel()
+            self._session.hub.leave(queue)
+
+    async def _columns(self, request: Request) -> Columns:
+        return await asyncio.to_thread(self._session.library.columns, _flight_id(request))
+
+
+async def _texts(
+    queue: asyncio.Queue[str | None], until: "asyncio.Task[None]"
+) -> AsyncIterator[str]:
+    """Texts of a queue until it ends or the task does."""
+    while not until.done():
+        getting = asyncio.ensure_future(queue.get())
+        await asyncio.wait({getting, until}, return_when=asyncio.FIRST_COMPLETED)
+        if not getting.done():
+            getting.cancel()
+            return
+        text = getting.result()
+        if text is None:
+            return
+        yield text
+
+
+async def _until_closed(websocket: WebSocket) -> None:
+    """Listeners say nothing; what they say is thrown away."""
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+        while True:
+            message = await websocket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    status: int
+    value: Any
+
+
+def answered(handler: Callable[[Request], Awaitable[Any]]) -> Callable[[Request], Any]:
+    """Turn values into JSON and deliberate errors into answers that say what to do."""
+
+    async def answer(request: Request) -> Response:
+        try:
+            value = await handler(request)
+        except LinkError as error:
+            return _json_response({"error": str(error)}, 409)
+        except UavrtError as error:
+            missing = error.message.startswith("there is no")
+            return _json_response({"error": str(error)}, 404 if missing else 422)
+        if isinstance(value, Response):
+            return value
+        if isinstance(value, _Answer):
+            return _json_response(value.value, value.status)
+        return _json_response(value, 200)
+
+    return answer
+
+
+def _json_response(value: Any, status: int) -> Response:
+    return Response(encode(value), status, media_type="application/json")
+
+
+async def _json(request: Request) -> Any:
+    try:
+        return json.loads(await request.body() or b"{}")
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"the request is not JSON: {error}") from error
+
+
+def _flight_id(request: Request) -> str:
+    return str(request.path_params["flight_id"])
+
+
+def _whole(request: Request, name: str, default: int, most: int) -> int:
+    text = request.query_params.get(name, str(default))
+    if not text.isascii() or not text.isdigit():
+        raise FormatError(f"{name} must be a whole number")
+    return min(int(text[:12]), most)
+
+
+def _binary(content: bytes, columns: tuple[str, ...]) -> Response:
+    return Response(
+        content,
+        media_type="application/octet-stream",
+        headers={"X-Columns": ",".join(columns)},
+    )
+
+
+def _download(content: bytes, name: str, kind: str) -> Response:
+    disposition = f'attachment; filename="{name}"'
+    return Response(content, media_type=kind, headers={"Content-Disposition": disposition})

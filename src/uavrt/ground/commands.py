@@ -1,0 +1,115 @@
+"""What the operator asks of the drone, one at a time, with its progress.
+
+Each command raises what the drone or the link answers, and gives the text for the operator.
+"""
+
+import contextlib
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from uavrt import tunnel
+from uavrt.errors import LinkError, UavrtError
+from uavrt.ground.actions import ACTIONS, Busy, action_states
+from uavrt.ground.link import GroundLink
+
+if TYPE_CHECKING:
+    from uavrt.ground.session import GroundSession
+
+
+class Commands:
+    """The commands of one session.
+
+    Parameters
+    ----------
+    session : GroundSession
+        Whose link and flight they use.
+    """
+
+    def __init__(self, session: "GroundSession") -> None:
+        self._session = session
+
+    async def send_tags(self) -> str:
+        """Send the tag table to the drone; gives what to tell the operator.
+
+        Raises
+        ------
+        CommandRefused, LinkError
+            The drone refused, or did not answer.
+        """
+        tags = self._session.store.tags
+        link = self._allowed("send_tags")
+        async with self._working("send_tags", f"sending {len(tags)} tags"):
+            await link.upload_tags(tags, self._progress)
+            self._session.sent_tags = tags
+            return f"{len(tags)} tags sent"
+
+    async def start(self) -> str:
+        """Start detection; the ground begins a flight of its own."""
+        link = self._allowed("start")
+        settings = self._session.store.settings
+        async with self._working("start", "starting"):
+            frequency = settings.center_frequency_mhz
+            self._session.drone_directory = await link.start_detection(
+                center_frequency_hz=None if frequency is None else frequency * 1e6,
+                gain=settings.gain or 0,
+            )
+            if self._session.flight.ended:
+                self._session.begin_flight()
+            return self._session.drone_directory or "detecting"
+
+    async def stop(self) -> str:
+        """Stop detection or capture."""
+        link = self._allowed("stop")
+        async with self._working("stop", "stopping"):
+            await link.stop_detection()
+            return "stopped"
+
+    async def capture(self) -> str:
+        """Record raw samples on the drone."""
+        link = self._allowed("capture")
+        settings = self._session.store.settings
+        async with self._working("capture", "asking for a raw capture"):
+            frequency = settings.center_frequency_mhz
+            message = tunnel.RawCapture(
+                gain=settings.gain or 0,
+                frequency_hz=None if frequency is None else round(frequency * 1e6),
+            )
+            return (await link.command(message.encode())).message or "capturing"
+
+    async def mark(self, text: str = "") -> str:
+        """Write a remark with the time and the drone's place into the flight."""
+        now_ns = self._session.clock.now_ns()
+        pose = self._session.vehicle.pose if self._session.vehicle else None
+        place = "" if pose is None else f" at {pose.latitude_deg:.6f}, {pose.longitude_deg:.6f}"
+        note = f"mark{place}" + (f": {text.strip()[:200]}" if text.strip() else "")
+        self._session.flight.add_note(note, now_ns)
+        self._session.commit_soon()
+        self._session.note(6, note)
+        return note
+
+    def _allowed(self, action: str) -> GroundLink:
+        """Get the link, when the action is allowed now."""
+        state = action_states(self._session.situation())[action]
+        if not state["enabled"]:
+            raise LinkError(str(state["reason"]))
+        assert self._session.link is not None
+        return self._session.link
+
+    @contextlib.asynccontextmanager
+    async def _working(self, action: str, text: str) -> AsyncIterator[None]:
+        self._session.busy = Busy(action=action, text=text)
+        self._session.send_state()
+        try:
+            yield
+        except UavrtError as error:
+            self._session.note(4, f"{ACTIONS[action]} failed: {error}")
+            raise
+        finally:
+            self._session.busy = None
+            self._session.send_state()
+
+    def _progress(self, done: int, whole: int) -> None:
+        if self._session.busy is not None:
+            self._session.busy = replace(self._session.busy, done=done, whole=whole)
+            self._session.send_state()

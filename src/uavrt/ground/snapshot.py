@@ -1,0 +1,86 @@
+"""The state of the ground station as JSON takes it."""
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import uavrt
+from uavrt import tunnel
+from uavrt.ground.actions import action_states
+from uavrt.messages import Pose
+
+if TYPE_CHECKING:
+    from uavrt.ground.session import GroundSession
+
+
+def snapshot(session: "GroundSession") -> dict[str, Any]:
+    """Everything that a page needs besides the flight's pulses."""
+    now_ns = session.clock.now_ns()
+    link, watch = session.link, session.vehicle
+    situation = session.situation()
+    pose = watch.pose if watch else None
+    return {
+        "time_ns": now_ns,
+        "version": uavrt.__version__,
+        "connection": {
+            "address": session.store.settings.address,
+            "open": link is not None and link.link is not None,
+            "error": session.link_error,
+        },
+        "drone": {
+            "present": situation.drone_present,
+            "system_id": link.protocol.drone.system_id
+            if link and link.protocol.drone
+            else None,
+            "state": session.state.value if session.state else None,
+            "cpu_temperature_c": session.temperature_c,
+            "directory": session.drone_directory or None,
+            "clock_skew_s": None if session.skew_ns is None else session.skew_ns / 1e9,
+        },
+        "link": link_state(session, now_ns),
+        "vehicle": None if pose is None else pose_record(pose, now_ns),
+        "armed": watch.armed if watch else None,
+        "battery_v": watch.battery_v if watch else None,
+        "battery_percent": watch.battery_percent if watch else None,
+        "flight": {
+            "flight_id": session.flight.flight_id,
+            "start_time_ns": session.flight.start_time_ns,
+            "ended": session.flight.ended,
+            "pulses": session.flight.pulses,
+            "fault": session.flight.fault,
+        },
+        "tags_sent": bool(session.sent_tags) and session.sent_tags == session.store.tags,
+        "detectors": {
+            str(tag_id): (now_ns - heard_ns) / 1e9 for tag_id, heard_ns in session.heard.items()
+        },
+        "busy": None if session.busy is None else asdict(session.busy),
+        "actions": action_states(situation),
+    }
+
+
+def link_state(session: "GroundSession", now_ns: int) -> dict[str, Any]:
+    """Loss, round trip, radio and counters of the link."""
+    link, watch = session.link, session.vehicle
+    if link is None or link.link is None or watch is None:
+        return {"loss": None, "round_trip_s": None, "radio": None, "counters": {}}
+    return {
+        "loss": watch.loss.share(now_ns),
+        "round_trip_s": watch.round_trip_s,
+        "radio": None if watch.radio is None else asdict(watch.radio),
+        "counters": {**asdict(link.link.counters), **link.protocol.counters},
+    }
+
+
+def pose_record(pose: Pose, now_ns: int) -> dict[str, Any]:
+    """The vehicle's pose as JSON takes it."""
+    roll_deg, pitch_deg, yaw_deg = tunnel.euler_deg(pose.quaternion_wxyz)
+    return {
+        "time_ns": pose.time_ns,
+        "age_s": (now_ns - pose.time_ns) / 1e9,
+        "latitude_deg": pose.latitude_deg,
+        "longitude_deg": pose.longitude_deg,
+        "altitude_amsl_m": pose.altitude_amsl_m,
+        "altitude_relative_m": pose.altitude_relative_m,
+        "roll_deg": roll_deg,
+        "pitch_deg": pitch_deg,
+        "heading_deg": yaw_deg % 360.0,
+    }
