@@ -71,7 +71,7 @@ def test_the_page_fetches_nothing_and_says_where_the_tag_is(survey: Survey) -> N
 def test_the_pdf_has_a_page_for_each_heard_tag(survey: Survey) -> None:
     content = pdf_document(survey)
     assert content.startswith(b"%PDF-")
-    assert len(re.findall(rb"/Type /Page\b", content)) == 3  # first, tag 2, tables
+    assert len(re.findall(rb"/Type /Page\b", content)) == 4  # first, tag 2, tables, methods
 
 
 def test_a_flight_without_pulses_and_poses_still_has_a_report(

@@ -108,7 +108,7 @@ class _Book:
             writer.room(0.2)
             times.draw_noise(_part(writer.figure, writer.top - 0.17, 0.16), survey)
             writer.skip(12)
-        writer.room(0.2)
+        writer.room(0.05)
         writer.text("Methods", size=12, weight="bold")
         for text in words.methods(survey):
             writer.text(text)
@@ -150,10 +150,10 @@ class _Writer:
         size: float = 9,
         weight: str = "normal",
         color: str = "#1b2430",
-        width: int = 104,
+        width: int = 98,
     ) -> None:
         """Write a paragraph."""
-        width = round(width * 9 / size) if size > 9 and width == 104 else width
+        width = round(width * 9 / size) if size > 9 and width == 98 else width
         for line in textwrap.wrap(text, width) or [""]:
             self.room(_LINE * size / 9)
             self.figure.text(

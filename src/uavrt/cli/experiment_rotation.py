@@ -1,0 +1,94 @@
+"""``uavrt experiment rotation``."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def rotation(
+    *,
+    flight: Path | None = None,
+    bearing: float | None = None,
+    start_heading: float | None = None,
+    antenna: str = "RA-23K",
+    walls: int = 200,
+    sample_rate: float = 15_000.0,
+    seed: int = 1,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+) -> None:
+    """Repeat the thesis's rotation test and say where its 50 degrees came from.
+
+    Parameters
+    ----------
+    flight
+        Read a real rotation in place of the simulated one: a flight directory or an old log.
+    bearing
+        The tag's true bearing in it, degrees clockwise from true north.
+    start_heading
+        Heading at its first pulse; undoes the half-way headings of an original's log.
+    antenna
+        Name of the antenna's pattern, for --flight.
+    walls
+        Random walls for the share of reflections.
+    sample_rate
+        Samples a second that the simulated radio gives; 375000 as the thesis's after its
+        first decimation takes a minute for each turn.
+    seed
+        Seed of everything random.
+    output
+        Also write figures and text as one HTML file.
+    """
+    if flight is not None:
+        _real(flight, bearing, start_heading, antenna, output)
+        return
+    from uavrt.experiments.rotation import (
+        BEARING_DEG,
+        cases,
+        polarization_table,
+        start_sweep,
+        wall_survey,
+        words,
+    )
+
+    print("turns from samples, with and without a wall …", file=sys.stderr)
+    found = cases(sample_rate, seed)
+    print(f"{walls} random walls …", file=sys.stderr)
+    survey = wall_survey(walls, seed)
+    print("polarization …", file=sys.stderr)
+    mismatch = polarization_table([0, 15, 30, 45, 60, 75, 90], sample_rate, seed)
+    parts = [
+        [*words.case_lines(found), *words.legend_lines()],
+        words.sweep_lines(start_sweep(range(0, 180, 20), seed)),
+        words.wall_lines(survey),
+        words.polarization_lines(mismatch),
+        words.verdict_lines(found, survey),
+    ]
+    print("\n\n".join("\n".join(lines) for lines in parts))
+    if output is not None:
+        from uavrt.experiments.rotation.figures import rotation_page
+
+        rows = [(case.name, case.reading, BEARING_DEG) for case in found]
+        output.write_text(rotation_page("Rotation test", rows, parts), encoding="utf-8")
+
+
+def _real(
+    flight: Path,
+    bearing: float | None,
+    start_heading: float | None,
+    antenna: str,
+    output: Path | None,
+) -> None:
+    from uavrt.experiments.rotation import real_rotations
+
+    found = real_rotations(
+        flight, bearing_deg=bearing, start_heading_deg=start_heading, antenna=antenna
+    )
+    parts = [one.lines() for one in found]
+    print("\n".join("\n".join(lines) for lines in parts))
+    if output is not None:
+        from uavrt.experiments.rotation.figures import rotation_page
+
+        rows = [(f"tag {one.tag_id}", one.reading, bearing) for one in found]
+        output.write_text(rotation_page(flight.name, rows, parts), encoding="utf-8")
