@@ -9,7 +9,7 @@ PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: demo test check lint types contracts bench browser docs clean setup
+.PHONY: demo test check lint types contracts bench browser screenshots docs clean setup
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
@@ -31,6 +31,9 @@ browser:                ## Chromium, which the tests of the page drive
 	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	    apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; \
 	  else echo "The tests of the page need Chromium: sudo apt install chromium"; fi; }
+
+screenshots: $(STAMP) browser  ## pictures of the page, by its test, into docs/images
+	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/test_page.py
 
 setup: $(STAMP)         ## only the environment
 

@@ -268,7 +268,8 @@ export class MapView {
         [min(lons), min(lats)],
         [max(lons), max(lats)],
       ],
-      { padding: 70, maxZoom: 18, duration: 0 },
+      // The box with the coordinates covers the top.
+      { padding: { top: 165, left: 60, right: 95, bottom: 55 }, maxZoom: 18, duration: 0 },
     );
   }
 

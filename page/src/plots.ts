@@ -220,7 +220,7 @@ function plot(kind: string, x: number[], y: (number | null)[]): void {
       scales: { x: { time: true } },
       axes: [
         { ...axis, values: (_: uPlot, ticks: number[]) => ticks.map(utc), space: 80 },
-        { ...axis, size: 52, space: 28 },
+        { ...axis, size: 52, space: 18 },
       ],
       series: [
         {},

@@ -15,6 +15,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
+from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from uavrt.recording import read_flight
@@ -108,6 +109,8 @@ class Watched:
             self.page.wait_for_timeout(600)
             path = Path(SCREENSHOTS) / f"ground-{name}.png"
             self.page.screenshot(path=path)
+            few = Image.open(path).convert("RGB").quantize(128, Image.Quantize.FASTOCTREE)
+            few.save(path, optimize=True)  # a third of the size
 
     def close(self) -> None:
         self._context.close()

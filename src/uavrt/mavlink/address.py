@@ -1,5 +1,6 @@
 """Addresses of MAVLink links, as written in ``uavrt.toml``."""
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 from urllib.parse import SplitResult, urlsplit
@@ -48,6 +49,8 @@ def parse_address(text: str) -> Address:
     14540
     >>> parse_address("serial:///dev/ttyAMA0:921600").baud
     921600
+    >>> parse_address("serial://COM3").device
+    'COM3'
     """
     try:
         parts = urlsplit(text)
@@ -64,10 +67,13 @@ def parse_address(text: str) -> Address:
 
 
 def _serial(parts: SplitResult) -> Address:
-    """Read ``serial:///dev/NAME[:BAUD]``."""
-    device, separator, baud = parts.path.rpartition(":")
+    """Read ``serial:///dev/NAME[:BAUD]``, or ``serial://COM3[:BAUD]`` on Windows."""
+    place = parts.netloc or parts.path
+    device, separator, baud = place.rpartition(":")
     if not separator:
-        device, baud = parts.path, str(DEFAULT_BAUD)
-    if parts.netloc or not device.startswith("/") or int(baud) <= 0:
+        device, baud = place, str(DEFAULT_BAUD)
+    windows = re.fullmatch(r"COM\d{1,3}", device) is not None and not parts.path
+    known = windows or (device.startswith("/") and not parts.netloc)
+    if not known or int(baud) <= 0:
         raise ValueError("a serial device is a path and a positive baud rate")
     return Address(kind="serial", device=device, baud=int(baud))

@@ -5,6 +5,9 @@ import sys
 
 import pytest
 
+from uavrt.errors import ConfigError
+from uavrt.mavlink.address import parse_address
+
 HIDDEN = (
     *("fcntl", "termios", "tty", "pty", "grp", "pwd", "resource", "posix", "syslog"),
     *("curses", "readline", "multiprocessing.popen_fork"),
@@ -64,3 +67,12 @@ def test_the_test_itself_would_notice() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
     assert "hidden fcntl" in finished.stderr
+
+
+def test_a_serial_port_of_windows_is_an_address() -> None:
+    address = parse_address("serial://COM12:115200")
+    assert (address.device, address.baud) == ("COM12", 115_200)
+    assert parse_address(str(address)) == address
+    for wrong in ("serial://COM3/x:1", "serial://COMX:1", "serial://COM3:0"):
+        with pytest.raises(ConfigError):
+            parse_address(wrong)
