@@ -143,6 +143,21 @@ def sigmf_format(datatype: str) -> SampleFormat:
     )
 
 
+def look_like_floats(data: bytes) -> bool:
+    """Tell whether bytes that are said to be integers are float32 samples.
+
+    The last byte of a little-endian float32 is its sign and most of the exponent: 0x30 to 0x46
+    for 1e-9 to 1e4 in size, with the sign 0xb0 to 0xc6. Integers that take both signs pass
+    through what lies between the two.
+    """
+    high = np.frombuffer(data, np.uint8)[3::4]
+    if high.size < 1024:
+        return False
+    size, negative = high & 0x7F, high >= 0x80
+    in_range = float(np.mean((size >= 0x30) & (size <= 0x46)))
+    return in_range > 0.99 and 0.2 < float(np.mean(negative)) < 0.8
+
+
 def clean(samples: NDArray[np.complex64], what: str) -> int:
     """Replace the values that are not numbers by zero, in place; return how many.
 

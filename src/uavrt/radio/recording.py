@@ -13,7 +13,7 @@ import numpy as np
 
 from uavrt.errors import FormatError
 from uavrt.messages import IQBlock
-from uavrt.radio.formats import SampleFormat, clean
+from uavrt.radio.formats import SampleFormat, clean, look_like_floats
 from uavrt.radio.stream import check_rates
 from uavrt.radio.times import NominalTimes
 
@@ -227,10 +227,13 @@ def raw_layout(
     Raises
     ------
     FormatError
-        The file cannot be read, or a rate is not possible.
+        The file cannot be read, holds floats where integers are said to be, or a rate is
+        not possible.
     """
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)
+    if sample_format.dtype.kind != "f":
+        _refuse_floats(path, sample_format)
     count, rest = divmod(size, sample_format.bytes_per_sample)
     if start_time_ns is None:
         start_time_ns = file_start_ns(path, count, sample_rate_hz)
@@ -247,3 +250,17 @@ def raw_layout(
             else None
         ),
     )
+
+
+def _refuse_floats(path: Path, sample_format: SampleFormat) -> None:
+    try:
+        with path.open("rb") as file:
+            # Enough to tell, and not a noticeable time.
+            start = file.read(1 << 16)
+    except OSError as error:
+        raise cannot_read(path, error) from error
+    if look_like_floats(start):
+        raise FormatError(
+            f"{path} does not hold {sample_format.name}: these are float samples",
+            remedy="Give --format cf32",
+        )

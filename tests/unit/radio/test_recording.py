@@ -150,6 +150,26 @@ def test_what_cannot_be_opened_is_refused_with_the_remedy(
         open_recording(tmp_path / name, **given_options)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("said", ["cs16", "cu8", "ci8"])
+@settings(deadline=None)
+@given(level=st.floats(1e-6, 0.5), seed=st.integers(0, 1000))
+def test_floats_that_are_said_to_be_integers_are_refused_and_integers_never(
+    tmp_path_factory: pytest.TempPathFactory, said: str, level: float, seed: int
+) -> None:
+    noise = np.random.default_rng(seed).standard_normal(20_000)
+    path = tmp_path_factory.mktemp("noise") / "noise.iq"
+    path.write_bytes((level * noise).astype("<f4").tobytes())
+    with pytest.raises(FormatError, match="--format cf32"):
+        open_recording(path, said, sample_rate_hz=RATE_HZ, center_frequency_hz=CENTER_HZ)
+    full, dtype = {"cs16": (32768, "<i2"), "cu8": (128, "u1"), "ci8": (128, "i1")}[said]
+    limits = np.iinfo(dtype)
+    stored = np.clip(
+        level * full * noise + (128 if said == "cu8" else 0), limits.min, limits.max
+    )
+    path.write_bytes(stored.round().astype(dtype).tobytes())
+    open_recording(path, said, sample_rate_hz=RATE_HZ, center_frequency_hz=CENTER_HZ).close()
+
+
 def test_a_sigmf_recording_tells_everything_itself(tmp_path: Path) -> None:
     samples = ramp(30_000)
     meta = write_sigmf(tmp_path / "rec", as_cs16(samples), [CAPTURE])
