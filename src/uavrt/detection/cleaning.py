@@ -64,7 +64,9 @@ class Cleaner:
         new = buffer.view(first, last)
         before = buffer.view(max(buffer.start, first - self._lines.needed), first)
         self._stretches += 1
-        if self._stretches % _LINES_EVERY == 0 or self._stretches == 2:
+        # One that is there may drift: 2 Hz/s in 2.5 s is more than an amplitude's fit can take.
+        often = bool(self._lines.frequencies_hz) or self._stretches == 2
+        if often or self._stretches % _LINES_EVERY == 0:
             self._lines.find(before, new)
         self._lines.subtract(before, new)
 
@@ -79,8 +81,10 @@ class Cleaner:
         if self.floor <= 0.0 or renew:
             some = stretch[::_FLOOR_STRIDE]
             power = some.real**2 + some.imag**2
-            middle = len(power) // 2
-            self.floor = float(np.partition(power, middle)[middle])
+            power = power[power > 0.0]  # zeros stand for lost samples
+            if len(power):
+                middle = len(power) // 2
+                self.floor = float(np.partition(power, middle)[middle])
         if self.floor > 0.0:
             self._counters.samples_blanked += blank_impulses(
                 stretch,

@@ -6,6 +6,7 @@ that follow; every pulse is reported once (docs/explanation/detection.md).
 """
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,7 +124,6 @@ class PulseDetector:
         )
         self._searches = make_searches(tag, grid, self.frequency_window_hz)
         self._first_noise_s = min(max(1.0, (tag.k - 1) * min(tag.pulse_intervals_s)), 6.0)
-        self._waiting: list[NDArray[np.float32]] = []
         self._learnt: list[NDArray[np.float32]] = []
         self._spectrogram = Spectrogram(grid)
         self._cleaner = Cleaner(
@@ -231,28 +231,23 @@ class PulseDetector:
 
     def _advance(self, upto: int, *, last: bool = False) -> None:
         """Clean, transform and search the samples up to an index."""
-        grid, buffer = self._grid, self._buffer
+        buffer = self._buffer
         if upto <= self._clean and not last:
             return
         self._cleaner.clean(buffer, self._clean, upto, renew=self._column % 7 == 0)
         self._refiner.upto = upto
         self._clean = upto
-        first = self._spectrogram.needed()
-        stretch = buffer.view(max(0, first), upto)
-        if first < 0 or last:
-            ends = np.zeros(grid.reach + grid.window if last else 0, np.complex64)
-            stretch = np.concatenate((np.zeros(max(0, -first), np.complex64), stretch, ends))
-        power = self._spectrogram.push(stretch)
+        power = self._columns(self._spectrogram, upto, last=last)
         begin, self._column = self._column, self._column + len(power)
+        was_ready = self._noise.ready
         if len(power):
             self._learn(power, begin, last=last)
         if not self._noise.ready:
             return
         level = self._noise.level
-        blocks, self._waiting = self._waiting, []
         for search in self._searches:
             found: list[Candidate] = []
-            for block in blocks:
+            for block in (power,) if was_ready else self._from_the_start(upto, last=last):
                 found += search.push(block, level)
             if last:
                 found += search.finish(level)
@@ -267,6 +262,30 @@ class PulseDetector:
         )
         self._reporter.searched(buffer.time_ns(upto), self._noise.level, self._score())
 
+    def _columns(
+        self, spectrogram: Spectrogram, upto: int, *, last: bool
+    ) -> NDArray[np.float32]:
+        """The next columns, from the samples up to an index; behind the last come zeros."""
+        first = spectrogram.needed()
+        stretch = self._buffer.view(max(0, first), upto)
+        if first < 0 or last:
+            ends = np.zeros(self._grid.reach + self._grid.window if last else 0, np.complex64)
+            stretch = np.concatenate((np.zeros(max(0, -first), np.complex64), stretch, ends))
+        return spectrogram.push(stretch)
+
+    def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
+        """All columns so far, made again: to keep them until the noise is known is 0.3 MB."""
+        grid, at = self._grid, self._buffer.start
+        spectrogram = Spectrogram(grid)
+        if at:
+            column = 8 * math.ceil((at + grid.reach) / grid.hop / 8.0)
+            spectrogram.consumed = column * grid.hop // grid.decimation
+            yield np.zeros((column, grid.rows), np.float32)
+        while at < upto:
+            at = min(at + self._batch, upto)
+            if at == upto or at > spectrogram.needed() + grid.window:
+                yield self._columns(spectrogram, at, last=last and at == upto)
+
     def _score(self) -> float:
         """Best statistic of the stretch over its threshold."""
         best = max(search.best for search in self._searches)
@@ -275,8 +294,7 @@ class PulseDetector:
         return min(best, 0.999)
 
     def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
-        """Feed the noise with columns that hold no lost samples; queue all for the search."""
-        self._waiting.append(power)
+        """Feed the noise with columns that hold no lost samples."""
         whole = power
         if self._buffer.holes:
             whole = power[self._whole_columns(begin, len(power))]
@@ -286,8 +304,7 @@ class PulseDetector:
                 self._noise.update(np.concatenate(self._learnt))
                 self._learnt.clear()
             return
-        gathered = sum(len(block) for block in self._waiting) * self._grid.hop_s
-        if gathered >= self._first_noise_s or last:
+        if self._column * self._grid.hop_s >= self._first_noise_s or last:
             everything = np.concatenate(self._learnt)
             if len(everything) >= 16:
                 self._noise.start(everything)

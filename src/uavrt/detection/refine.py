@@ -21,6 +21,10 @@ _NEWTON_STEPS = 3
 _BURST = 9.0
 """Standard deviations of a quarter window's noise energy that make a burst."""
 _BURST_SHARE = 0.65
+_WIDE = 6.0
+"""Standard deviations of a window's noise energy from which on its spectrum is looked at."""
+_NARROW_SHARE = 0.35
+"""Of a window's energy one row holds all of a pulse, 0.1 to 0.3 of a burst of noise."""
 
 
 @dataclass(slots=True)
@@ -199,7 +203,7 @@ class Refiner:
         return pulse.power / max(mean, 0.05)
 
     def is_impulse(self, pulse: Measured, floor: float) -> bool:
-        """Whether the energy lies in a quarter of the window, as no pulse's does.
+        """Whether the energy lies in a quarter of the window or in many rows: no pulse.
 
         Parameters
         ----------
@@ -214,7 +218,14 @@ class Refiner:
         energy = np.concatenate(([0.0], np.cumsum(x.real**2 + x.imag**2, dtype=np.float64)))
         burst = float((energy[quarter:] - energy[:-quarter]).max()) - quarter * floor
         whole = float(energy[-1]) - window * floor
-        return burst > _BURST * math.sqrt(quarter) * floor and burst > _BURST_SHARE * whole
+        if burst > _BURST * math.sqrt(quarter) * floor and burst > _BURST_SHARE * whole:
+            return True
+        narrow = _NARROW_SHARE * whole
+        return (
+            whole > _WIDE * math.sqrt(window) * floor
+            and pulse.power * pulse.noise < narrow
+            and self.strongest(pulse)[1] * pulse.noise < narrow
+        )
 
     def strongest(self, pulse: Measured) -> tuple[float, float]:
         """Frequency and power of the strongest row of the whole channel at a pulse's time.

@@ -38,12 +38,18 @@ def test_false_alarms_come_as_often_as_asked_for() -> None:
     assert 0.5 < row.figure < 1.5
 
 
-@pytest.mark.parametrize("kind", ["carrier", "impulses"])
+@pytest.mark.parametrize("kind", ["carrier", "drifting carrier", "impulses", "long impulses"])
 def test_interference_alone_makes_no_more_false_alarms_than_noise(kind: str) -> None:
     def make(rng: np.random.Generator, count: int) -> np.ndarray:
         samples = noise(rng, count)
         if kind == "carrier":
             return samples + carrier(rng, count, offset_hz=50.0, level_db=30.0)
+        if kind == "drifting carrier":
+            return samples + carrier(
+                rng, count, offset_hz=-300.0, level_db=40.0, drift_hz_per_s=2.0
+            )
+        if kind == "long impulses":
+            return samples + impulses(rng, count, per_s=5.0, level_db=40.0, length_s=5e-3)
         return samples + impulses(rng, count, per_s=1.0, level_db=40.0)
 
     row = false_alarms(seconds=300.0, seed=6, probability=0.05, case=kind, make=make)
