@@ -1,0 +1,171 @@
+"""The session against a drone that speaks real MAVLink frames over UDP."""
+
+import socket
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import FrameWriter
+from uavrt.mavlink.message import Message
+from uavrt.messages import Pose, Pulse, PulsePose, SystemState
+from uavrt.recording import read_flight
+from uavrt.tunnel import PAYLOAD_TYPE, heartbeat_to_wire, pulse_to_wire
+
+SECOND_NS = 1_000_000_000
+
+
+class Drone:
+    """Component 191, as far as a ground station hears it."""
+
+    def __init__(self, port: int) -> None:
+        self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._sock.connect(("127.0.0.1", port))
+        self._writer = FrameWriter(1, 191)
+
+    def send(self, message: Message) -> None:
+        self._sock.send(self._writer.encode(message))
+
+    def tunnel(self, payload: bytes) -> None:
+        self.send(
+            dialect.Tunnel(
+                target_system=255,
+                target_component=190,
+                payload_type=PAYLOAD_TYPE,
+                payload_length=len(payload),
+                payload=payload,
+            )
+        )
+
+    def heartbeat(self, state: SystemState) -> None:
+        self.send(
+            dialect.Heartbeat(
+                type=18,
+                autopilot=8,
+                base_mode=0,
+                custom_mode=0,
+                system_status=4,
+                mavlink_version=3,
+            )
+        )
+        self.tunnel(heartbeat_to_wire(state, 51.5).encode())
+
+    def pulse(self, start_ns: int, snr_db: float = 20.0) -> None:
+        self.tunnel(pulse_to_wire(pulse_at(start_ns, snr_db)).encode())
+
+    def close(self) -> None:
+        self._sock.close()
+
+
+def pulse_at(start_ns: int, snr_db: float) -> PulsePose:
+    pulse = Pulse(
+        tag_id=2,
+        frequency_hz=148.7e6,
+        start_time_ns=start_ns,
+        end_time_ns=start_ns + 20_000_000,
+        snr_db=snr_db,
+        group_snr_db=snr_db,
+        score=2.0,
+        group_index=1,
+        group_sequence=1,
+        noise_psd=1e-9,
+        detection_status="confirmed",
+        confirmed=True,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )
+    pose = Pose(
+        time_ns=start_ns,
+        latitude_deg=46.5,
+        longitude_deg=8.0,
+        altitude_amsl_m=1000.0,
+        altitude_relative_m=40.0,
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+    )
+    return PulsePose(pulse=replace(pulse), pose=pose)
+
+
+@pytest.fixture
+def drone(served: Any) -> Iterator[Drone]:
+    drone = Drone(served.mavlink_port)
+    yield drone
+    drone.close()
+
+
+def until(served: Any, what: Any) -> dict[str, Any]:
+    """The state, once something holds."""
+    for _ in range(200):
+        state: dict[str, Any] = served.ask("GET", "/api/state").json
+        if what(state):
+            return state
+        time.sleep(0.03)
+    raise AssertionError(f"never came to be: {state}")
+
+
+def test_a_drone_is_found_and_its_state_shown(served: Any, drone: Drone) -> None:
+    drone.heartbeat(SystemState.IDLE)
+    state = until(served, lambda state: state["drone"]["state"] == "idle")
+    assert state["drone"]["cpu_temperature_c"] == 51.5
+    assert state["actions"]["start"]["reason"] == "Send the tags first"
+
+
+def test_a_pulse_is_stored_once_however_often_it_comes(served: Any, drone: Drone) -> None:
+    drone.heartbeat(SystemState.DETECTING)
+    start_ns = time.time_ns() - SECOND_NS
+    for place in range(5):
+        for _ in range(3):
+            drone.pulse(start_ns + place * SECOND_NS // 10)
+    state = until(served, lambda state: state["flight"]["pulses"] == 5)
+    assert state["flight"]["ended"] is False
+    (flight,) = served.ask("GET", "/api/flights").json
+    assert flight["pulses"] == 5
+    recorded = read_flight(served.directory / flight["flight_id"])
+    assert len(recorded.pulse_poses) == 5
+    records = served.ask("GET", f"/api/flights/{flight['flight_id']}/pulses").json
+    assert [record["snr_db"] for record in records] == [20.0] * 5
+
+
+def test_a_drone_whose_clock_is_an_hour_late_is_told(served: Any, drone: Drone) -> None:
+    drone.heartbeat(SystemState.DETECTING)
+    drone.pulse(time.time_ns() - 3600 * SECOND_NS)
+    state = until(served, lambda state: state["flight"]["pulses"] == 1)
+    assert state["drone"]["clock_skew_s"] == pytest.approx(3600.0, abs=5.0)
+    log = served.ask("GET", "/api/log").json
+    assert any("clock differs by -3600 s" in line["text"] for line in log)
+
+
+def test_another_start_is_another_flight(served: Any, drone: Drone) -> None:
+    for number in (1, 2):
+        drone.heartbeat(SystemState.DETECTING)
+        until(served, lambda state: not state["flight"]["ended"])
+        drone.pulse(time.time_ns())
+        until(served, lambda state: state["flight"]["pulses"] == 1)
+        drone.heartbeat(SystemState.HAS_TAGS)
+        until(served, lambda state: state["flight"]["ended"])
+        assert len(served.ask("GET", "/api/flights").json) == number
+
+
+def test_what_the_drone_says_is_kept_as_it_is(served: Any, drone: Drone) -> None:
+    drone.heartbeat(SystemState.DETECTING)
+    until(served, lambda state: state["drone"]["present"])
+    said = '<script>alert(1)</script> "quoted" & more'
+    drone.send(dialect.Statustext(severity=4, text=said))
+    for _ in range(100):
+        log = served.ask("GET", "/api/log").json
+        if any(line["text"] == said for line in log):
+            break
+        time.sleep(0.03)
+    line = next(line for line in log if line["text"] == said)
+    assert (line["severity"], line["source"]) == (4, "drone")
+
+
+def test_a_command_that_nobody_acknowledges_fails_in_words(served: Any, drone: Drone) -> None:
+    drone.heartbeat(SystemState.DETECTING)
+    until(served, lambda state: state["drone"]["state"] == "detecting")
+    answer = served.ask("POST", "/api/commands/stop", {})
+    assert answer.status == 409
+    assert "did not answer" in answer.json["message"]
