@@ -4,9 +4,12 @@ Debian's Chromium, driven by Playwright. With the environment variable UAVRT_SCR
 a directory, each view is saved there as a picture (``make screenshots``).
 """
 
+import io
 import json
 import os
 import shutil
+import socket
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -18,6 +21,9 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
+from uavrt.demo.programs import free_udp_port
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import FrameWriter
 from uavrt.recording import read_flight
 from uavrt.simulation import demo_scenario
 
@@ -54,13 +60,13 @@ def browser() -> Iterator[Browser]:
 class Ground:
     """``uavrt ground`` as a user starts it."""
 
-    def __init__(self, directory: Path, port: int = 0) -> None:
+    def __init__(self, directory: Path, port: int = 0, *more: str) -> None:
         self._log = (directory / "ground.log").open("ab")
         self._process = subprocess.Popen(
             [
                 sys.executable,
                 *("-m", "uavrt.cli", "ground", "--no-browser"),
-                *("-o", str(directory / "ground"), "--port", str(port)),
+                *("-o", str(directory / "ground"), "--port", str(port), *more),
             ],
             stdout=subprocess.PIPE,
             stderr=self._log,
@@ -261,3 +267,93 @@ def test_a_whole_flight_is_flown_through_the_page(
         assert each.errors == []
         each.close()
     ground.stop()
+
+
+def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
+    browser: Browser, tmp_path: Path
+) -> None:
+    evil = "<img src=x onerror=alert(1)>"
+    folder = tmp_path / "ground" / "maps"
+    folder.mkdir(parents=True)
+    write_map(folder / "valley.mbtiles")
+    port = free_udp_port()
+    ground = Ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    watched = Watched(browser, ground.address)
+    page = watched.page
+    page.click("#tab-setup")
+    page.click("#tag-add")
+    page.fill('input[data-key="name"]', evil)
+    page.fill('input[data-key="frequency_mhz"]', "148.7")
+    page.click("#tag-save")
+    expect(page.locator("#tag-state")).to_have_text("saved")
+    page.click("#tab-fly")
+    expect(page.locator(".tag-name")).to_have_text(f"2 {evil}")
+    writer = FrameWriter(1, 191)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.connect(("127.0.0.1", port))
+        heartbeat = dialect.Heartbeat(
+            type=18,
+            autopilot=8,
+            base_mode=0,
+            custom_mode=0,
+            system_status=4,
+            mavlink_version=3,
+        )
+        sock.send(writer.encode(heartbeat))
+        expect(page.locator("#chip-state")).to_have_text("Drone heard")
+        sock.send(writer.encode(dialect.Statustext(severity=3, text=evil)))
+    expect(page.locator(".toast.warning").last).to_contain_text(evil)
+    page.click("#tab-log")
+    expect(page.locator(".log-said").first).to_have_text(evil)
+    assert page.locator("#main img").count() == 0
+
+    # The map of the folder lies below, its tiles come from this server.
+    page.click("#tab-fly")
+    with page.expect_request("**/maps/valley.mbtiles/**"):
+        page.evaluate("() => window.uavrt.map().jumpTo({ center: [8, 46.5], zoom: 3 })")
+    page.click(".layers summary")
+    expect(page.locator("#basemap")).to_have_value("valley.mbtiles")
+    page.select_option("#basemap", "")
+    page.wait_for_function("() => !window.uavrt.map().getSource('base')")
+
+    # By keys alone: views, theme; every control has a name.
+    page.keyboard.press("Escape")
+    page.locator("#main").focus()
+    page.keyboard.press("2")
+    expect(page.locator("#view-plots")).to_be_visible()
+    before = page.evaluate("() => document.documentElement.dataset.theme")
+    page.keyboard.press("d")
+    assert page.evaluate("() => document.documentElement.dataset.theme") != before
+    nameless = page.evaluate(
+        """() => [...document.querySelectorAll("button, input, select, a")].filter((one) =>
+          !(one.textContent.trim() || one.getAttribute("aria-label") || one.title ||
+            one.closest("label"))).map((one) => one.outerHTML)"""
+    )
+    assert nameless == []
+    assert watched.hosts - {"blob", "data"} == {urlsplit(ground.address).netloc}
+    assert watched.errors == []
+    watched.close()
+    ground.stop()
+
+
+def write_map(path: Path) -> None:
+    """Write a map of one grey tile at each place of the first zooms."""
+    tile = io.BytesIO()
+    Image.new("RGB", (256, 256), (200, 210, 190)).save(tile, "PNG")
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
+        database.execute(
+            "CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data BLOB)"
+        )
+        facts = [("format", "png"), ("bounds", "-180,-85,180,85")]
+        database.executemany("INSERT INTO metadata VALUES (?, ?)", facts)
+        database.executemany(
+            "INSERT INTO tiles VALUES (?, ?, ?, ?)",
+            [
+                (zoom, column, row, tile.getvalue())
+                for zoom in range(4)
+                for column in range(2**zoom)
+                for row in range(2**zoom)
+            ],
+        )
+    database.close()
