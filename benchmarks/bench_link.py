@@ -78,7 +78,7 @@ async def component() -> None:
     )
     connection = Connection(handlers, Clock.start().now_ns)
     task = asyncio.create_task(connection.run("udpin://127.0.0.1:0"))
-    while connection.link is None:
+    while connection.link is None:  # noqa: ASYNC110
         await asyncio.sleep(0.01)
     print(connection.link.local_port, flush=True)  # type: ignore[attr-defined]
     send = asyncio.create_task(flood(connection))

@@ -61,6 +61,11 @@ class MavlinkSettings:
     """Attitudes asked of the autopilot each second."""
     position_rate_hz: Annotated[float, Interval(gt=0.0, le=250.0)] = 10.0
     """Positions asked of the autopilot each second."""
+    commanders: tuple[Annotated[int, Interval(ge=1, le=255)], ...] = ()
+    """System ids of the ground stations that may command; empty: all."""
+    key_file: str | None = None
+    """File with a key of 32 or more hexadecimal digits that the ground station has too; then
+    only commands sealed with it are taken, and other ground stations can only listen."""
     tunnel_generation: Literal["auto", "G0", "G1"] = "auto"
     """Wire format towards the ground; auto answers in the format the ground used."""
 

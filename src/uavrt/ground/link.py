@@ -4,209 +4,51 @@
 """
 
 import asyncio
-import math
-from collections import Counter, deque
+from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
-from dataclasses import dataclass
 
 from uavrt import tunnel
-from uavrt.errors import CommandRefused, LinkError, TunnelError
+from uavrt.errors import CommandRefused, LinkError
+from uavrt.ground.protocol import (
+    DRONE_COMPONENT,
+    Acknowledged,
+    DetectorAlive,
+    DroneHeartbeat,
+    GroundEvent,
+    GroundProtocol,
+)
 from uavrt.ground.receipts import Receipts
 from uavrt.ground.received import new_store
 from uavrt.log import get_logger
-from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame, FrameWriter
 from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
-from uavrt.mavlink.statustext import TextAssembler
 from uavrt.mavlink.transport import open_link
-from uavrt.messages import PulsePose, SearchReport, StatusText, SystemState, Tag
+from uavrt.messages import Tag
 from uavrt.tunnel import CommandId, Generation
-from uavrt.tunnel.private import RECEIPT_TYPE
+from uavrt.tunnel.gate import Sealer
+from uavrt.tunnel.private import MAX_SEALED_HASHES
+from uavrt.tunnel.seal import Key
 from uavrt.units import ns_from_s
 
 log = get_logger()
 
-DRONE_COMPONENT = 191
+__all__ = [
+    "Acknowledged",
+    "DetectorAlive",
+    "DroneHeartbeat",
+    "GroundEvent",
+    "GroundLink",
+    "GroundProtocol",
+]
+
 HEARTBEAT_S = 1.0
 RECEIPT_POLL_S = 0.05
-DRONE_SILENCE_NS = ns_from_s(6.0)
-"""The original ground station calls the drone lost after this (reference/control.md §2.5)."""
 ACK_WAIT_S = 2.0
 TRIES = 4
 EVENTS = 20_000
 """Events kept for a slow reader; at 50 pulses a second, almost 7 minutes."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DroneHeartbeat:
-    """What the drone says of itself once a second (tunnel heartbeat, G1)."""
-
-    state: SystemState | None
-    cpu_temperature_c: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DetectorAlive:
-    """A detector's sign of life."""
-
-    tag_id: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Acknowledged:
-    """The drone's answer to a command."""
-
-    command: int
-    accepted: bool
-    message: str
-
-
-GroundEvent = (
-    PulsePose | SearchReport | DetectorAlive | DroneHeartbeat | StatusText | Acknowledged
-)
-
-
-class GroundProtocol:
-    """What the ground hears, read and counted; no I/O.
-
-    Parameters
-    ----------
-    system_id, component_id : int
-        Our own numbers; 255/190 is what the original's drone side insists on.
-    receipts : Receipts, optional
-        What to acknowledge; None for a station that does not.
-    """
-
-    def __init__(
-        self,
-        system_id: int = 255,
-        component_id: int = 190,
-        receipts: Receipts | None = None,
-    ) -> None:
-        self.own = Peer(system_id, component_id)
-        self.receipts = receipts
-        self._unstored: list[bytes] = []
-        self.drone: Peer | None = None
-        self.tags: dict[int, Tag] = {}
-        """Tags we uploaded: they give received pulses their width."""
-        self.counters: Counter[str] = Counter()
-        self._heard_ns = 0
-        self._texts = TextAssembler()
-
-    def present(self, now_ns: int) -> bool:
-        """True while the drone's component 191 is heard."""
-        return self.drone is not None and now_ns - self._heard_ns < DRONE_SILENCE_NS
-
-    def heartbeat(self) -> dialect.Heartbeat:
-        """Our heartbeat."""
-        return dialect.Heartbeat(
-            type=dialect.MavType.GCS,
-            autopilot=dialect.MavAutopilot.INVALID,
-            base_mode=0,
-            custom_mode=0,
-            system_status=dialect.MavState.ACTIVE,
-            mavlink_version=3,
-        )
-
-    def stored(self) -> None:
-        """What `receive` gave since the last call is safe: it may be acknowledged."""
-        if self.receipts is not None:
-            for payload in self._unstored:
-                self.receipts.stored(payload)
-        self._unstored.clear()
-
-    def receipt(self, now_ns: int) -> dialect.Tunnel | None:
-        """Give the receipt that is due, if one is and the drone is known."""
-        if self.receipts is None or self.drone is None:
-            return None
-        receipt = self.receipts.take(now_ns)
-        if receipt is None:
-            return None
-        return self.tunnel_message(receipt.encode(), RECEIPT_TYPE)
-
-    def tunnel_message(
-        self, payload: bytes, payload_type: int = tunnel.PAYLOAD_TYPE
-    ) -> dialect.Tunnel:
-        """Write a payload to the drone; raises `LinkError` before it is found."""
-        if self.drone is None:
-            raise LinkError(
-                "the drone has not been heard",
-                remedy="Check its power and the radio, and that the autopilot forwards MAVLink",
-            )
-        return dialect.Tunnel(
-            target_system=self.drone.system_id,
-            target_component=self.drone.component_id,
-            payload_type=payload_type,
-            payload_length=len(payload),
-            payload=payload,
-        )
-
-    def receive(self, frame: Frame, now_ns: int) -> list[GroundEvent]:
-        """Take a frame; give what it says."""
-        if frame.component_id != DRONE_COMPONENT:
-            return []
-        peer = Peer(frame.system_id, frame.component_id)
-        message = frame.message()
-        if isinstance(message, dialect.Heartbeat) and not self.present(now_ns):
-            self.drone = peer
-        if peer != self.drone:
-            return []
-        self._heard_ns = now_ns
-        if isinstance(message, dialect.Statustext):
-            texts = self._texts.add((peer.system_id, peer.component_id), message)
-            return [StatusText(severity=severity, text=text) for severity, text in texts]
-        if isinstance(message, dialect.Tunnel) and self._for_us(message):
-            if message.payload_type != tunnel.PAYLOAD_TYPE:
-                return []
-            return self._tunnel(message.payload[: message.payload_length])
-        return []
-
-    def _for_us(self, message: dialect.Tunnel) -> bool:
-        return message.target_system in (0, self.own.system_id) and (
-            message.target_component in (0, self.own.component_id)
-        )
-
-    def _tunnel(self, payload: bytes) -> list[GroundEvent]:
-        try:
-            event = self._event(tunnel.decode(payload))
-        except TunnelError as error:
-            self.counters["bad_payloads"] += 1
-            log.warning("bad tunnel payload", reason=error.message, payload=payload.hex())
-            if tunnel.acked_command_of(payload) == CommandId.PULSE:
-                self._unstored.append(payload)  # in the log; again it would be no better
-            return []
-        if isinstance(event, PulsePose):
-            if self.receipts is not None and self.receipts.seen(payload):
-                self.counters["repeated_pulses"] += 1
-                return []
-            self._unstored.append(payload)
-        if event is None:
-            self.counters["unexpected_payloads"] += 1
-            return []
-        self.counters[type(event).__name__] += 1
-        return [event]
-
-    def _event(self, message: tunnel.TunnelMessage) -> GroundEvent | None:
-        match message:
-            case tunnel.PulseG0() | tunnel.PulseG1():
-                pulse = tunnel.pulse_from_wire(message, self.tags.get(message.tag_id))
-                return DetectorAlive(tag_id=message.tag_id) if pulse is None else pulse
-            case tunnel.AckG0() | tunnel.AckG1():
-                return Acknowledged(
-                    command=message.acked_command,
-                    accepted=message.result == tunnel.SUCCESS,
-                    message=message.message if isinstance(message, tunnel.AckG1) else "",
-                )
-            case tunnel.Heartbeat():
-                temperature = message.cpu_temperature_c
-                return DroneHeartbeat(
-                    state=message.state,
-                    cpu_temperature_c=None if math.isnan(temperature) else temperature,
-                )
-            case _:
-                return None
 
 
 class GroundLink:
@@ -238,6 +80,8 @@ class GroundLink:
         What the station holds already, from `uavrt.ground.received.open_receipts`; without it
         the drone sends all of its flight. With `on_event`, a pulse is acknowledged when that
         returns.
+    key : Key, optional
+        What commands and receipts are sealed with, see `uavrt.tunnel.seal`.
     """
 
     def __init__(
@@ -251,10 +95,14 @@ class GroundLink:
         ack_wait_s: float = ACK_WAIT_S,
         on_frame: Callable[[Frame], None] | None = None,
         receipts: Receipts | None = None,
+        key: Key | None = None,
     ) -> None:
         if receipts is None and generation != "G0":
             receipts = Receipts(new_store())
-        self.protocol = GroundProtocol(system_id, component_id, receipts)
+        sealer = None if key is None else Sealer(key, (system_id, component_id))
+        if receipts is not None and key is not None:
+            receipts.most = MAX_SEALED_HASHES
+        self.protocol = GroundProtocol(system_id, component_id, receipts, sealer)
         self._clock_ns = clock_ns
         self._on_event = on_event
         self._on_frame = on_frame

@@ -40,6 +40,8 @@ class Receipts:
     ) -> None:
         self.store = store
         self._keep = keep
+        self.most = MAX_HASHES
+        """Hashes in a receipt."""
         self._known: OrderedDict[int, None] = OrderedDict((number, None) for number in known)
         self._due: list[int] = []
         self._earlier: deque[int] = deque(maxlen=REPEATED)
@@ -67,7 +69,7 @@ class Receipts:
 
     def wait_ns(self, now_ns: int) -> int:
         """Time until a receipt is due."""
-        if self._sent_ns is None or len(self._due) >= MAX_HASHES:
+        if self._sent_ns is None or len(self._due) >= self.most:
             return 0
         period_ns = PERIOD_NS if self._due else SIGN_OF_LIFE_NS
         return max(0, self._sent_ns + period_ns - now_ns)
@@ -77,10 +79,10 @@ class Receipts:
         if self.wait_ns(now_ns) > 0:
             return None
         self._sent_ns = now_ns
-        hashes, self._due = self._due[:MAX_HASHES], self._due[MAX_HASHES:]
+        hashes, self._due = self._due[: self.most], self._due[self.most :]
         again = [number for number in self._earlier if number not in hashes]
         self._earlier.extend(hashes)
-        room = MAX_HASHES - len(hashes)
+        room = self.most - len(hashes)
         if hashes and room:  # alone they are not worth a longer message
             hashes += again[-room:]
         return Receipt(store=self.store, hashes=tuple(hashes))

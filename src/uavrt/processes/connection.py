@@ -38,7 +38,9 @@ from uavrt.processes.ground_status import GroundStatus
 from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.tunnel.delivery import PulseDelivery
 from uavrt.tunnel.exchange import Answer, Exchange
-from uavrt.tunnel.private import RECEIPT_TYPE
+from uavrt.tunnel.gate import Gate
+from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE
+from uavrt.tunnel.seal import PLAIN_INSIDE
 
 log = get_logger()
 
@@ -86,6 +88,7 @@ class ConnectionProcess:
             self._outlet.flight(frame.assignment.flight.directory)
         self._files = FileServer(FileTree(settings.recording.directory), self._link.tunnel.wake)
         self._link.tunnel.add_source(self._files, Priority.FILE)
+        self._gate = Gate(mavlink.commanders, mavlink.key_file)
         self._state = SystemState.IDLE
         self._status = GroundStatus(self._exchange, self._link.tunnel, self._files)
         self._heard = (False, False)
@@ -214,16 +217,33 @@ class ConnectionProcess:
             self._poses.clear()
 
     def _tunnel(self, payload: bytes, peer: Peer) -> None:
-        result = self._exchange.receive(payload, (peer.system_id, peer.component_id))
+        self._take_command(payload, peer, sealed=False)
+
+    def _take_command(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+        """Take a command from who may command, or say why not."""
+        asker = (peer.system_id, peer.component_id)
+        reason = self._gate.refusal(asker, sealed=sealed)
+        if reason is not None:
+            self._answer(self._exchange.refuse(payload, reason, asker))
+            return
+        result = self._exchange.receive(payload, asker)
         if isinstance(result, Command):
             self._frame.send("command", result)
         else:
             self._answer(result)
 
     def _private(self, payload_type: int, payload: bytes, peer: Peer) -> None:
-        if payload_type != RECEIPT_TYPE:
-            return
         now_ns = self._frame.clock.now_ns()
+        if payload_type == SEALED_TYPE:
+            opened = self._gate.open(payload, (peer.system_id, peer.component_id), now_ns)
+            if opened is None:
+                return
+            kind, payload = opened
+            if kind == PLAIN_INSIDE:
+                self._take_command(payload, peer, sealed=True)
+                return
+        elif payload_type != RECEIPT_TYPE or self._gate.locked:
+            return
         place = (peer.system_id, peer.component_id)
         trip_s = self._outlet.receipt(payload, place, now_ns)
         self._link.tunnel.rate.acknowledged(trip_s, now_ns)
@@ -265,6 +285,7 @@ class ConnectionProcess:
             **{name: float(count) for name, count in self._exchange.counters.items()},
             **self._outlet.counters(),
             **self._files.counters(),
+            "seals_refused": self._gate.refused,
             "texts_left_out": self._status.texts_left_out,
             **self._link.counters(),
         }

@@ -71,6 +71,14 @@ class Exchange:
         """In which generation pulses go out."""
         return self._fixed or self._heard
 
+    def refuse(self, payload: bytes, reason: str, asker: Asker) -> Answer | None:
+        """Refuse a payload unread; None when it is no command."""
+        self.counters["commands_not_allowed"] += 1
+        command = acked_command_of(payload)
+        if command is None or command == CommandId.ACK:
+            return None
+        return self._answer(command, False, reason, asker)
+
     def receive(self, payload: bytes, asker: Asker) -> Command | Answer | None:
         """Take a payload of a ground station.
 

@@ -30,6 +30,8 @@ RECEIPT_TYPE = 60_001
 SEALED_TYPE = 60_002
 """A command with a keyed hash, see `uavrt.tunnel.seal`."""
 MAX_HASHES = 15
+MAX_SEALED_HASHES = 12
+"""What fits into a seal's 108 bytes."""
 _HEAD = struct.Struct("<BBHI")
 _VERSION = 1
 

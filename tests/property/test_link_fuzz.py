@@ -1,0 +1,113 @@
+"""Random and mutated frames: no crash, no state change, and the counters say what came.
+
+20 000 here; `UAVRT_FUZZ=1000000` for the long form.
+"""
+
+import os
+from random import Random
+
+from uavrt.clock import Clock
+from uavrt.mavlink import Component, Handlers, Peer, dialect
+from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.messages import Command
+from uavrt.tunnel.exchange import Answer, Exchange
+from uavrt.tunnel.gate import Gate
+from uavrt.tunnel.reliable import ReliableSender
+from uavrt.tunnel.seal import Key, SealKeeper
+
+COUNT = int(os.environ.get("UAVRT_FUZZ", "20000"))
+NOW_NS = 1_700_000_000_000_000_000
+
+
+def tunnel_frame(writer: FrameWriter, random: Random) -> bytes:
+    size = random.choice((0, 3, 4, 12, 16, 40, 48, 88, 120, 128, random.randrange(129)))
+    payload = bytearray(random.randbytes(size))
+    if size >= 4 and random.random() < 0.9:
+        payload[:4] = random.randrange(24).to_bytes(4, "little")
+    return writer.encode(
+        dialect.Tunnel(
+            target_system=random.choice((0, 1, 1, 7)),
+            target_component=random.choice((0, 191, 191, 5)),
+            payload_type=random.choice((0, 0, 0, 5, 60_001, 60_002)),
+            payload_length=random.choice((size, size, size, random.randrange(256))),
+            payload=bytes(payload),
+        )
+    )
+
+
+def test_no_frame_disturbs_the_drone_side() -> None:
+    random = Random(20260)
+    clock, parser = Clock(0), FrameParser()
+    writer = FrameWriter(255, 190)
+    exchange, gate = Exchange(), Gate()
+    sender: ReliableSender[int] = ReliableSender(lambda number: bytes([number]))
+    sender.station_present(True, NOW_NS)
+    sender.add((2, 1), 1)
+    sent: list[object] = []
+    seen = {"payloads": 0, "private": 0, "commands": 0, "answers": 0}
+
+    def take(payload: bytes, peer: Peer) -> None:
+        seen["payloads"] += 1
+        result = exchange.receive(payload, (peer.system_id, peer.component_id))
+        seen["commands"] += isinstance(result, Command)
+        seen["answers"] += isinstance(result, Answer)
+
+    def private(kind: int, payload: bytes, peer: Peer) -> None:
+        seen["private"] += 1
+        assert gate.open(payload, (peer.system_id, peer.component_id), clock.now_ns()) is None
+
+    component = Component(
+        sent.append,
+        Handlers(
+            attitude=lambda sample: None,
+            position=lambda sample: None,
+            tunnel=take,
+            private=private,
+        ),
+    )
+    component.tick(NOW_NS)
+    fed, mutated = 0, 0
+    for number in range(COUNT):
+        frame = bytearray(tunnel_frame(writer, random))
+        if random.random() < 0.5:
+            mutated += 1
+            for _ in range(random.randrange(1, 4)):
+                frame[random.randrange(len(frame))] = random.randrange(256)
+        data = bytes(frame) if random.random() < 0.95 else random.randbytes(40)
+        fed += len(data)
+        parser.reset()
+        for received in parser.feed(data):
+            component.receive(received, NOW_NS + number)
+    parser.reset()
+    assert mutated > COUNT // 3
+    assert parser.received > COUNT // 3
+    assert parser.bad_crc > 0
+    assert parser.skipped_bytes < fed
+    counters = component.counters
+    assert counters["tunnels_received"] >= seen["payloads"] + seen["private"]
+    assert counters["bad_tunnels"] > 0
+    assert counters["for_others"] > 0
+    assert gate.refused == seen["private"]
+    refused = exchange.counters["payloads_refused"]
+    assert refused > 0
+    assert seen["answers"] <= refused + exchange.counters["commands_unsupported"]
+    assert seen["payloads"] >= seen["commands"] + seen["answers"]
+    # Nobody who matters was made up, and the pulse still waits.
+    assert component.discovery.autopilot is None
+    assert (len(sender), sender.in_flight) == (1, 0)
+
+
+def test_no_sealed_message_is_ever_believed_by_chance() -> None:
+    random = Random(20261)
+    keeper = SealKeeper(Key(random.randbytes(32)))
+    for _ in range(min(COUNT, 50_000)):
+        head = bytes((1, random.randrange(2), 0, 0))
+        payload = head + random.randbytes(random.randrange(125))
+        try:
+            keeper.open(payload, (255, 190), NOW_NS // 1000)
+        except ValueError as error:
+            raise AssertionError("not a refusal") from error
+        except Exception as error:  # noqa: BLE001
+            assert type(error).__name__ == "TunnelError"
+        else:
+            raise AssertionError("believed")

@@ -1,0 +1,80 @@
+"""A drone with a key is commanded by who has it, and by nobody else."""
+
+from pathlib import Path
+
+from uavrt import tunnel
+from uavrt.ground.protocol import GroundProtocol
+from uavrt.ground.receipts import Receipts
+from uavrt.mavlink import Peer
+from uavrt.messages import Command
+from uavrt.tunnel.exchange import Answer, Exchange
+from uavrt.tunnel.gate import Gate, Sealer
+from uavrt.tunnel.private import MAX_SEALED_HASHES, Receipt
+from uavrt.tunnel.seal import PLAIN_INSIDE, RECEIPT_INSIDE, Key, read_key
+
+GROUND = (255, 190)
+NOW_NS = 1_700_000_000_000_000_000
+STOP = tunnel.HeaderMessage(command=tunnel.CommandId.STOP_DETECTION).encode()
+
+
+def key_file(tmp_path: Path) -> Path:
+    path = tmp_path / "key"
+    path.write_text("00112233445566778899aabbccddeeff")
+    return path
+
+
+def sealing_ground(key: Key) -> GroundProtocol:
+    receipts = Receipts(7)
+    receipts.most = MAX_SEALED_HASHES
+    ground = GroundProtocol(*GROUND, receipts, Sealer(key, GROUND))
+    ground.drone = Peer(1, 191)
+    return ground
+
+
+def test_a_sealed_command_is_taken_and_a_plain_one_is_refused_with_the_reason(
+    tmp_path: Path,
+) -> None:
+    path = key_file(tmp_path)
+    gate, exchange = Gate((), str(path)), Exchange()
+    reason = gate.refusal(GROUND, sealed=False)
+    assert reason is not None
+    answer = exchange.refuse(STOP, reason, GROUND)
+    assert isinstance(answer, Answer)
+    ack = tunnel.decode(answer.payload)
+    assert isinstance(ack, tunnel.AckG1)
+    assert ack.result == tunnel.FAILURE
+    assert "only sealed" in ack.message
+    sent = sealing_ground(read_key(path)).tunnel_message(STOP)
+    opened = gate.open(sent.payload[: sent.payload_length], GROUND, NOW_NS)
+    assert opened == (PLAIN_INSIDE, STOP)
+    assert gate.refusal(GROUND, sealed=True) is None
+    assert isinstance(exchange.receive(STOP, GROUND), Command)
+
+
+def test_a_full_receipt_fits_into_a_seal(tmp_path: Path) -> None:
+    path = key_file(tmp_path)
+    ground = sealing_ground(read_key(path))
+    assert ground.receipts is not None
+    for number in range(20):
+        ground.receipts.stored(bytes([number]))
+    message = ground.receipt(NOW_NS)
+    assert message is not None
+    opened = Gate((), str(path)).open(message.payload[: message.payload_length], GROUND, NOW_NS)
+    assert opened is not None
+    kind, inside = opened
+    assert kind == RECEIPT_INSIDE
+    assert len(Receipt.decode(inside).hashes) == MAX_SEALED_HASHES
+
+
+def test_only_named_systems_may_command() -> None:
+    gate = Gate((245,))
+    assert gate.refusal((245, 190), sealed=False) is None
+    assert "255 may not command" in (gate.refusal(GROUND, sealed=False) or "")
+
+
+def test_forged_messages_are_counted(tmp_path: Path) -> None:
+    gate = Gate((), str(key_file(tmp_path)))
+    assert gate.open(bytes(40), GROUND, NOW_NS) is None
+    other = sealing_ground(Key(bytes(32))).tunnel_message(STOP)
+    assert gate.open(other.payload[: other.payload_length], GROUND, NOW_NS) is None
+    assert gate.refused == 2
