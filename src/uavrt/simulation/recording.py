@@ -107,7 +107,7 @@ def _prepare(base: Path, size_bytes: int) -> None:
     free = shutil.disk_usage(base).free
     if free < size_bytes:
         raise RecordingError(
-            f"the recording needs {size_bytes / 1e9:.1f} GB, {base} has {free / 1e9:.1f} GB",
+            f"the recording needs {size_bytes / 1e6:.0f} MB, {base} has {free / 1e6:.0f} MB",
             remedy="Record less, at a lower rate, or as cs16",
         )
 
