@@ -12,8 +12,9 @@ from uavrt.experiments.detection.signals import START_NS, THESIS_TAG, make_sampl
 from uavrt.messages import Tag
 
 Samples = NDArray[np.complex64]
-RATE_HZ = 3750.0
-BLOCK = 327
+RATE_HZ = 7500.0
+BLOCK = 653
+"""As `uavrt.analysis.detect.DetectionChain` feeds them."""
 SIGNAL_S = 20.0
 
 
@@ -31,7 +32,7 @@ def run() -> list[Table]:
     ]
     return [
         compare(
-            "Detector, ± 500 Hz unless said, 3750 S/s, blocks of 87 ms",
+            "Detector, ± 500 Hz unless said, 7500 S/s, blocks of 87 ms",
             cases,
             rounds=5,
             in_a_row=1,
@@ -55,7 +56,7 @@ def case(
             rng, duration_s=SIGNAL_S, interval_s=1.254, offset_hz=100.0, enr_db=enr_db
         )
     )
-    samples = make_samples(rng, pulses, duration_s=SIGNAL_S)
+    samples = make_samples(rng, pulses, duration_s=SIGNAL_S, sample_rate_hz=RATE_HZ)
     detectors = [
         PulseDetector(
             tag,
