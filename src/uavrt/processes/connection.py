@@ -85,7 +85,7 @@ class ConnectionProcess:
         self._outlet = PulseOutlet(self._exchange.pulse, self._note_delivered)
         self._link.tunnel.add_source(self._outlet.sender, Priority.PULSE)
         if frame.assignment.flight is not None:
-            self._outlet.flight(frame.assignment.flight.directory)
+            self._outlet.flight(frame.assignment.flight.directory, resumed=True)
         self._files = FileServer(FileTree(settings.recording.directory), self._link.tunnel.wake)
         self._link.tunnel.add_source(self._files, Priority.FILE)
         self._gate = Gate(mavlink.commanders, mavlink.key_file)

@@ -53,10 +53,14 @@ class PulseOutlet:
         self.bad_receipts = 0
         self.receipts = 0
 
-    def flight(self, directory: str) -> None:
-        """A flight has begun, or goes on after a restart of this process."""
+    def flight(self, directory: str, *, resumed: bool = False) -> None:
+        """A flight has begun, or goes on after a restart of this process.
+
+        Nothing is read from one that has just begun: the recorder is making its database.
+        """
         if directory not in self._flights:
             self._flights.append(directory)
+        if resumed:
             self.sender.disk_has_news()
 
     def add(self, pulse_pose: PulsePose) -> None:

@@ -53,7 +53,7 @@ def undelivered(
     path = FlightLayout(Path(directory)).database
     try:
         uri = f"{path.absolute().as_uri()}?mode=ro"
-        with closing(sqlite3.connect(uri, uri=True, timeout=0.2)) as database:
+        with closing(sqlite3.connect(uri, uri=True, timeout=0.05)) as database:
             rows = database.execute(_UNDELIVERED, (store, limit + len(without) + 1)).fetchall()
         found = [
             PulsePose(
