@@ -1,0 +1,62 @@
+"""Poses from elsewhere: logs of autopilots and tracks of receivers, for pulses without any."""
+
+from pathlib import Path
+
+from uavrt.analysis.tracks.attach import ClockOffset, attach_poses, estimate_offset
+from uavrt.analysis.tracks.dataflash import MARK, read_dataflash
+from uavrt.analysis.tracks.points import read_gpx, read_nmea
+from uavrt.analysis.tracks.tlog import read_tlog
+from uavrt.analysis.tracks.track import VehicleTrack
+from uavrt.analysis.tracks.ulog import read_ulog
+from uavrt.errors import FormatError
+
+__all__ = [
+    "ClockOffset",
+    "VehicleTrack",
+    "attach_poses",
+    "estimate_offset",
+    "read_dataflash",
+    "read_gpx",
+    "read_nmea",
+    "read_tlog",
+    "read_track",
+    "read_ulog",
+]
+
+
+def read_track(path: Path) -> VehicleTrack:
+    """Read a track of any kind that is known; the content tells which.
+
+    Raises
+    ------
+    FormatError
+        It is none, or has no attitude or no place.
+    UsageError
+        A package that it needs is not installed.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise FormatError(
+            f"cannot read {path}: {error.strerror}", remedy="Check the name"
+        ) from error
+    if head.startswith(b"ULog"):
+        track = read_ulog(path)
+    elif head.startswith(MARK):
+        track = read_dataflash(path)
+    elif b"<gpx" in head:
+        track = read_gpx(path)
+    elif len(head) > 11 and head[8] in (0xFD, 0xFE):
+        track = read_tlog(path)
+    elif b"$G" in head:
+        track = read_nmea(path)
+    else:
+        raise FormatError(
+            f"{path} is no track that we know",
+            remedy="Known are .ulg of PX4, .BIN and .tlog of ArduPilot, NMEA and GPX",
+        )
+    if not track.attitudes or not track.positions:
+        missing = "place" if track.attitudes else "attitude"
+        raise FormatError(f"{path} ({track.kind}) has no {missing}", remedy="Give another log")
+    return track

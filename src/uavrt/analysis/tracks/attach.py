@@ -1,0 +1,205 @@
+"""Give pulses the poses of another program's log, with the offset between the two clocks."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.tracks.track import VehicleTrack
+from uavrt.config.settings import AntennaSettings
+from uavrt.errors import UsageError
+from uavrt.localization import PATTERNS, TangentPlane
+from uavrt.messages import PulsePose
+from uavrt.pose import PoseAttacher, PoseRing, yaw_deg
+
+SEARCH_S = 120.0
+STEP_S = 1.0
+FINE_S = 0.05
+CLEAR = 1.15
+"""The best offset must explain the log so much better than any 5 s away."""
+_ELSEWHERE_S = 5.0
+_LEAST_PULSES = 12
+_NEAR_M = 20.0
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockOffset:
+    """How far the pulses' clock is ahead of the track's."""
+
+    offset_s: float
+    found_by: str
+    """``"given"``, ``"poses"`` or ``"powers"``."""
+    clearness: float | None = None
+    """Misfit of the best offset 5 s away over the least one."""
+
+
+def attach_poses(
+    pulse_poses: Sequence[PulsePose],
+    track: VehicleTrack,
+    offset_s: float,
+    antenna: AntennaSettings | None = None,
+) -> list[PulsePose]:
+    """Give each pulse the antenna's pose by the track; None where the track has none.
+
+    Parameters
+    ----------
+    pulse_poses : sequence of PulsePose
+        The pulses; poses that they have are replaced.
+    track : VehicleTrack
+        The vehicle's way.
+    offset_s : float
+        Added to the track's times.
+    antenna : AntennaSettings, optional
+        How the antenna sits on the vehicle.
+    """
+    ring = PoseRing(antenna, capacity=max(1, len(track.attitudes), len(track.positions)))
+    shifted = track.shifted(round(offset_s * 1e9))
+    for attitude in shifted.attitudes:
+        ring.add_attitude(attitude)
+    for position in shifted.positions:
+        ring.add_position(position)
+    attacher = PoseAttacher(ring, wait_s=0.0)
+    for one in sorted(pulse_poses, key=lambda one: one.pulse.start_time_ns):
+        attacher.add(one.pulse, one.pulse.end_time_ns)
+    return sorted(attacher.flush(), key=lambda one: one.pulse.start_time_ns)
+
+
+def estimate_offset(
+    pulse_poses: Sequence[PulsePose], track: VehicleTrack, *, antenna: str = "RA-23K"
+) -> ClockOffset:
+    """Estimate the offset between the clocks from what both logs know.
+
+    Pulses with poses of their own, however coarse: headings and places are laid over each
+    other. Without poses: SNR along the track is laid over the antenna's pattern and the
+    distance, with each tag's place free. A lone turn at a constant rate does not tell offset
+    from bearing; starts, stops and several turns do.
+
+    Raises
+    ------
+    UsageError
+        The logs have too little in common, or two offsets explain it nearly as well.
+    """
+    if len(track.attitudes) < 2 or len(track.positions) < 2:
+        raise UsageError("the track is empty", remedy="Give another log")
+    common = _Common(pulse_poses, track)
+    misfit: Callable[[float], float]
+    if len(common.posed) >= _LEAST_PULSES:
+        found_by, misfit = "poses", common.pose_misfit
+    elif len(common.time_s) >= _LEAST_PULSES:
+        found_by, misfit = "powers", partial(common.power_misfit, antenna=antenna)
+    else:
+        raise UsageError(
+            f"{len(common.time_s)} pulses are too few to find the clocks' offset",
+            remedy="Give --clock-offset, 0 when both clocks were set by GPS",
+        )
+    coarse = np.arange(-SEARCH_S, SEARCH_S + STEP_S, STEP_S)
+    cost = np.array([misfit(offset) for offset in coarse])
+    if not np.isfinite(cost).any():
+        raise UsageError(
+            f"pulses and track do not overlap, even {SEARCH_S:.0f} s apart",
+            remedy="Check that they are of the same flight, or give --clock-offset",
+        )
+    best = float(coarse[int(np.nanargmin(cost))])
+    fine = np.arange(best - STEP_S, best + STEP_S + FINE_S / 2, FINE_S)
+    fine_cost = np.array([misfit(offset) for offset in fine])
+    offset_s, least = float(fine[int(np.nanargmin(fine_cost))]), float(np.nanmin(fine_cost))
+    away = cost[np.abs(coarse - offset_s) > _ELSEWHERE_S]
+    clearness = float(np.nanmin(away)) / max(least, 1e-6)
+    if clearness < CLEAR:
+        raise UsageError(
+            f"the clocks' offset is not clear: {offset_s:.1f} s is best, but others are "
+            "nearly as good",
+            remedy="Give --clock-offset, 0 when both clocks were set by GPS",
+        )
+    return ClockOffset(offset_s=offset_s, found_by=found_by, clearness=clearness)
+
+
+class _Common:
+    """Both logs as arrays on one clock."""
+
+    def __init__(self, pulse_poses: Sequence[PulsePose], track: VehicleTrack) -> None:
+        known = [one for one in pulse_poses if np.isfinite(one.pulse.snr_db)]
+        base_ns = known[0].pulse.start_time_ns if known else 0
+
+        def seconds(times_ns: Sequence[int]) -> _Floats:
+            return np.array([(time - base_ns) / 1e9 for time in times_ns])
+
+        self.time_s = seconds([one.pulse.start_time_ns for one in known])
+        self.snr_db = np.array([one.pulse.snr_db for one in known])
+        self.tag = np.array([one.pulse.tag_id for one in known])
+        self.posed = [one for one in known if one.pose is not None]
+        self._posed_s = seconds([one.pulse.start_time_ns for one in self.posed])
+        self._yaw = np.array([yaw_deg(p.pose.quaternion_wxyz) for p in self.posed if p.pose])
+        first = track.positions[0]
+        plane = TangentPlane(latitude_deg=first.latitude_deg, longitude_deg=first.longitude_deg)
+        self._place = plane.to_local(
+            [one.pose.latitude_deg for one in self.posed if one.pose],
+            [one.pose.longitude_deg for one in self.posed if one.pose],
+        )
+        self._turn_s = seconds([one.time_ns for one in track.attitudes])
+        yaw = [yaw_deg(one.quaternion_wxyz) for one in track.attitudes]
+        self._track_yaw = np.unwrap(yaw, period=360.0)
+        self._way_s = seconds([one.time_ns for one in track.positions])
+        self._way = plane.to_local(
+            [one.latitude_deg for one in track.positions],
+            [one.longitude_deg for one in track.positions],
+        )
+        bearing = np.radians(np.arange(0.0, 360.0, 6.0))
+        radius = np.geomspace(60.0, 3000.0, 12)
+        self._grid = [
+            (way.mean() + np.outer(radius, turned(bearing))).ravel()
+            for way, turned in zip(self._way, (np.sin, np.cos), strict=True)
+        ]
+
+    def pose_misfit(self, offset_s: float) -> float:
+        """Mean square of headings (in 10°) and places (in 5 m), each at most 9."""
+        inside = self._inside(self._posed_s, offset_s)
+        if inside is None:
+            return np.nan
+        times = self._posed_s[inside] - offset_s
+        yaw = np.interp(times, self._turn_s, self._track_yaw) - self._yaw[inside]
+        # The antenna's own offset is the same all the time.
+        turned = np.exp(1j * np.radians(yaw))
+        off = np.degrees(np.angle(turned * np.conj(turned.mean())))
+        away = [
+            np.interp(times, self._way_s, way) - place[inside]
+            for way, place in zip(self._way, self._place, strict=True)
+        ]
+        apart = np.hypot(*away) / 5.0
+        return float(np.mean(np.minimum((off / 10.0) ** 2, 9.0) + np.minimum(apart**2, 9.0)))
+
+    def power_misfit(self, offset_s: float, antenna: str) -> float:
+        """Mean square [dB²] that pattern and distance leave, each tag's place and level free.
+
+        Power falls with the square of the distance; places are a polar grid around the way.
+        """
+        inside = self._inside(self.time_s, offset_s)
+        if inside is None:
+            return np.nan
+        times = self.time_s[inside] - offset_s
+        yaw = np.interp(times, self._turn_s, self._track_yaw)
+        east, north = (np.interp(times, self._way_s, way) for way in self._way)
+        total = 0.0
+        for tag_id in np.unique(self.tag[inside]):
+            own = self.tag[inside] == tag_id
+            towards_e = self._grid[0][:, None] - east[own][None, :]
+            towards_n = self._grid[1][:, None] - north[own][None, :]
+            bearing = np.degrees(np.arctan2(towards_e, towards_n))
+            gain = PATTERNS[antenna].gain_db(bearing - yaw[own][None, :])
+            far = 10.0 * np.log10(towards_e**2 + towards_n**2 + _NEAR_M**2)
+            rest = self.snr_db[inside][own][None, :] - gain + far
+            spread = rest - np.median(rest, axis=1, keepdims=True)
+            # Nulls are deep and uncertain: beyond 10 dB a pulse counts no more.
+            total += float(np.minimum(spread**2, 100.0).sum(axis=1).min())
+        return total / int(np.count_nonzero(inside))
+
+    def _inside(self, times_s: _Floats, offset_s: float) -> NDArray[np.bool_] | None:
+        """Pulses that the track covers; None unless nearly all."""
+        low = max(self._turn_s[0], self._way_s[0]) + offset_s
+        high = min(self._turn_s[-1], self._way_s[-1]) + offset_s
+        inside = (times_s >= low) & (times_s <= high)
+        return inside if np.count_nonzero(inside) >= 0.8 * len(times_s) else None

@@ -1,0 +1,145 @@
+"""Tracks of points: NMEA 0183 sentences, and GPX.
+
+NMEA: RMC (date, time, place), GGA (time, place, altitude) and HDT (true heading), checksums
+checked where they are there. GPX 1.0 and 1.1: ``trkpt`` with time and elevation.
+"""
+
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from uavrt.analysis.tracks.track import (
+    COURSE,
+    VehicleTrack,
+    attitude,
+    filled,
+    headings_of_course,
+    over_the_first,
+    position,
+)
+from uavrt.clock import parse_iso_utc
+from uavrt.errors import FormatError
+from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.pose import from_euler_deg
+from uavrt.recording.formats.text import read_lines
+
+_DAY_NS = 86_400_000_000_000
+
+
+def read_nmea(path: Path) -> VehicleTrack:
+    """Read NMEA sentences; damaged ones are passed over.
+
+    Raises
+    ------
+    FormatError
+        The file cannot be read, or no sentence in it gives date and place.
+    """
+    day_ns: int | None = None
+    time_ns: int | None = None
+    places: dict[int, PositionSample] = {}
+    turns: list[AttitudeSample] = []
+    for line in read_lines(path):
+        fields = _sentence(line)
+        try:
+            if fields[0].endswith("RMC") and fields[2] == "A":
+                stamp = datetime.strptime(fields[9], "%d%m%y").replace(tzinfo=UTC)
+                day_ns = round(stamp.timestamp()) * 1_000_000_000
+                time_ns = day_ns + _clock_ns(fields[1])
+                found = position(time_ns, *_place(fields[3:7]), math.nan)
+                if found is not None:
+                    places.setdefault(time_ns, found)
+            elif fields[0].endswith("GGA") and day_ns is not None and fields[6] != "0":
+                new_ns = day_ns + _clock_ns(fields[1])
+                if time_ns is not None and new_ns < time_ns - _DAY_NS // 2:
+                    new_ns += _DAY_NS  # midnight passed since the last RMC
+                time_ns = new_ns
+                found = position(time_ns, *_place(fields[2:6]), float(fields[9]))
+                if found is not None:
+                    places[time_ns] = found
+            elif fields[0].endswith("HDT") and time_ns is not None:
+                turned = attitude(time_ns, from_euler_deg(float(fields[1]), 0.0, 0.0))
+                turns += [] if turned is None else [turned]
+        except (ValueError, IndexError):
+            continue
+    return _track("NMEA", list(places.values()), turns, path)
+
+
+def read_gpx(path: Path) -> VehicleTrack:
+    """Read the tracks of a GPX file.
+
+    Raises
+    ------
+    FormatError
+        The file cannot be read, is no GPX, or its points have no times.
+    """
+    text = "\n".join(read_lines(path))
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise FormatError(f"{path} declares entities, which no GPX needs", remedy="Check it")
+    places: list[PositionSample] = []
+    try:
+        # Without the declaration: the text is decoded already.
+        root = ET.fromstring(text[text.find("<gpx") :] if "<gpx" in text else text)
+        for point in root.iter():
+            if point.tag.rpartition("}")[2] != "trkpt":
+                continue
+            inner = {child.tag.rpartition("}")[2]: child.text or "" for child in point}
+            if "time" not in inner:
+                continue
+            found = position(
+                parse_iso_utc(inner["time"].strip()),
+                float(point.get("lat", "nan")),
+                float(point.get("lon", "nan")),
+                float(inner.get("ele", "nan")),
+            )
+            places += [] if found is None else [found]
+    except (ET.ParseError, ValueError, OverflowError) as error:
+        raise FormatError(f"{path} is no GPX: {error}", remedy="Give a track") from error
+    return _track("GPX", places, [], path)
+
+
+def _track(
+    kind: str, places: list[PositionSample], turns: list[AttitudeSample], path: Path
+) -> VehicleTrack:
+    if not places:
+        raise FormatError(f"{path} has no point with time and place", remedy="Give a track")
+    positions = over_the_first(places)
+    attitudes = tuple(turns) or tuple(headings_of_course(positions))
+    return filled(
+        VehicleTrack(
+            kind=kind,
+            attitudes=attitudes,
+            positions=positions,
+            warnings=() if turns else (COURSE,),
+        )
+    )
+
+
+def _sentence(line: str) -> list[str]:
+    """Fields of a sentence, ``[""]`` for what is none or damaged."""
+    start = line.find("$")
+    body, star, checksum = line[start + 1 :].strip().partition("*")
+    if start < 0 or not body:
+        return [""]
+    if star:
+        total = 0
+        for byte in body.encode("ascii", "replace"):
+            total ^= byte
+        if f"{total:02X}" != checksum[:2].upper():
+            return [""]
+    return body.split(",")
+
+
+def _clock_ns(text: str) -> int:
+    hours, minutes, seconds = int(text[:2]), int(text[2:4]), float(text[4:])
+    return (hours * 3600 + minutes * 60) * 1_000_000_000 + round(seconds * 1e9)
+
+
+def _place(fields: list[str]) -> tuple[float, float]:
+    """Degrees of ``ddmm.mmmm,N,dddmm.mmmm,E``."""
+    latitude = int(fields[0][:2]) + float(fields[0][2:]) / 60.0
+    longitude = int(fields[2][:3]) + float(fields[2][3:]) / 60.0
+    return (
+        -latitude if fields[1] == "S" else latitude,
+        -longitude if fields[3] == "W" else longitude,
+    )

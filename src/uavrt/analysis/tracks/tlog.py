@@ -1,0 +1,125 @@
+"""A ground station's telemetry log (``.tlog``).
+
+::
+
+    microseconds since 1970, 8 bytes big endian | one MAVLink frame | …
+
+Times of samples are the autopilot's boot times; UTC comes from SYSTEM_TIME (GPS) where it is
+there, else from the ground station's clock by the messages that came fastest.
+"""
+
+import math
+import struct
+from pathlib import Path
+
+from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
+from uavrt.errors import FormatError
+from uavrt.mavlink import Frame, FrameParser, dialect
+from uavrt.mavlink.frame import MARKER_V1, MARKER_V2, SIGNED, crc16_mcrf4xx
+from uavrt.mavlink.samples import attitude_sample, position_sample
+from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.pose import from_euler_deg
+
+_ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
+"""ATTITUDE is in no message set of ours: our systems ask for ATTITUDE_QUATERNION."""
+_SANE_UNIX_US = 1_400_000_000_000_000
+
+
+class _Log:
+    """What was found so far."""
+
+    def __init__(self) -> None:
+        self.system_id: int | None = None
+        self.attitudes: dict[str, list[AttitudeSample]] = {"quaternion": [], "euler": []}
+        self.positions: list[PositionSample] = []
+        self.ground_offset_ns: int | None = None
+        self.gps_offset_ns: int | None = None
+
+    def take(self, frame: Frame, stamp_us: int) -> None:
+        """Take one frame of the vehicle."""
+        message = frame.message()
+        if isinstance(message, dialect.Heartbeat) and frame.component_id == 1:
+            self.system_id = self.system_id or frame.system_id
+        if frame.component_id != 1 or self.system_id not in (None, frame.system_id):
+            return
+        if isinstance(message, dialect.SystemTime):
+            if message.time_unix_usec > _SANE_UNIX_US:
+                offset = message.time_unix_usec * 1000 - message.time_boot_ms * 1_000_000
+                self.gps_offset_ns = self.gps_offset_ns or offset
+            return
+        sample: AttitudeSample | PositionSample | None = None
+        if isinstance(message, dialect.AttitudeQuaternion):
+            sample = attitude_sample(message, message.time_boot_ms * 1_000_000)
+            self._keep(sample, self.attitudes["quaternion"])
+        elif isinstance(message, dialect.GlobalPositionInt):
+            sample = position_sample(message, message.time_boot_ms * 1_000_000)
+            self._keep(sample, self.positions)
+        elif frame.message_id == _ATTITUDE_ID:
+            sample = _euler(frame)
+            self._keep(sample, self.attitudes["euler"])
+        if sample is not None:
+            offset = stamp_us * 1000 - sample.time_ns
+            old = self.ground_offset_ns
+            self.ground_offset_ns = offset if old is None else min(old, offset)
+
+    @staticmethod
+    def _keep(sample: object, kept: "list[AttitudeSample] | list[PositionSample]") -> None:
+        if sample is not None:
+            kept.append(sample)  # type: ignore[arg-type]
+
+
+def read_tlog(path: Path) -> VehicleTrack:
+    """Read a telemetry log.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, or holds no frame.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise FormatError(f"cannot read {path}: {error.strerror}") from error
+    log = _Log()
+    parser = FrameParser()
+    place = 0
+    while place + 11 <= len(content):
+        length = _length(content, place + 8)
+        if length is None:
+            place += 1  # damaged: look for the next stamp and marker
+            continue
+        frames = parser.feed(content[place + 8 : place + 8 + length])
+        parser.reset()
+        if frames:
+            log.take(frames[0], struct.unpack_from(">Q", content, place)[0])
+            place += 8 + length
+        else:
+            place += 1
+    if not parser.received:
+        raise FormatError(f"{path} holds no MAVLink frame", remedy="Give a .tlog")
+    offset_ns = log.gps_offset_ns or log.ground_offset_ns or 0
+    attitudes = log.attitudes["quaternion"] or log.attitudes["euler"]
+    track = VehicleTrack(
+        kind="tlog", attitudes=in_order(attitudes), positions=in_order(log.positions)
+    )
+    return track.shifted(offset_ns)
+
+
+def _length(content: bytes, place: int) -> int | None:
+    if content[place] == MARKER_V1:
+        return 8 + content[place + 1]
+    if content[place] == MARKER_V2:
+        return 12 + content[place + 1] + (13 if content[place + 2] & SIGNED else 0)
+    return None
+
+
+def _euler(frame: Frame) -> AttitudeSample | None:
+    body = frame.raw[1 : len(frame.raw) - 2 - (13 if frame.signed else 0)]
+    checked = crc16_mcrf4xx(body + bytes((_ATTITUDE_SEED,)))
+    if checked != int.from_bytes(frame.raw[1 + len(body) : 3 + len(body)], "little"):
+        return None
+    boot_ms, roll, pitch, yaw = struct.unpack("<Ifff", frame.payload.ljust(28, b"\0")[:16])
+    if not all(map(math.isfinite, (roll, pitch, yaw))):
+        return None
+    turned = from_euler_deg(*map(math.degrees, (yaw, pitch, roll)))
+    return attitude(boot_ms * 1_000_000, turned)

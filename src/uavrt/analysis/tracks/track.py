@@ -1,0 +1,147 @@
+"""A vehicle's way as another program logged it, on that program's clock."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TypeVar
+
+from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.pose import from_euler_deg, normalised, slerp
+
+COURSE = (
+    "This track has no attitude: the heading is taken as the course over ground, level, and "
+    "held while the vehicle is slower than 0.5 m/s. Bearings need a real heading."
+)
+_STEP_NS = 1_000_000_000
+_LONGEST_GAP_S = 15.0
+_SLOWEST_M_S = 0.5
+
+S = TypeVar("S", AttitudeSample, PositionSample)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleTrack:
+    """Attitudes and positions, each in order of time [ns, UTC by the logger's clock]."""
+
+    kind: str
+    attitudes: tuple[AttitudeSample, ...]
+    positions: tuple[PositionSample, ...]
+    warnings: tuple[str, ...] = ()
+
+    def shifted(self, offset_ns: int) -> "VehicleTrack":
+        """Move all times by so much."""
+        return replace(
+            self,
+            attitudes=tuple(replace(a, time_ns=a.time_ns + offset_ns) for a in self.attitudes),
+            positions=tuple(replace(p, time_ns=p.time_ns + offset_ns) for p in self.positions),
+        )
+
+
+def attitude(
+    time_ns: int, quaternion_wxyz: tuple[float, float, float, float]
+) -> AttitudeSample | None:
+    """Make a sample; None when it is no rotation."""
+    try:
+        return AttitudeSample(time_ns=time_ns, quaternion_wxyz=normalised(quaternion_wxyz))
+    except ValueError:
+        return None
+
+
+def position(
+    time_ns: int, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
+) -> PositionSample | None:
+    """Make a sample whose relative altitude is not known yet; None when it is no place."""
+    if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
+        return None
+    if latitude_deg == 0.0 and longitude_deg == 0.0:  # before the first fix
+        return None
+    altitude = altitude_amsl_m if math.isfinite(altitude_amsl_m) else 0.0
+    return PositionSample(
+        time_ns=time_ns,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_amsl_m=altitude,
+        altitude_relative_m=math.nan,
+    )
+
+
+def over_the_first(positions: Iterable[PositionSample]) -> tuple[PositionSample, ...]:
+    """Order by time; unknown relative altitudes become heights over the first place."""
+    ordered = in_order(positions)
+    base_m = ordered[0].altitude_amsl_m if ordered else 0.0
+    return tuple(
+        one
+        if math.isfinite(one.altitude_relative_m)
+        else replace(one, altitude_relative_m=one.altitude_amsl_m - base_m)
+        for one in ordered
+    )
+
+
+def in_order(samples: Iterable[S]) -> tuple[S, ...]:
+    """Order by time, each time once."""
+    by_time = {one.time_ns: one for one in samples}
+    return tuple(by_time[time] for time in sorted(by_time))
+
+
+def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSample]:
+    """Level attitudes along the course over ground."""
+    found: list[AttitudeSample] = []
+    heading = None
+    for before, after in pairwise(positions):
+        seconds = (after.time_ns - before.time_ns) / 1e9
+        north = math.radians(after.latitude_deg - before.latitude_deg) * 6.371e6
+        turn = math.remainder(after.longitude_deg - before.longitude_deg, 360.0)
+        east = math.radians(turn) * 6.371e6 * math.cos(math.radians(before.latitude_deg))
+        if math.hypot(north, east) >= _SLOWEST_M_S * seconds:
+            heading = math.degrees(math.atan2(east, north))
+        if heading is not None:
+            found.append(_level(before.time_ns, heading))
+    if heading is not None and positions:
+        found.append(_level(positions[-1].time_ns, heading))
+    return found
+
+
+def filled(track: VehicleTrack) -> VehicleTrack:
+    """Fill gaps of up to 15 s between sparse points: the poses' ring bridges only two."""
+    return replace(
+        track,
+        attitudes=tuple(_filled(track.attitudes, _between_attitudes)),
+        positions=tuple(_filled(track.positions, _between_positions)),
+    )
+
+
+def _level(time_ns: int, heading_deg: float) -> AttitudeSample:
+    turned = from_euler_deg(heading_deg, 0.0, 0.0)
+    return AttitudeSample(time_ns=time_ns, quaternion_wxyz=turned)
+
+
+def _filled(samples: Sequence[S], between: Callable[[S, S, float], S]) -> list[S]:
+    found: list[S] = list(samples[:1])
+    for before, after in pairwise(samples):
+        gap_ns = after.time_ns - before.time_ns
+        steps = gap_ns // _STEP_NS if gap_ns <= _LONGEST_GAP_S * 1e9 else 0
+        found += [between(before, after, step / steps) for step in range(1, steps)]
+        found.append(after)
+    return found
+
+
+def _between_attitudes(a: AttitudeSample, b: AttitudeSample, share: float) -> AttitudeSample:
+    return AttitudeSample(
+        time_ns=a.time_ns + round(share * (b.time_ns - a.time_ns)),
+        quaternion_wxyz=slerp(a.quaternion_wxyz, b.quaternion_wxyz, share),
+    )
+
+
+def _between_positions(a: PositionSample, b: PositionSample, share: float) -> PositionSample:
+    def mixed(x: float, y: float) -> float:
+        return x + share * (y - x)
+
+    east = math.remainder(b.longitude_deg - a.longitude_deg, 360.0)
+    return PositionSample(
+        time_ns=a.time_ns + round(share * (b.time_ns - a.time_ns)),
+        latitude_deg=mixed(a.latitude_deg, b.latitude_deg),
+        longitude_deg=math.remainder(a.longitude_deg + share * east, 360.0),
+        altitude_amsl_m=mixed(a.altitude_amsl_m, b.altitude_amsl_m),
+        altitude_relative_m=mixed(a.altitude_relative_m, b.altitude_relative_m),
+    )

@@ -1,0 +1,256 @@
+"""Poses from logs of PX4 and ArduPilot, telemetry, NMEA and GPX, and the clocks' offset."""
+
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavrt.analysis.bearings import bearings_of_pulses
+from uavrt.analysis.tracks import (
+    VehicleTrack,
+    attach_poses,
+    estimate_offset,
+    read_dataflash,
+    read_nmea,
+    read_tlog,
+    read_track,
+    read_ulog,
+)
+from uavrt.clock import iso_utc
+from uavrt.errors import FormatError, UsageError
+from uavrt.localization.angles import difference_deg
+from uavrt.mavlink import FrameWriter, dialect
+from uavrt.messages import Pose, PulsePose
+from uavrt.pose import yaw_deg
+from uavrt.recording import Flight, read_flight
+from uavrt.recording.formats.tagtracker import euler_deg
+from uavrt.simulation.telemetry import telemetry_message
+
+WriteFlight = Callable[..., Path]
+WriteTrack = Callable[[list[Pose], Path], Path]
+BOOT_NS = 40_000_000_000
+"""Time since boot at the first pose."""
+
+
+@pytest.fixture(scope="module")
+def flight(write_flight: WriteFlight) -> Flight:
+    return read_flight(write_flight())
+
+
+def boot_us(pose: Pose, poses: list[Pose]) -> int:
+    return (BOOT_NS + pose.time_ns - poses[0].time_ns) // 1000
+
+
+def write_ulog(poses: list[Pose], path: Path) -> Path:
+    """As the ULog specification of PX4 has it."""
+
+    def message(kind: bytes, body: bytes) -> bytes:
+        return struct.pack("<Hc", len(body), kind) + body
+
+    formats = (
+        b"vehicle_attitude:uint64_t timestamp;float[4] q;",
+        b"vehicle_global_position:uint64_t timestamp;double lat;double lon;float alt;",
+        b"sensor_gps:uint64_t timestamp;uint64_t time_utc_usec;",
+    )
+    out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message(b"B", bytes(40))
+    for text in formats:
+        out += message(b"F", text)
+    for number, text in enumerate(formats):
+        out += message(b"A", struct.pack("<BH", 0, number) + text.partition(b":")[0])
+    for pose in poses:
+        time = boot_us(pose, poses)
+        out += message(b"D", struct.pack("<HQ4f", 0, time, *pose.quaternion_wxyz))
+        place = (pose.latitude_deg, pose.longitude_deg, pose.altitude_amsl_m)
+        out += message(b"D", struct.pack("<HQddf", 1, time, *place))
+        utc = pose.time_ns // 1000
+        out += message(b"D", struct.pack("<HQQ", 2, time + 120_000, utc + 120_000))
+    path.write_bytes(out)
+    return path
+
+
+def write_dataflash(poses: list[Pose], path: Path) -> Path:
+    def fmt(kind: int, name: str, code: str, columns: str) -> bytes:
+        sizes = {"Q": 8, "L": 4, "f": 4, "B": 1, "I": 4, "H": 2, "c": 2}
+        length = 3 + sum(sizes[letter] for letter in code)
+        names = (name.encode(), code.encode(), columns.encode())
+        return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", kind, length, *names)
+
+    out = b"\xa3\x95\x80" + struct.pack(
+        "<BB4s16s64s", 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns"
+    )
+    out += fmt(130, "ATT", "Qfff", "TimeUS,Roll,Pitch,Yaw")
+    out += fmt(131, "POS", "QLLf", "TimeUS,Lat,Lng,Alt")
+    out += fmt(132, "GPS", "QBIH", "TimeUS,Status,GMS,GWk")
+    for pose in poses:
+        time = boot_us(pose, poses)
+        out += b"\xa3\x95\x82" + struct.pack("<Qfff", time, *euler_deg(pose.quaternion_wxyz))
+        places = [round(d * 1e7) for d in (pose.latitude_deg, pose.longitude_deg)]
+        out += b"\xa3\x95\x83" + struct.pack("<Qiif", time, *places, pose.altitude_amsl_m)
+        gps_ms = pose.time_ns // 1_000_000 - 315_964_800_000 + 18_000
+        week, rest = divmod(gps_ms, 604_800_000)
+        out += b"\xa3\x95\x84" + struct.pack("<QBIH", time, 3, rest, week)
+    path.write_bytes(out)
+    return path
+
+
+def write_tlog(poses: list[Pose], path: Path) -> Path:
+    writer = FrameWriter(1, 1)
+    ids = (dialect.AttitudeQuaternion.ID, dialect.GlobalPositionInt.ID, dialect.SystemTime.ID)
+
+    def records() -> Iterator[bytes]:
+        for pose in poses:
+            boot_ms = boot_us(pose, poses) // 1000
+            for message_id in ids:
+                frame = writer.encode(
+                    telemetry_message(message_id, pose, boot_ms, pose.time_ns)
+                )
+                # The ground station's clock is 3 s off; GPS time is in the messages.
+                yield struct.pack(">Q", pose.time_ns // 1000 + 3_000_000) + frame
+
+    path.write_bytes(b"".join(records()))
+    return path
+
+
+def write_nmea(poses: list[Pose], path: Path) -> Path:
+    lines = []
+    for pose in poses[::10]:
+        stamp = iso_utc(pose.time_ns)
+        clock = stamp[11:19].replace(":", "") + stamp[19:22]
+        day = stamp[8:10] + stamp[5:7] + stamp[2:4]
+        lat, lon = abs(pose.latitude_deg), abs(pose.longitude_deg)
+        place = f"{int(lat):02d}{lat % 1 * 60:09.6f},N,{int(lon):03d}{lon % 1 * 60:09.6f},W"
+        for body in (
+            f"GPRMC,{clock},A,{place},0.0,0.0,{day},,,A",
+            f"GPGGA,{clock},{place},1,12,0.8,{pose.altitude_amsl_m:.2f},M,,M,,",
+            f"GPHDT,{yaw_deg(pose.quaternion_wxyz):.2f},T",
+        ):
+            total = 0
+            for byte in body.encode():
+                total ^= byte
+            lines.append(f"${body}*{total:02X}")
+    path.write_text("\r\n".join(lines) + "\r\n$GPRMC,garbage*00\r\n")
+    return path
+
+
+def write_gpx(poses: list[Pose], path: Path) -> Path:
+    points = "".join(
+        f'<trkpt lat="{p.latitude_deg:.8f}" lon="{p.longitude_deg:.8f}">'
+        f"<ele>{p.altitude_amsl_m}</ele><time>{iso_utc(p.time_ns)}</time></trkpt>"
+        for p in poses[::40]
+    )
+    path.write_text(
+        '<?xml version="1.0" encoding="UTF-8"?><gpx version="1.1" '
+        'xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>'
+        f"{points}</trkseg></trk></gpx>"
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("write", "read", "kind", "yaw_bound_deg"),
+    [
+        (write_ulog, read_ulog, "ULog", 0.1),
+        (write_dataflash, read_dataflash, "DataFlash", 0.1),
+        (write_tlog, read_tlog, "tlog", 0.1),
+        (write_nmea, read_nmea, "NMEA", 1.0),
+    ],
+    ids=["ULog", "DataFlash", "tlog", "NMEA"],
+)
+def test_pulses_get_the_poses_that_they_had_in_flight(
+    flight: Flight,
+    tmp_path: Path,
+    write: WriteTrack,
+    read: Callable[[Path], VehicleTrack],
+    kind: str,
+    yaw_bound_deg: float,
+) -> None:
+    path = write(list(flight.poses), tmp_path / "log")
+    track = read_track(path)
+    assert track.kind == kind == read(path).kind
+    attached = attach_poses(flight.pulse_poses, track, 0.0)
+    assert len(attached) == len(flight.pulse_poses)
+    for one, other in zip(attached, flight.pulse_poses, strict=True):
+        assert one.pose is not None
+        assert other.pose is not None
+        yaws = [yaw_deg(p.quaternion_wxyz) for p in (one.pose, other.pose)]
+        assert abs(difference_deg(*yaws)) < yaw_bound_deg
+        assert one.pose.latitude_deg == pytest.approx(other.pose.latitude_deg, abs=1e-5)
+        assert one.pose.altitude_amsl_m == pytest.approx(other.pose.altitude_amsl_m, abs=0.7)
+
+
+def test_our_dataflash_file_is_one_to_pymavlink_too(flight: Flight, tmp_path: Path) -> None:
+    from pymavlink.DFReader import DFReader_binary
+
+    reader = DFReader_binary(str(write_dataflash(list(flight.poses)[:50], tmp_path / "x.bin")))
+    message = reader.recv_match(type="POS")
+    assert message.Lat == pytest.approx(flight.poses[0].latitude_deg, abs=1e-6)
+    reader.filehandle.close()
+
+
+def test_gpx_gives_places_and_says_that_headings_are_courses(
+    flight: Flight, tmp_path: Path
+) -> None:
+    track = read_track(write_gpx(list(flight.poses), tmp_path / "track.gpx"))
+    assert "course over ground" in track.warnings[0]
+    attached = attach_poses(flight.pulse_poses, track, 0.0)
+    placed = [one for one in attached if one.pose is not None]
+    assert len(placed) > 0.6 * len(attached)  # none before it first moves
+
+
+@pytest.mark.parametrize("offset_s", [0.0, 7.35, -41.2])
+@pytest.mark.parametrize("posed", [True, False], ids=["poses", "powers"])
+def test_the_clocks_offset_is_found_from_what_is_common(
+    flight: Flight, tmp_path: Path, offset_s: float, posed: bool
+) -> None:
+    track = read_track(write_tlog(list(flight.poses), tmp_path / "x.tlog"))
+    late = track.shifted(round(-offset_s * 1e9))
+    pulses = [
+        one if posed else PulsePose(pulse=one.pulse, pose=None) for one in flight.pulse_poses
+    ]
+    found = estimate_offset(pulses, late)
+    assert found.found_by == ("poses" if posed else "powers")
+    assert found.offset_s == pytest.approx(offset_s, abs=0.15 if posed else 0.6)
+    (first, *_) = bearings_of_pulses(attach_poses(pulses, late, found.offset_s))
+    (truth, *_) = bearings_of_pulses(flight.pulse_poses)
+    assert abs(difference_deg(first.bearing.bearing_deg, truth.bearing.bearing_deg)) < 6.0
+
+
+def test_an_offset_that_is_not_clear_is_refused(flight: Flight, tmp_path: Path) -> None:
+    still = [pose for pose in flight.poses if pose.time_ns < flight.poses[0].time_ns + 3e9]
+    track = read_track(write_tlog(still, tmp_path / "x.tlog"))
+    pulses = [PulsePose(pulse=one.pulse, pose=None) for one in flight.pulse_poses]
+    with pytest.raises(UsageError, match="clock-offset"):
+        estimate_offset(pulses[:5], track)
+    with pytest.raises(UsageError, match="do not overlap"):
+        estimate_offset(pulses, track)
+
+
+def test_a_damaged_log_gives_what_is_whole(flight: Flight, tmp_path: Path) -> None:
+    poses = list(flight.poses)[:100]
+    for write in (write_dataflash, write_tlog):
+        path = write(poses, tmp_path / "log")
+        content = path.read_bytes()
+        middle = len(content) // 2
+        path.write_bytes(content[:middle] + b"\x00\xfd\xa3\x95\x82rubbish" + content[middle:-3])
+        assert len(read_track(path).attitudes) >= 98
+
+
+@given(st.binary(max_size=300), st.sampled_from([b"", b"\xa3\x95\x80", b"12345678\xfd"]))
+@settings(deadline=None, max_examples=60)
+def test_any_bytes_give_a_track_or_a_format_error(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes, head: bytes
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "any"
+    path.write_bytes(head + content)
+    with pytest.raises(FormatError):
+        read_track(path)
+
+
+def test_a_gpx_with_entities_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.gpx"
+    path.write_text('<!DOCTYPE gpx [<!ENTITY a "aa">]><gpx>&a;</gpx>')
+    with pytest.raises(FormatError, match="entities"):
+        read_track(path)
