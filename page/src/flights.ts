@@ -17,9 +17,12 @@ export function buildFlights(go: (name: string) => void): void {
     h("div", { class: "toolbar" }, h("h2", {}, "Flights on this computer"), h("button", { id: "flights-refresh", onclick: () => void refresh() }, "Refresh")),
     h("div", { id: "flights-list", class: "table-wrap" }),
   );
-  void get<Choices>("/choices").then((choices) => {
-    exports = choices.exports;
-  });
+  void get<Choices>("/choices").then(
+    (choices) => {
+      exports = choices.exports;
+    },
+    () => undefined,
+  );
 }
 
 export async function refresh(): Promise<void> {
@@ -43,6 +46,7 @@ export async function refresh(): Promise<void> {
         "td",
         { class: "row-actions" },
         h("button", { class: "open-flight", onclick: () => void open(flight.flight_id) }, "Open"),
+        h("a", { class: "export report", href: `/api/flights/${encodeURIComponent(flight.flight_id)}/report`, target: "_blank", rel: "noopener" }, "Report"),
         ...exports.map((name) =>
           h("a", { class: "export", href: `/api/flights/${encodeURIComponent(flight.flight_id)}/export/${name}`, download: "" }, name.toUpperCase()),
         ),

@@ -19,6 +19,7 @@ from uavrt.ground.exports import EXPORTS, export
 from uavrt.ground.flights import PULSE_COLUMNS, Columns
 from uavrt.ground.hub import encode
 from uavrt.ground.ports import serial_ports
+from uavrt.ground.reports import POLICY, Reporter
 from uavrt.ground.session import GroundSession
 from uavrt.localization import PATTERNS
 
@@ -46,6 +47,7 @@ class Api:
     def __init__(self, session: GroundSession) -> None:
         self._session = session
         self._estimates: dict[tuple[Any, ...], Any] = {}
+        self._reporter = Reporter(session.store.directory / "reports")
 
     def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
         """Path below ``/api``, method, handler."""
@@ -70,6 +72,7 @@ class Api:
             ("/flights/{flight_id}/track", "GET", self.track),
             ("/flights/{flight_id}/estimates", "GET", self.estimates),
             ("/flights/{flight_id}/export/{name}", "GET", self.export),
+            ("/flights/{flight_id}/report", "GET", self.report),
         ]
 
     async def state(self, request: Request) -> Any:
@@ -238,6 +241,14 @@ class Api:
         summary = self._session.library.summary(flight_id)
         content = await asyncio.to_thread(export, name, summary, columns, found)
         return _download(content, f"{flight_id}.{name}", EXPORTS[name])
+
+    async def report(self, request: Request) -> Any:
+        """The report of a flight, for people."""
+        library, antenna = self._session.library, self._session.store.settings.antenna
+        path = await asyncio.to_thread(library.path, _flight_id(request))
+        content = await self._reporter.report(path, antenna)
+        headers = {"Content-Security-Policy": POLICY}
+        return Response(content, media_type="text/html", headers=headers)
 
     async def map_file(self, request: Request) -> Any:
         """A map file; the browser reads parts of it."""

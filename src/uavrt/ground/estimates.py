@@ -117,11 +117,9 @@ def turns_of(columns: Columns) -> list[Turn]:
     poses = columns.poses
     if poses.shape[1] < 4:
         pulses = columns.pulses[:, np.isfinite(columns["quaternion_w"])]
-        posed = Columns(pulses=pulses, poses=poses)
-        order = np.argsort(posed["start_time_ns"], kind="stable")
-        poses = np.concatenate(
-            [pulses[[1, 8, 9, 10]][:, order], pulses[11:15][:, order]],
-        )
+        poses = np.concatenate([pulses[[1, 8, 9, 10]], pulses[11:15]])
+    # They come in order unless what is known of the drone's clock has changed on the way.
+    poses = poses[:, np.argsort(poses[0], kind="stable")]
     times = poses[0]
     if not len(times):
         return []

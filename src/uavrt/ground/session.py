@@ -47,8 +47,13 @@ LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
 """Estimates run again after eight times as long as they took: at most 11 % of a core."""
-SKEW_TOLERANCE_NS = 3 * NANOSECONDS_PER_SECOND
-"""Pulses come 0.5 to 2 s after they were; more, or before, is the drone's clock."""
+SKEW_PULSES = 5
+"""Pulses that are compared before the drone's clock is judged: the first may be old ones, sent
+again after a gap of the link."""
+LATE_NS = 10 * NANOSECONDS_PER_SECOND
+AHEAD_NS = 3 * NANOSECONDS_PER_SECOND
+"""Prompt pulses come 0.5 to 2 s after they were. All later than this, or any so long before
+it was: that is the drone's clock."""
 
 ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
 
@@ -98,11 +103,11 @@ class GroundSession:
         self.drone_directory = ""
         self._stopped_ns: int | None = None
         self.skew_ns: int | None = None
+        self._delays = 0
+        self._least_delay_ns: int | None = None
         self._was_present = False
         self._last_pose_ns = 0
         self.last_pulse_s = 0.0
-
-    # ------------------------------------------------------------------- serving
 
     async def run(self) -> None:
         """Serve until cancelled; connect to the address that is set."""
@@ -291,12 +296,17 @@ class GroundSession:
         self.send_state()
 
     def _learn_skew(self, delay_ns: int) -> None:
-        """Learn how far the drone's clock is behind ours, from the promptest pulse."""
-        skew = delay_ns if abs(delay_ns) > SKEW_TOLERANCE_NS else 0
-        if self.skew_ns is None or skew < self.skew_ns:
-            if skew != 0:
-                self.note(4, f"the drone's clock differs by {-skew / 1e9:.0f} s")
-            self.skew_ns = skew
+        """Learn how far the drone's clock is behind ours, from the promptest of some pulses."""
+        self._delays += 1
+        self._least_delay_ns = min(delay_ns, self._least_delay_ns or delay_ns)
+        if self._delays < SKEW_PULSES:
+            return
+        least_ns = self._least_delay_ns
+        skew_ns = least_ns if not -AHEAD_NS <= least_ns <= LATE_NS else 0
+        if self.skew_ns is None or skew_ns < self.skew_ns:
+            if skew_ns != 0 and self.skew_ns is None:
+                self.note(4, f"the drone's clock differs by {-skew_ns / 1e9:.0f} s")
+            self.skew_ns = skew_ns
 
     # ------------------------------------------------------------------- flight
 
@@ -336,8 +346,6 @@ class GroundSession:
     def _commit(self) -> None:
         self._commit_due = False
         self.flight.commit()
-
-    # ------------------------------------------------------------------- regularly
 
     def _once_a_second(self) -> None:
         now_ns = self.clock.now_ns()

@@ -175,6 +175,14 @@ def test_a_turn_that_goes_on_gives_a_wide_interval_that_narrows(keeper: FlightKe
     assert widths[2] < widths[0]
 
 
+def test_poses_out_of_order_spoil_nothing(flown: tuple[FlightLibrary, str]) -> None:
+    library, flight_id = flown
+    columns = library.columns(flight_id)
+    mixed = np.random.default_rng(3).permutation(columns.poses.shape[1])
+    shuffled = Columns(pulses=columns.pulses, poses=columns.poses[:, mixed])
+    assert estimates(shuffled).bearings == estimates(columns).bearings
+
+
 def test_an_offset_of_the_antenna_turns_the_bearing(flown: tuple[FlightLibrary, str]) -> None:
     library, flight_id = flown
     columns = library.columns(flight_id)

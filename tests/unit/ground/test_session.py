@@ -131,11 +131,20 @@ def test_a_pulse_is_stored_once_however_often_it_comes(served: Any, drone: Drone
 
 def test_a_drone_whose_clock_is_an_hour_late_is_told(served: Any, drone: Drone) -> None:
     drone.heartbeat(SystemState.DETECTING)
-    drone.pulse(time.time_ns() - 3600 * SECOND_NS)
-    state = until(served, lambda state: state["flight"]["pulses"] == 1)
+    for place in range(6):
+        drone.pulse(time.time_ns() - (3600 + 7 * (place % 2)) * SECOND_NS)
+    state = until(served, lambda state: state["flight"]["pulses"] == 6)
     assert state["drone"]["clock_skew_s"] == pytest.approx(3600.0, abs=5.0)
     log = served.ask("GET", "/api/log").json
     assert any("clock differs by -3600 s" in line["text"] for line in log)
+
+
+def test_old_pulses_sent_again_are_no_clock_that_is_late(served: Any, drone: Drone) -> None:
+    drone.heartbeat(SystemState.DETECTING)
+    for old_s in (60, 50, 40, 30, 20, 1, 10):
+        drone.pulse(time.time_ns() - old_s * SECOND_NS)
+    state = until(served, lambda state: state["flight"]["pulses"] == 7)
+    assert state["drone"]["clock_skew_s"] == 0.0
 
 
 def test_another_start_is_another_flight(served: Any, drone: Drone) -> None:

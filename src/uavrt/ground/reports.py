@@ -1,0 +1,76 @@
+"""Reports of flights, made by ``uavrt report`` as a program of its own.
+
+Its drawing library takes 65 MB; the ground station, which runs all day, does not load it.
+"""
+
+import asyncio
+import sys
+from pathlib import Path
+
+from uavrt.errors import RecordingError
+
+TIMEOUT_S = 180.0
+
+POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; sandbox; "
+    "frame-ancestors 'none'"
+)
+"""What a browser may do with a report: show it. Names in it were typed by people."""
+
+
+class Reporter:
+    """Makes reports, one at a time, and keeps them while nothing has changed.
+
+    Parameters
+    ----------
+    directory : Path
+        Where reports are kept.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._busy = asyncio.Lock()
+
+    async def report(self, flight: Path, antenna: str) -> bytes:
+        """Get the report of a flight as HTML.
+
+        Raises
+        ------
+        RecordingError
+            It could not be made; the text is what the program said.
+        """
+        place = self._directory / flight.name / antenna
+        async with self._busy:
+            return await asyncio.to_thread(_kept, place, flight) or await _made(
+                place, flight, antenna
+            )
+
+
+def _kept(place: Path, flight: Path) -> bytes | None:
+    """Give the report that is there, when the flight has not changed since."""
+    report = place / "report.html"
+    if not report.is_file():
+        return None
+    changed = max(path.stat().st_mtime for path in flight.glob("flight.sqlite*"))
+    return report.read_bytes() if report.stat().st_mtime > changed else None
+
+
+async def _made(place: Path, flight: Path, antenna: str) -> bytes:
+    await asyncio.to_thread(place.mkdir, parents=True, exist_ok=True)
+    program = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "uavrt.cli", "report", str(flight)),
+        *("--antenna", antenna, "--no-pdf", "-o", str(place)),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    try:
+        async with asyncio.timeout(TIMEOUT_S):
+            _, said = await program.communicate()
+    except TimeoutError as error:
+        program.kill()
+        raise RecordingError(f"the report was not ready after {TIMEOUT_S:g} s") from error
+    if program.returncode != 0:
+        text = said.decode("utf-8", "replace").strip()[-400:]
+        raise RecordingError(f"the report could not be made: {text}")
+    return await asyncio.to_thread((place / "report.html").read_bytes)
