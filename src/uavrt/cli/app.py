@@ -14,6 +14,7 @@ COMMANDS = {
     "detect": "Find pulses in a recording or a live stream.",
     "bearing": "Bearings from a flight or a pulse log.",
     "localize": "Positions from a flight or from bearings.",
+    "attach": "Poses from an autopilot's log for pulses without any.",
     "report": "A report of a flight, to look at and hand on.",
     "export": "A flight as files for other programs.",
     "fetch": "Copy flights from the drone over the radio link.",

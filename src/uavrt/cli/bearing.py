@@ -1,6 +1,7 @@
 """``uavrt bearing``: directions to the tags of a flight or a pulse log."""
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,7 +34,10 @@ def bearing(
         Print a list of objects.
     """
     from uavrt.analysis.bearings import read_bearings
+    from uavrt.recording.formats import read_pulse_log
 
+    for warning in read_pulse_log(pulses).warnings:
+        print(f"uavrt: {warning}", file=sys.stderr)
     found = read_bearings(pulses, method=method, antenna=antenna)  # type: ignore[arg-type]
     if as_json:
         print(json.dumps([_record(one) for one in found], indent=2))
