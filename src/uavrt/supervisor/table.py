@@ -52,7 +52,7 @@ class ProcessRow:
     lossless for others; for a mere onlooker."""
     per_worker: bool = False
     """One instance for each detector worker."""
-    silence_limit_s: float = 3.0
+    silence_limit_s: float = 5.0
     """Alive but silent for longer counts as dead. Every process speaks once a second."""
     start_limit_s: float = 20.0
     """The same for the first word, which comes after the imports."""
