@@ -27,6 +27,7 @@ from uavrt.ground.link import (
     GroundEvent,
     GroundLink,
 )
+from uavrt.ground.received import open_receipts
 from uavrt.ground.settings import GroundStore
 from uavrt.ground.snapshot import pose_record, snapshot
 from uavrt.ground.tag_table import rows_from_tags
@@ -146,6 +147,7 @@ class GroundSession:
             on_event=self._take,
             on_frame=self._take_frame,
             generation=settings.generation,
+            receipts=open_receipts(self.store.directory),
         )
         link.protocol.tags = {tag.tag_id: tag for tag in self.sent_tags}
         self.vehicle = VehicleWatch(link.protocol.own)
