@@ -13,11 +13,12 @@ export OMP_NUM_THREADS = 1
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
-test: $(STAMP) browser  ## lint, types, import contracts, all tests
+test: $(STAMP) browser  ## lint, types, import contracts, manual, all tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/sphinx-build -W -q docs docs/_build
 	$(BIN)/pytest
 
 bench: $(STAMP)         ## speed of every stage, written to benchmarks/results.md

@@ -70,7 +70,7 @@ TOPICS: dict[str, Topic] = {
         Topic(
             name="delivered",
             record=messages.Delivered,
-            meaning="pulses that reached a ground station; after a restart they are not sent again",
+            meaning="pulses that reached a ground station, never to be sent again",
             recorded=True,
         ),
         Topic(
