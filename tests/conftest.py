@@ -28,6 +28,19 @@ settings.register_profile("fixed", derandomize=True)
 if os.environ.get("CI"):
     settings.load_profile("fixed")
 
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep the flights of a module on one worker, and give a flight a second try.
+
+    A flight runs in real time: a shared machine that stands still for seconds breaks the
+    silence limits that it is there to test. The summary shows what was tried twice.
+    """
+    for item in items:
+        if item.get_closest_marker("flight") or item.get_closest_marker("browser"):
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
+            item.add_marker(pytest.mark.flaky(reruns=1))
+
+
 INTERFACES = Path(__file__).parents[1] / "ros" / "uavrt_interfaces" / "msg"
 LOOPBACK = (
     "<CycloneDDS><Domain><General><Interfaces>"
