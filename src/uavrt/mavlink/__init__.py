@@ -7,13 +7,14 @@ a ground station. The messages (`uavrt.mavlink.dialect`) are generated at packag
 
 from uavrt.mavlink.address import Address, parse_address
 from uavrt.mavlink.component import Component, Handlers
-from uavrt.mavlink.connection import Connection, TunnelSender
+from uavrt.mavlink.connection import Connection
 from uavrt.mavlink.discovery import Discovery, Peer
 from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter, encode_frame
 from uavrt.mavlink.link import Link, LinkCounters
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.pacing import PacedQueue, Priority, Source
 from uavrt.mavlink.rate import LinkRate
+from uavrt.mavlink.sender import TunnelSender
 from uavrt.mavlink.statustext import TextAssembler, chunks_of
 from uavrt.mavlink.timesync import TimeSync
 from uavrt.mavlink.transport import open_link

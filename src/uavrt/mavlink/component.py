@@ -131,8 +131,8 @@ class Component:
         if now_ns - self._timesync_ns >= (TIMESYNC_FAST_NS if fast else TIMESYNC_SLOW_NS):
             self._ask_time(autopilot, now_ns)
 
-    def receive(self, frame: Frame, now_ns: int) -> None:
-        """Take a frame that arrived at `now_ns`."""
+    def receive(self, frame: Frame, now_ns: int, link: int = 0) -> None:
+        """Take a frame that arrived at `now_ns` by one of our links."""
         if frame.system_id == self.system_id and frame.component_id == self.component_id:
             self.counters["own_frames"] += 1  # routed back to us, or another with our number
             return
@@ -140,7 +140,7 @@ class Component:
         if message is None:
             self.counters["other_messages"] += 1
             return
-        peer = Peer(frame.system_id, frame.component_id)
+        peer = Peer(frame.system_id, frame.component_id, link)
         if not self._is_for_us(message):
             self.counters["for_others"] += 1
             return

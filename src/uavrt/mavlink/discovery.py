@@ -1,6 +1,6 @@
 """Who is on the link: the autopilot and the ground stations. Pure."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from uavrt.mavlink.dialect import Heartbeat, MavComponent, MavType
 from uavrt.units import ns_from_s
@@ -18,6 +18,8 @@ class Peer:
 
     system_id: int
     component_id: int
+    link: int = field(default=0, compare=False)
+    """By which of our links it was heard; the same peer may be on several."""
 
     def __str__(self) -> str:
         return f"{self.system_id}/{self.component_id}"
@@ -75,6 +77,11 @@ class Discovery:
         if not present and self._stations:
             present = [max(self._stations, key=self._stations.__getitem__)]
         return tuple(sorted(present, key=lambda peer: (peer.system_id, peer.component_id)))
+
+    @property
+    def known(self) -> bool:
+        """True once any ground station was heard."""
+        return bool(self._stations)
 
     def station_present(self, now_ns: int) -> bool:
         """True while any ground station's heartbeats come."""

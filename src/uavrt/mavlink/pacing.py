@@ -21,6 +21,9 @@ from uavrt.units import ns_from_s
 
 MIN_GAP_S = 0.012
 """A ``-r 1200`` serial link of PX4 has a pass of 8.33 ms; 12 ms lost nothing there."""
+STRAIGHT_GAP_S = 0.001
+"""On a link without an autopilot between; bursts of more than 200 datagrams overran a socket
+(reference/mavlink.md §1)."""
 HEADER_BYTES = 12
 
 
@@ -92,6 +95,8 @@ class PacedQueue:
         Time between two messages; at least 0.012 s.
     rate : LinkRate, optional
         Bytes a second that the way takes.
+    straight : bool
+        No autopilot is on the way: then the gap may be as short as 0.001 s.
 
     Raises
     ------
@@ -99,13 +104,17 @@ class PacedQueue:
         The gap is below the floor.
     """
 
-    def __init__(self, gap_s: float = 0.020, rate: LinkRate | None = None) -> None:
-        if not gap_s >= MIN_GAP_S:
+    def __init__(
+        self, gap_s: float = 0.020, rate: LinkRate | None = None, *, straight: bool = False
+    ) -> None:
+        floor_s = STRAIGHT_GAP_S if straight else MIN_GAP_S
+        if not gap_s >= floor_s:
             raise ConfigError(
                 f"tunnel_gap_s = {gap_s} would lose messages in the autopilot",
-                remedy=f"Set it to {MIN_GAP_S} or more; 0.020 is the default",
+                remedy=f"Set it to {floor_s} or more; 0.020 is the default",
             )
         self._gap_ns = ns_from_s(gap_s)
+        self._floor_ns = ns_from_s(floor_s)
         self._queues: dict[Priority, deque[Item]] = {p: deque() for p in CAPACITY}
         self._sources: dict[Priority, Source] = {}
         self._free_ns: int | None = None
@@ -154,7 +163,7 @@ class PacedQueue:
             return None
         # A late wake-up is made up for, so that the mean gap holds on a busy computer.
         due_ns = now_ns if self._free_ns is None else max(self._free_ns, now_ns - self._gap_ns)
-        self._free_ns = max(due_ns + self._gap_ns, now_ns + ns_from_s(MIN_GAP_S))
+        self._free_ns = max(due_ns + self._gap_ns, now_ns + self._floor_ns)
         self.counters.released += 1
         self.rate.spend(_size(item), now_ns)
         return item

@@ -12,6 +12,7 @@ What is urgent (acknowledgements, status) is not held back by the bucket but emp
 """
 
 from collections import deque
+from dataclasses import dataclass
 
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
@@ -39,11 +40,34 @@ MEAN_WEIGHT = 0.1
 QUICK_GROWTH = 1.25
 
 
-class LinkRate:
-    """Token bucket with a rate that adapts."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reach:
+    """What a kind of link can be expected to take [bytes/s]."""
 
-    def __init__(self) -> None:
-        self._rate = START_BYTES_S
+    start: float = START_BYTES_S
+    least: float = LEAST_BYTES_S
+    most: float = MOST_BY_ACKS_BYTES_S
+    plain: float = PLAIN_BYTES_S
+    """Where nobody tells."""
+
+
+RADIO = Reach()
+STRAIGHT = Reach(start=60_000.0, least=2_000.0, most=1_000_000.0, plain=30_000.0)
+"""Wi-Fi or cable to a ground station: the worst Wi-Fi, 1 Mbit/s, carries 100 kB/s."""
+
+
+class LinkRate:
+    """Token bucket with a rate that adapts.
+
+    Parameters
+    ----------
+    reach : Reach
+        Kind of link; a telemetry radio unless told otherwise.
+    """
+
+    def __init__(self, reach: Reach = RADIO) -> None:
+        self._reach = reach
+        self._rate = reach.start
         self._tokens = BURST_BYTES
         self._filled_ns: int | None = None
         self._radio_ns: int | None = None
@@ -62,7 +86,7 @@ class LinkRate:
             return min(self._rate, MOST_BYTES_S)
         if self._fresh(self._acks_ns, ACKS_FRESH_NS, now_ns):
             return self._rate
-        return PLAIN_BYTES_S
+        return self._reach.plain
 
     def radio_status(self, free_percent: int, now_ns: int) -> None:
         """Take RADIO_STATUS: free space in the radio's send buffer."""
@@ -74,7 +98,7 @@ class LinkRate:
             self._rate *= 0.85
         elif free_percent > 90:
             self._rate *= 1.05
-        self._rate = min(MOST_BYTES_S, max(LEAST_BYTES_S, self._rate))
+        self._rate = min(MOST_BYTES_S, max(self._reach.least, self._rate))
 
     def acknowledged(self, trip_s: float | None, now_ns: int) -> None:
         """Take an acknowledgement; `trip_s` if it is of a message that was sent once."""
@@ -100,7 +124,7 @@ class LinkRate:
         elif self._held_back:
             self._rate *= QUICK_GROWTH if self._quick else 1.05
         self._held_back = False
-        self._rate = min(MOST_BY_ACKS_BYTES_S, max(LEAST_BYTES_S, self._rate))
+        self._rate = min(self._reach.most, max(self._reach.least, self._rate))
 
     def wait_ns(self, now_ns: int) -> int:
         """Time until something that is not urgent may go."""

@@ -1,0 +1,350 @@
+"""What is meant for the ground: over which link, and when.
+
+`PacedSender` is one link's; `TunnelSender` has one for each link and chooses.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+
+from uavrt.errors import TunnelError
+from uavrt.log import get_logger
+from uavrt.mavlink.dialect import Tunnel
+from uavrt.mavlink.discovery import Discovery, Peer
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.pacing import (
+    STRAIGHT_GAP_S,
+    Item,
+    PacedQueue,
+    Payload,
+    Priority,
+    Source,
+    Tunnelled,
+)
+from uavrt.mavlink.rate import STRAIGHT, LinkRate
+from uavrt.mavlink.routes import Routes
+from uavrt.mavlink.statustext import chunks_of
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+log = get_logger()
+
+TICK_S = 0.05
+TUNNEL_SIZE = 128
+COPIES = 256
+"""Pulses that may wait for another link besides their own."""
+UNSENT = 64
+"""Messages kept until a first ground station shows by which link it is reached."""
+
+
+class PacedSender:
+    """Sends messages for the ground over one link, one at a time, a gap apart.
+
+    Parameters
+    ----------
+    send : callable
+        Sends a message now.
+    target : callable
+        Gives the address of all ground stations, or None while there is none; pulses and
+        status wait for it.
+    clock_ns : callable
+        Time now [ns].
+    gap_s : float
+        Time between two messages, at least 0.012 s.
+    straight : bool
+        No autopilot is on the way: quick, and with the shortest gap.
+    """
+
+    def __init__(
+        self,
+        send: Callable[[Message], None],
+        target: Callable[[], Peer | None],
+        clock_ns: Callable[[], int],
+        *,
+        gap_s: float = 0.020,
+        straight: bool = False,
+    ) -> None:
+        self._send = send
+        self._target = target
+        self._clock_ns = clock_ns
+        if straight:
+            self._queue = PacedQueue(STRAIGHT_GAP_S, LinkRate(STRAIGHT), straight=True)
+        else:
+            self._queue = PacedQueue(gap_s)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._timer: asyncio.TimerHandle | None = None
+
+    @property
+    def rate(self) -> LinkRate:
+        """What the way to the ground takes."""
+        return self._queue.rate
+
+    def add_source(self, source: Source, priority: Priority) -> None:
+        """Take messages of that priority from `source`; call `wake` when it has new ones."""
+        self._queue.add_source(source, priority)
+
+    def put(self, item: Item, priority: Priority) -> None:
+        """Queue an urgent message."""
+        self._queue.put(item, priority)
+        self.wake()
+
+    def counters(self) -> dict[str, float]:
+        """Counts with names for a health record."""
+        counters = self._queue.counters
+        return {
+            "tunnel_waiting": len(self._queue),
+            "tunnel_sent": counters.released,
+            "link_rate_bytes_s": round(self.rate.bytes_s(self._clock_ns())),
+            **{
+                f"tunnel_dropped_{priority.name.lower()}": count
+                for priority, count in counters.dropped.items()
+            },
+        }
+
+    async def run(self) -> None:
+        """Send for ever."""
+        self._loop = asyncio.get_running_loop()
+        try:
+            self._pump()
+            await self._loop.create_future()
+        finally:
+            self._loop = None
+            self._cancel_timer()
+
+    def wake(self) -> None:
+        """Look again: a source has something, or may send sooner."""
+        if self._loop is not None:
+            self._pump()
+
+    def _pump(self) -> None:
+        """Send what may go now; come back when the next may.
+
+        By timers of the loop and not by a task: at 200 messages a second a task's wake-ups
+        cost more than the messages.
+        """
+        self._cancel_timer()
+        while (wait_ns := self._queue.wait_ns(now_ns := self._clock_ns())) is not None:
+            if wait_ns == 0 and not self._nobody_there():
+                item = self._queue.take(now_ns)
+                if item is not None:
+                    self._send(self._message(item))
+                    continue
+            assert self._loop is not None
+            wait_s = wait_ns / NANOSECONDS_PER_SECOND if wait_ns else TICK_S
+            self._timer = self._loop.call_later(wait_s, self._pump)
+            return
+
+    def _cancel_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _nobody_there(self) -> bool:
+        """Tell whether the first urgent message is for all ground stations, and none is there.
+
+        Acknowledgements name their receiver, which need not send heartbeats; sources know
+        themselves whom they send to.
+        """
+        first = self._queue.first()
+        if first is None or (isinstance(first, Tunnelled) and first.target is not None):
+            return False
+        return not getattr(first, "target_system", 0) and self._target() is None
+
+    def _message(self, item: Item) -> Message:
+        if isinstance(item, Message):
+            return item
+        target = item.target or self._target() or Peer(0, 0)
+        return Tunnel(
+            target_system=target.system_id,
+            target_component=target.component_id,
+            payload_type=item.payload_type,
+            payload_length=len(item.payload),
+            payload=item.payload,
+        )
+
+
+class OnLink:
+    """A source as one of several links sees it: only the link in use takes from it.
+
+    Parameters
+    ----------
+    source : Source
+        What all of them share.
+    link : int
+        Number of the link.
+    group : TunnelSender
+        Knows the link in use.
+    views : list of OnLink
+        Those of all links, this one among them.
+    """
+
+    def __init__(
+        self, source: Source, link: int, group: "TunnelSender", views: list["OnLink"]
+    ) -> None:
+        self._source, self._link, self._group, self._views = source, link, group, views
+        self._copies: deque[Payload] = deque(maxlen=COPIES)
+
+    def wait_ns(self, now_ns: int) -> int | None:
+        """A source's: time until it has one; None when it has none."""
+        if self._copies:
+            return 0
+        return self._source.wait_ns(now_ns) if self._group.link == self._link else None
+
+    def take(self, now_ns: int, rate_bytes_s: float) -> Payload | Message | None:
+        """A source's: give one, and leave a copy for the other links that need it."""
+        if self._copies:
+            return self._copies.popleft()
+        if self._group.link != self._link:
+            return None
+        while (given := self._source.take(now_ns, rate_bytes_s)) is not None:
+            if isinstance(given, Message):
+                return given
+            links = self._group.links_for(given.place, now_ns)
+            for link in links:
+                if link != self._link:
+                    self._views[link]._copies.append(given)
+                    self._group.wake_link(link)
+            if self._link in links:
+                return given
+        return None
+
+
+class TunnelSender:
+    """Sends messages for the ground, each by the link that is right.
+
+    An answer leaves by the link that its question came by; what is for all ground stations by
+    as few links as reach all of them (`uavrt.mavlink.routes`), so that nobody gets it twice.
+
+    Parameters
+    ----------
+    senders : sequence of PacedSender
+        Those of the links, link 0 first.
+    routes : Routes
+        Which link leads to whom.
+    discovery : Discovery
+        Who is there.
+    """
+
+    def __init__(
+        self, senders: list[PacedSender], routes: Routes, discovery: Discovery
+    ) -> None:
+        self._senders = senders
+        self._routes = routes
+        self._discovery = discovery
+        self._links: tuple[int, ...] = (0,)
+        self._unsent: deque[tuple[Item, Priority]] = deque(maxlen=UNSENT)
+        self._text_id = 0
+        self.changed: Callable[[], None] = lambda: None
+        """Called when pulses go by another link than before."""
+        self.changes = 0
+
+    @property
+    def link(self) -> int:
+        """The link that pulses go by."""
+        return self._links[0]
+
+    @property
+    def rate(self) -> LinkRate:
+        """What the way of the pulses takes."""
+        return self._senders[self.link].rate
+
+    def rate_of(self, link: int) -> LinkRate:
+        """What one link takes."""
+        return self._senders[link].rate
+
+    def add_source(self, source: Source, priority: Priority) -> None:
+        """Take messages of that priority from `source`; call `wake` when it has new ones."""
+        if len(self._senders) == 1:
+            self._senders[0].add_source(source, priority)
+            return
+        views: list[OnLink] = []
+        for number, sender in enumerate(self._senders):
+            views.append(OnLink(source, number, self, views))
+            sender.add_source(views[-1], priority)
+
+    def add_source_on(self, link: int, source: Source, priority: Priority) -> None:
+        """Take messages from `source` for one link only."""
+        self._senders[link].add_source(source, priority)
+
+    def send_tunnel(
+        self,
+        payload: bytes,
+        priority: Priority,
+        target: Peer | None = None,
+        payload_type: int = 0,
+    ) -> None:
+        """Queue a tunnel payload; without a target it goes to all ground stations.
+
+        Raises
+        ------
+        TunnelError
+            It is longer than 128 bytes.
+        """
+        if len(payload) > TUNNEL_SIZE:
+            raise TunnelError(f"a payload has at most 128 bytes, not {len(payload)}", payload)
+        item = Tunnelled(payload, target, payload_type)
+        if target is None:
+            self._put(item, priority)
+        else:
+            self._senders[target.link].put(item, priority)
+
+    def send_message(self, message: Message, priority: Priority = Priority.STATUS) -> None:
+        """Queue any message for the ground."""
+        self._put(message, priority)
+
+    def send_text(self, severity: int, text: str) -> None:
+        """Queue a text for the operators, in as many pieces as it needs."""
+        self._text_id = self._text_id % 65_535 + 1
+        for chunk in chunks_of(text, severity, self._text_id):
+            self._put(chunk, Priority.STATUS)
+
+    def wake(self) -> None:
+        """Look again: a source has something, or may send sooner."""
+        for sender in self._senders:
+            sender.wake()
+
+    def choose(self, now_ns: int) -> None:
+        """Choose the links anew; call it every 50 ms or so."""
+        if len(self._senders) == 1:
+            return
+        links = self._routes.links_to(self._discovery.stations(now_ns), now_ns)
+        if not links:
+            return
+        before, self._links = self._links, links
+        while self._unsent:
+            self._put(*self._unsent.popleft())
+        if links[0] != before[0]:
+            self.changes += 1
+            log.info("pulses by another link", link=links[0], before=before[0])
+            self.changed()
+            self.wake()
+
+    def unanswered(self, now_ns: int) -> None:
+        """What goes by the present link of the pulses is not answered: avoid it a while."""
+        self._routes.doubt(self.link, now_ns)
+
+    def links_for(self, place: tuple[int, int] | None, now_ns: int) -> tuple[int, ...]:
+        """Links by which a pulse for one ground station, or for all (None), is to go."""
+        if place is None:
+            return self._links
+        return (self._routes.link_to(Peer(*place), now_ns),)
+
+    def wake_link(self, link: int) -> None:
+        """Look again at one link."""
+        self._senders[link].wake()
+
+    def counters(self) -> dict[str, float]:
+        """Counts with names for a health record; of several links the sums."""
+        every = [sender.counters() for sender in self._senders]
+        counts = {name: sum(each[name] for each in every) for name in every[0]}
+        if len(every) > 1:
+            counts["link_rate_bytes_s"] = every[self.link]["link_rate_bytes_s"]
+            counts["link_in_use"] = self.link
+            counts["link_changes"] = self.changes
+        return counts
+
+    def _put(self, item: Item, priority: Priority) -> None:
+        if len(self._senders) > 1 and not self._discovery.known:
+            self._unsent.append((item, priority))
+            return
+        for link in self._links:
+            self._senders[link].put(item, priority)
