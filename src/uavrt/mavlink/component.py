@@ -8,12 +8,15 @@ component must answer (reference/mavlink.md §4), and hands out samples and tunn
 from collections import Counter, OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 from uavrt.mavlink import dialect
 from uavrt.mavlink.answers import answer_command
 from uavrt.mavlink.discovery import Discovery, Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.message import Message
+from uavrt.mavlink.metadata import Metadata
+from uavrt.mavlink.parameters import Requests
 from uavrt.mavlink.samples import attitude_sample, position_sample
 from uavrt.mavlink.streams import StreamRequests
 from uavrt.mavlink.timesync import TimeSync
@@ -33,6 +36,9 @@ REBOOT_FALL_MS = 1000
 """A fall of the boot time that no reordering on a link explains."""
 
 
+ParameterEncoding = Literal["auto", "bytewise", "c_cast"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handlers:
     """Who gets what the component hears."""
@@ -47,6 +53,8 @@ class Handlers:
     """A request of a file client."""
     radio_status: Callable[[dialect.RadioStatus], None] = lambda status: None
     """The telemetry radio's report."""
+    parameters: Callable[[Requests, Peer], None] = lambda request, peer: None
+    """A request for our parameters."""
 
 
 class Component:
@@ -63,6 +71,8 @@ class Component:
         191, MAV_COMP_ID_ONBOARD_COMPUTER.
     attitude_rate_hz, position_rate_hz : float
         What is asked of the autopilot.
+    parameter_encoding : {"auto", "bytewise", "c_cast"}
+        How whole numbers travel in parameters; auto: as the autopilot does it.
     healthy : callable
         Says whether to send the heartbeat: a faulted component must fall silent.
     """
@@ -75,11 +85,15 @@ class Component:
         component_id: int = 191,
         attitude_rate_hz: float = 50.0,
         position_rate_hz: float = 10.0,
+        parameter_encoding: ParameterEncoding = "auto",
         healthy: Callable[[], bool] = lambda: True,
     ) -> None:
         self._send = send
         self._handlers = handlers
         self._healthy = healthy
+        self._encoding = parameter_encoding
+        self.metadata: Metadata | None = None
+        """What COMPONENT_METADATA tells, where the files are served."""
         self.component_id = component_id
         self.discovery = Discovery()
         self.time_sync = TimeSync()
@@ -103,6 +117,13 @@ class Component:
         """The autopilot's system id, 1 before any was heard."""
         autopilot = self.discovery.autopilot
         return FALLBACK_SYSTEM_ID if autopilot is None else autopilot.system_id
+
+    @property
+    def parameters_bytewise(self) -> bool:
+        """Whether whole numbers travel as bytes in parameters, not as floats."""
+        if self._encoding != "auto":
+            return self._encoding == "bytewise"
+        return self.discovery.autopilot_kind != dialect.MavAutopilot.ARDUPILOTMEGA
 
     def status(self, now_ns: int) -> str:
         """What is missing, in a word or two; ``"ready"`` when nothing is."""
@@ -171,6 +192,8 @@ class Component:
                 self._tunnel(message, peer)
             case dialect.FileTransferProtocol():
                 self._handlers.ftp(message.payload, peer)
+            case dialect.ParamRequestList() | dialect.ParamRequestRead() | dialect.ParamSet():
+                self._handlers.parameters(message, peer)
             case dialect.RadioStatus():
                 self._handlers.radio_status(message)
             case dialect.Timesync():
@@ -300,7 +323,14 @@ class Component:
         assert self._started_ns is not None or now_ns >= 0
         uptime_ms = (now_ns - (self._started_ns or now_ns)) // 1_000_000
         direct = message.target_component == self.component_id
-        for answer in answer_command(message, peer, direct=direct, uptime_ms=uptime_ms):
+        for answer in answer_command(
+            message,
+            peer,
+            direct=direct,
+            uptime_ms=uptime_ms,
+            bytewise=self.parameters_bytewise,
+            metadata=self.metadata,
+        ):
             self._send(answer)
         if direct:
             self.counters["commands"] += 1

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
-from uavrt.mavlink.component import Component, Handlers
+from uavrt.mavlink.component import Component, Handlers, ParameterEncoding
 from uavrt.mavlink.dialect import MavComponent
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame, FrameWriter
@@ -47,7 +47,7 @@ class Connection:
         Receivers of samples and tunnel payloads.
     clock_ns : callable
         Our clock [ns, UTC]; every time handed out is on it.
-    component_id, attitude_rate_hz, position_rate_hz, gap_s, healthy
+    component_id, attitude_rate_hz, position_rate_hz, gap_s, parameter_encoding, healthy
         See `Component` and `TunnelSender`.
     """
 
@@ -61,6 +61,7 @@ class Connection:
         attitude_rate_hz: float = 50.0,
         position_rate_hz: float = 10.0,
         gap_s: float = 0.020,
+        parameter_encoding: ParameterEncoding = "auto",
         healthy: Callable[[], bool] = lambda: True,
     ) -> None:
         self._clock_ns = clock_ns
@@ -71,6 +72,7 @@ class Connection:
             component_id=component_id,
             attitude_rate_hz=attitude_rate_hz,
             position_rate_hz=position_rate_hz,
+            parameter_encoding=parameter_encoding,
             healthy=healthy,
         )
         self._ways = [

@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import Any
 
 from uavrt.clock import monotonic_s
+from uavrt.config.settings import Settings
 from uavrt.errors import LinkError, UavrtError
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.link import SupervisorGone
@@ -17,6 +18,8 @@ from uavrt.mavlink import Connection, Handlers, Peer, Priority
 from uavrt.mavlink.dialect import RadioStatus
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
+from uavrt.mavlink.metadata import component_metadata
+from uavrt.mavlink.parameters import Requests
 from uavrt.messages import (
     AttitudeSample,
     Command,
@@ -35,6 +38,7 @@ from uavrt.messages import (
 )
 from uavrt.pose import PoseAttacher, PoseRing
 from uavrt.processes.ground_status import GroundStatus
+from uavrt.processes.parameter_desk import ParameterDesk
 from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.tunnel.delivery import PulseDelivery
 from uavrt.tunnel.exchange import Answer, Exchange
@@ -75,18 +79,29 @@ class ConnectionProcess:
                 private=self._private,
                 ftp=self._ftp,
                 radio_status=self._radio_status,
+                parameters=self._parameter_request,
             ),
             frame.clock.now_ns,
             component_id=mavlink.component_id,
             attitude_rate_hz=mavlink.attitude_rate_hz,
             position_rate_hz=mavlink.position_rate_hz,
             gap_s=mavlink.tunnel_gap_s,
+            parameter_encoding=mavlink.parameter_encoding,
+        )
+        self._parameters = ParameterDesk(
+            settings,
+            lambda: self._link.component.parameters_bytewise,
+            send=self._link.tunnel.send_message,
+            ask=lambda command: frame.send("command", command),
+            tell=lambda text: frame.send("status_text", text),
         )
         self._outlet = PulseOutlet(self._exchange.pulse, self._note_delivered)
         self._link.tunnel.add_source(self._outlet.sender, Priority.PULSE)
         if frame.assignment.flight is not None:
             self._outlet.flight(frame.assignment.flight.directory, resumed=True)
-        self._files = FileServer(FileTree(settings.recording.directory), self._link.tunnel.wake)
+        self._link.component.metadata = metadata = component_metadata()
+        tree = FileTree(settings.recording.directory, metadata.files)
+        self._files = FileServer(tree, self._link.tunnel.wake)
         self._link.tunnel.add_source(self._files, Priority.FILE)
         self._gate = Gate(mavlink.commanders, mavlink.key_file)
         self._state = SystemState.IDLE
@@ -145,6 +160,9 @@ class ConnectionProcess:
                 self._outlet.flight(record.directory)
             case CommandReply():
                 self._answer(self._exchange.reply(record))
+                self._parameters.reply(record)
+            case Settings():
+                self._parameters.changed(record)
             case StatusText() if self._address:
                 self._status.text(record, self._frame.clock.now_ns())
             case SystemStatus():
@@ -249,6 +267,10 @@ class ConnectionProcess:
         self._link.tunnel.rate.acknowledged(trip_s, now_ns)
         self._link.tunnel.wake()
 
+    def _parameter_request(self, message: Requests, peer: Peer) -> None:
+        refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=False)
+        self._parameters.receive(message, peer, refusal, self._exchange.next_request_id())
+
     def _radio_status(self, status: RadioStatus) -> None:
         now_ns = self._frame.clock.now_ns()
         self._link.tunnel.rate.radio_status(status.txbuf, now_ns)
@@ -286,6 +308,7 @@ class ConnectionProcess:
             **self._outlet.counters(),
             **self._files.counters(),
             "seals_refused": self._gate.refused,
+            "parameters_refused": self._parameters.refused,
             "texts_left_out": self._status.texts_left_out,
             **self._link.counters(),
         }

@@ -79,6 +79,7 @@ class Supervisor:
             tell=self._tell,
             on_start=self._flight_started,
             on_stop=self._end_flight_soon,
+            on_settings=lambda changed: self._publish("settings", changed),
         )
         self._fleet = Fleet(
             self._rows,

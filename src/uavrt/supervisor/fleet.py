@@ -97,6 +97,7 @@ class Fleet:
 
     def _start(self, instance: Instance) -> None:
         instance.outbox.forget("assignment")
+        instance.outbox.forget("settings")  # older than those of the assignment
         instance.outbox.put_first(encode_record("assignment", self._assignment(instance)))
         instance.stop_asked_s = None
         instance.health = None
@@ -209,10 +210,10 @@ class Fleet:
 
     def _assignment(self, instance: Instance) -> Assignment:
         mission = self._mission
-        tags: tuple[Tag, ...] = (*mission.tags.values(),)
-        shares = share_tags(tags, self._worker_count())
         settings: Settings = mission.settings
         flight: FlightInfo | None = mission.flight
+        tags: tuple[Tag, ...] = flight.tags if flight else (*mission.tags.values(),)
+        shares = share_tags(tags, self._worker_count())
         return Assignment(
             process=instance.name,
             settings=settings,

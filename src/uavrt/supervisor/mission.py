@@ -1,18 +1,20 @@
 """What the operator has asked for: state, tags, flight. It knows no processes."""
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from uavrt.clock import Clock, wall_ns
+from uavrt.config.parameters import PARAMETERS, tags_with_overrides, with_parameter
 from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
 from uavrt.log import get_logger
 from uavrt.messages import Command, CommandReply, FlightInfo, SystemState, Tag
 from uavrt.supervisor.flight import last_written_ns, new_flight
+from uavrt.supervisor.kept import KeptParameters
 from uavrt.supervisor.memory import SavedState, StateStore, boot_id
 from uavrt.supervisor.transitions import Refused, Repeated, outcome
-from uavrt.supervisor.tuning import ask_tuner
+from uavrt.supervisor.tuning import Tuning, ask_tuner
 
 log = get_logger()
 
@@ -37,6 +39,8 @@ class Mission:
         Sends a text (severity, text) to the operator.
     on_start, on_stop : callable
         Called when a flight begins, and when its end was asked for.
+    on_settings : callable
+        Called when an operator has changed a setting.
     """
 
     def __init__(
@@ -47,8 +51,10 @@ class Mission:
         tell: Tell,
         on_start: Callable[[FlightInfo], None],
         on_stop: Callable[[], None],
+        on_settings: Callable[[Settings], None] = lambda _settings: None,
     ) -> None:
-        self.settings = settings
+        self._kept = KeptParameters(Path(settings.recording.directory), settings)
+        self.settings = self._kept.applied_to(settings)
         self.clock = Clock.start()
         self.state = SystemState.IDLE
         self.tags: dict[int, Tag] = {}
@@ -58,6 +64,7 @@ class Mission:
         self._gain: int | None = None
         self._store = store
         self._tell, self._on_start, self._on_stop = tell, on_start, on_stop
+        self._on_settings = on_settings
         self._replies: dict[tuple[str, int], CommandReply] = {}
 
     # ------------------------------------------------------------------ memory
@@ -72,7 +79,8 @@ class Mission:
         if saved is None:
             return False
         self.tags = {tag.tag_id: tag for tag in saved.tags}
-        self._use_gain(saved.gain)
+        with suppress(UavrtError):
+            self._use_gain(saved.gain)
         self.state = SystemState.HAS_TAGS if self.tags else SystemState.IDLE
         flight = saved.flight
         if saved.state is SystemState.DETECTING and flight is not None:
@@ -171,6 +179,8 @@ class Mission:
                 self.ending = True
                 self._on_stop()
                 return self.flight.directory if self.flight else ""
+            case "set_parameter":
+                return self._set_parameter(command.parameter, command.value)
             case "raw_capture":
                 raise UavrtError("no raw capture")
         return ""
@@ -182,11 +192,28 @@ class Mission:
             raise UavrtError(f"tag {tag.tag_id} was already sent with other values")
         self.tags[tag.tag_id] = tag
 
+    def _set_parameter(self, name: str | None, value: float | None) -> str:
+        """Change a setting, now and for later starts; say from when on it is in force."""
+        if name is None or value is None:
+            raise UavrtError("the parameter or its value is missing")
+        self._use(with_parameter(self.settings, name, value))
+        self._kept.keep(name, value)
+        if name == "RADIO_GAIN" and self._gain is not None:
+            self._gain = None
+            self._save()
+        waits = self.state is SystemState.DETECTING and not PARAMETERS[name].live
+        return f"{name} = {value:.7g}{', from the next start' if waits else ''}"
+
     def _use_gain(self, gain: int | None) -> None:
+        """Use a gain that came with a start, until another is set or uavrt is stopped."""
         if gain is not None:
-            radio = replace(self.settings.radio, gain=gain)
-            self.settings = replace(self.settings, radio=radio)
+            self._use(with_parameter(self.settings, "RADIO_GAIN", gain))
             self._gain = gain
+
+    def _use(self, settings: Settings) -> None:
+        if settings != self.settings:
+            self.settings = settings
+            self._on_settings(settings)
 
     # ------------------------------------------------------------------ flight
 
@@ -210,7 +237,7 @@ class Mission:
             center_hz, warnings = tuning.center_frequency_hz, tuning.warnings
         self.flight = new_flight(
             self.settings,
-            (*self.tags.values(),),
+            tags_with_overrides(self.settings, self.tags.values()),
             self.clock,
             center_frequency_hz=center_hz,
         )

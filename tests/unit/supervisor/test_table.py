@@ -6,6 +6,7 @@ from uavrt.messages import SystemState
 from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of, rows_for
 
 PUBLISHED_BY_SUPERVISOR = {
+    "settings",
     "assignment",
     "flight",
     "flight_end",
