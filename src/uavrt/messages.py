@@ -197,7 +197,13 @@ class SystemStatus:
 
 
 CommandName = Literal[
-    "start_tags", "add_tag", "end_tags", "start_detection", "stop_detection", "raw_capture"
+    "start_tags",
+    "add_tag",
+    "end_tags",
+    "start_detection",
+    "stop_detection",
+    "raw_capture",
+    "set_parameter",
 ]
 
 
@@ -212,6 +218,10 @@ class Command:
     center_frequency_hz: float | None = None
     """Radio frequency chosen on the ground; None lets the tuner choose."""
     gain: int | None = None
+    parameter: str | None = None
+    """Name of a parameter (`uavrt.config.parameters`)."""
+    value: float | None = None
+    """What it is to be."""
     source: str = ""
     """Who asked: ``"mavlink 255/190"``, ``"ros2"``, ``"command line"``."""
 

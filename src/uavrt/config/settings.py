@@ -61,6 +61,9 @@ class MavlinkSettings:
     """Attitudes asked of the autopilot each second."""
     position_rate_hz: Annotated[float, Interval(gt=0.0, le=250.0)] = 10.0
     """Positions asked of the autopilot each second."""
+    parameter_encoding: Literal["auto", "bytewise", "c_cast"] = "auto"
+    """How whole numbers travel in parameters; auto: as the autopilot does it (PX4 bytewise,
+    ArduPilot as floats), which is what ground stations expect."""
     commanders: tuple[Annotated[int, Interval(ge=1, le=255)], ...] = ()
     """System ids of the ground stations that may command; empty: all."""
     key_file: str | None = None
@@ -102,6 +105,10 @@ class DetectionSettings:
     """Half-width of the search around each tag's nominal frequency."""
     workers: Annotated[int, Interval(ge=0, le=64)] = 0
     """Detector processes; 0: one for each spare core."""
+    k: Annotated[int, Interval(ge=0, le=100)] = 0
+    """Pulses summed for one decision, for all tags; 0: as each tag says."""
+    false_alarm_probability: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.0
+    """Expected false groups for each decision interval, for all tags; 0: as each tag says."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

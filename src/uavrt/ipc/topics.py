@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from uavrt import messages
+from uavrt.config.settings import Settings
 from uavrt.ipc.assignment import Assignment
 
 
@@ -105,6 +106,13 @@ TOPICS: dict[str, Topic] = {
             meaning="the supervisor's answer",
             recorded=True,
             to_ground=True,
+        ),
+        Topic(
+            name="settings",
+            record=Settings,
+            meaning="the settings after an operator has changed one",
+            lossless=False,
+            backlog=1,
         ),
         Topic(
             name="status_text",

@@ -6,12 +6,22 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavProtocolCapability, MavResult
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.message import Message
+from uavrt.mavlink.metadata import Metadata
 
-CAPABILITIES = (
-    MavProtocolCapability.MAVLINK2
-    | MavProtocolCapability.COMMAND_INT
-    | MavProtocolCapability.FTP
-)
+
+def capabilities(*, bytewise: bool) -> int:
+    """Give our capability bits; `bytewise` is how whole numbers travel in parameters."""
+    encoding = (
+        MavProtocolCapability.PARAM_ENCODE_BYTEWISE
+        if bytewise
+        else MavProtocolCapability.PARAM_ENCODE_C_CAST
+    )
+    return (
+        MavProtocolCapability.MAVLINK2
+        | MavProtocolCapability.COMMAND_INT
+        | MavProtocolCapability.FTP
+        | encoding
+    )
 
 
 def answer_command(
@@ -20,6 +30,8 @@ def answer_command(
     *,
     direct: bool,
     uptime_ms: int,
+    bytewise: bool = True,
+    metadata: Metadata | None = None,
 ) -> list[Message]:
     """Give what is to be sent for a command.
 
@@ -36,9 +48,22 @@ def answer_command(
         True when it names our component, False when it names all.
     uptime_ms : int
         Time since our start.
+    bytewise : bool
+        How whole numbers travel in parameters.
+    metadata : Metadata, optional
+        What our files say of us.
     """
     asked = _asked_message(message)
-    reply = None if asked is None else _identity(asked, uptime_ms)
+    if asked == dialect.ComponentMetadata.ID and metadata is not None:
+        return [
+            _ack(message.command, MavResult.ACCEPTED, sender),
+            dialect.ComponentMetadata(
+                time_boot_ms=uptime_ms & 0xFFFFFFFF, file_crc=metadata.crc, uri=metadata.uri
+            ),
+        ]
+    reply = (
+        None if asked is None else _identity(asked, uptime_ms, capabilities(bytewise=bytewise))
+    )
     if reply is not None:
         return [_ack(message.command, MavResult.ACCEPTED, sender), reply]
     return [_ack(message.command, MavResult.UNSUPPORTED, sender)] if direct else []
@@ -58,12 +83,12 @@ def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | N
             return None
 
 
-def _identity(message_id: int, uptime_ms: int) -> Message | None:
+def _identity(message_id: int, uptime_ms: int, able: int) -> Message | None:
     """One of the messages that say who we are."""
     match message_id:
         case dialect.AutopilotVersion.ID:
             return dialect.AutopilotVersion(
-                capabilities=CAPABILITIES,
+                capabilities=able,
                 flight_sw_version=_version_number(),
                 middleware_sw_version=0,
                 os_sw_version=0,
@@ -86,7 +111,7 @@ def _identity(message_id: int, uptime_ms: int) -> Message | None:
         case dialect.ComponentInformationBasic.ID:
             return dialect.ComponentInformationBasic(
                 time_boot_ms=uptime_ms & 0xFFFFFFFF,
-                capabilities=CAPABILITIES,
+                capabilities=able,
                 time_manufacture_s=0,
                 vendor_name="uavrt",
                 model_name="radio-tag receiver",

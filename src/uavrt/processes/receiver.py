@@ -5,10 +5,12 @@ serve its tags. If asked, records the decimated band at the same time.
 """
 
 import socket
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from uavrt.clock import monotonic_s
+from uavrt.config.settings import Settings
 from uavrt.dsp import FrontEnd
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.ipc import ProcessFrame
@@ -58,6 +60,7 @@ class Receiver:
         self._recorder = self._open_recorder(frame, flight)
         self._output = self._open_output(frame, flight)
         self._check = SampleCheck("the radio")
+        self.radio = assignment.settings.radio
         self.failures = 0
         self.samples = 0
         self.samples_lost = 0
@@ -118,9 +121,21 @@ class Receiver:
             for worker in self._workers_of_channel[channel.channel]:
                 self._senders[worker].send(channel)
 
-    def forget(self) -> None:
+    def take(self, records: Iterable[tuple[str, object]]) -> None:
+        """Take changed settings: gain, bias-tee and correction of the radio.
+
+        Its programs take them on their command line only, so it is opened again, which costs
+        what a failed radio costs; the frequency stays, for the filters are made for it.
+        """
+        for _, record in records:
+            if isinstance(record, Settings):
+                self.radio = replace(
+                    record.radio, center_frequency_hz=self.radio.center_frequency_hz
+                )
+
+    def forget(self, *, failed: bool = True) -> None:
         """Start the filters anew: what comes next does not continue what was."""
-        self.failures += 1
+        self.failures += failed
         self._front_end.reset()
         if self._output is not None:
             self._output.reset()
@@ -194,13 +209,12 @@ def main() -> None:
 
 
 def receive(frame: ProcessFrame, receiver: Receiver, flight: FlightInfo) -> None:
-    """Pass samples on from one opened radio until it fails or the process is to end."""
-    source: SampleSource = open_radio(
-        frame.assignment.settings.radio, flight.center_frequency_hz, clock=frame.clock
-    )
+    """Pass samples on from one opened radio until it fails, is set anew, or all is to end."""
+    radio = receiver.radio
+    source: SampleSource = open_radio(radio, flight.center_frequency_hz, clock=frame.clock)
     flowing = False
     try:
-        while frame.running:
+        while frame.running and receiver.radio == radio:
             block = source.read(timeout_s=READ_TIMEOUT_S)
             if block is None:
                 receiver.flush()
@@ -209,13 +223,16 @@ def receive(frame: ProcessFrame, receiver: Receiver, flight: FlightInfo) -> None
                 if receiver.failures and not flowing:
                     frame.tell(5, "Radio gives samples again")
                 flowing = True
-            frame.receive()
+            receiver.take(frame.receive())
             frame.report(
                 "receiving" if flowing else "waiting for samples",
                 counters=receiver.counters,
             )
     finally:
         source.close()
+    if frame.running:
+        log.info("radio set anew", gain=receiver.radio.gain, bias_tee=receiver.radio.bias_tee)
+        receiver.forget(failed=False)
 
 
 def wait(frame: ProcessFrame, receiver: Receiver, delay_s: float) -> None:
@@ -223,7 +240,7 @@ def wait(frame: ProcessFrame, receiver: Receiver, delay_s: float) -> None:
     end_s = monotonic_s() + delay_s
     frame.report("radio absent", ok=False, counters=receiver.counters)
     while frame.running and monotonic_s() < end_s:
-        frame.receive(timeout_s=0.2)
+        receiver.take(frame.receive(timeout_s=0.2))
         frame.report("radio absent", ok=False, counters=receiver.counters)
 
 

@@ -6,6 +6,7 @@ hackrf 2022.09.1. They are run as they are; nothing of them is linked.
 
 from dataclasses import dataclass
 
+from uavrt.config.parameters import GAIN_RANGES
 from uavrt.config.settings import RadioKind, RadioSettings
 from uavrt.errors import ConfigError, RadioError, RadioMissing, RadioStopped
 from uavrt.radio.formats import CF32, CI8, CU8, SampleFormat
@@ -39,8 +40,7 @@ AIRSPY = RadioProgram(
     receive="airspy_rx",
     inform=("airspy_info",),
     sample_format=CF32,
-    # "Sensitivity" gain, as the thesis's successors use it: 0 to 21.
-    gains=(0, 21),
+    gains=GAIN_RANGES["airspy"],
     default_gain=21,
     rates_hz=(1e6, 10e6),
 )
@@ -51,8 +51,7 @@ AIRSPYHF = RadioProgram(
     receive="airspyhf_rx",
     inform=("airspyhf_info",),
     sample_format=CF32,
-    # Steps of 6 dB: 8 is no attenuation, 0 is 48 dB of it.
-    gains=(0, 8),
+    gains=GAIN_RANGES["airspyhf"],
     default_gain=8,
     rates_hz=(1e5, 1e6),
 )
@@ -63,9 +62,7 @@ RTLSDR = RadioProgram(
     receive="rtl_sdr",
     inform=("rtl_eeprom",),
     sample_format=CU8,
-    # Decibel; the tuner takes the nearest step it has. 0 would be its automatic gain, which
-    # follows the pulses themselves and spoils their SNR: not offered.
-    gains=(1, 50),
+    gains=GAIN_RANGES["rtlsdr"],
     default_gain=40,
     # The RTL2832 resamples properly only within 225 to 300 kS/s and 0.9 to 3.2 MS/s.
     rates_hz=(225e3, 3.2e6),
@@ -77,8 +74,7 @@ HACKRF = RadioProgram(
     receive="hackrf_transfer",
     inform=("hackrf_info",),
     sample_format=CI8,
-    # Decibel: LNA (0 to 40 by 8) and VGA (0 to 62 by 2) together.
-    gains=(0, 102),
+    gains=GAIN_RANGES["hackrf"],
     default_gain=64,
     rates_hz=(2e6, 20e6),
 )

@@ -69,6 +69,8 @@ TRANSITIONS: dict[tuple[SystemState, CommandName], Outcome] = {
     (S.CAPTURING, "start_detection"): _CAPTURING,
     (S.CAPTURING, "stop_detection"): Accepted(S.HAS_TAGS),
     **{(state, "raw_capture"): _NO_CAPTURE for state in SystemState},
+    # Allowed always: what is not in force at once waits for the next start.
+    **{(state, "set_parameter"): Accepted(state) for state in SystemState},
 }
 
 

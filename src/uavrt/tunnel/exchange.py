@@ -131,6 +131,11 @@ class Exchange:
             return None
         return heartbeat_to_wire(state, cpu_temperature_c).encode()
 
+    def next_request_id(self) -> int:
+        """Give a number to a command that comes by another way than the tunnel."""
+        self._next_id += 1
+        return self._next_id - 1
+
     def _command(self, message: TunnelMessage, asker: Asker) -> Command | Answer | None:
         match message:
             case TagG0() | TagG1():

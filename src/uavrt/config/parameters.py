@@ -1,0 +1,236 @@
+"""The settings that a ground station may change by MAVLink: the table of parameters.
+
+One row a parameter; the drone's answers, the supervisor's checks, the file of kept values, the
+metadata for ground stations and the manual derive from it. Names have at most 16 characters
+(MAVLink's PARAM_VALUE); a ground station groups them by the part before the first underscore.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from uavrt.config.settings import RadioKind, Settings
+from uavrt.errors import ConfigError
+from uavrt.messages import Tag
+
+Kind = Literal["whole", "real", "switch"]
+
+GAIN_RANGES: dict[RadioKind, tuple[int, int]] = {
+    # Airspy: "sensitivity" gain. HF+: steps of 6 dB, 8 is no attenuation. RTL-SDR: decibel; 0
+    # would be its automatic gain, which follows the pulses themselves. HackRF: LNA and VGA.
+    "airspy": (0, 21),
+    "airspyhf": (0, 8),
+    "rtlsdr": (1, 50),
+    "hackrf": (0, 102),
+    "soapy": (0, 120),
+}
+"""Lowest and highest gain of each radio, in its own steps."""
+
+SIGNIFICANT_DIGITS = 7
+"""Of a float32, in which parameters travel; so 0.005 comes out as 0.005."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One row of the table."""
+
+    name: str
+    table: str
+    """Table of ``uavrt.toml``."""
+    field: str
+    """Setting in it."""
+    kind: Kind
+    low: float
+    high: float
+    default: float
+    short: str
+    """A few words for a list."""
+    meaning: str
+    unit: str = ""
+    decimals: int = 0
+    absent: float | None = None
+    """Number that stands for a setting that is left out; it lies outside `low` to `high`."""
+    scale: float = 1.0
+    """What one unit of the parameter is in the setting's unit."""
+    live: bool = False
+    """In force at once; otherwise from the next start of detection."""
+
+    def allows(self, value: float) -> bool:
+        """Whether a number may be set."""
+        if value == self.absent:
+            return True
+        whole = self.kind == "real" or value == int(value)
+        return whole and self.low <= value <= self.high
+
+
+PARAMETERS: dict[str, Parameter] = {
+    parameter.name: parameter
+    for parameter in (
+        Parameter(
+            name="RADIO_GAIN",
+            table="radio",
+            field="gain",
+            kind="whole",
+            low=0,
+            high=120,
+            default=-1,
+            absent=-1,
+            live=True,
+            short="Receiver gain",
+            meaning="In the radio's own steps (Airspy 0 to 21); -1: a sensible one.",
+        ),
+        Parameter(
+            name="RADIO_BIAS_TEE",
+            table="radio",
+            field="bias_tee",
+            kind="switch",
+            low=0,
+            high=1,
+            default=0,
+            live=True,
+            short="Power for an amplifier",
+            meaning="Power an amplifier at the antenna through the cable.",
+        ),
+        Parameter(
+            name="RADIO_FREQ_KHZ",
+            table="radio",
+            field="center_frequency_hz",
+            kind="whole",
+            low=20_000,
+            high=1_000_000,
+            default=0,
+            absent=0,
+            # Whole kilohertz: a float32 holds no single hertz at 150 MHz.
+            scale=1e3,
+            unit="kHz",
+            short="Radio frequency",
+            meaning="Middle of the received band; 0: the tuner chooses it from the tags.",
+        ),
+        Parameter(
+            name="RADIO_PPM",
+            table="radio",
+            field="frequency_correction_ppm",
+            kind="real",
+            low=-200,
+            high=200,
+            default=0,
+            decimals=2,
+            unit="ppm",
+            live=True,
+            short="Crystal error",
+            meaning="Known error of the radio's crystal, positive when it runs fast.",
+        ),
+        Parameter(
+            name="DET_K",
+            table="detection",
+            field="k",
+            kind="whole",
+            low=0,
+            high=100,
+            default=0,
+            short="Pulses for a decision",
+            meaning="Pulses summed for one decision, for all tags; 0: as each tag says.",
+        ),
+        Parameter(
+            name="DET_FALSE_ALARM",
+            table="detection",
+            field="false_alarm_probability",
+            kind="real",
+            low=0,
+            high=0.5,
+            default=0,
+            decimals=4,
+            short="False-alarm probability",
+            meaning="For one decision interval, for all tags; 0: as each tag says.",
+        ),
+        Parameter(
+            name="DET_WINDOW_HZ",
+            table="detection",
+            field="frequency_window_hz",
+            kind="real",
+            low=10,
+            high=2_000,
+            default=500,
+            decimals=0,
+            unit="Hz",
+            short="Half-width of the search",
+            meaning="How far around each tag's frequency pulses are searched.",
+        ),
+        Parameter(
+            name="REC_IQ",
+            table="recording",
+            field="iq",
+            kind="switch",
+            low=0,
+            high=1,
+            default=0,
+            short="Record the band",
+            meaning="Also record the decimated band while detecting, 5.4 GB an hour.",
+        ),
+    )
+}
+
+
+def parameter_values(settings: Settings) -> dict[str, float]:
+    """Get the number of every parameter, in the table's order."""
+    return {name: _value(settings, parameter) for name, parameter in PARAMETERS.items()}
+
+
+def with_parameter(settings: Settings, name: str, value: float) -> Settings:
+    """Get the settings with one parameter changed.
+
+    Raises
+    ------
+    ConfigError
+        There is no such parameter, or it cannot have that value; the text says what it can.
+    """
+    parameter = PARAMETERS.get(name)
+    if parameter is None:
+        raise ConfigError(f"no parameter {name}: known are {', '.join(PARAMETERS)}")
+    low, high = parameter.low, parameter.high
+    if name == "RADIO_GAIN":
+        low, high = GAIN_RANGES[settings.radio.kind]
+    allowed = math.isfinite(value) and replace(parameter, low=low, high=high).allows(value)
+    if not allowed:
+        whole = "" if parameter.kind == "real" else "whole, "
+        absent = "" if parameter.absent is None else f", or {parameter.absent:g}"
+        raise ConfigError(f"{name} cannot be {value:g}: {whole}{low:g} to {high:g}{absent}")
+    table = replace(
+        getattr(settings, parameter.table), **{parameter.field: _setting(parameter, value)}
+    )
+    return replace(settings, **{parameter.table: table})
+
+
+def tags_with_overrides(settings: Settings, tags: Iterable[Tag]) -> tuple[Tag, ...]:
+    """Get the tags as they are searched: K and false-alarm probability may be set for all."""
+    detection = settings.detection
+    changes: dict[str, Any] = {}
+    if detection.k:
+        changes["k"] = detection.k
+    if detection.false_alarm_probability:
+        changes["false_alarm_probability"] = detection.false_alarm_probability
+    return tuple(replace(tag, **changes) for tag in tags)
+
+
+def _value(settings: Settings, parameter: Parameter) -> float:
+    setting = getattr(getattr(settings, parameter.table), parameter.field)
+    if setting is None:
+        assert parameter.absent is not None
+        return parameter.absent
+    number = float(setting) / parameter.scale
+    return number if parameter.kind == "real" else float(round(number))
+
+
+def _setting(parameter: Parameter, value: float) -> float | int | bool | None:
+    if value == parameter.absent:
+        return None
+    match parameter.kind:
+        case "switch":
+            return bool(value)
+        case "whole" if parameter.scale == 1.0:
+            return int(value)
+        case "whole":
+            return value * parameter.scale
+        case "real":
+            return float(f"{value:.{SIGNIFICANT_DIGITS}g}")

@@ -1,0 +1,80 @@
+"""What a ground station may read of us besides messages: metadata files, made in memory.
+
+COMPONENT_METADATA (397) names the general file, which names the others; ground stations fetch
+them by MAVLink FTP and keep them by their checksum. Formats: general.schema.json and
+parameter.schema.json, version 1, of MAVLink's component metadata service.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from uavrt.config.parameters import PARAMETERS, Parameter
+from uavrt.mavlink.ftp_wire import checksum
+
+GENERAL_PATH = "metadata/general.json"
+PARAMETERS_PATH = "metadata/parameters.json"
+TYPE_PARAMETER = 1
+"""COMP_METADATA_TYPE_PARAMETER."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Metadata:
+    """The files, and what COMPONENT_METADATA says of the first."""
+
+    files: Mapping[str, bytes]
+    """By path, for `uavrt.mavlink.ftp_files.FileTree`."""
+    uri: str
+    crc: int
+
+
+def component_metadata(parameters: Iterable[Parameter] = PARAMETERS.values()) -> Metadata:
+    """Write the files for our parameters."""
+    listing = _json({"version": 1, "parameters": [_described(row) for row in parameters]})
+    general = _json(
+        {
+            "version": 1,
+            "metadataTypes": [
+                {
+                    "type": TYPE_PARAMETER,
+                    "uri": f"mftp:///{PARAMETERS_PATH}",
+                    "fileCrc": checksum(listing),
+                }
+            ],
+        }
+    )
+    return Metadata(
+        files={GENERAL_PATH: general, PARAMETERS_PATH: listing},
+        uri=f"mftp:///{GENERAL_PATH}",
+        crc=checksum(general),
+    )
+
+
+def _described(row: Parameter) -> dict[str, Any]:
+    low = row.low if row.absent is None else min(row.low, row.absent)
+    entry: dict[str, Any] = {
+        "name": row.name,
+        "type": "Float" if row.kind == "real" else "Int32",
+        "group": row.name.partition("_")[0],
+        "category": "Standard",
+        "shortDesc": row.short,
+        "longDesc": row.meaning + (" In force at once." if row.live else ""),
+        "min": low,
+        "max": row.high,
+        "default": row.default,
+    }
+    if row.unit:
+        entry["units"] = row.unit
+    if row.kind == "real":
+        entry["decimalPlaces"] = row.decimals
+    if row.kind == "switch":
+        entry["values"] = [
+            {"value": 0, "description": "Off"},
+            {"value": 1, "description": "On"},
+        ]
+    return entry
+
+
+def _json(content: object) -> bytes:
+    return json.dumps(content, separators=(",", ":")).encode()

@@ -1,0 +1,112 @@
+"""Our parameters for ground stations: list, read, set (MAVLink's parameter protocol). Pure.
+
+A value travels in a field of type float. A whole number is either cast to float (ArduPilot) or
+its bytes are put there as they are (PX4); which, a component says by its capability bits, and
+ground stations assume it by the kind of the vehicle's autopilot.
+"""
+
+import math
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from uavrt.mavlink import dialect
+from uavrt.mavlink.dialect import MavParamType
+
+Requests = dialect.ParamRequestList | dialect.ParamRequestRead | dialect.ParamSet
+
+_FORMATS = {
+    MavParamType.UINT8: "<B3x",
+    MavParamType.INT8: "<b3x",
+    MavParamType.UINT16: "<H2x",
+    MavParamType.INT16: "<h2x",
+    MavParamType.UINT32: "<I",
+    MavParamType.INT32: "<i",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """A parameter that somebody wants to change."""
+
+    name: str
+    value: float
+
+
+class ParameterServer:
+    """Answers with the values in force.
+
+    Parameters
+    ----------
+    values : callable
+        Gives every parameter's value, in the order of their index.
+    types : mapping of str to MavParamType
+        INT32 or REAL32 for each.
+    bytewise : callable
+        Whether whole numbers travel as bytes.
+    """
+
+    def __init__(
+        self,
+        values: Callable[[], Mapping[str, float]],
+        types: Mapping[str, MavParamType],
+        bytewise: Callable[[], bool],
+    ) -> None:
+        self._values = values
+        self._types = dict(types)
+        self._names = list(types)
+        self._bytewise = bytewise
+
+    def receive(self, message: Requests) -> list[dialect.ParamValue] | Wish:
+        """Take a request; give the answers, or what is wanted to change.
+
+        A name or index that is not ours is left without an answer: a request to all components
+        may mean the autopilot's.
+        """
+        match message:
+            case dialect.ParamRequestList():
+                return [self.value(name) for name in self._names]
+            case dialect.ParamRequestRead(param_index=index) if index >= 0:
+                return [self.value(name) for name in self._names[index : index + 1]]
+            case dialect.ParamRequestRead(param_id=name):
+                return [self.value(name)] if name in self._types else []
+            case dialect.ParamSet(param_id=name) if name in self._types:
+                value = decode_value(message.param_value, message.param_type, self._bytewise())
+                return [self.value(name)] if value is None else Wish(name, value)
+            case _:
+                return []
+
+    def value(self, name: str) -> dialect.ParamValue:
+        """Say what is in force."""
+        kind = self._types[name]
+        return dialect.ParamValue(
+            param_id=name,
+            param_value=encode_value(self._values()[name], kind, self._bytewise()),
+            param_type=kind,
+            param_count=len(self._names),
+            param_index=self._names.index(name),
+        )
+
+
+def encode_value(value: float, kind: int, bytewise: bool) -> float:
+    """Write a value into the float field.
+
+    A whole number below -2**22 or from 0x7F800001 would be a signalling NaN there, which Python
+    does not pass on; no parameter of ours goes so far.
+    """
+    layout = _FORMATS.get(MavParamType(kind))
+    if layout is None or not bytewise:
+        return value
+    field: float = struct.unpack("<f", struct.pack(layout, int(value)))[0]
+    return field
+
+
+def decode_value(field: float, kind: int, bytewise: bool) -> float | None:
+    """Read a value from the float field; None for a type of 64 bits, or what is no number."""
+    if kind == MavParamType.REAL32 or not bytewise:
+        return field if math.isfinite(field) else None
+    try:
+        layout = _FORMATS[MavParamType(kind)]
+    except (KeyError, ValueError):
+        return None
+    return float(struct.unpack(layout, struct.pack("<f", field))[0])

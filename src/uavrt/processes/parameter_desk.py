@@ -1,0 +1,118 @@
+"""Parameters of the drone side, as ground stations list and set them.
+
+Joins the wire (`uavrt.mavlink.parameters`) to the table (`uavrt.config.parameters`) and to the
+supervisor, who alone changes a setting. Belongs to the connection process.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable
+
+from uavrt.config.parameters import PARAMETERS, parameter_values
+from uavrt.config.settings import Settings
+from uavrt.mavlink.dialect import MavParamType, ParamValue
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.parameters import ParameterServer, Requests
+from uavrt.messages import Command, CommandReply, StatusText
+
+PENDING = 64
+
+
+class ParameterDesk:
+    """Answers, and passes wishes on.
+
+    Parameters
+    ----------
+    settings : Settings
+        In force now.
+    bytewise : callable
+        Whether whole numbers travel as bytes.
+    send : callable
+        Sends a value to the ground.
+    ask : callable
+        Gives a command to the supervisor.
+    tell : callable
+        Sends a text to the operator.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        bytewise: Callable[[], bool],
+        *,
+        send: Callable[[ParamValue], None],
+        ask: Callable[[Command], None],
+        tell: Callable[[StatusText], None],
+    ) -> None:
+        self._settings = settings
+        types = {
+            name: MavParamType.REAL32 if row.kind == "real" else MavParamType.INT32
+            for name, row in PARAMETERS.items()
+        }
+        self._server = ParameterServer(
+            lambda: parameter_values(self._settings), types, bytewise
+        )
+        self._send, self._ask, self._tell = send, ask, tell
+        self._pending: OrderedDict[int, str] = OrderedDict()
+        self.refused = 0
+
+    def receive(
+        self, message: Requests, peer: Peer, refusal: str | None, request_id: int
+    ) -> None:
+        """Take a request.
+
+        Parameters
+        ----------
+        message : ParamRequestList, ParamRequestRead or ParamSet
+            What is asked.
+        peer : Peer
+            Who asks.
+        refusal : str or None
+            Why this asker may not change anything.
+        request_id : int
+            Number for the command, if it becomes one.
+        """
+        answer = self._server.receive(message)
+        if isinstance(answer, list):
+            for value in answer:
+                self._send(value)
+        elif refusal is not None:
+            self._refuse(answer.name, refusal)
+        else:
+            self._pending[request_id] = answer.name
+            while len(self._pending) > PENDING:
+                self._pending.popitem(last=False)
+            self._ask(
+                Command(
+                    name="set_parameter",
+                    request_id=request_id,
+                    parameter=answer.name,
+                    value=answer.value,
+                    source=f"mavlink {peer}",
+                )
+            )
+
+    def reply(self, reply: CommandReply) -> None:
+        """Take the supervisor's answer: the asker hears the value in force, and why not.
+
+        Changed settings come before the reply, so the value is the new one.
+        """
+        name = self._pending.pop(reply.request_id, None)
+        if name is None:
+            return
+        if reply.accepted:
+            self._send(self._server.value(name))
+        else:
+            self._refuse(name, reply.message)
+
+    def changed(self, settings: Settings) -> None:
+        """Take changed settings; what somebody else has set is shown, too."""
+        before, now = parameter_values(self._settings), parameter_values(settings)
+        self._settings = settings
+        for name, value in now.items():
+            if before[name] != value and name not in self._pending.values():
+                self._send(self._server.value(name))
+
+    def _refuse(self, name: str, reason: str) -> None:
+        self.refused += 1
+        self._send(self._server.value(name))
+        self._tell(StatusText(severity=4, text=reason))

@@ -1,0 +1,251 @@
+"""Our parameters and metadata, read and set by programs that nobody here wrote."""
+
+import asyncio
+import contextlib
+import json
+import struct
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mavsdk.asyncio.mavsdk import Configuration, Mavsdk
+from mavsdk.asyncio.plugins.component_metadata import ComponentMetadataAsync
+from mavsdk.asyncio.plugins.param import ParamAsync
+from mavsdk.plugins.component_metadata import MetadataType
+from mavsdk.plugins.param import ParamError, ProtocolVersion
+
+from uavrt.clock import Clock
+from uavrt.config.parameters import PARAMETERS, parameter_values
+from uavrt.config.settings import RecordingSettings, Settings
+from uavrt.mavlink import Connection, Handlers, Peer, Priority
+from uavrt.mavlink.dialect import MavParamType
+from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.mavlink.ftp_files import FileTree
+from uavrt.mavlink.ftp_server import FileServer
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.metadata import component_metadata
+from uavrt.mavlink.parameters import Requests, decode_value, encode_value
+from uavrt.messages import CommandReply, StatusText
+from uavrt.processes.parameter_desk import ParameterDesk
+from uavrt.supervisor.memory import StateStore
+from uavrt.supervisor.mission import Mission
+
+Until = Callable[..., Awaitable[None]]
+World = Any  # tests/unit/mavlink/conftest.py
+
+
+class ParameterDrone:
+    """The connection process's parameters with the supervisor's mission behind them."""
+
+    def __init__(
+        self, clock: Clock, directory: Path, send: Callable[[Message], None] | None = None
+    ) -> None:
+        self.texts: list[StatusText] = []
+        self.replies: list[CommandReply] = []
+        self._clock = clock
+        self._number = 0
+        self.refusal: str | None = None
+        self.connection = Connection(
+            Handlers(
+                attitude=lambda _: None,
+                position=lambda _: None,
+                tunnel=lambda _payload, _peer: None,
+                ftp=self._ftp,
+                parameters=self._request,
+            ),
+            clock.now_ns,
+        )
+        metadata = component_metadata()
+        self.connection.component.metadata = metadata
+        wake = self.connection.tunnel.wake
+        self._files = FileServer(FileTree(directory, metadata.files), wake)
+        self.connection.tunnel.add_source(self._files, Priority.FILE)
+        settings = Settings(recording=RecordingSettings(directory=str(directory)))
+        self.mission = Mission(
+            settings,
+            StateStore(directory),
+            tell=lambda _severity, _text: None,
+            on_start=lambda _flight: None,
+            on_stop=lambda: None,
+            on_settings=lambda changed: self._desk.changed(changed),
+        )
+        self._desk = ParameterDesk(
+            self.mission.settings,
+            lambda: self.connection.component.parameters_bytewise,
+            send=send or self.connection.tunnel.send_message,
+            ask=lambda command: self._answer(self.mission.command(command)),
+            tell=self.texts.append,
+        )
+
+    @property
+    def values(self) -> dict[str, float]:
+        return parameter_values(self.mission.settings)
+
+    async def tick(self) -> None:
+        while True:
+            self._files.work()
+            self.connection.tunnel.wake()
+            await asyncio.sleep(0.02)
+
+    def _answer(self, reply: CommandReply) -> None:
+        self.replies.append(reply)
+        self._desk.reply(reply)
+
+    def _request(self, message: Requests, peer: Peer) -> None:
+        self._number += 1
+        self._desk.receive(message, peer, self.refusal, self._number)
+
+    def _ftp(self, payload: bytes, peer: Peer) -> None:
+        self._files.receive(payload, peer, self._clock.now_ns())
+
+
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+def test_mavsdk_lists_sets_and_reads_our_parameters(
+    world: World, until: Until, tmp_path: Path, flavour: str
+) -> None:
+    drone = world.drone = ParameterDrone(world.clock, tmp_path)
+
+    async def main() -> None:
+        configuration = Configuration.create_manual(255, 190, True)
+        async with world.flying(flavour=flavour), Mavsdk(configuration) as mavsdk:
+            await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
+            system = await mavsdk.first_autopilot(timeout_s=20.0)
+            await until(lambda: drone.connection.status() == "ready")
+            param = ParamAsync(system)
+            with contextlib.suppress(ParamError):  # answers UNKNOWN, and does it
+                await param.select_component(191, ProtocolVersion.V1)
+            everything = await param.get_all_params()
+            whole = {p.name: float(p.value) for p in everything.int_params}
+            real = {p.name: p.value for p in everything.float_params}
+            assert {**whole, **real} == drone.values
+            assert set(real) == {n for n, row in PARAMETERS.items() if row.kind == "real"}
+            await param.set_param_int("RADIO_GAIN", 15)
+            await param.set_param_int("RADIO_FREQ_KHZ", 148_705)
+            await param.set_param_float("DET_FALSE_ALARM", 0.005)
+            assert drone.mission.settings.radio.gain == 15
+            assert drone.mission.settings.radio.center_frequency_hz == 148_705_000.0
+            assert drone.mission.settings.detection.false_alarm_probability == 0.005
+            assert await param.get_param_int("RADIO_GAIN") == 15
+            await param.set_param_int("RADIO_GAIN", -1)
+            assert drone.mission.settings.radio.gain is None
+            param.destroy()
+        configuration.destroy()
+
+    asyncio.run(main())
+
+
+def test_mavsdk_gets_our_metadata_by_file_transfer(
+    world: World, until: Until, tmp_path: Path
+) -> None:
+    drone = world.drone = ParameterDrone(world.clock, tmp_path)
+
+    async def main() -> None:
+        configuration = Configuration.create_manual(255, 190, True)
+        async with world.flying(), Mavsdk(configuration) as mavsdk:
+            await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
+            system = await mavsdk.first_autopilot(timeout_s=20.0)
+            await until(lambda: drone.connection.status() == "ready")
+            metadata = ComponentMetadataAsync(system)
+            updates = metadata.subscribe_metadata_available()
+            waiting = asyncio.create_task(anext(updates))
+            await asyncio.sleep(0)
+            await metadata.request_component(191)
+            update = await asyncio.wait_for(waiting, 60.0)
+            assert update.compid == 191
+            found = await metadata.get_metadata(191, MetadataType.PARAMETER)
+            await updates.aclose()
+            listed = json.loads(found.json_metadata)["parameters"]
+            assert [entry["name"] for entry in listed] == list(PARAMETERS)
+            assert all(entry["min"] <= entry["default"] <= entry["max"] for entry in listed)
+            metadata.destroy()
+        configuration.destroy()
+
+    asyncio.run(main())
+
+
+class PymavlinkStation:
+    """A ground station of pymavlink's encoder and decoder on a link of ours."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("MAVLINK20", "1")
+        from pymavlink.dialects.v20 import ardupilotmega
+
+        self.dialect = ardupilotmega
+        self.mav = ardupilotmega.MAVLink(None, srcSystem=255, srcComponent=190)
+        self.heard: list[Any] = []
+
+    def take(self, data: bytes) -> None:
+        self.heard += self.mav.parse_buffer(data) or []
+
+    def values(self) -> dict[str, float]:
+        """Values as pymavlink understands them with bytewise encoding."""
+        found = {}
+        for message in self.heard:
+            if message.get_type() == "PARAM_VALUE":
+                raw = struct.pack("<f", message.param_value)
+                whole = message.param_type == self.dialect.MAV_PARAM_TYPE_INT32
+                found[message.param_id] = struct.unpack("<i" if whole else "<f", raw)[0]
+        return found
+
+
+def test_pymavlink_sets_a_parameter_bytewise_and_hears_why_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    station = PymavlinkStation(monkeypatch)
+    sent: list[Message] = []
+    drone = ParameterDrone(Clock.start(), tmp_path, sent.append)
+    now_ns = 10**9
+    component = drone.connection.component
+    component.tick(now_ns)
+
+    def say(message: Any) -> None:
+        for frame in FrameParser().feed(message.pack(station.mav)):
+            component.receive(frame, now_ns)
+
+    writer = FrameWriter(1, 191)
+
+    def heard() -> dict[str, float]:
+        station.heard.clear()
+        for message in sent:
+            station.take(writer.encode(message))
+        sent.clear()
+        return station.values()
+
+    say(station.mav.param_request_list_encode(1, 0))
+    assert heard() == pytest.approx(drone.values)
+    assert [m.param_index for m in station.heard] == list(range(len(PARAMETERS)))
+    say(station.mav.param_request_read_encode(1, 191, b"DET_K", -1))
+    assert heard() == {"DET_K": 0}
+    say(station.mav.param_request_read_encode(1, 191, b"", 0))
+    assert heard() == {"RADIO_GAIN": -1}
+    say(station.mav.param_request_read_encode(1, 191, b"SYSID_THISMAV", -1))
+    say(station.mav.param_request_read_encode(1, 191, b"", 99))
+    assert heard() == {}
+    twelve = struct.unpack("<f", struct.pack("<i", 12))[0]
+    say(station.mav.param_set_encode(1, 191, b"RADIO_GAIN", twelve, 6))
+    assert heard() == {"RADIO_GAIN": 12}
+    forty = struct.unpack("<f", struct.pack("<i", 40))[0]
+    say(station.mav.param_set_encode(1, 191, b"RADIO_GAIN", forty, 6))
+    assert heard() == {"RADIO_GAIN": 12}
+    assert drone.texts[-1].text == "RADIO_GAIN cannot be 40: whole, 0 to 21, or -1"
+    drone.refusal = "system 255 may not command"
+    say(station.mav.param_set_encode(1, 191, b"RADIO_GAIN", twelve, 6))
+    say(station.mav.param_set_encode(1, 191, b"DET_WINDOW_HZ", float("nan"), 9))
+    assert heard() == {"RADIO_GAIN": 12, "DET_WINDOW_HZ": 500}
+    assert drone.texts[-1].text == drone.refusal
+    assert len(drone.replies) == 2
+
+
+@given(st.integers(-(2**22), 2**23), st.booleans())
+def test_a_whole_number_comes_back_in_either_encoding(value: int, bytewise: bool) -> None:
+    field = encode_value(float(value), MavParamType.INT32, bytewise)
+    wire = struct.unpack("<f", struct.pack("<f", field))[0]
+    assert decode_value(wire, MavParamType.INT32, bytewise) == value
+
+
+@pytest.mark.parametrize("kind", [MavParamType.INT64, MavParamType.REAL64, 77])
+def test_a_type_that_does_not_fit_the_field_is_no_value(kind: int) -> None:
+    assert decode_value(1.0, kind, bytewise=True) is None
