@@ -6,19 +6,17 @@ that follow; every pulse is reported once (docs/explanation/detection.md).
 """
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.band import SearchBand
 from uavrt.detection.checks import check_searchable
 from uavrt.detection.cleaning import Cleaner
 from uavrt.detection.following import Follower
-from uavrt.detection.grid import Spectrogram, make_grid
+from uavrt.detection.grid import make_grid
 from uavrt.detection.judging import Judge, share_a_pulse
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
-from uavrt.detection.noise import RowNoise
-from uavrt.detection.rates import make_searches
 from uavrt.detection.refine import Measured, Refiner
 from uavrt.detection.report import Reporter
 from uavrt.detection.samples import BACKWARD_RESTART_BLOCKS, Counters, SampleBuffer
@@ -28,11 +26,7 @@ from uavrt.messages import Pulse, SearchReport, Tag
 
 BATCH_S = 0.35
 """Samples gathered before the search goes on: latency against NumPy's price of a call."""
-NOISE_STRIDE = 4
-"""Of the columns, eight to a pulse, every fourth tells the noise as much as all."""
 _MAXIMUM_TRACKS = 12
-_LEARN_BATCHES = 3
-"""The noise is followed so many batches at a time: a call costs more than its data."""
 
 
 class PulseDetector:
@@ -117,21 +111,19 @@ class PulseDetector:
         """(Re)start everything that hangs on unbroken samples."""
         grid, tag = self._grid, self.tag
         self._buffer.clear()
-        self._noise = RowNoise(
-            column_s=grid.hop_s * NOISE_STRIDE,
-            independent_per_s=1.0 / tag.pulse_width_s,
-            circular=self.frequency_window_hz >= self.sample_rate_hz / 2.0,
+        self._band = SearchBand(
+            tag,
+            grid=grid,
+            buffer=self._buffer,
+            half_width_hz=self.frequency_window_hz,
+            batch_s=BATCH_S,
         )
-        self._searches = make_searches(tag, grid, self.frequency_window_hz)
-        self._first_noise_s = min(max(1.0, (tag.k - 1) * min(tag.pulse_intervals_s)), 6.0)
-        self._learnt: list[NDArray[np.float32]] = []
-        self._spectrogram = Spectrogram(grid)
         self._cleaner = Cleaner(
             sample_rate_hz=self.sample_rate_hz,
             pulse_width_s=tag.pulse_width_s,
             counters=self.counters,
         )
-        self._column = 0
+        self._advances = 0
         self._clean = 0
         self._tracks: list[Track] = []
         self._stale_blocks = 0
@@ -175,6 +167,10 @@ class PulseDetector:
         list of Pulse
         """
         if not self._buffer.empty:
+            # A track looks a little past where it expects its pulse: nothing lies there.
+            beyond_s = 3.0 * self.tag.interval_uncertainty_s + self.tag.interval_jitter_s
+            beyond = math.ceil(beyond_s * self.sample_rate_hz) + 2 * self._grid.window
+            self._buffer.append_hole(beyond)
             self._advance(self._buffer.end, last=True)
         pulses = self._reporter.drain()
         self._start()
@@ -234,89 +230,23 @@ class PulseDetector:
         buffer = self._buffer
         if upto <= self._clean and not last:
             return
-        self._cleaner.clean(buffer, self._clean, upto, renew=self._column % 7 == 0)
+        self._cleaner.clean(buffer, self._clean, upto, renew=self._advances % 7 == 0)
+        self._advances += 1
         self._refiner.upto = upto
         self._clean = upto
-        power = self._columns(self._spectrogram, upto, last=last)
-        begin, self._column = self._column, self._column + len(power)
-        was_ready = self._noise.ready
-        if len(power):
-            self._learn(power, begin, last=last)
-        if not self._noise.ready:
+        results = self._band.advance(upto, last=last)
+        if results is None:
             return
-        level = self._noise.level
-        for search in self._searches:
-            found: list[Candidate] = []
-            for block in (power,) if was_ready else self._from_the_start(upto, last=last):
-                found += search.push(block, level)
-            if last:
-                found += search.finish(level)
-            found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
+        for search, found in results:
             self._consider(found, search)
         self._follower.follow(
             self._tracks,
             upto,
             self._settle,
-            noise=self._noise.level,
+            noise=self._band.noise,
             floor=self._cleaner.mean_floor,
         )
-        self._reporter.searched(buffer.time_ns(upto), self._noise.level, self._score())
-
-    def _columns(
-        self, spectrogram: Spectrogram, upto: int, *, last: bool
-    ) -> NDArray[np.float32]:
-        """The next columns, from the samples up to an index; behind the last come zeros."""
-        first = spectrogram.needed()
-        stretch = self._buffer.view(max(0, first), upto)
-        if first < 0 or last:
-            ends = np.zeros(self._grid.reach + self._grid.window if last else 0, np.complex64)
-            stretch = np.concatenate((np.zeros(max(0, -first), np.complex64), stretch, ends))
-        return spectrogram.push(stretch)
-
-    def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
-        """All columns so far, made again: to keep them until the noise is known is 0.3 MB."""
-        grid, at = self._grid, self._buffer.start
-        spectrogram = Spectrogram(grid)
-        if at:
-            column = 8 * math.ceil((at + grid.reach) / grid.hop / 8.0)
-            spectrogram.consumed = column * grid.hop // grid.decimation
-            yield np.zeros((column, grid.rows), np.float32)
-        while at < upto:
-            at = min(at + self._batch, upto)
-            if at == upto or at > spectrogram.needed() + grid.window:
-                yield self._columns(spectrogram, at, last=last and at == upto)
-
-    def _score(self) -> float:
-        """Best statistic of the stretch over its threshold."""
-        best = max(search.best for search in self._searches)
-        for search in self._searches:
-            search.best = 0.0
-        return min(best, 0.999)
-
-    def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
-        """Feed the noise with columns that hold no lost samples."""
-        whole = power
-        if self._buffer.holes:
-            whole = power[self._whole_columns(begin, len(power))]
-        self._learnt.append(whole[::NOISE_STRIDE].copy())
-        if self._noise.ready:
-            if len(self._learnt) >= _LEARN_BATCHES:
-                self._noise.update(np.concatenate(self._learnt))
-                self._learnt.clear()
-            return
-        if self._column * self._grid.hop_s >= self._first_noise_s or last:
-            everything = np.concatenate(self._learnt)
-            if len(everything) >= 16:
-                self._noise.start(everything)
-                self._learnt.clear()
-
-    def _whole_columns(self, begin: int, count: int) -> NDArray[np.bool_]:
-        grid = self._grid
-        whole = np.ones(count, np.bool_)
-        for low, high in self._buffer.holes:
-            first = (low - grid.window - grid.reach) // grid.hop - begin
-            whole[max(0, first) : max(0, (high + grid.reach) // grid.hop + 1 - begin)] = False
-        return whole
+        self._reporter.searched(buffer.time_ns(upto), self._band.noise, self._band.score())
 
     def _consider(self, found: list[Candidate], search: RateSearch) -> None:
         """Turn candidates into groups; several candidates of the same pulses are one."""
@@ -324,7 +254,7 @@ class PulseDetector:
         for candidate in found:
             if self._judge.explained(candidate, search, taken, self._tracks):
                 continue
-            places = self._judge.measure(candidate, search, self._noise.level)
+            places = self._judge.measure(candidate, search, self._band.noise)
             if places is None:
                 continue
             group = [pulse for _, pulse in places]
@@ -338,7 +268,7 @@ class PulseDetector:
             ):
                 continue
             reason = self._judge.refusal(
-                group, search, noise=self._noise.level, floor=self._cleaner.mean_floor
+                group, search, noise=self._band.noise, floor=self._cleaner.mean_floor
             )
             if reason is not None:
                 self.counters.reject(reason)

@@ -218,7 +218,9 @@ class Refiner:
         energy = np.concatenate(([0.0], np.cumsum(x.real**2 + x.imag**2, dtype=np.float64)))
         burst = float((energy[quarter:] - energy[:-quarter]).max()) - quarter * floor
         whole = float(energy[-1]) - window * floor
-        if burst > _BURST * math.sqrt(quarter) * floor and burst > _BURST_SHARE * whole:
+        # A pulse of 20 dB has a quarter of its energy there, and noise adds or takes.
+        least = _BURST * math.sqrt(quarter) * floor + 0.5 * pulse.power * pulse.noise
+        if burst > least and burst > _BURST_SHARE * whole:
             return True
         narrow = _NARROW_SHARE * whole
         return (

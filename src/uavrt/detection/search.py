@@ -120,6 +120,13 @@ class RateSearch:
         self._searched = 0
         self.best = 0.0
         """Largest statistic over the threshold since it was last set to zero."""
+        self.margin = 1.0
+        """What the threshold is multiplied by while the noise is hardly known."""
+
+    def begin_at(self, column: int) -> None:
+        """Begin in mid-stream: the first column that will be pushed is this one."""
+        self.columns = self._searched = column + self.reach
+        self._first_columns = 0
 
     def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         """Take new columns and test every hypothesis that they complete.
@@ -241,7 +248,7 @@ class RateSearch:
             totals += own[:, np.newaxis]
         best = totals.max(axis=1)
         self.best = max(self.best, float(best.max()) / self.threshold)
-        hits = np.flatnonzero(best >= self.threshold)
+        hits = np.flatnonzero(best >= self.threshold * self.margin)
         if not len(hits):
             return
         strengths = cells[hits].sum(axis=2) + power[hits][:, np.newaxis]
@@ -285,7 +292,7 @@ class RateSearch:
                 total += scaled[at : at + count]
             largest = total.max(axis=0)
             self.best = max(self.best, float(largest.max()) / self.threshold)
-            hits = np.flatnonzero(largest >= self.threshold)
+            hits = np.flatnonzero(largest >= self.threshold * self.margin)
             for row in hits:
                 column = int(total[:, row].argmax())
                 found.append(

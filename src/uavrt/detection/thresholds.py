@@ -15,6 +15,8 @@ from uavrt.messages import Tag
 
 _STEP = 0.01
 _ORIGINAL_RATE_HZ = 3750.0
+USUAL_NOISE_ERROR = 0.033
+"""Relative error of the noise after 2.5 s, with which the factors below were calibrated."""
 
 
 def decision_interval_s(tag: Tag, rate: int = 1, k: int | None = None) -> float:
@@ -115,7 +117,6 @@ def threshold(
     hypotheses: float,
     spread: float,
     expected_false: float,
-    noise_error: float = 0.0,
 ) -> float:
     """Threshold of the sum, in noise powers.
 
@@ -129,10 +130,6 @@ def threshold(
         From `spread`.
     expected_false : float
         Expected number of false groups among these hypotheses.
-    noise_error : float
-        Relative standard deviation of the noise estimate. A tail falls as exp(-T), so an error
-        s of the scale multiplies the false alarms by exp((T s)^2 / 2); the threshold makes up
-        for it with a factor 1 + T s^2 / 2.
     """
     low, high = 0.1, 400.0
     for _ in range(50):
@@ -141,4 +138,17 @@ def threshold(
             low = middle
         else:
             high = middle
-    return high * (1.0 + 0.5 * high * noise_error**2)
+    return high
+
+
+def young_margin(
+    threshold: float, noise_error: float, usual_error: float = USUAL_NOISE_ERROR
+) -> float:
+    """What to multiply a threshold by while the noise is known worse than usually.
+
+    A tail falls as exp(-T), so an error s of the scale multiplies the false alarms by
+    exp((T s)^2 / 2); a factor 1 + T s^2 / 2 makes up for it. The calibrated factors have the
+    usual error's share in them.
+    """
+    more = max(0.0, noise_error**2 - usual_error**2)
+    return 1.0 + 0.5 * threshold * more

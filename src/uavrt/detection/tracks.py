@@ -102,29 +102,31 @@ class Track:
             0.0,
             spread**2 + (_CLOCK_ERROR * nominal) ** 2,
         ]
-        first = pulses[0][0]
-        self.time_s = pulses[0][1]
-        self.number = first
         mean = sum(pulse[3].power for pulse in pulses) / len(pulses)
         # Far weaker than its fellows and not sure by itself: noise in a group of fewer.
         floor = min(20.0, WEAKEST_SHARE * mean)
+        first = next(place for place, _, _, measured in pulses if measured.power >= floor)
         for number, time_s, time_ns, measured in pulses:
+            real = measured.power >= floor
+            state: SlotState = "accepted" if real else "missed"
+            self.slots.append(Slot(number, time_s, time_ns, measured, 1.0, state))
+            if number == first:
+                self.number, self.time_s = number, time_s
+                self.last_accepted_s = time_s
+            if not real or number == first:
+                continue
+            # Noise in a place says nothing of the phase: it would bend the interval.
             while self.number < number:
                 self._predict()
                 self.number += 1
-            if number > first:
-                self._correct(time_s, measured.power)
-            real = measured.power >= floor
-            self.slots.append(
-                Slot(number, time_s, time_ns, measured, 1.0, "accepted" if real else "missed")
-            )
+            self._correct(time_s, measured.power)
+            self.last_accepted_s = time_s
         while self.number < self.tag.k - 1:
             self._predict()
             self.number += 1
         weights = [min(p[3].power, 100.0) for p in pulses]
         total = sum(w * p[3].offset_hz for w, p in zip(weights, pulses, strict=True))
         self.offset_hz = total / sum(weights)
-        self.last_accepted_s = pulses[-1][1]
         sure = [s for s in self.slots if s.measured.power >= _SURE_POWER]
         self.confirmed = len(sure) >= max(3, self.tag.k)
 

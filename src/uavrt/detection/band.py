@@ -1,0 +1,193 @@
+"""One band of frequencies under search: its spectrogram, its noise, a search for each rate."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.grid import Grid, Spectrogram
+from uavrt.detection.noise import RowNoise
+from uavrt.detection.rates import make_searches
+from uavrt.detection.samples import SampleBuffer
+from uavrt.detection.search import Candidate, RateSearch
+from uavrt.detection.thresholds import young_margin
+from uavrt.messages import Tag
+
+NOISE_STRIDE = 4
+"""Of the columns, eight to a pulse, every fourth tells the noise as much as all."""
+_LEARN_BATCHES = 3
+"""The noise is followed so many batches at a time: a call costs more than its data."""
+_YOUNG_NOISE_S = 2.5
+"""Until so much is heard the noise is measured anew from all of it with each batch."""
+
+
+class SearchBand:
+    """The search of one stream in one band.
+
+    Parameters
+    ----------
+    tag : Tag
+    grid : Grid
+    buffer : SampleBuffer
+    half_width_hz : float
+        Half-width of the band, maybe infinite.
+    batch_s : float
+        Samples come in such pieces [s].
+    """
+
+    def __init__(
+        self,
+        tag: Tag,
+        *,
+        grid: Grid,
+        buffer: SampleBuffer,
+        half_width_hz: float,
+        batch_s: float,
+    ) -> None:
+        self._grid = grid
+        self._buffer = buffer
+        self._batch = round(batch_s * grid.sample_rate_hz)
+        self._spectrogram = Spectrogram(grid)
+        self._noise = RowNoise(
+            column_s=grid.hop_s * NOISE_STRIDE,
+            independent_per_s=1.0 / tag.pulse_width_s,
+            circular=half_width_hz >= grid.sample_rate_hz / 2.0,
+        )
+        self._searches = make_searches(tag, grid, half_width_hz)
+        self._learnt: list[NDArray[np.float32]] = []
+        self._column = 0
+        self._heard_s = 0.0
+        self._first_noise_s = _needed_noise_s(tag, self._searches, batch_s)
+
+    @property
+    def noise(self) -> NDArray[np.float32]:
+        """Noise power of each row, shape (rows,)."""
+        return self._noise.level
+
+    def advance(
+        self, upto: int, *, last: bool
+    ) -> list[tuple[RateSearch, list[Candidate]]] | None:
+        """Transform and search the clean samples up to an index.
+
+        Parameters
+        ----------
+        upto : int
+        last : bool
+            Nothing follows: test what only silence would complete.
+
+        Returns
+        -------
+        list of (RateSearch, list of Candidate), or None
+            Best candidates first; None while the noise is not known.
+        """
+        power = self._columns(self._spectrogram, upto, last=last)
+        begin, self._column = self._column, self._column + len(power)
+        was_ready = self._noise.ready
+        if len(power):
+            self._learn(power, begin, last=last)
+        if not self._noise.ready:
+            return None
+        level = self._noise.level
+        results = []
+        for search in self._searches:
+            found: list[Candidate] = []
+            for block in (power,) if was_ready else self._from_the_start(upto, last=last):
+                found += search.push(block, level)
+            if last:
+                found += search.finish(level)
+            found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
+            results.append((search, found))
+        return results
+
+    def score(self) -> float:
+        """Best statistic since the last call over its threshold, of what did not reach it."""
+        best = max(search.best for search in self._searches)
+        for search in self._searches:
+            search.best = 0.0
+        return min(best, 0.999)
+
+    def take_over(self, other: "SearchBand", upto: int) -> None:
+        """Begin at an index, in mid-stream, with the noise of a band that holds this one."""
+        grid = self._grid
+        column = 8 * math.ceil((upto + grid.reach) / grid.hop / 8.0)
+        self._column = column
+        self._spectrogram.consumed = column * grid.hop // grid.decimation
+        offsets = other._grid.offsets_hz
+        level = np.interp(grid.offsets_hz, offsets, other.noise).astype(np.float32)
+        self._noise.take_over(other._noise, level)
+        self._heard_s = other._heard_s
+        for search in self._searches:
+            search.begin_at(column)
+
+    def _columns(
+        self, spectrogram: Spectrogram, upto: int, *, last: bool
+    ) -> NDArray[np.float32]:
+        """The next columns, from the samples up to an index; behind the last come zeros."""
+        first = spectrogram.needed()
+        if first >= upto:
+            return np.zeros((0, self._grid.rows), np.float32)
+        stretch = self._buffer.view(max(0, first), upto)
+        if first < 0 or last:
+            ends = np.zeros(self._grid.reach + self._grid.window if last else 0, np.complex64)
+            stretch = np.concatenate((np.zeros(max(0, -first), np.complex64), stretch, ends))
+        return spectrogram.push(stretch)
+
+    def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
+        """All columns so far, made again: to keep them until the noise is known is 0.3 MB."""
+        grid, at = self._grid, self._buffer.start
+        spectrogram = Spectrogram(grid)
+        if at:
+            column = 8 * math.ceil((at + grid.reach) / grid.hop / 8.0)
+            spectrogram.consumed = column * grid.hop // grid.decimation
+            yield np.zeros((column, grid.rows), np.float32)
+        while at < upto:
+            at = min(at + self._batch, upto)
+            if at == upto or at > spectrogram.needed() + grid.window:
+                yield self._columns(spectrogram, at, last=last and at == upto)
+
+    def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
+        """Feed the noise with columns that hold no lost samples."""
+        whole = power
+        if self._buffer.holes:
+            whole = power[self._whole_columns(begin, len(power))]
+        self._learnt.append(whole[::NOISE_STRIDE].copy())
+        known = self._noise.ready and self._heard_s >= _YOUNG_NOISE_S
+        self._heard_s += len(power) * self._grid.hop_s
+        if known:
+            if len(self._learnt) >= _LEARN_BATCHES:
+                self._noise.update(np.concatenate(self._learnt))
+                self._learnt.clear()
+            return
+        if self._heard_s < self._first_noise_s and not last:
+            return
+        everything = np.concatenate(self._learnt)
+        if len(everything) >= 16:
+            self._noise.start(everything)
+            for search in self._searches:
+                search.margin = young_margin(search.threshold, self._noise.relative_error)
+            if self._heard_s >= _YOUNG_NOISE_S:
+                self._learnt.clear()
+
+    def _whole_columns(self, begin: int, count: int) -> NDArray[np.bool_]:
+        grid = self._grid
+        whole = np.ones(count, np.bool_)
+        for low, high in self._buffer.holes:
+            first = (low - grid.window - grid.reach) // grid.hop - begin
+            whole[max(0, first) : max(0, (high + grid.reach) // grid.hop + 1 - begin)] = False
+        return whole
+
+
+def _needed_noise_s(tag: Tag, searches: list[RateSearch], batch_s: float) -> float:
+    """How soon a group can reach a threshold: before, no noise needs to be known.
+
+    A cell adds no more than the limit, so a threshold needs several pulses, the last of them
+    some intervals after the stream's first sample.
+    """
+    soonest_s = min(
+        (math.ceil(search.threshold / search.limit) - 1)
+        * (interval_s - tag.interval_uncertainty_s)
+        for search, interval_s in zip(searches, tag.pulse_intervals_s, strict=True)
+    )
+    # The newest columns lag a window and a filter behind.
+    return min(max(soonest_s, batch_s), _YOUNG_NOISE_S) - 0.2 * batch_s

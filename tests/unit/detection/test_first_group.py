@@ -1,0 +1,74 @@
+"""A stream begins and the tag is already sending: nothing is deaf, nothing is late."""
+
+import numpy as np
+import pytest
+
+from uavrt.detection import PulseDetector
+from uavrt.detection.noise import RowNoise
+from uavrt.detection.thresholds import USUAL_NOISE_ERROR, young_margin
+from uavrt.experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
+from uavrt.messages import Pulse
+
+RATE_HZ = 7500.0
+BLOCK = 653
+"""87 ms: how samples arrive in a flight."""
+
+
+def records_in_time(enr_db: float, first_s: float, seed: int) -> list[tuple[float, Pulse]]:
+    """Every record with the time in the stream at which it came [s]; checks the truth, too."""
+    rng = np.random.default_rng(seed)
+    truth = pulse_train(
+        rng,
+        duration_s=5.5,
+        interval_s=1.254 + rng.uniform(-0.05, 0.05),
+        offset_hz=120.0,
+        enr_db=enr_db,
+        jitter_s=0.005,
+        first_s=first_s,
+    )
+    samples = make_samples(rng, truth, duration_s=5.5, sample_rate_hz=RATE_HZ)
+    detector = PulseDetector(
+        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
+    )
+    records: list[tuple[float, Pulse]] = []
+    for first in range(0, len(samples), BLOCK):
+        time_ns = START_NS + round(first / RATE_HZ * 1e9)
+        found = detector.process(samples[first : first + BLOCK], time_ns)
+        records += [((first + BLOCK) / RATE_HZ, pulse) for pulse in found]
+    starts_s = [(p.start_time_ns - START_NS) * 1e-9 for _, p in records]
+    for true in truth[:3]:
+        assert any(abs(start_s - true.start_s) < 0.01 for start_s in starts_s)
+    return records
+
+
+@pytest.mark.parametrize("enr_db", [14.0, 20.0])
+def test_the_first_group_is_reported_half_a_second_after_its_last_pulse(enr_db: float) -> None:
+    for phase in range(12):
+        records = records_in_time(enr_db, 0.01 + phase * 1.19 / 12, seed=60 + phase)
+        came_s = records[0][0]
+        ended_s = max((p.end_time_ns - START_NS) * 1e-9 for at, p in records if at == came_s)
+        assert came_s - ended_s < 0.5
+
+
+def test_a_noise_hardly_known_is_compensated_by_a_higher_threshold() -> None:
+    rng = np.random.default_rng(61)
+    cells = rng.exponential(1.0, (2000, 80)).astype(np.float32)
+    noise = RowNoise(column_s=0.01, independent_per_s=50.0, circular=False)
+    margins = []
+    for columns in (30, 100, 250):
+        noise.start(cells[:columns])
+        margins.append(young_margin(24.0, noise.relative_error))
+    assert margins[0] > margins[1] > margins[2] > 0.999
+    assert young_margin(24.0, USUAL_NOISE_ERROR) == 1.0
+
+
+def test_the_noise_of_the_first_rows_is_as_good_as_that_of_the_middle() -> None:
+    errors = []
+    for seed in range(200):
+        cells = np.random.default_rng(seed).exponential(1.0, (60, 80)).astype(np.float32)
+        noise = RowNoise(column_s=0.02, independent_per_s=50.0, circular=False)
+        noise.start(cells)
+        errors.append(noise.level - 1.0)
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert rms[0] < 1.5 * rms[40]
+    assert rms[-1] < 1.5 * rms[40]
