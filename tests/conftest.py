@@ -36,7 +36,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     silence limits that it is there to test. The summary shows what was tried twice.
     """
     for item in items:
-        if item.get_closest_marker("flight") or item.get_closest_marker("browser"):
+        if "flight" in item.path.parts or item.get_closest_marker("flight"):
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
             item.add_marker(pytest.mark.flaky(reruns=1))
 

@@ -3,6 +3,7 @@
 from collections import deque
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from pathlib import Path
 
 from rich.console import Group, RenderableType
 from rich.panel import Panel
@@ -88,7 +89,7 @@ class MonitorView:
             ("   lost ", "dim"),
             (f"{losses:.0f}", "bold red" if losses else "bold green"),
             ("   flight ", "dim"),
-            status.flight_directory or "–",
+            Path(status.flight_directory).name if status.flight_directory else "–",
             ("   UTC ", "dim"),
             f"{datetime.fromtimestamp(status.time_ns * 1e-9, tz=UTC):%H:%M:%S}",
         )

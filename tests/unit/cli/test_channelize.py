@@ -185,6 +185,7 @@ def test_the_pipe_of_the_thesis_ends_in_the_channels_of_the_original(
     )
 
 
+@pytest.mark.xdist_group("test_original_halves")  # both bind the original's ports
 def test_standard_input_of_three_megasamples_is_decimated_and_split(
     recording: Path, listeners: dict[int, list[socket.socket]]
 ) -> None:
