@@ -14,6 +14,7 @@ from cyclopts import Parameter
 from uavrt.cli.screen import has_screen
 from uavrt.config import read_tags
 from uavrt.errors import ConfigError
+from uavrt.ground.keys import read_link_keys
 from uavrt.ground.station import Station, StationSettings, json_line
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ def ground(
     host_name: tuple[str, ...] = (),
     certificate: Path | None = None,
     key: Path | None = None,
+    command_key: Path | None = None,
+    signing_key: Path | None = None,
 ) -> None:
     """Talk to the drone: a page in the browser, or without one as a program for scripts.
 
@@ -78,9 +81,14 @@ def ground(
         Certificate file (PEM) for https.
     key
         Key file of the certificate.
+    command_key
+        Key file that the drone has as mavlink.key_file: commands are sealed with it.
+    signing_key
+        Key file that the drone has as mavlink.signing_key_file: MAVLink frames are signed.
     """
     if start and tags is None:
         raise ConfigError("there is nothing to detect", remedy="Give the tags with --tags FILE")
+    keys = read_link_keys(command_key, signing_key)
     show = _print_json if json_lines else _print_text
     tag_list = read_tags(tags) if tags is not None else None
     if not page and (headless or json_lines or start or tags is not None):
@@ -89,6 +97,7 @@ def ground(
             directory=output or Path(f"ground_{datetime.now(UTC):%Y-%m-%d_%H-%M-%S}"),
             tags=tag_list or (),
             start=start,
+            keys=keys,
         )
         asyncio.run(_serve_station(settings, show))
         return
@@ -100,6 +109,7 @@ def ground(
         address=mavlink,
         tags=tag_list,
         start=start,
+        keys=keys,
         server=ServerSettings(
             host=listen,
             port=port,

@@ -69,6 +69,12 @@ class MavlinkSettings:
     key_file: str | None = None
     """File with a key of 32 or more hexadecimal digits that the ground station has too; then
     only commands sealed with it are taken, and other ground stations can only listen."""
+    signing_key_file: str | None = None
+    """File with a key of 64 hexadecimal digits: MAVLink 2 signing, for direct links and through
+    ArduPilot. PX4 1.17 breaks the signatures of what it passes on; there use key_file."""
+    accept_unsigned: Literal["none", "autopilot", "all"] = "autopilot"
+    """With a signing key: whose unsigned frames are taken all the same; the autopilot's are its
+    telemetry only."""
     tunnel_generation: Literal["auto", "G0", "G1"] = "auto"
     """Wire format towards the ground; auto answers in the format the ground used."""
 

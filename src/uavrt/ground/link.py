@@ -6,6 +6,7 @@
 import asyncio
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
+from functools import partial
 
 from uavrt import tunnel
 from uavrt.errors import CommandRefused, LinkError
@@ -24,6 +25,7 @@ from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame, FrameWriter
 from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
+from uavrt.mavlink.signing import Signing, SigningKey
 from uavrt.mavlink.transport import open_link
 from uavrt.messages import Tag
 from uavrt.tunnel import CommandId, Generation
@@ -44,6 +46,7 @@ __all__ = [
 ]
 
 HEARTBEAT_S = 1.0
+SIGNING_LINK_ID = 1
 RECEIPT_POLL_S = 0.05
 ACK_WAIT_S = 2.0
 TRIES = 4
@@ -82,6 +85,9 @@ class GroundLink:
         returns.
     key : Key, optional
         What commands and receipts are sealed with, see `uavrt.tunnel.seal`.
+    signing_key : SigningKey, optional
+        What frames are signed with, see `uavrt.mavlink.signing`; then unsigned frames are taken
+        from the autopilot only.
     """
 
     def __init__(
@@ -96,6 +102,7 @@ class GroundLink:
         on_frame: Callable[[Frame], None] | None = None,
         receipts: Receipts | None = None,
         key: Key | None = None,
+        signing_key: SigningKey | None = None,
     ) -> None:
         if receipts is None and generation != "G0":
             receipts = Receipts(new_store())
@@ -108,7 +115,11 @@ class GroundLink:
         self._on_frame = on_frame
         self._generation: Generation = generation
         self._ack_wait_s = ack_wait_s
-        self._writer = FrameWriter(system_id, component_id)
+        self._signing = None if signing_key is None else Signing(signing_key, clock_ns)
+        sign = None
+        if self._signing is not None:
+            sign = partial(self._signing.signature, link_id=SIGNING_LINK_ID)
+        self._writer = FrameWriter(system_id, component_id, sign)
         self._link: Link | None = None
         self._events: deque[GroundEvent] = deque(maxlen=EVENTS)
         self._event_there = asyncio.Event()
@@ -245,11 +256,18 @@ class GroundLink:
             self._event_there.clear()
             await self._event_there.wait()
 
+    @property
+    def refused(self) -> dict[str, int]:
+        """Frames refused for their signatures, by reason."""
+        return {} if self._signing is None else dict(self._signing.counters)
+
     def send(self, message: Message) -> None:
         """Send a message that needs no acknowledgement."""
         self._send(message)
 
     def _receive(self, frame: Frame) -> None:
+        if self._signing is not None and not self._signing.accepts(frame):
+            return
         if self._on_frame is not None:
             self._on_frame(frame)
         for event in self.protocol.receive(frame, self._clock_ns()):

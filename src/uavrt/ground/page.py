@@ -13,6 +13,7 @@ from typing import Any
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import CommandRefused, ConfigError, LinkError
+from uavrt.ground.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link import GroundEvent
 from uavrt.ground.server import PageServer, ServerSettings, listening_socket, page_server
 from uavrt.ground.session import ESSENTIAL, GroundSession
@@ -34,6 +35,7 @@ class PageSettings:
     """None: the one of the last time."""
     tags: tuple[Tag, ...] | None = None
     start: bool = False
+    keys: LinkKeys = NO_KEYS
     server: ServerSettings = field(default_factory=ServerSettings)
 
 
@@ -58,7 +60,7 @@ class PageStation:
             store.set_settings(store.settings.changed({"address": settings.address}))
         if settings.tags is not None:
             store.set_tags(settings.tags)
-        self.session = GroundSession(store, Clock.start(), self._take)
+        self.session = GroundSession(store, Clock.start(), self._take, settings.keys)
 
     def stop(self) -> None:
         """Stop detection if it was started by itself, take the last pulses in, end."""

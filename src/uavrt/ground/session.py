@@ -20,6 +20,7 @@ from uavrt.ground.event_log import EventLog
 from uavrt.ground.flight_keeper import FlightKeeper
 from uavrt.ground.flights import FlightLibrary
 from uavrt.ground.hub import Hub
+from uavrt.ground.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link import (
     Acknowledged,
     DetectorAlive,
@@ -29,6 +30,7 @@ from uavrt.ground.link import (
 )
 from uavrt.ground.received import open_receipts
 from uavrt.ground.settings import GroundStore
+from uavrt.ground.skew import ClockSkew
 from uavrt.ground.snapshot import pose_record, snapshot
 from uavrt.ground.tag_table import rows_from_tags
 from uavrt.ground.vehicle import VehicleWatch
@@ -48,13 +50,6 @@ LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
 """Estimates run again after eight times as long as they took: at most 11 % of a core."""
-SKEW_PULSES = 5
-"""Pulses that are compared before the drone's clock is judged: the first may be old ones, sent
-again after a gap of the link."""
-LATE_NS = 10 * NANOSECONDS_PER_SECOND
-AHEAD_NS = 3 * NANOSECONDS_PER_SECOND
-"""Prompt pulses come 0.5 to 2 s after they were. All later than this, or any so long before
-it was: that is the drone's clock."""
 
 ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
 
@@ -70,6 +65,8 @@ class GroundSession:
         The ground's clock.
     on_event : callable, optional
         Called with each thing heard from the drone, before it is shown.
+    keys : LinkKeys, optional
+        Secrets shared with the drone.
     """
 
     def __init__(
@@ -77,8 +74,10 @@ class GroundSession:
         store: GroundStore,
         clock: Clock,
         on_event: Callable[[GroundEvent], None] | None = None,
+        keys: LinkKeys = NO_KEYS,
     ) -> None:
         self.store = store
+        self._keys = keys
         self.clock = clock
         self.hub = Hub()
         self.library = FlightLibrary(store.directory)
@@ -103,12 +102,15 @@ class GroundSession:
         self.heard: dict[int, int] = {}
         self.drone_directory = ""
         self._stopped_ns: int | None = None
-        self.skew_ns: int | None = None
-        self._delays = 0
-        self._least_delay_ns: int | None = None
+        self._skew = ClockSkew()
         self._was_present = False
         self._last_pose_ns = 0
         self.last_pulse_s = 0.0
+
+    @property
+    def skew_ns(self) -> int | None:
+        """How far the drone's clock is behind ours; None before it is judged."""
+        return self._skew.skew_ns
 
     async def run(self) -> None:
         """Serve until cancelled; connect to the address that is set."""
@@ -148,6 +150,8 @@ class GroundSession:
             on_frame=self._take_frame,
             generation=settings.generation,
             receipts=open_receipts(self.store.directory),
+            key=self._keys.command,
+            signing_key=self._keys.signing,
         )
         link.protocol.tags = {tag.tag_id: tag for tag in self.sent_tags}
         self.vehicle = VehicleWatch(link.protocol.own)
@@ -264,7 +268,8 @@ class GroundSession:
     def _take_pulse(self, event: PulsePose, now_ns: int) -> None:
         self.heard[event.pulse.tag_id] = now_ns
         self.last_pulse_s = monotonic_s()
-        self._learn_skew(now_ns - event.pulse.end_time_ns)
+        if (difference := self._skew.learn(now_ns - event.pulse.end_time_ns)) is not None:
+            self.note(4, difference)
         if self.flight.flight_id is None or self._is_of_next_flight(event):
             self.begin_flight()
         if not self.flight.add_pulse(event):
@@ -296,19 +301,6 @@ class GroundSession:
         elif event.state not in ESSENTIAL and not self.flight.ended and before in ESSENTIAL:
             self._end_flight()
         self.send_state()
-
-    def _learn_skew(self, delay_ns: int) -> None:
-        """Learn how far the drone's clock is behind ours, from the promptest of some pulses."""
-        self._delays += 1
-        self._least_delay_ns = min(delay_ns, self._least_delay_ns or delay_ns)
-        if self._delays < SKEW_PULSES:
-            return
-        least_ns = self._least_delay_ns
-        skew_ns = least_ns if not -AHEAD_NS <= least_ns <= LATE_NS else 0
-        if self.skew_ns is None or skew_ns < self.skew_ns:
-            if skew_ns != 0 and self.skew_ns is None:
-                self.note(4, f"the drone's clock differs by {-skew_ns / 1e9:.0f} s")
-            self.skew_ns = skew_ns
 
     # ------------------------------------------------------------------- flight
 

@@ -15,6 +15,7 @@ from typing import Any, TextIO
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import CommandRefused, LinkError, RecordingError
+from uavrt.ground.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link import (
     Acknowledged,
     DetectorAlive,
@@ -44,6 +45,7 @@ class StationSettings:
     tags: tuple[Tag, ...]
     start: bool
     generation: Generation = "G1"
+    keys: LinkKeys = NO_KEYS
 
 
 class Station:
@@ -92,6 +94,8 @@ class Station:
                 on_event=self._take,
                 generation=self._settings.generation,
                 receipts=open_receipts(self._settings.directory),
+                key=self._settings.keys.command,
+                signing_key=self._settings.keys.signing,
             )
             serve = asyncio.create_task(link.run(self._settings.address))
             work = asyncio.create_task(self._work(link))

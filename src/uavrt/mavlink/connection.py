@@ -6,6 +6,7 @@ this joins them on an asyncio loop and knows nothing else.
 
 import asyncio
 from collections.abc import Callable
+from functools import partial
 
 from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
@@ -17,6 +18,7 @@ from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.routes import Routes
 from uavrt.mavlink.sender import TICK_S, PacedSender, TunnelSender
+from uavrt.mavlink.signing import Signing
 from uavrt.mavlink.transport import open_link
 
 log = get_logger()
@@ -49,6 +51,8 @@ class Connection:
         Our clock [ns, UTC]; every time handed out is on it.
     component_id, attitude_rate_hz, position_rate_hz, gap_s, parameter_encoding, healthy
         See `Component` and `TunnelSender`.
+    signing : Signing, optional
+        Signs what leaves and judges what comes; the number of a link is its signing link id.
     """
 
     def __init__(
@@ -62,9 +66,11 @@ class Connection:
         position_rate_hz: float = 10.0,
         gap_s: float = 0.020,
         parameter_encoding: ParameterEncoding = "auto",
+        signing: Signing | None = None,
         healthy: Callable[[], bool] = lambda: True,
     ) -> None:
         self._clock_ns = clock_ns
+        self._signing = signing
         self._receiving: int | None = None
         self.component = Component(
             self._send,
@@ -76,7 +82,14 @@ class Connection:
             healthy=healthy,
         )
         self._ways = [
-            _Way(number, FrameWriter(self.component.system_id, component_id))
+            _Way(
+                number,
+                FrameWriter(
+                    self.component.system_id,
+                    component_id,
+                    None if signing is None else partial(signing.signature, link_id=number),
+                ),
+            )
             for number in range(links)
         ]
         self._routes = Routes(links)
@@ -167,6 +180,8 @@ class Connection:
     def counters(self) -> dict[str, float]:
         """All counts, for a health record."""
         counters = {name: float(count) for name, count in self.component.counters.items()}
+        if self._signing is not None:
+            counters |= self._signing.counters
         for way in self._ways:
             for name, count in ({} if way.link is None else way.link.health()).items():
                 own = name if way.number == 0 else name.replace("link_", f"link{way.number}_")
@@ -174,6 +189,8 @@ class Connection:
         return {**counters, **self.tunnel.counters()}
 
     def _receive(self, number: int, frame: Frame) -> None:
+        if self._signing is not None and not self._signing.accepts(frame):
+            return
         link = self._ways[number].link
         now_ns = self._clock_ns() - (0 if link is None else link.frame_age_ns)
         if len(self._ways) > 1:

@@ -13,6 +13,7 @@ frame: on a noisy serial line a stray 0xFD would otherwise swallow up to 280 goo
 """
 
 import binascii
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -66,23 +67,35 @@ class Frame:
         return None if kind is None else kind.decode(self.payload)
 
 
+Sign = Callable[[bytes], bytes]
+"""Gives the signature of a frame whose flag is set (`uavrt.mavlink.signing`)."""
+
+
 def encode_frame(
-    message: Message, *, system_id: int, component_id: int, sequence: int
+    message: Message,
+    *,
+    system_id: int,
+    component_id: int,
+    sequence: int,
+    sign: Sign | None = None,
 ) -> bytes:
-    """Write a MAVLink 2 frame, unsigned."""
+    """Write a MAVLink 2 frame, unsigned unless `sign` is given."""
     payload = message.pack().rstrip(b"\0") or b"\0"
-    head = bytes((len(payload), 0, 0, sequence & 0xFF, system_id, component_id))
+    flags = 0 if sign is None else SIGNED
+    head = bytes((len(payload), flags, 0, sequence & 0xFF, system_id, component_id))
     body = head + message.ID.to_bytes(3, "little") + payload
     crc = crc16_mcrf4xx(body + bytes((message.CRC_EXTRA,)))
-    return bytes((MARKER_V2,)) + body + crc.to_bytes(2, "little")
+    frame = bytes((MARKER_V2,)) + body + crc.to_bytes(2, "little")
+    return frame if sign is None else frame + sign(frame)
 
 
 class FrameWriter:
     """Numbers the frames of one sender on one link."""
 
-    def __init__(self, system_id: int, component_id: int) -> None:
+    def __init__(self, system_id: int, component_id: int, sign: Sign | None = None) -> None:
         self.system_id = system_id
         self.component_id = component_id
+        self._sign = sign
         self._sequence = 0
 
     def encode(self, message: Message) -> bytes:
@@ -92,6 +105,7 @@ class FrameWriter:
             system_id=self.system_id,
             component_id=self.component_id,
             sequence=self._sequence,
+            sign=self._sign,
         )
         self._sequence = (self._sequence + 1) & 0xFF
         return frame

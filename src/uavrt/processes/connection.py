@@ -20,6 +20,7 @@ from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.metadata import component_metadata
 from uavrt.mavlink.parameters import Requests
+from uavrt.mavlink.signing import signing_from
 from uavrt.messages import (
     AttitudeSample,
     Command,
@@ -87,6 +88,7 @@ class ConnectionProcess:
             position_rate_hz=mavlink.position_rate_hz,
             gap_s=mavlink.tunnel_gap_s,
             parameter_encoding=mavlink.parameter_encoding,
+            signing=signing_from(mavlink, frame.clock.now_ns),
         )
         self._parameters = ParameterDesk(
             settings,

@@ -1,0 +1,167 @@
+"""MAVLink 2 signing: frames that only holders of a key can have sent. Pure.
+
+A signed frame has the flag 0x01 in its incompatibility byte and ends with 13 bytes::
+
+    link id (1) | time (6): 10 µs since 2015-01-01 | first 6 bytes of SHA-256 of
+                            key (32), the frame up to here
+
+Times of one sender's link rise strictly; what does not is somebody's repetition. The first of a
+stream may be at most a minute behind our own time (reference/mavlink.md §4, "Signing").
+
+PX4 1.17 breaks the signatures of frames that it forwards; for the way through it there is
+`uavrt.tunnel.seal`.
+"""
+
+import hashlib
+import hmac
+from collections import Counter, OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from uavrt.config.settings import MavlinkSettings
+from uavrt.errors import ConfigError
+from uavrt.mavlink import dialect
+from uavrt.mavlink.dialect import MavComponent
+from uavrt.mavlink.frame import SIGNATURE_SIZE, Frame
+
+Unsigned = Literal["none", "autopilot", "all"]
+"""Whose unsigned frames are taken: nobody's, the autopilot's own telemetry, everybody's."""
+
+KEY_SIZE = 32
+HASH_SIZE = 6
+EPOCH_S = 1_420_070_400
+"""2015-01-01 UTC."""
+TICK_NS = 10_000
+BEHIND_TICKS = 6_000_000
+"""A minute."""
+MAX_STREAMS = 64
+COMMANDING = frozenset(
+    {
+        dialect.Tunnel.ID,
+        dialect.CommandLong.ID,
+        dialect.CommandInt.ID,
+        dialect.ParamSet.ID,
+        dialect.FileTransferProtocol.ID,
+    }
+)
+"""Never taken unsigned under ``autopilot``: anyone on the radio can claim to be component 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class SigningKey:
+    """The secret that all signers share; never shown."""
+
+    secret: bytes
+
+    def __repr__(self) -> str:
+        return "SigningKey(…)"
+
+
+def read_signing_key(path: str | Path) -> SigningKey:
+    """Read a key: 64 hexadecimal digits in a file.
+
+    MAVProxy and QGroundControl make theirs from a passphrase, as its SHA-256:
+    ``printf %s PASSPHRASE | sha256sum | cut -c-64``.
+
+    Raises
+    ------
+    ConfigError
+        There is none.
+    """
+    try:
+        secret = bytes.fromhex(Path(path).read_text("ascii").strip())
+    except (OSError, ValueError):
+        secret = b""
+    if len(secret) != KEY_SIZE:
+        raise ConfigError(
+            f"{path} is no signing key: it must hold 64 hexadecimal digits",
+            remedy="`openssl rand -hex 32 > FILE` makes one",
+        )
+    return SigningKey(secret)
+
+
+def signing_from(settings: MavlinkSettings, clock_ns: Callable[[], int]) -> "Signing | None":
+    """Make what the settings ask for; raises `ConfigError` when the key cannot be read."""
+    if settings.signing_key_file is None:
+        return None
+    key = read_signing_key(settings.signing_key_file)
+    return Signing(key, clock_ns, settings.accept_unsigned)
+
+
+class Signing:
+    """Signs what we send and judges what comes; one for all links of a component.
+
+    Parameters
+    ----------
+    key : SigningKey
+        The shared secret.
+    clock_ns : callable
+        Time now [ns, UTC].
+    unsigned : {"none", "autopilot", "all"}
+        Whose unsigned frames are taken. RADIO_STATUS always is: radios cannot sign.
+
+    Attributes
+    ----------
+    counters : Counter of str
+        What was refused, by reason.
+    """
+
+    def __init__(
+        self, key: SigningKey, clock_ns: Callable[[], int], unsigned: Unsigned = "autopilot"
+    ) -> None:
+        self._secret = key.secret
+        self._clock_ns = clock_ns
+        self._unsigned = unsigned
+        self._last_ticks = 0
+        self._streams: OrderedDict[tuple[int, int, int], int] = OrderedDict()
+        self.counters: Counter[str] = Counter()
+
+    def signature(self, frame: bytes, link_id: int) -> bytes:
+        """Give the 13 bytes for a frame whose flag is set."""
+        self._last_ticks = max(self._last_ticks + 1, self._now_ticks())
+        tail = bytes((link_id & 0xFF,)) + self._last_ticks.to_bytes(6, "little")
+        return tail + self._hash(frame + tail)
+
+    def accepts(self, frame: Frame) -> bool:
+        """Judge a frame; a refused one is counted."""
+        reason = (
+            self._fault_of_signed(frame) if frame.signed else self._fault_of_unsigned(frame)
+        )
+        if reason is not None:
+            self.counters[reason] += 1
+        return reason is None
+
+    def _fault_of_signed(self, frame: Frame) -> str | None:
+        signature = frame.raw[-SIGNATURE_SIZE:]
+        if not hmac.compare_digest(signature[-HASH_SIZE:], self._hash(frame.raw[:-HASH_SIZE])):
+            return "signatures_wrong"
+        ticks = int.from_bytes(signature[1:7], "little")
+        stream = (frame.system_id, frame.component_id, signature[0])
+        newest = self._streams.get(stream, self._now_ticks() - BEHIND_TICKS)
+        if ticks <= newest:
+            return "signatures_repeated"
+        self._streams[stream] = ticks
+        self._streams.move_to_end(stream)
+        if len(self._streams) > MAX_STREAMS:
+            self._streams.popitem(last=False)
+        # A computer without a battery-backed clock learns the time from those who know it.
+        self._last_ticks = max(self._last_ticks, ticks)
+        return None
+
+    def _fault_of_unsigned(self, frame: Frame) -> str | None:
+        if self._unsigned == "all" or frame.message_id == dialect.RadioStatus.ID:
+            return None
+        telemetry = (
+            frame.component_id == MavComponent.COMP_ID_AUTOPILOT1
+            and frame.message_id not in COMMANDING
+        )
+        return None if telemetry and self._unsigned == "autopilot" else "unsigned_refused"
+
+    def _now_ticks(self) -> int:
+        wall = max(0, self._clock_ns() - EPOCH_S * 1_000_000_000) // TICK_NS
+        return max(wall, self._last_ticks)
+
+    def _hash(self, data: bytes) -> bytes:
+        return hashlib.sha256(self._secret + data).digest()[:HASH_SIZE]
