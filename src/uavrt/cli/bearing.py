@@ -16,6 +16,7 @@ def bearing(
     *,
     method: str = "pattern_ml",
     antenna: str = "RA-23K",
+    recording: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Estimate the bearing of each tag in each turn in place.
@@ -30,15 +31,23 @@ def bearing(
         pca_amplitude, pearson, ls_linear, ls_db, max.
     antenna
         Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2.
+    recording
+        The SigMF recording that the pulses were found in, received through an antenna switch:
+        bearings from the phases between its antennas (pseudo_doppler, two_point_phased).
     as_json
         Print a list of objects.
     """
     from uavrt.analysis.bearings import read_bearings
+    from uavrt.analysis.switched import switched_bearings
     from uavrt.recording.formats import read_pulse_log
 
-    for warning in read_pulse_log(pulses).warnings:
+    log = read_pulse_log(pulses)
+    for warning in log.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
-    found = read_bearings(pulses, method=method, antenna=antenna)  # type: ignore[arg-type]
+    if recording is not None:
+        found = switched_bearings(recording, log.pulse_poses)
+    else:
+        found = read_bearings(pulses, method=method, antenna=antenna)  # type: ignore[arg-type]
     if as_json:
         print(json.dumps([_record(one) for one in found], indent=2))
         return

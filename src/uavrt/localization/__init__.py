@@ -30,6 +30,11 @@ from uavrt.localization.strongest import (
     signal_surface,
     strongest_signal,
 )
+from uavrt.localization.switched_pulse import (
+    SwitchedPulse,
+    SwitchSchedule,
+    measure_switched_pulse,
+)
 from uavrt.localization.tangent_plane import TangentPlane
 from uavrt.localization.trackers import GridTracker, ParticleTracker, TagPrior, TrackEstimate
 from uavrt.localization.turns import Turn, find_turns
@@ -52,6 +57,8 @@ __all__ = [
     "SignalSurface",
     "Stations",
     "StrongestSignal",
+    "SwitchSchedule",
+    "SwitchedPulse",
     "TagPrior",
     "TangentPlane",
     "TrackEstimate",
@@ -63,6 +70,7 @@ __all__ = [
     "estimate_position",
     "find_turns",
     "learn_pattern",
+    "measure_switched_pulse",
     "monopole_gain_db",
     "pair_steering",
     "region_outlines",

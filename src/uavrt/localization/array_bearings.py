@@ -29,29 +29,38 @@ _FADING_DB = 2.0
 """By which two antennas side by side differ for reasons other than direction."""
 
 
-def circle_steering(elements: int, radius_wavelengths: float) -> Steering:
+def circle_steering(
+    elements: int, radius_wavelengths: float, elevation_deg: float = 0.0
+) -> Steering:
     """Monopoles evenly on a circle, the first ahead, then clockwise: pseudo-Doppler.
 
     Above a radius of a quarter wavelength neighbouring elements may differ by more than half a
     turn, and directions become ambiguous.
     """
     places = np.arange(elements) * 360.0 / elements
+    turns = radius_wavelengths * np.cos(np.radians(elevation_deg))
 
     def steering(direction_deg: _Floats) -> _Complex:
         angle = np.radians(direction_deg[:, None] - places[None, :])
-        return np.asarray(np.exp(2j * np.pi * radius_wavelengths * np.cos(angle)))
+        return np.asarray(np.exp(2j * np.pi * turns * np.cos(angle)))
 
     return steering
 
 
-def pair_steering(spacing_wavelengths: float) -> Steering:
-    """Sum and difference of two elements side by side, the right one minus the left one.
+def pair_steering(
+    spacing_wavelengths: float, elevation_deg: float = 0.0, *, modes: bool = True
+) -> Steering:
+    """Two elements side by side: their sum and difference, right minus left.
 
-    The difference tells right from left, not ahead from behind; that takes a turn.
+    The difference tells right from left, not ahead from behind; that takes a turn. With
+    `modes` false, the left and the right element themselves.
     """
+    turns = spacing_wavelengths * np.cos(np.radians(elevation_deg))
 
     def steering(direction_deg: _Floats) -> _Complex:
-        phase = np.pi * spacing_wavelengths * np.sin(np.radians(direction_deg))
+        phase = np.pi * turns * np.sin(np.radians(direction_deg))
+        if not modes:
+            return np.stack([np.exp(-1j * phase), np.exp(1j * phase)], axis=1)
         return np.stack([2.0 * np.cos(phase) + 0j, 2j * np.sin(phase)], axis=1)
 
     return steering
@@ -112,7 +121,7 @@ def switched_bearing(
     yaw_deg: _Floats,
     steering: Steering,
     *,
-    noise_power: float,
+    noise_power: float | _Floats,
     method: ArrayMethod,
 ) -> Bearing:
     """Estimate a bearing from the amplitudes of one or several pulses.
@@ -120,21 +129,22 @@ def switched_bearing(
     Parameters
     ----------
     amplitudes : (p, elements) complex128 array
-        From `switched_amplitudes`.
+        From `switched_amplitudes` or `measure_switched_pulse`.
     counts : (p, elements) float64 array
         Samples behind each amplitude.
     yaw_deg : (p,) float64 array
         Heading of the array at each pulse, clockwise from true north.
     steering : callable
         `circle_steering` or `pair_steering`.
-    noise_power : float
-        Of one sample.
+    noise_power : float or (p,) float64 array
+        Of one sample, the same for all pulses or of each.
     method : str
         ``"pseudo_doppler"`` or ``"two_point_phased"``.
     """
     log_density = np.zeros(len(GRID_DEG))
-    for amplitude, count, yaw in zip(amplitudes, counts, yaw_deg, strict=True):
-        weight = np.sqrt(count / noise_power)
+    noises = np.broadcast_to(np.asarray(noise_power, np.float64), (len(yaw_deg),))
+    for amplitude, count, yaw, noise in zip(amplitudes, counts, yaw_deg, noises, strict=True):
+        weight = np.sqrt(count / noise)
         expected = steering(GRID_DEG - yaw) * weight
         # Strength and phase of the pulse are unknown: what is left is the projection.
         matched = np.abs(expected.conj() @ (amplitude * weight)) ** 2

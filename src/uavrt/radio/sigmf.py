@@ -81,6 +81,18 @@ def sigmf_layout(
     )
 
 
+def sigmf_global(path: Path, key: str) -> object:
+    """One entry of a recording's global part, None when it has none.
+
+    Raises
+    ------
+    FormatError
+        Not SigMF.
+    """
+    meta_path, _ = _paths(path)
+    return _table(_load(meta_path), "global", meta_path).get(key)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Capture:
     first: int

@@ -12,6 +12,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from uavrt.simulation import geometry
+from uavrt.simulation.antenna_switch import AntennaSwitch
 from uavrt.simulation.record import ScenarioRecord
 
 PATTERNS_DB: dict[str, tuple[float, ...]] = {
@@ -49,6 +50,8 @@ class Antenna(ScenarioRecord):
     """Where the antenna sits, from the autopilot, in the drone's frame."""
     offset_right_m: float = 0.0
     offset_down_m: float = 0.0
+    switch: AntennaSwitch | None = None
+    """Several antennas of this pattern on a switch, in place of one."""
 
 
 def off_boresight_deg(direction_body: geometry.Vector) -> float:

@@ -23,6 +23,8 @@ from uavrt.simulation.world import TruePulse
 _SIGMF_TYPES: dict[SampleFormat, str] = {"cf32": "cf32_le", "cs16": "ci16_le"}
 _SAMPLE_BYTES: dict[SampleFormat, int] = {"cf32": 8, "cs16": 4}
 _TELEMETRY_RATE_HZ = 50
+SWITCH_KEY = "uavrt:antenna_switch"
+"""Global metadata: which antenna each sample was received with (docs/reference/scenario.md)."""
 TELEMETRY_COLUMNS = (
     *("time_ns", "latitude_deg", "longitude_deg", "altitude_amsl_m", "altitude_relative_m"),
     *("qw", "qx", "qy", "qz"),
@@ -229,8 +231,11 @@ def _sigmf_metadata(
                 "core:comment": f"ENR {pulse.enr_db:.1f} dB",
             }
         )
+    switch = scenario.antenna.switch
+    marked = {} if switch is None else {SWITCH_KEY: switch.metadata(synthesizer.sample_rate_hz)}
     return {
         "global": {
+            **marked,
             "core:datatype": _SIGMF_TYPES[sample_format],
             "core:sample_rate": synthesizer.sample_rate_hz,
             "core:version": "1.2.0",

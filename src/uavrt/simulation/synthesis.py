@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.simulation.antenna_switch import gate
 from uavrt.simulation.counter_random import stream_key
 from uavrt.simulation.scenario import Interferer, Scenario, SimulatedTag
 from uavrt.simulation.world import TruePulse, World, full_scale_factor
@@ -157,7 +158,7 @@ class IQSynthesizer:
                     self._chunk[low - first : high - first] += samples[
                         low - begin : high - begin
                     ]
-                    total += float(abs(samples[0]))
+                    total += float(np.abs(samples[::61]).max())
         for key in [key for key, (begin, _) in self._pulses.items() if begin < first]:
             begin, samples = self._pulses[key]
             if begin + samples.size <= first:
@@ -183,7 +184,12 @@ class IQSynthesizer:
         late_samples = begin - start_s * self.true_sample_rate_hz
         phase = pulse.phase_rad + 2 * math.pi * turns_per_sample * late_samples
         amplitude = pulse.amplitude * self._gain_ratio
-        return begin, phasor(turns_per_sample, count, phase, amplitude)
+        wave = phasor(turns_per_sample, count, phase, amplitude)
+        switch = self.scenario.antenna.switch
+        if switch is not None:
+            weights = self.world.position_weights(switch, pulse)
+            wave *= gate(switch, weights, begin, count, self.sample_rate_hz)
+        return begin, wave
 
     def _add_impulses(self, first: int) -> float:
         """Add short bursts of wideband noise; return the largest amplitude."""

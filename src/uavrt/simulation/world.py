@@ -4,6 +4,11 @@ import bisect
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.simulation import geometry
+from uavrt.simulation.antenna_switch import AntennaSwitch, position_weights
 from uavrt.simulation.counter_random import stream_key, uniform
 from uavrt.simulation.propagation import (
     SPEED_OF_LIGHT_M_S,
@@ -137,6 +142,18 @@ class World:
             elevation_deg=way.elevation_deg,
             off_boresight_deg=way.off_boresight_deg,
         )
+
+    def position_weights(
+        self, switch: AntennaSwitch, pulse: TruePulse
+    ) -> NDArray[np.complex128]:
+        """Complex amplitudes (positions,) of a pulse at the positions of an antenna switch."""
+        tag = next(one for one in self.scenario.tag if one.tag_id == pulse.tag_id)
+        place, rotation = self.scenario.antenna_state(pulse.start_time_ns)
+        there = self.scenario.tag_position_ned_m(tag, pulse.start_time_ns)
+        ray = geometry.subtract(there, place)
+        direction = geometry.scale(ray, 1.0 / max(geometry.length(ray), 1e-9))
+        body = geometry.unrotate(rotation, direction)
+        return position_weights(switch, body, SPEED_OF_LIGHT_M_S / pulse.frequency_hz)
 
     def _link(self, tag: SimulatedTag, time_ns: int) -> Link:
         place, rotation = self.scenario.antenna_state(time_ns)

@@ -5,6 +5,7 @@ from pathlib import Path
 from uavrt.analysis.tracks.attach import ClockOffset, attach_poses, estimate_offset
 from uavrt.analysis.tracks.dataflash import MARK, read_dataflash
 from uavrt.analysis.tracks.points import read_gpx, read_nmea
+from uavrt.analysis.tracks.simulated import FIRST_COLUMN, read_simulated
 from uavrt.analysis.tracks.tlog import read_tlog
 from uavrt.analysis.tracks.track import VehicleTrack
 from uavrt.analysis.tracks.ulog import read_ulog
@@ -18,6 +19,7 @@ __all__ = [
     "read_dataflash",
     "read_gpx",
     "read_nmea",
+    "read_simulated",
     "read_tlog",
     "read_track",
     "read_ulog",
@@ -49,12 +51,15 @@ def read_track(path: Path) -> VehicleTrack:
         track = read_gpx(path)
     elif len(head) > 11 and head[8] in (0xFD, 0xFE):
         track = read_tlog(path)
+    elif head.startswith(FIRST_COLUMN):
+        track = read_simulated(path)
     elif b"$G" in head:
         track = read_nmea(path)
     else:
         raise FormatError(
             f"{path} is no track that we know",
-            remedy="Known are .ulg of PX4, .BIN and .tlog of ArduPilot, NMEA and GPX",
+            remedy="Known are .ulg of PX4, .BIN and .tlog of ArduPilot, NMEA, GPX, and the "
+            "telemetry.csv of uavrt simulate",
         )
     if not track.attitudes or not track.positions:
         missing = "place" if track.attitudes else "attitude"

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from uavrt.experiments.localization import bearing_bars, position_bars
+from uavrt.experiments.localization import array_bars, bearing_bars, position_bars
 from uavrt.experiments.localization.result import COLUMNS, Result, cells, table
 
 EXPERIMENTS: dict[str, Callable[[int, int], list[Result]]] = {
@@ -10,6 +10,7 @@ EXPERIMENTS: dict[str, Callable[[int, int], list[Result]]] = {
     "B3, B4": bearing_bars.censored,
     "B5": bearing_bars.wrong_pattern,
     "B6": bearing_bars.nothing_there,
+    "A1": array_bars.switched,
     "L2, L3": position_bars.crossings,
     "L4": position_bars.surveys,
     "L5": position_bars.fusion,

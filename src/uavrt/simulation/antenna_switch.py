@@ -1,0 +1,114 @@
+"""An antenna switch: one receiver that steps through several antennas during each pulse.
+
+Stepped by the receiver's own sample clock, so that the position of every sample is known
+exactly; a recording's metadata hold it (docs/reference/scenario.md). The arithmetic shares
+nothing with `uavrt.localization.array_bearings`, which it is to check.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+from numpy.typing import NDArray
+
+from uavrt.simulation import geometry
+from uavrt.simulation.record import ScenarioRecord
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AntennaSwitch(ScenarioRecord):
+    """``[antenna.switch]``: what the receiver is switched between."""
+
+    kind: Literal["circle", "pair", "sum_difference"] = "circle"
+    """Antennas on a circle; the left and the right one of a pair; or their sum and difference,
+    as a hybrid gives them."""
+    elements: Annotated[int, Ge(3), Le(16)] = 4
+    """Of a circle: the first ahead, the others clockwise."""
+    size_m: Annotated[float, Gt(0), Le(5)] = 0.4
+    """Radius of the circle, or distance of the pair."""
+    dwell_s: Annotated[float, Gt(0), Le(0.01)] = 250e-6
+    """At each position; rounded to whole samples."""
+    settle_s: Annotated[float, Ge(0), Le(0.005)] = 20e-6
+    """At the beginning of it nothing is heard, while the switch settles."""
+
+    @property
+    def positions(self) -> int:
+        """How many the switch has."""
+        return self.elements if self.kind == "circle" else 2
+
+    def dwell_samples(self, sample_rate_hz: float) -> int:
+        """Samples at each position, settling included."""
+        return max(1, round(self.dwell_s * sample_rate_hz))
+
+    def settle_samples(self, sample_rate_hz: float) -> int:
+        """Samples of them without a signal."""
+        settle = math.ceil(self.settle_s * sample_rate_hz)
+        return min(settle, self.dwell_samples(sample_rate_hz) - 1)
+
+    def metadata(self, sample_rate_hz: float) -> dict[str, Any]:
+        """What a recording says of it, so that each sample's position is known."""
+        return {
+            "kind": self.kind,
+            "positions": self.positions,
+            "size_m": self.size_m,
+            "first_sample": 0,
+            "dwell_samples": self.dwell_samples(sample_rate_hz),
+            "settle_samples": self.settle_samples(sample_rate_hz),
+        }
+
+
+def position_weights(
+    switch: AntennaSwitch, direction_body: geometry.Vector, wavelength_m: float
+) -> NDArray[np.complex128]:
+    """Complex amplitude at each position for a plane wave, re one antenna in the middle.
+
+    Parameters
+    ----------
+    switch : AntennaSwitch
+        The array.
+    direction_body : tuple of 3 floats
+        Unit vector to the source in the antenna's frame (FRD).
+    wavelength_m : float
+        Of the wave.
+
+    Returns
+    -------
+    (positions,) complex128
+    """
+    turns_per_m = 1.0 / wavelength_m
+    if switch.kind == "circle":
+        weights = []
+        for element in range(switch.elements):
+            angle = 2.0 * math.pi * element / switch.elements
+            place = (switch.size_m * math.cos(angle), switch.size_m * math.sin(angle), 0.0)
+            turns = geometry.dot(place, direction_body) * turns_per_m
+            weights.append(np.exp(2j * math.pi * turns))
+        return np.array(weights, np.complex128)
+    half = math.pi * switch.size_m * direction_body[1] * turns_per_m
+    left, right = np.exp(-1j * half), np.exp(1j * half)
+    if switch.kind == "pair":
+        return np.array([left, right], np.complex128)
+    # A lossless hybrid: each output holds half of the power of both antennas together.
+    return np.array([right + left, right - left], np.complex128) / math.sqrt(2.0)
+
+
+def gate(
+    switch: AntennaSwitch,
+    weights: NDArray[np.complex128],
+    first_sample: int,
+    count: int,
+    sample_rate_hz: float,
+) -> NDArray[np.complex64]:
+    """Factor of a wave at consecutive samples: the position's weight, 0 while settling.
+
+    Returns
+    -------
+    (count,) complex64
+    """
+    dwell = switch.dwell_samples(sample_rate_hz)
+    step, within = np.divmod(first_sample + np.arange(count), dwell)
+    factor: NDArray[np.complex64] = weights[step % switch.positions].astype(np.complex64)
+    factor[within < switch.settle_samples(sample_rate_hz)] = 0.0
+    return factor
