@@ -41,8 +41,16 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
     name = os.fspath(path)
     try:
         lines = Path(path).read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"cannot read {name}: {error}", remedy="Check the name") from error
+    except OSError as error:
+        raise FormatError(
+            f"{name} cannot be read: {error.strerror}",
+            remedy="Name a flight directory or a bearings.csv",
+        ) from error
+    except UnicodeDecodeError:
+        raise FormatError(
+            f"{name} is not a text file",
+            remedy="A bearings.csv has 10 columns: tag, file, bearing, tau, latitude, …",
+        ) from None
     rows = []
     for number, line in enumerate(lines, start=1):
         cells = [cell.strip() for cell in line.split(",")]
