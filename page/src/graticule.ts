@@ -24,7 +24,10 @@ export class Graticule {
     map.on("moveend", () => {
       if (!this.holds()) this.draw();
     });
-    map.on("resize", () => this.draw());
+    map.on("resize", () => {
+      // A coarser or finer canvas is the same view.
+      if (!this.holds()) this.draw();
+    });
   }
 
   addTo(): void {

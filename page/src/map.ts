@@ -18,6 +18,7 @@ import { h, svg } from "./dom";
 import { type LonLat, destination, distanceM, wedge } from "./geo";
 import { Graticule } from "./graticule";
 import { vectorLayers } from "./basemap";
+import { Pace } from "./pace";
 import { store } from "./store";
 import type { BearingRecord, MapFile, PositionRecord } from "./types";
 
@@ -33,6 +34,7 @@ const FINE_ZOOM = 15;
 const RECENT = 1500;
 const RAY_M = 900;
 const ROSE_PX = 116;
+const FULL_RATIO = Math.min(window.devicePixelRatio, 2);
 
 setWorkerUrl(workerUrl);
 
@@ -81,8 +83,9 @@ export class MapView {
       dragRotate: true,
       fadeDuration: 0,
       maxPitch: 0,
-      pixelRatio: Math.min(window.devicePixelRatio, 2),
+      pixelRatio: FULL_RATIO,
     });
+    new Pace(this.map, FULL_RATIO);
     this.map.addControl(new NavigationControl({ showZoom: true, showCompass: true }), "top-right");
     this.map.addControl(new ScaleControl({ maxWidth: 140, unit: "metric" }), "bottom-left");
     this.drone = new Marker({ element: droneElement(), rotationAlignment: "map" });
@@ -99,6 +102,8 @@ export class MapView {
   drawPulses(all: boolean): void {
     if (!this.ready) return;
     const count = store.shown();
+    // Before the clusters: they are made for the view.
+    this.frame();
     if (all || count < this.clustered) this.clustered = 0;
     if (count >= CLUSTER_FROM && (this.clustered === 0 || count - this.clustered > RECENT)) {
       this.clustered = count;
@@ -106,7 +111,6 @@ export class MapView {
     } else if (this.clustered === 0) this.source("bulk").setData(EMPTY);
     this.source("pulses").setData(pulseFeatures(this.clustered, count));
     this.drawStrongest(count);
-    this.frame();
   }
 
   /** Draw the many pulses around the view as one for each cell, with count and best SNR. */
@@ -473,22 +477,26 @@ function clusterFeatures(count: number, bounds: LngLatBounds, zoom: number, cell
   const lonStep = (cellPx * 360) / (512 * 2 ** zoom);
   const latStep = lonStep * Math.cos((((south + north) / 2) * Math.PI) / 180);
   const columns = Math.ceil((3 * wide) / lonStep) + 1;
-  const best = new Map<number, number>();
-  const counts = new Map<number, number>();
+  const rows = Math.ceil((3 * high) / latStep) + 1;
+  const best = new Int32Array(columns * rows).fill(-1);
+  const counts = new Uint32Array(columns * rows);
+  const cells: number[] = [];
+  const hidden = store.hidden.size > 0 ? store.hidden : null;
   for (let place = 0; place < count; place += 1) {
     const column = Math.floor((lon[place]! - west + wide) / lonStep);
     const row = Math.floor((lat[place]! - south + high) / latStep);
-    if (!(column >= 0 && column < columns && row >= 0 && row * latStep <= 3 * high)) continue;
-    if (store.hidden.has(tag[place]!)) continue;
+    if (!(column >= 0 && column < columns && row >= 0 && row < rows)) continue;
+    if (hidden?.has(tag[place]!)) continue;
     const cell = row * columns + column;
-    const before = best.get(cell);
-    counts.set(cell, (counts.get(cell) ?? 0) + 1);
-    if (before === undefined || snr[place]! > snr[before]!) best.set(cell, place);
+    if (counts[cell] === 0) cells.push(cell);
+    counts[cell]! += 1;
+    if (best[cell]! < 0 || snr[place]! > snr[best[cell]!]!) best[cell] = place;
   }
   const features: Feature[] = [];
-  for (const [cell, place] of best) {
+  for (const cell of cells) {
+    const place = best[cell]!;
     const value = snr[place]!;
-    const properties = { snr: Number.isFinite(value) ? value : 0, count: counts.get(cell)! };
+    const properties = { snr: Number.isFinite(value) ? value : 0, count: counts[cell]! };
     features.push(point([lon[place]!, lat[place]!], properties));
   }
   return collection(features);

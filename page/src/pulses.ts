@@ -24,7 +24,8 @@ export class Pulses {
   count = 0;
   private capacity = 1024;
   private columns: Record<Column, Float64Array>;
-  private seen = new Map<number, Set<number>>();
+  /** What is here, by tag and time; made when the first pulse is added. */
+  private seen: Map<number, Set<number>> | null = null;
 
   constructor() {
     this.columns = Object.fromEntries(
@@ -71,9 +72,6 @@ export class Pulses {
     }
     pick("yaw", yaw);
     pulses.count = count;
-    for (let place = 0; place < count; place += 1) {
-      pulses.remember(pulses.columns.tag[place]!, pulses.columns.time[place]!);
-    }
     return pulses;
   }
 
@@ -100,11 +98,23 @@ export class Pulses {
   }
 
   private remember(tag: number, time: number): boolean {
-    let times = this.seen.get(tag);
-    if (times === undefined) this.seen.set(tag, (times = new Set()));
+    const seen = (this.seen ??= this.known());
+    let times = seen.get(tag);
+    if (times === undefined) seen.set(tag, (times = new Set()));
     if (times.has(time)) return false;
     times.add(time);
     return true;
+  }
+
+  private known(): Map<number, Set<number>> {
+    const { tag, time } = this.columns;
+    const seen = new Map<number, Set<number>>();
+    for (let place = 0; place < this.count; place += 1) {
+      const times = seen.get(tag[place]!);
+      if (times) times.add(time[place]!);
+      else seen.set(tag[place]!, new Set([time[place]!]));
+    }
+    return seen;
   }
 
   private reserve(count: number): void {

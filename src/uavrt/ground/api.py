@@ -7,6 +7,8 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -208,13 +210,15 @@ class Api:
 
     async def columns(self, request: Request) -> Any:
         """All pulses in columns of little-endian float64; their names in a header."""
-        columns = await self._columns(request)
-        return _binary(columns.pulses.astype("<f8").tobytes(), PULSE_COLUMNS)
+        library, flight_id = self._session.library, _flight_id(request)
+        pulses = await asyncio.to_thread(library.pulses, flight_id)
+        return _binary(pulses, PULSE_COLUMNS)
 
     async def track(self, request: Request) -> Any:
         """The vehicle's poses, likewise."""
-        columns = await self._columns(request)
-        return _binary(columns.poses.astype("<f8").tobytes(), POSE_COLUMNS)
+        library, flight_id = self._session.library, _flight_id(request)
+        poses = await asyncio.to_thread(library.poses, flight_id)
+        return _binary(poses, POSE_COLUMNS)
 
     async def estimates(self, request: Request) -> Any:
         """Bearings and positions of a flight, with the antenna that is set."""
@@ -363,9 +367,9 @@ def _whole(request: Request, name: str, default: int, most: int) -> int:
     return min(int(text[:12]), most)
 
 
-def _binary(content: bytes, columns: tuple[str, ...]) -> Response:
+def _binary(cells: NDArray[np.float64], columns: tuple[str, ...]) -> Response:
     return Response(
-        content,
+        cells.astype("<f8", copy=False).tobytes(),
         media_type="application/octet-stream",
         headers={"X-Columns": ",".join(columns)},
     )

@@ -167,11 +167,17 @@ class FlightLibrary:
         UsageError, FormatError
             There is no such flight, or it is damaged.
         """
+        return Columns(pulses=self.pulses(flight_id), poses=self.poses(flight_id))
+
+    def pulses(self, flight_id: str) -> NDArray[np.float64]:
+        """Read the pulses alone, (len(PULSE_COLUMNS), n)."""
         with self._database(flight_id) as database:
-            return Columns(
-                pulses=_columns(database, "pulses", _SELECT_PULSES, len(PULSE_COLUMNS)),
-                poses=_columns(database, "poses", _SELECT_POSES, 8),
-            )
+            return _columns(database, "pulses", _SELECT_PULSES, len(PULSE_COLUMNS))
+
+    def poses(self, flight_id: str) -> NDArray[np.float64]:
+        """Read the poses alone, (8, m)."""
+        with self._database(flight_id) as database:
+            return _columns(database, "poses", _SELECT_POSES, 8)
 
     def records(self, flight_id: str, after: int, limit: int) -> list[dict[str, Any]]:
         """Get some pulses as records, in the order in which they were stored.

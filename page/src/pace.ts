@@ -1,0 +1,82 @@
+/**
+ * A smooth pan where no graphics processor helps: while the map moves it is drawn coarser, as
+ * coarse as its frames are slow, and sharp again as soon as it rests.
+ */
+
+import type { Map as MapLibre } from "maplibre-gl";
+
+/** Shares of the full resolution, tried in this order. */
+const STEPS = [1, 0.7, 0.5];
+/** The median of the last frames above this makes the map coarser; a frame of 60 Hz is 16.7. */
+const SLOW_MS = 24;
+const FRAMES = 4;
+/** Longer ones are pauses, of a hidden tab for example. */
+const PAUSE_MS = 500;
+const REST_MS = 220;
+
+export class Pace {
+  /** Kept from one move to the next: the computer stays what it is. */
+  private step = 0;
+  private moving = false;
+  private resizing = false;
+  private movedAt = -Infinity;
+  private frames: number[] = [];
+
+  constructor(
+    private map: MapLibre,
+    private full: number,
+  ) {
+    map.on("move", () => {
+      if (this.resizing) return;
+      const before = this.movedAt;
+      this.movedAt = performance.now();
+      // One step alone is a jump, for example to a flight that has been opened.
+      if (!this.moving && this.movedAt - before < REST_MS) this.begin();
+    });
+  }
+
+  /** Share of the full resolution that is drawn now. */
+  get share(): number {
+    return this.map.getPixelRatio() / this.full;
+  }
+
+  private begin(): void {
+    this.moving = true;
+    this.frames = [];
+    this.draw(STEPS[this.step]!);
+    let last = performance.now();
+    const watch = (now: number) => {
+      if (now - this.movedAt > REST_MS) {
+        this.moving = false;
+        this.draw(1);
+        return;
+      }
+      this.take(now - last);
+      last = now;
+      requestAnimationFrame(watch);
+    };
+    requestAnimationFrame(watch);
+  }
+
+  private take(frameMs: number): void {
+    if (frameMs <= 0 || frameMs > PAUSE_MS) return;
+    this.frames.push(frameMs);
+    if (this.frames.length < FRAMES) return;
+    const middle = [...this.frames].sort((a, b) => a - b)[FRAMES >> 1]!;
+    this.frames = [];
+    if (middle > SLOW_MS && this.step < STEPS.length - 1) {
+      this.step += 1;
+      this.draw(STEPS[this.step]!);
+    }
+  }
+
+  private draw(share: number): void {
+    const ratio = share * this.full;
+    if (this.map.getPixelRatio() === ratio) return;
+    // MapLibre tells of a new size as of a move; it empties the canvas, so draw at once.
+    this.resizing = true;
+    this.map.setPixelRatio(ratio);
+    this.map.redraw();
+    this.resizing = false;
+  }
+}
