@@ -65,15 +65,11 @@ class GridPosterior:
             _refined(self.north_m, self.log_density[:, column], int(row)),
         )
 
-    def geometric_median(self) -> tuple[float, float]:
-        """East and north [m] of the point with the least expected error (Weiszfeld)."""
+    def mean(self) -> tuple[float, float]:
+        """East and north [m] of the point with the least expected squared error."""
         east, north = self.places()
         weight = self.probability.ravel()
-        x, y = float(weight @ east), float(weight @ north)
-        for _ in range(30):
-            pull = weight / np.maximum(np.hypot(east - x, north - y), 0.5 * self.cell_m)
-            x, y = float(pull @ east / pull.sum()), float(pull @ north / pull.sum())
-        return x, y
+        return float(weight @ east), float(weight @ north)
 
     def radius_m(self, share: float, point: tuple[float, float]) -> float:
         """Radius of the circle around a point that holds some share."""
