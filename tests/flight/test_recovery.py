@@ -14,12 +14,13 @@ pytestmark = [pytest.mark.flight, pytest.mark.timeout(400)]
 def test_every_process_the_supervisor_and_the_power_may_go_and_no_pulse_is_lost(
     tmp_path: Path,
 ) -> None:
-    # Five processes once each, the supervisor once, everything at once five times.
-    report = run_recovery(Plan(kills=5, supervisor_kills=1, power_cuts=5, seed=3), tmp_path)
+    # Five processes and their helper once each, the supervisor once, everything at once five
+    # times.
+    report = run_recovery(Plan(kills=6, supervisor_kills=1, power_cuts=5, seed=3), tmp_path)
     assert report.faults == ()
     killed = [kill.process for kill in report.kills]
-    assert killed[:5] == ["recorder", "connection", "detector-1", "detector-2", "receiver"]
-    assert killed[5:] == ["supervisor", *["power"] * 5]
+    processes = ["recorder", "connection", "detector-1", "detector-2", "receiver", "nursery"]
+    assert killed == [*processes, "supervisor", *["power"] * 5]
     assert report.pulses_recorded > 10
     assert report.lost_from_database == 0
     assert report.lost_from_log == 0

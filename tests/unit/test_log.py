@@ -65,7 +65,7 @@ def test_a_closed_stream_does_not_stop_the_process() -> None:
     get_logger().warning("nobody hears this")
 
 
-@pytest.mark.parametrize("module", ["supervisor.__main__", "processes.recorder"])
+@pytest.mark.parametrize("module", ["supervisor.program", "processes.recorder"])
 def test_processes_that_see_no_samples_do_not_load_numpy(module: str) -> None:
     code = f"import sys, uavrt.{module}; print('numpy' in sys.modules, 'rich' in sys.modules)"
     loaded = subprocess.run(

@@ -34,6 +34,7 @@ class DetectorBank:
         self._tags = tags
         self._window_hz = frequency_window_hz
         self._detectors: dict[int, list[PulseDetector]] = {}
+        self._made = 0
         self.samples = 0
         self.samples_lost = 0
         self.last_sample_ns = 0
@@ -48,6 +49,7 @@ class DetectorBank:
         )
         if block.channel not in self._detectors:
             self._detectors[block.channel] = self._make(block)
+            self._made += len(self._detectors[block.channel])
         samples = self._finite(block.samples)
         return [
             pulse
@@ -62,6 +64,11 @@ class DetectorBank:
         good = np.isfinite(samples)
         self.samples_invalid += int(np.count_nonzero(~good))
         return np.where(good, samples, np.complex64(0.0))
+
+    @property
+    def complete(self) -> bool:
+        """Whether samples have come for every tag."""
+        return self._made >= len(self._tags)
 
     def flush(self) -> list[Pulse]:
         """Get what the samples so far still hold."""
@@ -138,7 +145,7 @@ def main() -> None:
 
 def tell_health(frame: ProcessFrame, bank: DetectorBank) -> None:
     """Send the health if it is due."""
-    if not bank.samples:
+    if not bank.complete:
         status = "waiting for samples"
     elif frame.clock.now_ns() - bank.last_sample_ns > LIVE_NS:
         status = "catching up"

@@ -5,14 +5,13 @@ import os
 import select
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 
 from uavrt.ipc.link import LINK_VARIABLE, LineBuffer
 from uavrt.ipc.parent import PARENT_VARIABLE
 from uavrt.log import get_logger
+from uavrt.supervisor.launcher import Launcher
 from uavrt.supervisor.outbox import Outbox
 from uavrt.supervisor.usage import own_usage, usage_of
 
@@ -24,9 +23,7 @@ LineHandler = Callable[[bytes], None]
 class Child:
     """A running process of the table.
 
-    The child gets its own process group, a stream socket to us, and pipes for what it prints.
-    BLAS is held to one thread: several detectors with several threads each on a few cores
-    fight (reference/style.md B.4).
+    The child gets its own process group, a stream socket to us, and a pipe for what it prints.
 
     Parameters
     ----------
@@ -34,6 +31,8 @@ class Child:
         Instance name, for example ``detector-1``.
     module : str
         Python module to run.
+    launcher : Launcher
+        Starts it.
     outbox : Outbox
         What is to be sent to it; outlives the child.
     pass_fds : sequence of int
@@ -51,6 +50,7 @@ class Child:
         *,
         name: str,
         module: str,
+        launcher: Launcher,
         outbox: Outbox,
         pass_fds: Sequence[int],
         on_line: LineHandler,
@@ -72,28 +72,23 @@ class Child:
         self._writing = False
         self._sock, theirs = socket.socketpair()
         self._sock.setblocking(False)
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", module],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                pass_fds=(theirs.fileno(), *pass_fds),
-                env=os.environ
-                | {
+        self._stdout, output = os.pipe()
+        try:
+            self.pid = launcher.start(
+                module,
+                name=name,
+                output=output,
+                fds=(theirs.fileno(), *pass_fds),
+                environment={
                     LINK_VARIABLE: str(theirs.fileno()),
                     PARENT_VARIABLE: str(os.getpid()),
-                    "OPENBLAS_NUM_THREADS": "1",
-                    "OMP_NUM_THREADS": "1",
-                    "PYTHONUNBUFFERED": "1",
                 },
-                process_group=0,
             )
-        self.pid = self._process.pid
+        finally:
+            theirs.close()
+            os.close(output)
         self._pidfd = os.pidfd_open(self.pid)
-        assert self._process.stdout is not None
-        self._stdout = self._process.stdout
-        os.set_blocking(self._stdout.fileno(), False)
+        os.set_blocking(self._stdout, False)
         self._loop.add_reader(self._sock, self._read_records)
         self._loop.add_reader(self._stdout, self._read_output)
         self._loop.add_reader(self._pidfd, self._reap)
@@ -159,7 +154,7 @@ class Child:
     def _read_output(self) -> bool:
         """Take in printed lines; False at the end of the stream."""
         try:
-            data = os.read(self._stdout.fileno(), 65536)
+            data = os.read(self._stdout, 65536)
         except BlockingIOError:
             return True
         if not data:
@@ -173,22 +168,21 @@ class Child:
         self._loop.remove_reader(self._pidfd)
         os.close(self._pidfd)
         _, status, usage = os.wait4(self.pid, 0)
-        self._process.returncode = os.waitstatus_to_exitcode(status)
         self.cpu_s = max(self.cpu_s, usage.ru_utime + usage.ru_stime)
         # A radio program that the child left behind must not keep the radio.
         self._signal_group(signal.SIGKILL)
         self._drain()
-        self.exit_code = self._process.returncode
+        self.exit_code = os.waitstatus_to_exitcode(status)
         self._on_exit(self.exit_code)
 
     def _drain(self) -> None:
         """Take in everything it still said before it ended, and close our ends."""
         self._loop.remove_writer(self._sock)
-        for source, read in (
-            (self._sock, self._read_records),
-            (self._stdout, self._read_output),
-        ):
-            while select.select([source], [], [], 0)[0] and read():
-                pass
-            self._loop.remove_reader(source)
-            source.close()
+        while select.select([self._sock], [], [], 0)[0] and self._read_records():
+            pass
+        while select.select([self._stdout], [], [], 0)[0] and self._read_output():
+            pass
+        self._loop.remove_reader(self._sock)
+        self._loop.remove_reader(self._stdout)
+        self._sock.close()
+        os.close(self._stdout)

@@ -9,6 +9,7 @@ import logging
 import os
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from uavrt.clock import Clock
@@ -29,11 +30,13 @@ from uavrt.messages import (
 from uavrt.supervisor.disk import DiskGuard
 from uavrt.supervisor.fleet import Fleet
 from uavrt.supervisor.instance import Instance, self_status
+from uavrt.supervisor.launcher import Launcher
 from uavrt.supervisor.memory import StateStore
 from uavrt.supervisor.mission import Mission
 from uavrt.supervisor.output import OutputLog, warning_text
 from uavrt.supervisor.systemd import SystemdNotifier
 from uavrt.supervisor.table import SUPERVISOR_TOPICS, consumers_of, rows_for
+from uavrt.supervisor.tuning import ask_tuner
 from uavrt.supervisor.usage import own_usage
 
 log = get_logger()
@@ -57,10 +60,16 @@ class Supervisor:
         The drone side's settings.
     on_record : callable, optional
         Also called with each record line that passes, for viewers.
+    launcher : Launcher, optional
+        Starts the processes; its nursery may be warming up already.
     """
 
     def __init__(
-        self, settings: Settings, *, on_record: Callable[[bytes], None] | None = None
+        self,
+        settings: Settings,
+        *,
+        on_record: Callable[[bytes], None] | None = None,
+        launcher: Launcher | None = None,
     ) -> None:
         directory = Path(settings.recording.directory)
         self._rows = rows_for(settings)
@@ -73,6 +82,7 @@ class Supervisor:
         self._store = StateStore(directory)
         self._disk = DiskGuard(directory, settings.recording)
         self._disk_task: asyncio.Future[None] | None = None
+        self._launcher = launcher or Launcher()
         self.mission = Mission(
             settings,
             self._store,
@@ -80,10 +90,12 @@ class Supervisor:
             on_start=self._flight_started,
             on_stop=self._end_flight_soon,
             on_settings=lambda changed: self._publish("settings", changed),
+            tuner=partial(ask_tuner, launcher=self._launcher),
         )
         self._fleet = Fleet(
             self._rows,
             self.mission,
+            launcher=self._launcher,
             workers=settings.detection.workers or max(1, (os.cpu_count() or 2) - 1),
             tell=self._tell,
             on_line=self._on_line,
@@ -150,6 +162,7 @@ class Supervisor:
         if self.mission.state is SystemState.DETECTING:
             self.mission.state = SystemState.HAS_TAGS
             await self._end_flight()
+        self._launcher.close()
         await self._fleet.stop_all()
         self.mission.forget()
 
@@ -272,7 +285,11 @@ class Supervisor:
         # Until the last pulse is recorded the flight is not over for the operator.
         state = SystemState.DETECTING if mission.ending else mission.state
         instances = list(self._fleet.instances)
-        counters = {"output_lines_lost": float(self._output.lost_lines)}
+        counters = {
+            "output_lines_lost": float(self._output.lost_lines),
+            "nursery_pid": float(self._launcher.pid or 0),
+            "nursery_restarts": float(self._launcher.restarts),
+        }
         if (free_mb := self._disk.free_mb) is not None:
             counters["disk_free_mb"] = free_mb
         return SystemStatus(

@@ -16,6 +16,7 @@ from uavrt.messages import FlightInfo, SystemState, Tag
 from uavrt.supervisor.child import Child
 from uavrt.supervisor.flight import share_tags
 from uavrt.supervisor.instance import Instance
+from uavrt.supervisor.launcher import Launcher
 from uavrt.supervisor.mission import Mission, Tell
 from uavrt.supervisor.restarts import DEGRADED_AFTER
 from uavrt.supervisor.table import ProcessRow
@@ -35,6 +36,8 @@ class Fleet:
         In start order.
     mission : Mission
         Says what is to be done; state, tags, flight, settings and clock are read from it.
+    launcher : Launcher
+        Starts them; its nursery is looked after here.
     workers : int
         Detector processes at most.
     tell : callable
@@ -50,6 +53,7 @@ class Fleet:
         rows: Sequence[ProcessRow],
         mission: Mission,
         *,
+        launcher: Launcher,
         workers: int,
         tell: Tell,
         on_line: LineHandler,
@@ -58,6 +62,8 @@ class Fleet:
     ) -> None:
         self._rows = tuple(rows)
         self._mission = mission
+        self._launcher = launcher
+        self._nursery_fd: int | None = None
         self._workers = workers
         self._tell = tell
         self._on_line, self._on_output, self._wake = on_line, on_output, wake
@@ -77,12 +83,32 @@ class Fleet:
 
     def ensure(self) -> None:
         """Start what should run and does not; end what is silent."""
+        self._tend_nursery()
+        if self._launcher.worth_waiting:
+            return
         now_s = time.monotonic()
         for instance in self._wanted():
             if instance.child is None and now_s >= instance.restarts.not_before_s:
                 self._start(instance)
             elif instance.child is not None:
                 self._watch(instance, instance.child, now_s)
+
+    def _tend_nursery(self) -> None:
+        """Look after the helper; nothing that runs depends on it."""
+        reason = self._launcher.tend()
+        if reason is not None:
+            self._tell(4, f"nursery {reason}: restarting it")
+        nursery_fd = self._launcher.fileno()
+        if nursery_fd != self._nursery_fd:
+            self._nursery_fd = nursery_fd
+            if nursery_fd is not None and self._launcher.worth_waiting:
+                loop = asyncio.get_running_loop()
+                loop.add_reader(nursery_fd, self._nursery_spoke, nursery_fd)
+
+    def _nursery_spoke(self, nursery_fd: int) -> None:
+        """Its imports are done, or it has ended: look at once."""
+        asyncio.get_running_loop().remove_reader(nursery_fd)
+        self._wake()
 
     def _wanted(self) -> Iterable[Instance]:
         for row in self._rows:
@@ -106,6 +132,7 @@ class Fleet:
         instance.child = Child(
             name=instance.name,
             module=instance.row.module,
+            launcher=self._launcher,
             outbox=instance.outbox,
             pass_fds=self._fds_of(instance),
             on_line=lambda line: self._on_line(instance, line),
@@ -155,6 +182,8 @@ class Fleet:
     def _end_orphans(self) -> None:
         """End what a killed child has left behind, above all a radio program."""
         known = {i.child.pid for i in self._instances.values() if i.child is not None}
+        if self._launcher.pid is not None:
+            known.add(self._launcher.pid)
         for pid in set(children_of(os.getpid())) - known:
             with contextlib.suppress(ProcessLookupError, ChildProcessError, PermissionError):
                 log.warning("ending an orphan", pid=pid)

@@ -24,6 +24,7 @@ RESUME_WITHIN_S = 900.0
 to so lately: a battery change or a brown-out in the air, but not last week's flight."""
 
 Tell = Callable[[int, str], None]
+Tuner = Callable[[Sequence[float], float], Tuning]
 
 
 class Mission:
@@ -41,6 +42,8 @@ class Mission:
         Called when a flight begins, and when its end was asked for.
     on_settings : callable
         Called when an operator has changed a setting.
+    tuner : callable
+        Finds the radio's frequency for the tags'.
     """
 
     def __init__(
@@ -52,11 +55,13 @@ class Mission:
         on_start: Callable[[FlightInfo], None],
         on_stop: Callable[[], None],
         on_settings: Callable[[Settings], None] = lambda _settings: None,
+        tuner: Tuner = ask_tuner,
     ) -> None:
         self._kept = KeptParameters(Path(settings.recording.directory), settings)
         self.settings = self._kept.applied_to(settings)
         self.clock = Clock.start()
         self.state = SystemState.IDLE
+        self._ask_tuner = tuner
         self.tags: dict[int, Tag] = {}
         self.flight: FlightInfo | None = None
         self.ending = False
@@ -231,7 +236,7 @@ class Mission:
         warnings: tuple[str, ...] = ()
         center_hz = center_frequency_hz or radio.center_frequency_hz
         if center_hz is None:
-            tuning = ask_tuner(
+            tuning = self._ask_tuner(
                 [tag.frequency_hz for tag in self.tags.values()], radio.sample_rate_hz
             )
             center_hz, warnings = tuning.center_frequency_hz, tuning.warnings

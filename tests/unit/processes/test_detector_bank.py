@@ -53,6 +53,7 @@ def test_a_bank_finds_the_pulses_of_the_tags_of_its_channel_only() -> None:
     bank = DetectorBank((tag(2, CENTER_HZ + 150.0), other), 500.0)
     assert len(run(bank, blocks(2.0))) == 10
     assert bank.counters()["detectors"] == 1
+    assert not bank.complete  # the other tag's channel has not come
 
 
 def test_a_sample_that_is_no_number_costs_nothing_but_itself() -> None:

@@ -26,6 +26,9 @@ from uavrt.supervisor.usage import descendants_of
 START_LEAD_S = 1.0
 READY_S = 30.0
 POLL_S = 0.02
+NURSERY = "nursery"
+"""The helper from which processes are forked; it has no row and says no health."""
+NURSERY_PID = "nursery_pid"
 
 
 class ServedDrone:
@@ -177,11 +180,13 @@ class ServedDrone:
         for item in self.status.processes if self.status else ():
             if item.process == process:
                 return item.pid
+            if process == NURSERY and NURSERY_PID in item.counters:
+                return int(item.counters[NURSERY_PID]) or None
         return None
 
     def processes(self) -> list[str]:
-        """Get the names of the supervised processes."""
-        return [p.process for p in self.status.processes] if self.status else []
+        """Get the names of the supervised processes, the helper among them."""
+        return [p.process for p in self.status.processes] + [NURSERY] if self.status else []
 
     def signal(self, process: str, number: signal.Signals) -> None:
         """Send a signal to a process of the drone side."""

@@ -4,24 +4,27 @@
 for the receiver, a radio block later than the kill; for a detector, a block of its channels
 that is not from the backlog, with as many tags as before; for the connection, poses on the
 autopilot's time again; for the recorder, the flight open again. A supervisor or the power is
-resumed when all of these are, with the same tags.
+resumed when all of these are, with the same tags. The nursery, from which processes are forked,
+has resumed when there is a new one; nobody else may have ended by its death.
 """
 
 import random
 import signal
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import UavrtError
-from uavrt.experiments.recovery.drone import READY_S, ServedDrone
+from uavrt.experiments.recovery.drone import NURSERY, READY_S, ServedDrone
 from uavrt.experiments.recovery.report import Kill, RecoveryReport
 from uavrt.messages import Health, Pulse, SystemState
 from uavrt.recording import read_flight, read_pulse_pose_log
 from uavrt.recording.layout import FlightLayout
 from uavrt.simulation import Scenario, demo_scenario
 from uavrt.simulation.flight import Flight, Leg
+from uavrt.supervisor.launcher import PING_S, SILENCE_S
 from uavrt.supervisor.restarts import SETTLED_S
 from uavrt.supervisor.table import PROCESSES
 from uavrt.supervisor.usage import descendants_of, is_alive
@@ -31,6 +34,8 @@ STOP_SPARE_S = 2.0
 """On top of the row's silence limit, after SIGSTOP."""
 SUPERVISOR_LIMIT_S = 10.0
 GIVE_UP_S = 40.0
+LAST_HOPE_S = 120.0
+"""What has not resumed for so long never will."""
 ORPHAN_LIMIT_S = 1.0
 LONGEST_CUT_WAIT_S = 2.5
 HEIGHT_M = 40.0
@@ -65,6 +70,7 @@ class Recovery:
         self._detectors: dict[str, float] = {}
         self._tags = {tag.tag_id for tag in drone.scenario.tags}
         self.kills: list[Kill] = []
+        self.faults: list[str] = []
         self.orphans = 0
         self.directories: set[Path] = set()
 
@@ -80,17 +86,28 @@ class Recovery:
         }
         turns = [(n, s) for s in (signal.SIGKILL, signal.SIGSTOP) for n in names]
         for number in range(max(self._plan.kills, 0)):
-            if number < len(turns):
-                self._kill_one(*turns[number])
-            else:
-                self._kill_one(
+            name, how = (
+                turns[number]
+                if number < len(turns)
+                else (
                     self._random.choice(names),
                     self._random.choice((signal.SIGKILL, signal.SIGSTOP)),
                 )
+            )
+            self._go_on_after(partial(self._kill_one, name, how))
         for _ in range(self._plan.supervisor_kills):
-            self._kill_supervisor()
+            self._go_on_after(self._kill_supervisor)
         for _ in range(self._plan.power_cuts):
-            self._cut_power()
+            self._go_on_after(self._cut_power)
+
+    def _go_on_after(self, kill: Callable[[], None]) -> None:
+        """Kill; what did not resume in time is a fault, and no reason to end."""
+        try:
+            kill()
+        except UavrtError as error:
+            self.faults.append(str(error))
+            self._say(str(error))
+            self._wait_whole(LAST_HOPE_S)
 
     # ---------------------------------------------------------------- one kill
 
@@ -98,13 +115,37 @@ class Recovery:
         """Kill a process that has settled: a second kill meets the restart policy's wait."""
         settled_s = self._resumed_at_s.get(name, -SETTLED_S) + SETTLED_S + 0.5
         self._drone.wait(lambda: monotonic_s() >= settled_s, GIVE_UP_S, "a quiet moment")
-        row = next(row for row in PROCESSES if row.name == name.partition("-")[0])
-        stopped = number is signal.SIGSTOP
-        limit_s = row.silence_limit_s + STOP_SPARE_S if stopped else SIGKILL_LIMIT_S
-        self._drone.signal(name, number)
-        self._await(name, number.name, limit_s, lambda kill: self._is_back(name, kill))
+        limit_s = SIGKILL_LIMIT_S
+        if number is signal.SIGSTOP:
+            limit_s = self._silence_limit_s(name) + STOP_SPARE_S
+        if name == NURSERY:
+            self._kill_nursery(number, limit_s)
+        else:
+            self._drone.signal(name, number)
+            self._await(name, number.name, limit_s, lambda kill: self._is_back(name, kill))
         self._wait_whole(GIVE_UP_S)
         self._resumed_at_s[name] = monotonic_s()
+
+    def _silence_limit_s(self, name: str) -> float:
+        if name == NURSERY:
+            return PING_S + SILENCE_S
+        return next(
+            row.silence_limit_s for row in PROCESSES if row.name == name.partition("-")[0]
+        )
+
+    def _kill_nursery(self, number: signal.Signals, limit_s: float) -> None:
+        """Kill the helper; nobody may notice."""
+        others = {name: self._drone.pid_of(name) for name in self._detectors}
+        old = self._drone.pid_of(NURSERY)
+        self._drone.signal(NURSERY, number)
+        self._await(
+            NURSERY,
+            number.name,
+            limit_s,
+            lambda _: self._drone.pid_of(NURSERY) not in (None, old),
+        )
+        if others != {name: self._drone.pid_of(name) for name in self._detectors}:
+            self.faults.append("a detector ended with the nursery")
 
     def _kill_supervisor(self) -> None:
         self._pause(1.0 + self._random.random())
@@ -224,7 +265,7 @@ def run_recovery(
         lost_from_log=len(_keys(recorded) - _in_logs(recovery.directories)),
         orphans=recovery.orphans,
         flights=len(recovery.directories),
-        faults=tuple(faults),
+        faults=(*recovery.faults, *faults),
     )
 
 

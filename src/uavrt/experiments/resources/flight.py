@@ -217,6 +217,7 @@ class SteadyFlight:
         for process in self.status.processes if self.status else ():
             if process.pid is not None:
                 names[process.pid] = process.process
+            names[int(process.counters.get("nursery_pid", 0))] = "nursery"
         radio = next((pid for pid, name in names.items() if name == "receiver"), None)
         for pid in children_of(radio) if radio is not None else ():
             names[pid] = "radio (stand-in)"

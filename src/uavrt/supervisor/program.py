@@ -1,0 +1,70 @@
+"""The supervisor as a program: settings and tags in, a running system until SIGTERM."""
+
+import asyncio
+import signal
+import sys
+
+import msgspec
+
+from uavrt.config.settings import Settings
+from uavrt.errors import UavrtError
+from uavrt.log import get_logger
+from uavrt.messages import Command, SystemState, Tag
+from uavrt.supervisor.core import Supervisor
+from uavrt.supervisor.launcher import Launcher
+from uavrt.supervisor.viewers import Viewers
+
+
+async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launcher) -> None:
+    """Run until SIGTERM or SIGINT; with tags, start detecting at once.
+
+    A flight that was cut off goes on, with its own tags.
+    """
+    viewers = Viewers()
+    supervisor = Supervisor(settings, on_record=viewers.show, launcher=launcher)
+    viewers.supervisor = supervisor
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, supervisor.stop)
+    supervisor.claim()
+    if supervisor.mission.state is not SystemState.DETECTING:
+        for command in start_commands(tags):
+            reply = supervisor.command(command)
+            if not reply.accepted:
+                raise UavrtError(f"cannot start detecting: {reply.message}")
+    server = await viewers.serve(settings.status_socket) if settings.status_socket else None
+    try:
+        await supervisor.run()
+    finally:
+        if server is not None:
+            server.close()
+
+
+def start_commands(tags: tuple[Tag, ...]) -> list[Command]:
+    """Get the commands that an operator would send to detect these tags; none without tags."""
+    if not tags:
+        return []
+    return [
+        Command(name="start_tags", request_id=1, source="command line"),
+        *(
+            Command(name="add_tag", request_id=2 + i, tag=tag, source="command line")
+            for i, tag in enumerate(tags)
+        ),
+        Command(name="end_tags", request_id=2 + len(tags), source="command line"),
+        Command(name="start_detection", request_id=3 + len(tags), source="command line"),
+    ]
+
+
+def run(launcher: Launcher, settings_json: str, tags_json: str = "[]") -> int:
+    """Run the supervisor; get the exit status."""
+    settings = msgspec.json.decode(settings_json, type=Settings)
+    tags = msgspec.json.decode(tags_json, type=tuple[Tag, ...])
+    try:
+        asyncio.run(supervise(settings, tags, launcher))
+    except UavrtError as error:
+        print(f"uavrt: {error}", file=sys.stderr)  # noqa: T201 - the user's terminal
+        return 2
+    finally:
+        launcher.close()
+    get_logger().info("all processes stopped")
+    return 0
