@@ -172,6 +172,8 @@ class PulseDetector:
             beyond = math.ceil(beyond_s * self.sample_rate_hz) + 2 * self._grid.window
             self._buffer.append_hole(beyond)
             self._advance(self._buffer.end, last=True)
+            for track in self._tracks:
+                self._reporter.report(track, last=True)
         pulses = self._reporter.drain()
         self._start()
         return pulses

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from uavrt.detection.grid import Grid
 from uavrt.detection.refine import TRACK_BAND_HZ, Refiner
+from uavrt.detection.rivals import become, lags, set_up_rivals, settle_rivalry
 from uavrt.detection.samples import SampleBuffer
 from uavrt.detection.tracks import Slot, Track
 from uavrt.messages import Tag
@@ -61,23 +62,34 @@ class Follower:
         """
         for track in tracks:
             while not track.dead and self._step(track, upto, noise=noise, floor=floor):
-                if len(self._tag.pulse_intervals_s) > 1 and track.confirmed:
-                    self._follow_rival(track, upto, noise=noise, floor=floor)
+                self._follow_rivals(track, upto, settle, noise=noise, floor=floor)
                 settle()
+            # What the other rate could not yet look at may be there now.
+            self._follow_rivals(track, upto, settle, noise=noise, floor=floor)
         settle()
         tracks[:] = [t for t in tracks if not t.dead]
 
-    def _follow_rival(
-        self, track: Track, upto: int, *, noise: NDArray[np.float32], floor: float
+    def _follow_rivals(
+        self,
+        track: Track,
+        upto: int,
+        settle: Callable[[], None],
+        *,
+        noise: NDArray[np.float32],
+        floor: float,
     ) -> None:
         """Let the other rate look for its pulses up to the same time, and compare."""
-        rival = track.rival
-        while rival is not None and rival.time_s < track.time_s and not rival.dead:
-            if not self._step(rival, upto, noise=noise, floor=floor):
-                break
-        if rival is not None and rival.dead:
-            track.rival = None
-        track.settle_rivalry()
+        if len(self._tag.pulse_intervals_s) < 2 or not track.confirmed or track.dead:
+            return
+        set_up_rivals(track)
+        for rival in track.rivals:
+            while not rival.dead and lags(track, rival):
+                if not self._step(rival, upto, noise=noise, floor=floor):
+                    return
+        winner = settle_rivalry(track)
+        if winner is not None:
+            settle()  # what it found at the rate it had
+            become(track, winner)
 
     def _step(
         self, track: Track, upto: int, *, noise: NDArray[np.float32], floor: float

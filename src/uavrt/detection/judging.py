@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from uavrt.detection.grid import Grid
 from uavrt.detection.refine import TRACK_BAND_HZ, Measured, Refiner
+from uavrt.detection.rivals import log_evidence
 from uavrt.detection.samples import SampleBuffer
 from uavrt.detection.search import Candidate, RateSearch
-from uavrt.detection.tracks import Track, log_evidence
+from uavrt.detection.tracks import Track
 from uavrt.messages import Tag
 
 _UNIFORMITY = 0.3

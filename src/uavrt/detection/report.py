@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.refine import Measured
+from uavrt.detection.rivals import PATIENCE_INTERVALS
 from uavrt.detection.samples import Counters
 from uavrt.detection.tracks import Slot, Track
 from uavrt.messages import DetectionStatus, Pulse, SearchReport, Tag
@@ -39,6 +40,7 @@ class Reporter:
         self._tag = tag
         self._center_hz = center_frequency_hz
         self._sample_rate_hz = sample_rate_hz
+        self._patience_s = PATIENCE_INTERVALS * max(tag.pulse_intervals_s)
         self._counters = counters
         self._pulses: list[Pulse] = []
         self._reports: list[SearchReport] = []
@@ -86,15 +88,26 @@ class Reporter:
             if not track.held:
                 self.report(track)
 
-    def report(self, track: Track) -> None:
-        """Make records of a track's accepted pulses, and of weak ones it has given up on."""
+    def report(self, track: Track, *, last: bool = False) -> None:
+        """Make records of a track's accepted pulses, and of weak ones it has given up on.
+
+        Parameters
+        ----------
+        track : Track
+        last : bool
+            Nothing follows: what waits for its rate's label waits in vain.
+        """
         if track.held:
             return
         oldest_open = track.number - self._tag.k + 1
         for slot in track.slots:
             if slot.state == "accepted":
+                certain = slot.time_s <= track.certain_s
+                if not (certain or last or track.time_s - slot.time_s > self._patience_s):
+                    continue
                 slot.state = "reported"
-                self._record(track, slot, "confirmed" if track.confirmed else "detected")
+                sure = track.confirmed and certain
+                self._record(track, slot, "confirmed" if sure else "detected")
             elif slot.state == "open" and track.confirmed and slot.number < oldest_open:
                 if slot.measured.power > 4.0:
                     slot.state = "reported"

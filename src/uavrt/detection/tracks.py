@@ -27,9 +27,6 @@ WEAKEST_SHARE = 0.35
 """Two strong pulses and the best noise at a third place make a group: this share unmasks it."""
 VOUCH = 2.0
 _FELLOW_SHARE = 0.2
-_RIVAL_WINS = 8.0
-"""Lead in log-likelihood at which the other rate is taken: one clear pulse missing."""
-_RIVAL_BEATEN = 20.0
 _SURE_POWER = 12.0
 """Three pulses of this power each, an interval apart, are no accident: confirmed at once."""
 _INTERVAL_WALK = 1.5e-4
@@ -82,8 +79,12 @@ class Track:
     sequences: dict[int, int] = field(default_factory=dict)
     """Group sequence of each group of K lattice places."""
     last_accepted_s: float = 0.0
-    rival: "Track | None" = None
-    """The same transmitter at the tag's other rate, should it have switched."""
+    rivals: "list[Track]" = field(default_factory=list)
+    """The same transmitter at the tag's other rate, should it have switched (rivals.py)."""
+    settled_s: float = -math.inf
+    """The last pulse at which the rate is known not to have changed; a rival's beginning."""
+    certain_s: float = math.inf
+    """Until when the rate is certain; a pulse after that waits for its label."""
 
     def begin(self, pulses: list[tuple[int, float, int, Measured]]) -> None:
         """Start from a detected group.
@@ -127,6 +128,8 @@ class Track:
         weights = [min(p[3].power, 100.0) for p in pulses]
         total = sum(w * p[3].offset_hz for w, p in zip(weights, pulses, strict=True))
         self.offset_hz = total / sum(weights)
+        if len(tag.pulse_intervals_s) > 1:
+            self.certain_s = self.last_accepted_s
         sure = [s for s in self.slots if s.measured.power >= _SURE_POWER]
         self.confirmed = len(sure) >= max(3, self.tag.k)
 
@@ -181,70 +184,6 @@ class Track:
         self.since_accepted += 1
         if self.since_accepted > COAST_PULSES:
             self.dead = True
-
-    @property
-    def strength(self) -> float:
-        """ENR of the recent accepted pulses, limited to what a fade leaves."""
-        recent = [s.measured.enr for s in self.slots if s.state in ("accepted", "reported")]
-        level = sum(recent[-4:]) / max(1, len(recent[-4:]))
-        return min(max(level, 8.0), 30.0)
-
-    def set_up_rival(self) -> None:
-        """Put the tag's other rate beside this one, from the last accepted pulse on."""
-        tag = self.tag
-        if len(tag.pulse_intervals_s) < 2 or not self.confirmed:
-            return
-        heard = [s for s in self.slots if s.state in ("accepted", "reported")]
-        if not heard:
-            return
-        start, rate = heard[-1], 3 - self.rate
-        rival = Track(tag=tag, rate=rate, offset_hz=self.offset_hz, score=self.score)
-        rival.begin([(0, start.time_s, start.time_ns, start.measured)])
-        rival.number = 0
-        rival.time_s = start.time_s
-        # The crystal's error is the same at both rates.
-        nominal = tag.pulse_intervals_s
-        rival.interval_s *= self.interval_s / nominal[self.rate - 1]
-        rival.slots[0].state = "reported"
-        rival.confirmed = True
-        self.rival = rival
-
-    def settle_rivalry(self) -> None:
-        """Switch the rate when the rival explains more; renew a rival that lags."""
-        rival = self.rival
-        if rival is None:
-            self.set_up_rival()
-            return
-        # Compare over the same time only.
-        ahead = min(self.time_s, rival.time_s) + 0.5 * min(self.interval_s, rival.interval_s)
-        own = sum(
-            log_evidence(s.measured.power, self.strength)
-            for s in self.slots
-            if rival.slots[0].time_s + self.tag.pulse_width_s < s.time_s < ahead
-        )
-        others = [s for s in rival.slots[1:] if s.time_s < ahead]
-        theirs = sum(log_evidence(s.measured.power, self.strength) for s in others)
-        if theirs - own > _RIVAL_WINS and any(s.state == "accepted" for s in others):
-            self._become(rival)
-            return
-        since = [s for s in self.slots if s.time_s > rival.slots[0].time_s]
-        missed = any(s.state not in ("accepted", "reported") for s in since)
-        if not missed or own - theirs > _RIVAL_BEATEN:
-            # Nothing missed: should a switch come, it counts from the latest pulse.
-            self.set_up_rival()
-
-    def _become(self, rival: "Track") -> None:
-        """Go on at the rival's rate."""
-        self.rate = rival.rate
-        self.time_s, self.interval_s = rival.time_s, rival.interval_s
-        self.variance, self.number = rival.variance, rival.number
-        self.slots = rival.slots
-        self.offset_hz = rival.offset_hz
-        self.since_accepted = rival.since_accepted
-        self.last_accepted_s = rival.last_accepted_s
-        self.sequences = {}
-        self.rival = None
-        self.set_up_rival()
 
     def _try_to_confirm(self, slot: Slot) -> None:
         self.gained += min(slot.measured.power, 14.0)
@@ -307,18 +246,6 @@ class Track:
             cross * (1.0 - gain_phase),
             interval - gain_interval * cross,
         ]
-
-
-def log_evidence(power: float, strength: float) -> float:
-    """Log-likelihood ratio of a pulse of ENR `strength` to none, for a cell's power.
-
-    log I0(2 sqrt(strength × power)) - strength, with the asymptotic form of the Bessel function
-    (error below 0.05 from an argument of 2).
-    """
-    argument = 2.0 * math.sqrt(strength * max(power, 0.0))
-    if argument < 2.0:
-        return argument * argument / 4.0 - strength
-    return argument - 0.5 * math.log(2.0 * math.pi * argument) - strength
 
 
 def _round(volume: float) -> float:

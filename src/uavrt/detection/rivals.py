@@ -1,0 +1,142 @@
+"""Which of a tag's two rates it sends at: two lattices of one transmitter, compared.
+
+Every second pulse of a rate is a train of twice its interval, so a pulse that a track expects
+may yet be of the other rate. The other rate is followed beside the track from each pulse at
+which the tag may have switched; what the samples say since then of each is a sum of
+log-likelihood ratios, a pulse against none, over the places that each expects. A pulse is
+confirmed at a rate once that rate leads.
+"""
+
+import math
+
+from uavrt.detection.tracks import Slot, Track
+
+WINS = 8.0
+"""Lead in log-likelihood that decides: one clear pulse that one rate lacks."""
+PATIENCE_INTERVALS = 2.5
+"""So many of the longer intervals a pulse waits for its label; then it is only `detected`."""
+
+MOST_RIVALS = 8
+"""Pulses back to which a switch may yet have been."""
+
+
+def log_evidence(power: float, strength: float) -> float:
+    """Log-likelihood ratio of a pulse of ENR `strength` to none, for a cell's power.
+
+    log I0(2 sqrt(strength × power)) - strength, with the asymptotic form of the Bessel function
+    (error below 0.05 from an argument of 2).
+    """
+    argument = 2.0 * math.sqrt(strength * max(power, 0.0))
+    if argument < 2.0:
+        return argument * argument / 4.0 - strength
+    return argument - 0.5 * math.log(2.0 * math.pi * argument) - strength
+
+
+def set_up_rivals(track: Track) -> None:
+    """Let the other rate begin at each pulse heard at which no rival has begun yet.
+
+    Parameters
+    ----------
+    track : Track
+        Confirmed; changed in place.
+    """
+    since_s = max((rival.settled_s for rival in track.rivals), default=-math.inf)
+    since_s = max(since_s, track.settled_s) + track.tag.pulse_width_s
+    for slot in track.slots:
+        if slot.state in ("accepted", "reported") and slot.time_s > since_s:
+            track.rivals.append(_rival(track, slot))
+    del track.rivals[:-MOST_RIVALS]
+
+
+def _rival(track: Track, start: Slot) -> Track:
+    """The tag's other rate from a pulse on."""
+    tag = track.tag
+    rival = Track(tag=tag, rate=3 - track.rate, offset_hz=track.offset_hz, score=track.score)
+    rival.begin([(0, start.time_s, start.time_ns, start.measured)])
+    rival.number = 0
+    rival.time_s = start.time_s
+    # The crystal's error is the same at both rates.
+    rival.interval_s *= track.interval_s / tag.pulse_intervals_s[track.rate - 1]
+    rival.slots[0].state = "reported"
+    rival.confirmed = True
+    rival.settled_s = start.time_s
+    return rival
+
+
+def lags(track: Track, rival: Track) -> bool:
+    """Whether the rival expects a pulse no later than the track's last place."""
+    return rival.expected()[0] < track.time_s + _margin_s(track)
+
+
+def settle_rivalry(track: Track) -> Track | None:
+    """Decide between the rates where one leads; both have been looked at to the same time.
+
+    Parameters
+    ----------
+    track : Track
+        Changed in place: drops the rivals that it beats and knows until when it is certain.
+
+    Returns
+    -------
+    Track or None
+        The rival that the track must become.
+    """
+    upto_s = track.time_s + _margin_s(track)
+    strength = _strength(track)
+    most, winner = WINS, None
+    left = []
+    for rival in track.rivals:
+        since_s = max(rival.settled_s, track.slots[0].time_s) + track.tag.pulse_width_s
+        lead = _evidence(rival, since_s, upto_s, strength)
+        lead -= _evidence(track, since_s, upto_s, strength)
+        if lead > most and rival.last_accepted_s > since_s:
+            most, winner = lead, rival
+        if lead < -WINS or rival.dead:
+            track.settled_s = max(track.settled_s, rival.settled_s)
+        else:
+            left.append(rival)
+    track.rivals = left
+    # Before the first pulse at which it may have switched, the rate is the track's.
+    since = [rival.settled_s for rival in left] if winner is None else [winner.settled_s]
+    certain_s = min(since, default=track.time_s) + track.tag.pulse_width_s
+    track.certain_s = max(track.certain_s, certain_s)
+    return winner
+
+
+def become(track: Track, rival: Track) -> None:
+    """Go on at the rival's rate."""
+    track.rate = rival.rate
+    track.time_s, track.interval_s = rival.time_s, rival.interval_s
+    track.variance, track.number = rival.variance, rival.number
+    track.slots = rival.slots
+    track.offset_hz = rival.offset_hz
+    track.since_accepted = rival.since_accepted
+    track.last_accepted_s = rival.last_accepted_s
+    track.sequences = {}
+    track.certain_s = track.time_s + _margin_s(track)
+    track.rivals = []
+    track.settled_s = rival.last_accepted_s - track.tag.pulse_width_s
+
+
+def _margin_s(track: Track) -> float:
+    """Places of the two rates closer than this are the same."""
+    return 0.25 * min(track.tag.pulse_intervals_s)
+
+
+def _evidence(track: Track, since_s: float, upto_s: float, strength: float) -> float:
+    """What the places between two times say for their being a pulse in each of them.
+
+    The largest of V cells stands for the mean of their likelihoods: hence the logarithm of V.
+    """
+    return sum(
+        log_evidence(s.measured.power, strength) - math.log(max(s.volume, 1.0))
+        for s in track.slots
+        if since_s < s.time_s < upto_s
+    )
+
+
+def _strength(track: Track) -> float:
+    """ENR of the recent accepted pulses, limited to what a fade leaves."""
+    recent = [s.measured.enr for s in track.slots if s.state in ("accepted", "reported")]
+    level = sum(recent[-4:]) / max(1, len(recent[-4:]))
+    return min(max(level, 8.0), 30.0)

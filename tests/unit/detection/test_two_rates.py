@@ -1,0 +1,86 @@
+"""A tag with two rates, the one twice the other: each pulse under its own rate."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uavrt.detection.rivals import log_evidence
+from uavrt.experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    TruePulse,
+    make_samples,
+    pulse_train,
+)
+from uavrt.experiments.detection.trials import detect
+from uavrt.messages import Pulse
+
+RATES_S = (1.254, 2.508)
+TAG = replace(THESIS_TAG, pulse_intervals_s=RATES_S)
+
+
+def sent(rng: np.random.Generator, rates: list[int]) -> tuple[list[TruePulse], list[int]]:
+    """A train that sends 25 s at each of some rates, and the rate of each pulse."""
+    scale = 1.0 + rng.uniform(-0.03, 0.03)
+    pulses: list[TruePulse] = []
+    labels: list[int] = []
+    for part, rate in enumerate(rates):
+        interval_s = RATES_S[rate - 1] * scale
+        first_s = pulses[-1].start_s + interval_s if pulses else rng.uniform(0.1, 1.2)
+        train = pulse_train(
+            rng,
+            duration_s=25.0 * (part + 1),
+            interval_s=interval_s,
+            offset_hz=100.0,
+            enr_db=14.0,
+            jitter_s=0.005,
+            first_s=first_s,
+        )
+        pulses += train
+        labels += [rate] * len(train)
+    return pulses, labels
+
+
+def labelled(pulses: list[Pulse], truth: list[TruePulse]) -> dict[int, int]:
+    """Index of each true pulse that was confirmed, and the rate that it was confirmed at."""
+    starts_s = np.array([pulse.start_s for pulse in truth])
+    rates = {}
+    for pulse in pulses:
+        away_s = np.abs(starts_s - (pulse.start_time_ns - START_NS) * 1e-9)
+        if pulse.confirmed and away_s.min() < 0.015:
+            rates[int(away_s.argmin())] = pulse.rate
+    return rates
+
+
+@pytest.mark.parametrize("rates", [[1], [2], [1, 2], [2, 1], [1, 2, 1]])
+def test_no_pulse_is_confirmed_at_the_rate_it_was_not_sent_at(rates: list[int]) -> None:
+    for seed in range(3):
+        rng = np.random.default_rng((700 + seed, *rates))
+        truth, labels = sent(rng, rates)
+        samples = make_samples(rng, truth, duration_s=25.0 * len(rates))
+        pulses, _ = detect(samples, TAG, frequency_window_hz=500.0)
+        found = labelled(pulses, truth)
+        assert all(labels[index] == rate for index, rate in found.items())
+        # The first group is only detected; the last pulses wait for a label in vain.
+        assert len(found) >= len(truth) - 5
+
+
+def test_a_pulse_that_waits_for_its_label_is_reported_when_the_stream_ends() -> None:
+    rng = np.random.default_rng(710)
+    truth, _ = sent(rng, [1])
+    # Rate 2 begins: its first pulse is where rate 1, too, expects its second next.
+    after = truth[-1].start_s + 2.0 * (truth[-1].start_s - truth[-2].start_s)
+    truth.append(replace(truth[-1], start_s=after))
+    samples = make_samples(rng, truth, duration_s=after + 0.1)
+    pulses, _ = detect(samples, TAG, frequency_window_hz=500.0)
+    last = [p for p in pulses if abs((p.start_time_ns - START_NS) * 1e-9 - after) < 0.015]
+    assert len(last) == 1
+    assert not last[0].confirmed or last[0].rate == 2
+
+
+def test_a_pulse_is_evidence_for_itself_and_silence_against_it() -> None:
+    assert log_evidence(25.0, 25.0) > 10.0
+    assert log_evidence(2.0, 25.0) < -8.0
+    powers = [log_evidence(power, 12.0) for power in np.linspace(0.0, 60.0, 200)]
+    assert np.all(np.diff(powers) > -0.05)
