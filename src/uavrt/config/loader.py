@@ -11,12 +11,13 @@ import textwrap
 import tomllib
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
-from uavrt.config.settings import Settings
+from uavrt.config.settings import RADIO_GROUP, RadioKind, Settings
 from uavrt.config.text_files import decode_text, write_text_atomically
 from uavrt.config.toml_lines import find_lines, line_of
 from uavrt.errors import ConfigError
+from uavrt.plugins import Registry
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -58,18 +59,36 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise _error(name, [f"not TOML: {error}"]) from None
+    lines = find_lines(text)
+    faults = _unknown_radio(document, lines)
     try:
         # By way of JSON, where a list may be a tuple and strict still means strict: "3" is no
         # number and 3.5 no count. Dates, which no setting has, become text and are refused.
-        return TypeAdapter(Settings).validate_json(json.dumps(document, default=str))
+        settings = TypeAdapter(Settings).validate_json(json.dumps(document, default=str))
     except ValidationError as error:
-        lines = find_lines(text)
         schema = settings_schema()
-        faults = sorted(
+        faults += [
             (line_of(lines, tuple(detail["loc"])) or 1, _explain(detail, schema))
             for detail in error.errors(include_url=False)
-        )
-        raise _error(name, [f"line {line}: {text}" for line, text in faults]) from None
+        ]
+    if faults:
+        raise _error(name, [f"line {line}: {text}" for line, text in sorted(faults)])
+    return settings
+
+
+def _unknown_radio(
+    document: dict[str, Any], lines: dict[tuple[str | int, ...], int]
+) -> list[tuple[int, str]]:
+    """Line and text of the fault, if the radio's kind is neither ours nor any package's."""
+    table = document.get("radio")
+    kind = table.get("kind", "airspy") if isinstance(table, dict) else "airspy"
+    kinds = Registry[object](RADIO_GROUP, dict.fromkeys(get_args(RadioKind)))
+    if not isinstance(kind, str) or kind in kinds:
+        return []
+    given = json.dumps(kind, ensure_ascii=False)[:60]
+    *most, last = (repr(one) for one in kinds)
+    text = f"[radio] kind is {given}, but must be {', '.join(most)} or {last}"
+    return [(line_of(lines, ("radio", "kind")) or 1, text)]
 
 
 def settings_schema() -> dict[str, Any]:

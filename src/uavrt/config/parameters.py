@@ -10,13 +10,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from uavrt.config.settings import RadioKind, Settings
+from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError
 from uavrt.messages import Tag
 
 Kind = Literal["whole", "real", "switch"]
 
-GAIN_RANGES: dict[RadioKind, tuple[int, int]] = {
+GAIN_RANGES: dict[str, tuple[int, int]] = {
     # Airspy: "sensitivity" gain. HF+: steps of 6 dB, 8 is no attenuation. RTL-SDR: decibel; 0
     # would be its automatic gain, which follows the pulses themselves. HackRF: LNA and VGA.
     "airspy": (0, 21),
@@ -190,7 +190,7 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
         raise ConfigError(f"no parameter {name}: known are {', '.join(PARAMETERS)}")
     low, high = parameter.low, parameter.high
     if name == "RADIO_GAIN":
-        low, high = GAIN_RANGES[settings.radio.kind]
+        low, high = GAIN_RANGES.get(settings.radio.kind, GAIN_RANGES["soapy"])
     allowed = math.isfinite(value) and replace(parameter, low=low, high=high).allows(value)
     if not allowed:
         whole = "" if parameter.kind == "real" else "whole, "

@@ -18,6 +18,8 @@ STRICT: dict[str, Any] = {
 costs the drone nothing (reference/style.md §B.3)."""
 
 RadioKind = Literal["airspy", "airspyhf", "rtlsdr", "hackrf", "soapy"]
+RADIO_GROUP = "uavrt.radios"
+"""Entry points of this group add kinds of radio (docs/how-to/extend.md)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,8 +28,9 @@ class RadioSettings:
 
     __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
-    kind: RadioKind = "airspy"
-    """``airspy`` (Mini, R2), ``airspyhf``, ``rtlsdr``, ``hackrf``, or ``soapy`` for others."""
+    kind: str = "airspy"
+    """``airspy`` (Mini, R2), ``airspyhf``, ``rtlsdr``, ``hackrf``, ``soapy`` for others, or one
+    that an installed package adds."""
     program: tuple[str, ...] = ()
     """Program and first arguments in place of the usual one (``airspy_rx`` …); empty: usual."""
     sample_rate_hz: Annotated[float, Interval(ge=3_000.0, le=100e6)] = 3_000_000.0

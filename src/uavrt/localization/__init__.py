@@ -8,7 +8,7 @@ from uavrt.localization.array_bearings import (
     switched_amplitudes,
     switched_bearing,
 )
-from uavrt.localization.bearing import estimate_bearing
+from uavrt.localization.bearing import BearingData, estimate_bearing
 from uavrt.localization.learned_pattern import TurnPulses, learn_pattern
 from uavrt.localization.level_belief import Listening
 from uavrt.localization.level_evidence import Propagation
@@ -44,6 +44,7 @@ __all__ = [
     "AntennaPattern",
     "ArrayMethod",
     "Bearing",
+    "BearingData",
     "BearingMethod",
     "Ellipse",
     "GridTracker",

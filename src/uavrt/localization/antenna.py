@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavrt.errors import UsageError
+from uavrt.plugins import Registry
 
 NULL_DB = -30.0
 """No installed antenna has a deeper null: the airframe scatters."""
@@ -94,7 +95,7 @@ def _theory_h_plane(steps: int) -> tuple[float, ...]:
     return tuple(float(level) for level in levels)
 
 
-PATTERNS: dict[str, AntennaPattern] = {
+_OWN = {
     pattern.name: pattern
     for pattern in (
         AntennaPattern(
@@ -137,7 +138,8 @@ PATTERNS: dict[str, AntennaPattern] = {
         AntennaPattern(name="isotropic", e_plane_db=(0.0, 0.0)),
     )
 }
-"""Patterns by name."""
+PATTERNS = Registry("uavrt.antennas", _OWN, AntennaPattern)
+"""Patterns by name, those that installed packages add included (docs/how-to/extend.md)."""
 
 
 def monopole_gain_db(elevation_deg: ArrayLike) -> NDArray[np.float64]:

@@ -12,15 +12,38 @@ from uavrt.localization.antenna import AntennaPattern, pattern_named
 from uavrt.localization.attitude import Headings
 from uavrt.localization.pattern_ml import pattern_ml
 from uavrt.localization.records import Bearing, BearingMethod
+from uavrt.plugins import Registry
 
 _Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BearingData:
+    """What an estimator of another package is given."""
+
+    yaw_deg: _Floats
+    """(n,) of the boresight, clockwise from true north."""
+    matched_power: _Floats
+    """(n,) matched power over noise power, noise included; NaN is a miss."""
+    noise_psd: _Floats
+    """(n,) noise density of each pulse, up to a common factor."""
+    pattern: AntennaPattern
+    threshold_db: float
+    """SNR that a missed pulse must have had to be heard."""
+    elevation_deg: float
+    heading_sigma_deg: float
+
+
+BearingEstimator = Callable[[BearingData], Bearing]
+ADDED_METHODS: Registry[BearingEstimator] = Registry("uavrt.bearing_methods", {})
+"""Estimators that installed packages add, by the name of the method."""
 
 
 def estimate_bearing(
     yaw_deg: ArrayLike | None,
     snr_db: ArrayLike | None,
     *,
-    method: BearingMethod = "pattern_ml",
+    method: BearingMethod | str = "pattern_ml",
     antenna: AntennaPattern | str = "RA-23K",
     quaternion_wxyz: ArrayLike | None = None,
     matched_power: ArrayLike | None = None,
@@ -44,7 +67,8 @@ def estimate_bearing(
         is given.
     method : str
         ``"pattern_ml"`` (the default; the only one with a posterior), ``"pca"``, ``"pca_log"``,
-        ``"pca_amplitude"``, ``"pearson"``, ``"ls_linear"``, ``"ls_db"`` or ``"max"``.
+        ``"pca_amplitude"``, ``"pearson"``, ``"ls_linear"``, ``"ls_db"`` or ``"max"``, or one
+        that an installed package adds (docs/how-to/extend.md).
     antenna : AntennaPattern or str
         The pattern or its name in `uavrt.localization.PATTERNS`.
     quaternion_wxyz : (n, 4) array, optional
@@ -84,11 +108,20 @@ def estimate_bearing(
     if not heard.any():
         raise UsageError("no pulse was heard", remedy="A bearing needs at least one pulse")
     pattern = pattern_named(antenna)
-    if method != "pattern_ml" and method not in _METHODS:
-        known = ", ".join(["pattern_ml", *_METHODS])
-        raise UsageError(f"there is no method {method!r}", remedy=f"Known are {known}")
-    if method != "pattern_ml":
+    if method in _METHODS:
         return _classic(method, headings.yaw_deg, power, noise, pattern)
+    if method != "pattern_ml":
+        return _added(method)(
+            BearingData(
+                yaw_deg=headings.yaw_deg,
+                matched_power=power,
+                noise_psd=noise,
+                pattern=pattern,
+                threshold_db=threshold_db,
+                elevation_deg=elevation_deg,
+                heading_sigma_deg=heading_sigma_deg,
+            )
+        )
     order = np.concatenate([np.flatnonzero(heard), np.flatnonzero(~heard)])
     noise_db = 10.0 * np.log10(noise[order] / np.median(noise))
     axes = None if headings.axes is None else headings.axes[order]
@@ -104,6 +137,13 @@ def estimate_bearing(
         fading_db=fading_db,
         heading_sigma_deg=heading_sigma_deg,
     )
+
+
+def _added(method: str) -> BearingEstimator:
+    if method not in ADDED_METHODS:
+        known = ", ".join(["pattern_ml", *_METHODS, *ADDED_METHODS])
+        raise UsageError(f"there is no method {method!r}", remedy=f"Known are {known}")
+    return ADDED_METHODS[method]
 
 
 def _headings(yaw_deg: ArrayLike | None, quaternion_wxyz: ArrayLike | None) -> Headings:
@@ -148,7 +188,7 @@ def _noise(noise_psd: ArrayLike | None, count: int) -> _Floats:
 
 
 def _classic(
-    method: BearingMethod,
+    method: str,
     yaw_deg: _Floats,
     power: _Floats,
     noise: _Floats,

@@ -24,6 +24,7 @@ from uavrt.localization.level_evidence import LevelEvidence, Propagation
 from uavrt.localization.power_evidence import PowerEvidence, PowerTrack
 from uavrt.localization.records import Bearing, Position, PositionGrid, PositionMethod
 from uavrt.localization.tangent_plane import TangentPlane, plane_around
+from uavrt.plugins import Registry
 
 _Floats = NDArray[np.float64]
 LogDensity = Callable[[_Floats, _Floats], _Floats]
@@ -80,11 +81,16 @@ class Stations:
         )
 
 
+PositionEstimator = Callable[[Stations | None, PowerTrack | None], Position]
+ADDED_METHODS: Registry[PositionEstimator] = Registry("uavrt.position_methods", {})
+"""Estimators that installed packages add, by the name of the method."""
+
+
 def estimate_position(
     stations: Stations | None = None,
     powers: PowerTrack | None = None,
     *,
-    method: PositionMethod = "bayes",
+    method: PositionMethod | str = "bayes",
     outlier_share: float = 0.05,
     propagation: Propagation | None = None,
     max_range_m: float | None = None,
@@ -100,7 +106,8 @@ def estimate_position(
         must not be given again.
     method : str
         ``"bayes"`` (the default), or ``"mle"``, ``"rmr"``, ``"mest"`` as the original system
-        computes them, or ``"rmr_ahead"``, ``"mest_lenth"`` as they were meant.
+        computes them, or ``"rmr_ahead"``, ``"mest_lenth"`` as they were meant, or one that an
+        installed package adds (docs/how-to/extend.md).
     outlier_share : float
         Prior probability that a bearing has nothing to do with the tag.
     propagation : Propagation, optional
@@ -120,8 +127,10 @@ def estimate_position(
         return _bayes(
             stations, powers, outlier_share, propagation or Propagation(), max_range_m
         )
+    if method not in _LENTH and method in ADDED_METHODS:
+        return ADDED_METHODS[method](stations, powers)
     if method not in _LENTH:
-        known = ", ".join(["bayes", *_LENTH])
+        known = ", ".join(["bayes", *_LENTH, *ADDED_METHODS])
         raise UsageError(f"there is no method {method!r}", remedy=f"Known are {known}")
     if stations is None or len(stations.bearing_deg) < 2:
         raise UsageError(f"{method} needs two bearings", remedy="Use the method bayes")
@@ -166,7 +175,7 @@ _LENTH: dict[str, Callable[[lenth.Rays], lenth.PlanePosition | None]] = {
 }
 
 
-def _lenth(stations: Stations, method: PositionMethod) -> Position:
+def _lenth(stations: Stations, method: str) -> Position:
     plane = plane_around(stations.latitude_deg, stations.longitude_deg)
     east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
     rays = lenth.Rays(east_m=east, north_m=north, bearing_deg=stations.bearing_deg)

@@ -33,7 +33,7 @@ class Bearing:
 
     bearing_deg: float
     """The most probable direction."""
-    method: BearingMethod | ArrayMethod
+    method: BearingMethod | ArrayMethod | str
     pulses: int
     """Pulses and misses that went into it."""
     sigma_deg: float | None = None
@@ -113,7 +113,7 @@ class Position:
 
     latitude_deg: float
     longitude_deg: float
-    method: PositionMethod
+    method: PositionMethod | str
     stations: int
     """Bearings that went into it."""
     pulses: int = 0

@@ -1,20 +1,35 @@
 """Open whatever holds samples: a radio, a pipe or a recording."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
 from uavrt.clock import Clock
-from uavrt.config.settings import RadioSettings
+from uavrt.config.settings import RADIO_GROUP, RadioSettings
 from uavrt.errors import FormatError
+from uavrt.plugins import Registry
 from uavrt.radio.channel_source import ChannelDatagramSource
 from uavrt.radio.formats import FORMATS, sample_format
 from uavrt.radio.program import ProgramSource
+from uavrt.radio.programs import PROGRAMS
 from uavrt.radio.recording import Layout, RecordingSource, file_size, raw_layout
 from uavrt.radio.sigmf import sigmf_layout
 from uavrt.radio.soapy import SoapySource
 from uavrt.radio.source import SampleSource
 from uavrt.radio.stream import StreamSource
 from uavrt.radio.wav import wav_layout
+
+
+def _soapy(
+    settings: RadioSettings, center_frequency_hz: float, clock: Clock | None
+) -> SampleSource:
+    return SoapySource(settings, center_frequency_hz, clock=clock)
+
+
+RadioOpener = Callable[[RadioSettings, float, Clock | None], SampleSource]
+RADIOS: Registry[RadioOpener] = Registry(RADIO_GROUP, {"soapy": _soapy})
+"""Radios that are not programs, those that installed packages add included: each is opened
+with the settings, the frequency to tune to [Hz] and the system's clock."""
 
 _SUFFIXES: dict[str, str] = {
     ".cf32": "cf32",
@@ -54,8 +69,10 @@ def open_radio(
     ConfigError
         A setting that the radio does not have.
     """
-    if settings.kind == "soapy":
-        return SoapySource(settings, center_frequency_hz, clock=clock)
+    if settings.kind in PROGRAMS:
+        return ProgramSource(settings, center_frequency_hz, clock=clock)
+    if settings.kind in RADIOS:
+        return RADIOS[settings.kind](settings, center_frequency_hz, clock)
     return ProgramSource(settings, center_frequency_hz, clock=clock)
 
 

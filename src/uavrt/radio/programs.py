@@ -78,7 +78,7 @@ HACKRF = RadioProgram(
     default_gain=64,
     rates_hz=(2e6, 20e6),
 )
-PROGRAMS: dict[RadioKind, RadioProgram] = {
+PROGRAMS: dict[str, RadioProgram] = {
     program.kind: program for program in (AIRSPY, AIRSPYHF, RTLSDR, HACKRF)
 }
 
@@ -208,10 +208,9 @@ def _serial(option: str, settings: RadioSettings) -> tuple[str, ...]:
     return (option, settings.serial) if settings.serial else ()
 
 
-def _known(kind: str) -> RadioKind:
-    for known in PROGRAMS:
-        if known == kind:
-            return known
+def _known(kind: str) -> str:
+    if kind in PROGRAMS:
+        return kind
     raise ConfigError(
         f"unknown radio {kind!r}",
         remedy=f"Set [radio] kind to one of {', '.join(PROGRAMS)}, soapy",

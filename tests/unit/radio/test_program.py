@@ -347,7 +347,7 @@ def test_much_talk_on_stderr_does_not_stop_the_samples(install: Install) -> None
         (RadioSettings(kind="rtlsdr", sample_rate_hz=250e3, gain=-1), "between 1 and 50"),
         (RadioSettings(kind="rtlsdr", sample_rate_hz=6e6), "sample_rate_hz"),
         (RadioSettings(kind="airspyhf", sample_rate_hz=768e3, bias_tee=True), "bias_tee"),
-        (RadioSettings(kind="nosuch"), "kind"),  # type: ignore[arg-type]
+        (RadioSettings(kind="nosuch"), "kind"),
     ],
 )
 def test_settings_that_a_radio_does_not_have_are_refused(

@@ -120,7 +120,7 @@ def _pulse(
     """Noise of power 1, one pulse's width of it before and after the pulse."""
     width = round(_WIDTH_S * _RATE_HZ)
     noise = rng.normal(0.0, np.sqrt(0.5), (2, 3 * width))
-    samples = (noise[0] + 1j * noise[1]).astype(np.complex64)
+    samples: NDArray[np.complex64] = (noise[0] + 1j * noise[1]).astype(np.complex64)
     angle = np.radians(direction_deg)
     weights = position_weights(switch, (np.cos(angle), np.sin(angle), 0.0), _WAVELENGTH_M)
     time_s = np.arange(width) / _RATE_HZ
