@@ -203,6 +203,9 @@ CommandName = Literal[
     "start_detection",
     "stop_detection",
     "raw_capture",
+    "save_logs",
+    "clean_logs",
+    "radio_status",
     "set_parameter",
 ]
 
@@ -238,6 +241,18 @@ class CommandReply:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Operation:
+    """How far something is that takes longer than its command."""
+
+    name: CommandName
+    state: Literal["running", "complete", "failed"]
+    step: int = 0
+    step_count: int = 0
+    """0: not known."""
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StatusText:
     """A short text for the operator, as MAVLink severity 0 (emergency) to 7 (debug)."""
 
@@ -256,6 +271,8 @@ class FlightInfo:
     center_frequency_hz: float
     sample_rate_hz: float
     tags: tuple[Tag, ...]
+    capture_s: float | None = None
+    """For a raw capture: how long; then there are no tags and nothing is detected."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

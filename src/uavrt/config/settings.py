@@ -132,6 +132,10 @@ class RecordingSettings:
     """Also record the decimated band while detecting (cs16 SigMF, about 5.4 GB an hour)."""
     minimum_free_mb: Annotated[float, Ge(0.0)] = 500.0
     """Below this much free space IQ recording stops; pulses and poses go on."""
+    capture_s: Annotated[float, Interval(gt=0.0, le=3600.0)] = 8.0
+    """How long a raw capture lasts unless it is stopped."""
+    save_directory: str | None = None
+    """Where "save logs" copies the flights; left out: the only drive under /media."""
     remove_oldest_flights: bool = False
     """Below that, remove the oldest flight directories, never the present one."""
 

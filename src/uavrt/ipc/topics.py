@@ -108,6 +108,12 @@ TOPICS: dict[str, Topic] = {
             to_ground=True,
         ),
         Topic(
+            name="operation",
+            record=messages.Operation,
+            meaning="how far something is that takes longer than its command",
+            to_ground=True,
+        ),
+        Topic(
             name="settings",
             record=Settings,
             meaning="the settings after an operator has changed one",

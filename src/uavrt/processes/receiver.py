@@ -17,6 +17,7 @@ from uavrt.ipc import ProcessFrame
 from uavrt.ipc.samples import ChannelSender
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, IQBlock
+from uavrt.processes.capture import Capture
 from uavrt.radio import SampleSource, open_radio
 from uavrt.radio.channel_output import ChannelOutput
 from uavrt.radio.sanity import SampleCheck
@@ -41,6 +42,9 @@ class Receiver:
     flight : FlightInfo
         The flight in progress: frequency, rate and tags.
     """
+
+    status: str | None = None
+    """It is never over by itself."""
 
     def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
         assignment = frame.assignment
@@ -121,18 +125,6 @@ class Receiver:
             for worker in self._workers_of_channel[channel.channel]:
                 self._senders[worker].send(channel)
 
-    def take(self, records: Iterable[tuple[str, object]]) -> None:
-        """Take changed settings: gain, bias-tee and correction of the radio.
-
-        Its programs take them on their command line only, so it is opened again, which costs
-        what a failed radio costs; the frequency stays, for the filters are made for it.
-        """
-        for _, record in records:
-            if isinstance(record, Settings):
-                self.radio = replace(
-                    record.radio, center_frequency_hz=self.radio.center_frequency_hz
-                )
-
     def forget(self, *, failed: bool = True) -> None:
         """Start the filters anew: what comes next does not continue what was."""
         self.failures += failed
@@ -186,7 +178,8 @@ def main() -> None:
         flight = frame.assignment.flight
         if flight is None:
             raise UavrtError("the receiver was started without a flight")
-        receiver = Receiver(frame, flight)
+        kind = Receiver if flight.capture_s is None else Capture
+        receiver: Receiver | Capture = kind(frame, flight)
         last_failure_s, reason_told = -RETRY_WINDOW_S, ""
         try:
             while frame.running:
@@ -208,7 +201,7 @@ def main() -> None:
         frame.report("stopped", counters=receiver.counters, last=True)
 
 
-def receive(frame: ProcessFrame, receiver: Receiver, flight: FlightInfo) -> None:
+def receive(frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInfo) -> None:
     """Pass samples on from one opened radio until it fails, is set anew, or all is to end."""
     radio = receiver.radio
     source: SampleSource = open_radio(radio, flight.center_frequency_hz, clock=frame.clock)
@@ -223,11 +216,9 @@ def receive(frame: ProcessFrame, receiver: Receiver, flight: FlightInfo) -> None
                 if receiver.failures and not flowing:
                     frame.tell(5, "Radio gives samples again")
                 flowing = True
-            receiver.take(frame.receive())
-            frame.report(
-                "receiving" if flowing else "waiting for samples",
-                counters=receiver.counters,
-            )
+            take_settings(frame.receive(), receiver)
+            status = receiver.status or ("receiving" if flowing else "waiting for samples")
+            frame.report(status, counters=receiver.counters)
     finally:
         source.close()
     if frame.running:
@@ -235,12 +226,24 @@ def receive(frame: ProcessFrame, receiver: Receiver, flight: FlightInfo) -> None
         receiver.forget(failed=False)
 
 
-def wait(frame: ProcessFrame, receiver: Receiver, delay_s: float) -> None:
+def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Capture) -> None:
+    """Take changed settings: gain, bias-tee and correction of the radio.
+
+    Its programs take them on their command line only, so it is opened again, which costs what a
+    failed radio costs; the frequency stays, for the filters are made for it.
+    """
+    for _, record in records:
+        if isinstance(record, Settings):
+            frequency_hz = receiver.radio.center_frequency_hz
+            receiver.radio = replace(record.radio, center_frequency_hz=frequency_hz)
+
+
+def wait(frame: ProcessFrame, receiver: Receiver | Capture, delay_s: float) -> None:
     """Stay alive until the next attempt."""
     end_s = monotonic_s() + delay_s
     frame.report("radio absent", ok=False, counters=receiver.counters)
     while frame.running and monotonic_s() < end_s:
-        receiver.take(frame.receive(timeout_s=0.2))
+        take_settings(frame.receive(timeout_s=0.2), receiver)
         frame.report("radio absent", ok=False, counters=receiver.counters)
 
 

@@ -33,7 +33,10 @@ from uavrt.supervisor.instance import Instance, self_status
 from uavrt.supervisor.launcher import Launcher
 from uavrt.supervisor.memory import StateStore
 from uavrt.supervisor.mission import Mission
+from uavrt.supervisor.operations import Operations
 from uavrt.supervisor.output import OutputLog, warning_text
+from uavrt.supervisor.progress import FlightProgress
+from uavrt.supervisor.radio_check import ask_radio
 from uavrt.supervisor.systemd import SystemdNotifier
 from uavrt.supervisor.table import SUPERVISOR_TOPICS, consumers_of, rows_for
 from uavrt.supervisor.tuning import ask_tuner
@@ -83,6 +86,10 @@ class Supervisor:
         self._disk = DiskGuard(directory, settings.recording)
         self._disk_task: asyncio.Future[None] | None = None
         self._launcher = launcher or Launcher()
+        self._operations = Operations(
+            settings.recording, lambda step: self._publish("operation", step), self._tell
+        )
+        self._progress = FlightProgress(lambda step: self._publish("operation", step))
         self.mission = Mission(
             settings,
             self._store,
@@ -90,6 +97,7 @@ class Supervisor:
             on_start=self._flight_started,
             on_stop=self._end_flight_soon,
             on_settings=lambda changed: self._publish("settings", changed),
+            operations=self._operations,
             tuner=partial(ask_tuner, launcher=self._launcher),
         )
         self._fleet = Fleet(
@@ -136,6 +144,7 @@ class Supervisor:
                 next_status_s = now_s + status_period_s
                 self._publish("system_status", self.status())
                 self._warn_of_budgets(now_s)
+                self._end_capture_when_over()
                 systemd.alive(self.mission.state.value)
             if now_s >= next_disk_s:
                 next_disk_s = now_s + DISK_PERIOD_S
@@ -159,7 +168,7 @@ class Supervisor:
         """End in good order: nothing is left to go on with."""
         if self._end_task is not None:
             await self._end_task
-        if self.mission.state is SystemState.DETECTING:
+        if self.mission.state in (SystemState.DETECTING, SystemState.CAPTURING):
             self.mission.state = SystemState.HAS_TAGS
             await self._end_flight()
         self._launcher.close()
@@ -179,8 +188,10 @@ class Supervisor:
         self._output.open_flight(Path(flight.directory))
         self._disk.flying(Path(flight.directory))
         self._publish("flight", flight)
+        self._progress.started(flight)
 
     def _end_flight_soon(self) -> None:
+        self._progress.stopping()
         self._end_task = asyncio.ensure_future(self._end_flight())
 
     async def _end_flight(self) -> None:
@@ -194,7 +205,29 @@ class Supervisor:
             self._publish("flight_end", flight)
         self._output.close_flight()
         self._disk.flying(None)
-        self._tell(6, "Detection stopped")
+        self._tell(6, self._progress.ended(flight.directory if flight is not None else ""))
+
+    def _end_capture_when_over(self) -> None:
+        if self.mission.state is SystemState.CAPTURING and self._progress.capture_over():
+            number = time.monotonic_ns()  # never asked before
+            self.command(Command(name="stop_detection", request_id=number, source="capture"))
+
+    async def _answer_radio_status(self, command: Command) -> None:
+        """Ask the radio, unless it is in use: then the receiver's health tells."""
+        if self.mission.state in (SystemState.DETECTING, SystemState.CAPTURING):
+            receiver = next(
+                (i for i in self._fleet.instances if i.row.name == "receiver"), None
+            )
+            health = None if receiver is None else receiver.health
+            text = "starting" if health is None else health.status
+            found = health is not None and health.ok
+        else:
+            radio = self.mission.settings.radio
+            found, text = await asyncio.to_thread(ask_radio, radio)
+        reply = CommandReply(
+            request_id=command.request_id, name=command.name, accepted=found, message=text
+        )
+        self._publish("command_reply", reply)
 
     # -------------------------------------------------------------- watching
 
@@ -229,10 +262,14 @@ class Supervisor:
 
     def _handle(self, instance: Instance, topic: str, record: object) -> None:
         match record:
+            case Command(name="radio_status"):
+                self._radio_task = asyncio.ensure_future(self._answer_radio_status(record))
             case Command():
                 self._publish("command_reply", self.command(record))
             case Health():
                 instance.health = record
+                self._progress.heard(record)
+                self._end_capture_when_over()
             case StatusText():
                 log.info(record.text, child=instance.name)
 
@@ -283,7 +320,10 @@ class Supervisor:
         mission = self.mission
         flight = mission.flight
         # Until the last pulse is recorded the flight is not over for the operator.
-        state = SystemState.DETECTING if mission.ending else mission.state
+        state = mission.state
+        if mission.ending:
+            capture = flight is not None and flight.capture_s is not None
+            state = SystemState.CAPTURING if capture else SystemState.DETECTING
         instances = list(self._fleet.instances)
         counters = {
             "output_lines_lost": float(self._output.lost_lines),

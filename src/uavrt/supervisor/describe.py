@@ -3,7 +3,13 @@
 import sys
 
 from uavrt.ipc.topics import TOPICS
-from uavrt.supervisor.table import PROCESSES, ProcessRow, always, consumers_of, on_every_drone
+from uavrt.supervisor.table import (
+    PROCESSES,
+    ProcessRow,
+    consumers_of,
+    on_every_drone,
+    while_receiving,
+)
 
 
 def processes_markdown() -> str:
@@ -35,7 +41,9 @@ def topics_markdown() -> str:
 
 
 def _when(row: ProcessRow) -> str:
-    when = "always" if row.runs is always else "while detecting"
+    when = str(row.runs.__name__).replace("_", " ")
+    if row.runs is while_receiving:
+        when = "while detecting or capturing"
     return when if row.configured is on_every_drone else f"{when}, if configured"
 
 

@@ -14,9 +14,14 @@ def share_tags(tags: tuple[Tag, ...], workers: int) -> tuple[tuple[Tag, ...], ..
 
 
 def new_flight(
-    settings: Settings, tags: tuple[Tag, ...], clock: Clock, *, center_frequency_hz: float
+    settings: Settings,
+    tags: tuple[Tag, ...],
+    clock: Clock,
+    *,
+    center_frequency_hz: float,
+    capture_s: float | None = None,
 ) -> FlightInfo:
-    """Make the flight's directory.
+    """Make the flight's directory; with `capture_s` it is a raw capture.
 
     Raises
     ------
@@ -31,6 +36,7 @@ def new_flight(
         center_frequency_hz=center_frequency_hz,
         sample_rate_hz=settings.radio.sample_rate_hz,
         tags=tags,
+        capture_s=capture_s,
     )
 
 

@@ -1,5 +1,6 @@
 """What the operator has asked for: state, tags, flight. It knows no processes."""
 
+import shutil
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -13,6 +14,7 @@ from uavrt.messages import Command, CommandReply, FlightInfo, SystemState, Tag
 from uavrt.supervisor.flight import last_written_ns, new_flight
 from uavrt.supervisor.kept import KeptParameters
 from uavrt.supervisor.memory import SavedState, StateStore, boot_id
+from uavrt.supervisor.operations import Operations
 from uavrt.supervisor.transitions import Refused, Repeated, outcome
 from uavrt.supervisor.tuning import Tuning, ask_tuner
 
@@ -44,6 +46,8 @@ class Mission:
         Called when an operator has changed a setting.
     tuner : callable
         Finds the radio's frequency for the tags'.
+    operations : Operations, optional
+        Saves and removes flights.
     """
 
     def __init__(
@@ -56,7 +60,9 @@ class Mission:
         on_stop: Callable[[], None],
         on_settings: Callable[[Settings], None] = lambda _settings: None,
         tuner: Tuner = ask_tuner,
+        operations: Operations | None = None,
     ) -> None:
+        self._operations = operations
         self._kept = KeptParameters(Path(settings.recording.directory), settings)
         self.settings = self._kept.applied_to(settings)
         self.clock = Clock.start()
@@ -147,7 +153,7 @@ class Mission:
         self._replies.clear()
 
     def _decide(self, command: Command) -> CommandReply:
-        if self.ending and command.name == "start_detection":
+        if self.ending and command.name in ("start_detection", "raw_capture"):
             return _reply(command, False, "stopping: try again in a moment")
         result = outcome(self.state, command.name)
         if isinstance(result, Refused):
@@ -158,7 +164,10 @@ class Mission:
             message = self._carry_out(command)
         except UavrtError as error:
             return _reply(command, False, str(error))
-        changed, self.state = self.state is not result.state, result.state
+        after = result.state
+        if after is SystemState.HAS_TAGS and not self.tags:
+            after = SystemState.IDLE  # a capture needs no tags
+        changed, self.state = self.state is not after, after
         if changed:
             log.info(
                 "state", state=self.state.value, command=command.name, source=command.source
@@ -187,7 +196,13 @@ class Mission:
             case "set_parameter":
                 return self._set_parameter(command.parameter, command.value)
             case "raw_capture":
-                raise UavrtError("no raw capture")
+                if command.gain is not None:
+                    self._use_gain(command.gain)
+                return self.begin_capture(command.center_frequency_hz).directory
+            case "save_logs" | "clean_logs":
+                if self._operations is None:
+                    raise UavrtError("not here: only a running supervisor does that")
+                return self._operations.begin(command.name)
         return ""
 
     def _add_tag(self, tag: Tag | None) -> None:
@@ -232,6 +247,7 @@ class Mission:
         RecordingError
             The flight's directory cannot be made.
         """
+        self._check_free()
         radio = self.settings.radio
         warnings: tuple[str, ...] = ()
         center_hz = center_frequency_hz or radio.center_frequency_hz
@@ -251,6 +267,41 @@ class Mission:
         for warning in warnings:
             self._tell(5, warning)
         return self.flight
+
+    def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:
+        """Begin to record the band; the frequency is the operator's, or as in a flight.
+
+        Raises
+        ------
+        UavrtError
+            No frequency is known, the disk is nearly full, or flights are being copied.
+        """
+        self._check_free()
+        radio, recording = self.settings.radio, self.settings.recording
+        center_hz = center_frequency_hz or radio.center_frequency_hz
+        if center_hz is None and not self.tags:
+            raise UavrtError("no frequency: send tags first, or set RADIO_FREQ_KHZ")
+        if center_hz is None:
+            frequencies = [tag.frequency_hz for tag in self.tags.values()]
+            center_hz = self._ask_tuner(frequencies, radio.sample_rate_hz).center_frequency_hz
+        with suppress(OSError):
+            free_mb = shutil.disk_usage(recording.directory).free / 1e6
+            if free_mb < recording.minimum_free_mb:
+                raise UavrtError(f"disk nearly full: {free_mb:.0f} MB free; clean the logs")
+        self.flight = new_flight(
+            self.settings,
+            (),
+            self.clock,
+            center_frequency_hz=center_hz,
+            capture_s=recording.capture_s,
+        )
+        self._on_start(self.flight)
+        self._tell(6, f"Capturing {recording.capture_s:g} s at {center_hz:.0f} Hz")
+        return self.flight
+
+    def _check_free(self) -> None:
+        if self._operations is not None:
+            self._operations.check_free()
 
     def flight_ended(self) -> FlightInfo | None:
         """Take note that the last pulse is on its way; get the flight that was."""

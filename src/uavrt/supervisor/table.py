@@ -24,6 +24,11 @@ def while_detecting(state: SystemState) -> bool:
     return state is SystemState.DETECTING
 
 
+def while_receiving(state: SystemState) -> bool:
+    """Run while the radio is wanted: for detection or for a raw capture."""
+    return state in (SystemState.DETECTING, SystemState.CAPTURING)
+
+
 def on_every_drone(settings: Settings) -> bool:
     """Run whatever the settings."""
     return isinstance(settings, Settings)
@@ -98,6 +103,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "recorded_pulse_pose",
             "search_report",
             "command_reply",
+            "operation",
             "settings",
             "status_text",
             "system_status",
@@ -145,7 +151,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
         name="receiver",
         module="uavrt.processes.receiver",
         meaning="radio samples to channels; also records the band",
-        runs=while_detecting,
+        runs=while_receiving,
         consumes=("settings",),
         produces=("health", "status_text"),
         cpu_budget_percent=3.5,

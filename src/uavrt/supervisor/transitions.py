@@ -39,7 +39,6 @@ _BUSY = Refused("detecting: send stop first")
 _CAPTURING = Refused("capturing: wait until it has ended")
 _NO_UPLOAD = Refused("no upload is open: send START_TAGS first")
 _NO_TAGS = Refused("no tags: send tags first")
-_NO_CAPTURE = Refused("no raw capture: set recording.iq = true to record while detecting")
 _UPLOADING = Refused("tags are being sent: send END_TAGS first")
 
 TRANSITIONS: dict[tuple[SystemState, CommandName], Outcome] = {
@@ -68,7 +67,26 @@ TRANSITIONS: dict[tuple[SystemState, CommandName], Outcome] = {
     (S.CAPTURING, "end_tags"): _CAPTURING,
     (S.CAPTURING, "start_detection"): _CAPTURING,
     (S.CAPTURING, "stop_detection"): Accepted(S.HAS_TAGS),
-    **{(state, "raw_capture"): _NO_CAPTURE for state in SystemState},
+    (S.IDLE, "raw_capture"): Accepted(S.CAPTURING),
+    (S.RECEIVING_TAGS, "raw_capture"): _UPLOADING,
+    (S.HAS_TAGS, "raw_capture"): Accepted(S.CAPTURING),
+    (S.DETECTING, "raw_capture"): _BUSY,
+    (S.CAPTURING, "raw_capture"): Repeated("already capturing"),
+    **{
+        (state, command): Accepted(state)
+        for state in (S.IDLE, S.HAS_TAGS)
+        for command in ("save_logs", "clean_logs")
+    },
+    **{
+        (state, command): reason
+        for state, reason in (
+            (S.RECEIVING_TAGS, _UPLOADING),
+            (S.DETECTING, _BUSY),
+            (S.CAPTURING, _CAPTURING),
+        )
+        for command in ("save_logs", "clean_logs")
+    },
+    **{(state, "radio_status"): Accepted(state) for state in SystemState},
     # Allowed always: what is not in force at once waits for the next start.
     **{(state, "set_parameter"): Accepted(state) for state in SystemState},
 }

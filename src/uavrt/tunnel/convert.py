@@ -34,6 +34,9 @@ COMMAND_NAMES: dict[CommandId, CommandName] = {
     CommandId.START_DETECTION: "start_detection",
     CommandId.STOP_DETECTION: "stop_detection",
     CommandId.RAW_CAPTURE: "raw_capture",
+    CommandId.SAVE_LOGS: "save_logs",
+    CommandId.CLEAN_LOGS: "clean_logs",
+    CommandId.AIRSPY_STATUS: "radio_status",
 }
 COMMAND_IDS: dict[CommandName, CommandId] = {name: c for c, name in COMMAND_NAMES.items()}
 

@@ -161,7 +161,12 @@ class Exchange:
                 return self._ask(
                     CommandId.RAW_CAPTURE,
                     asker,
-                    Command(name="raw_capture", request_id=self._next_id, gain=message.gain),
+                    Command(
+                        name="raw_capture",
+                        request_id=self._next_id,
+                        center_frequency_hz=message.frequency_hz or None,
+                        gain=message.gain or None,
+                    ),
                 )
             case HeaderMessage(command=command) if CommandId(command) in COMMAND_NAMES:
                 number = CommandId(command)

@@ -6,6 +6,7 @@ from uavrt.messages import SystemState
 from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of, rows_for
 
 PUBLISHED_BY_SUPERVISOR = {
+    "operation",
     "settings",
     "assignment",
     "flight",

@@ -1,0 +1,187 @@
+"""What takes longer than a command: copying flights to a drive, removing them.
+
+One at a time, in a thread; what goes on is told as `Operation` records and as texts. A text
+that begins with ``#`` is spoken by the original's ground station (reference/control.md §2.5).
+"""
+
+import asyncio
+import os
+import shutil
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from uavrt.config.settings import RecordingSettings
+from uavrt.errors import RecordingError, UavrtError
+from uavrt.log import get_logger
+from uavrt.messages import CommandName, Operation
+from uavrt.supervisor.disk import FLIGHT_PREFIX
+
+log = get_logger()
+
+MOUNTS = Path("/proc/self/mounts")
+REMOVABLE = ("/media/", "/run/media/")
+"""Where desktops and udiskie mount what is plugged in (udisks2)."""
+
+Step = Callable[[int, int, str], None]
+
+
+class Operations:
+    """Runs one operation at a time.
+
+    Parameters
+    ----------
+    settings : RecordingSettings
+        Where flights are, and where they are copied to.
+    publish : callable
+        Gets each step.
+    tell : callable
+        Sends a text (severity, text) to the operator.
+    """
+
+    def __init__(
+        self,
+        settings: RecordingSettings,
+        publish: Callable[[Operation], None],
+        tell: Callable[[int, str], None],
+    ) -> None:
+        self._settings = settings
+        self._publish, self._tell = publish, tell
+        self._task: asyncio.Task[None] | None = None
+        self.running: Operation | None = None
+
+    def check_free(self) -> None:
+        """Raise `UavrtError` while an operation goes on."""
+        if self.running is not None:
+            raise UavrtError(f"busy: {words(self.running.name)} in progress")
+
+    def begin(self, name: CommandName) -> str:
+        """Begin to save or clean; give what to answer.
+
+        Raises
+        ------
+        UavrtError
+            Another one goes on, or there is nowhere to save to.
+        """
+        self.check_free()
+        root = Path(self._settings.directory)
+        flights = sorted(path for path in root.glob(f"{FLIGHT_PREFIX}*") if path.is_dir())
+        if name == "save_logs":
+            target = save_directory(self._settings)
+            start, end = "#Saving logs", "#Log save complete"
+            work: Callable[[Step], None] = lambda step: save_flights(flights, target, step)  # noqa: E731
+            answer = f"{len(flights)} flights to {target}"
+        else:
+            start, end = "#Deleting logs", "#Logs deleted"
+            work = lambda step: remove_flights(flights, step)  # noqa: E731
+            answer = f"{len(flights)} flights"
+        self._show(Operation(name=name, state="running", step_count=len(flights)))
+        self._tell(6, start)
+        self._task = asyncio.get_running_loop().create_task(self._run(work, end))
+        return answer
+
+    async def _run(self, work: Callable[[Step], None], end: str) -> None:
+        loop = asyncio.get_running_loop()
+
+        def step(done: int, whole: int, text: str) -> None:
+            loop.call_soon_threadsafe(self._step, done, whole, text)
+
+        try:
+            await asyncio.to_thread(work, step)
+        except (OSError, UavrtError) as error:
+            reason = error.message if isinstance(error, UavrtError) else str(error)
+            self._finish("failed", reason)
+            self._tell(3, reason)
+        else:
+            self._finish("complete", end.lstrip("#"))
+            self._tell(6, end)
+
+    def _step(self, done: int, whole: int, text: str) -> None:
+        if self.running is not None:
+            changes = {"step": done, "step_count": whole, "message": text}
+            self._show(replace(self.running, **changes))  # type: ignore[arg-type]
+
+    def _finish(self, state: str, text: str) -> None:
+        assert self.running is not None
+        ended, self.running = self.running, None
+        self._publish(replace(ended, state=state, message=text))  # type: ignore[arg-type]
+
+    def _show(self, operation: Operation) -> None:
+        self.running = operation
+        self._publish(operation)
+
+
+def words(name: CommandName) -> str:
+    """Write a command for people."""
+    return name.replace("_", " ")
+
+
+def save_directory(settings: RecordingSettings) -> Path:
+    """Get where flights are copied to: as set, or the only drive that is plugged in.
+
+    Raises
+    ------
+    RecordingError
+        There is none, or several.
+    """
+    if settings.save_directory is not None:
+        path = Path(settings.save_directory)
+        if not path.is_dir():
+            raise RecordingError(
+                f"{path} is not there",
+                remedy="Plug the drive in, or set recording.save_directory",
+            )
+        return path
+    drives = removable_drives(MOUNTS.read_text(encoding="utf-8", errors="replace").splitlines())
+    if len(drives) != 1:
+        raise RecordingError(
+            "flash drive not found" if not drives else f"{len(drives)} drives are plugged in",
+            remedy="Plug one drive in, or set recording.save_directory",
+        )
+    return drives[0]
+
+
+def removable_drives(mounts: Iterable[str]) -> list[Path]:
+    """Get the mount points of drives that were plugged in (proc(5), which escapes spaces)."""
+    points = [line.split(" ")[1] for line in mounts if line.count(" ") >= 3]
+    names = (point.encode().decode("unicode_escape") for point in points)
+    return [Path(name) for name in names if name.startswith(REMOVABLE)]
+
+
+def save_flights(flights: list[Path], target: Path, step: Step) -> None:
+    """Copy flights; what is there already with the same size is left. Raises `OSError`."""
+    for done, flight in enumerate(flights):
+        step(done, len(flights), flight.name)
+        for source in sorted(flight.rglob("*")):
+            place = target / flight.name / source.relative_to(flight)
+            if source.is_dir():
+                place.mkdir(parents=True, exist_ok=True)
+            elif source.is_file() and not _is_there(source, place):
+                place.parent.mkdir(parents=True, exist_ok=True)
+                _copy(source, place)
+    step(len(flights), len(flights), "writing to the drive")
+    os.sync()  # so that the drive may be pulled out
+
+
+def remove_flights(flights: list[Path], step: Step) -> None:
+    """Remove flights; raises `OSError`."""
+    for done, flight in enumerate(flights):
+        step(done, len(flights), flight.name)
+        shutil.rmtree(flight)
+        log.info("flight removed", flight=flight.name)
+
+
+def _is_there(source: Path, place: Path) -> bool:
+    with suppress(FileNotFoundError):
+        before, after = source.stat(), place.stat()
+        # FAT keeps times to 2 s.
+        return before.st_size == after.st_size and before.st_mtime - after.st_mtime < 2.0
+    return False
+
+
+def _copy(source: Path, place: Path) -> None:
+    """Copy a file under another name first: a drive pulled out leaves no half file."""
+    part = place.with_name(place.name + ".part")
+    shutil.copy2(source, part)
+    part.replace(place)

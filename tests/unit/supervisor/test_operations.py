@@ -1,0 +1,225 @@
+"""Saving and removing flights, and captures, as an operator sees them."""
+
+import asyncio
+import shutil
+from pathlib import Path
+
+import pytest
+
+from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
+from uavrt.errors import UavrtError
+from uavrt.messages import Command, CommandReply, FlightInfo, Health, Operation, SystemState
+from uavrt.supervisor import operations as module
+from uavrt.supervisor.memory import StateStore
+from uavrt.supervisor.mission import Mission
+from uavrt.supervisor.operations import Operations, removable_drives, save_flights
+from uavrt.supervisor.progress import FlightProgress
+
+
+class Drone:
+    """A mission with its operations."""
+
+    def __init__(self, directory: Path, drive: Path | None, **recording: float) -> None:
+        self.steps: list[Operation] = []
+        self.texts: list[str] = []
+        self.started: list[FlightInfo] = []
+        settings = RecordingSettings(
+            directory=str(directory),
+            save_directory=None if drive is None else str(drive),
+            **recording,  # type: ignore[arg-type]
+        )
+        tell = lambda _severity, text: self.texts.append(text)  # noqa: E731
+        self.operations = Operations(settings, self.steps.append, tell)
+        self.mission = Mission(
+            Settings(recording=settings, radio=RadioSettings()),
+            StateStore(directory),
+            tell=tell,
+            on_start=self.started.append,
+            on_stop=lambda: None,
+            operations=self.operations,
+        )
+        self._number = 0
+
+    def say(self, name: str, **details: object) -> CommandReply:
+        self._number += 1
+        command = Command(name=name, request_id=self._number, **details)  # type: ignore[arg-type]
+        return self.mission.command(command)
+
+    async def done(self) -> Operation:
+        while self.operations.running is not None:  # noqa: ASYNC110 - in a thread
+            await asyncio.sleep(0.005)
+        return self.steps[-1]
+
+
+def make_flights(directory: Path) -> None:
+    for number in (1, 2):
+        flight = directory / f"flight_log_2026-01-0{number}"
+        (flight / "iq").mkdir(parents=True)
+        (flight / "flight.sqlite").write_bytes(b"pulses" * number)
+        (flight / "iq" / "band_1.sigmf-data").write_bytes(bytes(range(256)) * number)
+
+
+def tree(directory: Path) -> dict[str, bytes]:
+    files = (path for path in directory.rglob("*") if path.is_file())
+    return {str(path.relative_to(directory)): path.read_bytes() for path in files}
+
+
+def test_flights_are_copied_to_the_drive_and_then_removed(tmp_path: Path) -> None:
+    flights, drive = tmp_path / "flights", tmp_path / "drive"
+    make_flights(flights)
+    drive.mkdir()
+    before = tree(flights)
+
+    async def main() -> None:
+        drone = Drone(flights, drive)
+        reply = drone.say("save_logs")
+        assert reply.accepted, reply.message
+        assert drone.say("clean_logs").message == "busy: save logs in progress"
+        assert drone.say("raw_capture", center_frequency_hz=148.7e6).accepted is False
+        assert (await drone.done()).state == "complete"
+        assert tree(drive) == before
+        assert [step.step for step in drone.steps] == [0, 0, 1, 2, 2]
+        assert {step.step_count for step in drone.steps} == {2}
+        assert drone.texts == ["#Saving logs", "#Log save complete"]
+        assert drone.say("clean_logs").accepted
+        assert (await drone.done()).state == "complete"
+        assert list(flights.glob("flight_log_*")) == []
+        assert drone.texts[-1] == "#Logs deleted"
+
+    asyncio.run(main())
+
+
+def test_a_second_save_copies_only_what_is_new(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_flights(tmp_path / "flights")
+    drive = tmp_path / "drive"
+    drive.mkdir()
+    flights = sorted((tmp_path / "flights").glob("flight_log_*"))
+    save_flights(flights, drive, lambda *_: None)
+    (flights[1] / "flight.sqlite").write_bytes(b"longer than before")
+    copied: list[str] = []
+    copy = shutil.copy2
+    monkeypatch.setattr(
+        module.shutil,
+        "copy2",
+        lambda source, to: (copied.append(source.name), copy(source, to)),
+    )
+    save_flights(flights, drive, lambda *_: None)
+    assert copied == ["flight.sqlite"]
+    assert tree(drive) == tree(tmp_path / "flights")
+
+
+def test_a_drive_that_cannot_be_written_fails_with_the_reason(tmp_path: Path) -> None:
+    make_flights(tmp_path / "flights")
+    drive = tmp_path / "drive"
+    drive.mkdir()
+    (drive / "flight_log_2026-01-01").write_text("a file in the way")
+
+    async def main() -> None:
+        drone = Drone(tmp_path / "flights", drive)
+        assert drone.say("save_logs").accepted
+        last = await drone.done()
+        assert last.state == "failed"
+        assert drone.texts[-1] == last.message != ""
+
+    asyncio.run(main())
+
+
+def test_without_a_drive_saving_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    drone = Drone(tmp_path, tmp_path / "gone")
+    reply = drone.say("save_logs")
+    assert not reply.accepted
+    assert "Plug the drive in" in reply.message
+
+
+def test_drives_are_those_mounted_where_desktops_mount_them() -> None:
+    mounts = [
+        "/dev/mmcblk0p2 / ext4 rw 0 0",
+        "/dev/sda1 /media/pi/MY\\040STICK vfat rw 0 0",
+        "tmpfs /run/user/1000 tmpfs rw 0 0",
+        "/dev/sdb1 /run/media/pi/other exfat rw 0 0",
+        "broken",
+    ]
+    found = removable_drives(mounts)
+    assert found == [Path("/media/pi/MY STICK"), Path("/run/media/pi/other")]
+
+
+def test_a_capture_needs_a_frequency_and_room_and_no_tags(tmp_path: Path) -> None:
+    drone = Drone(tmp_path, None, minimum_free_mb=0.0, capture_s=2.0)
+    assert "no frequency" in drone.say("raw_capture").message
+    assert drone.mission.state is SystemState.IDLE
+    assert drone.say("raw_capture", center_frequency_hz=148.7e6).accepted
+    assert drone.mission.state is SystemState.CAPTURING
+    assert (drone.started[-1].tags, drone.started[-1].capture_s) == ((), 2.0)
+    assert drone.say("raw_capture").message == "already capturing"
+    assert not drone.say("save_logs").accepted
+    assert drone.say("stop_detection").accepted
+    assert drone.mission.state is SystemState.IDLE
+    assert drone.say("raw_capture", center_frequency_hz=148.7e6).message.startswith("stopping")
+    drone.mission.flight_ended()
+    full = Drone(tmp_path, None, minimum_free_mb=1e9)
+    reply = full.say("raw_capture", center_frequency_hz=148.7e6)
+    assert not reply.accepted
+    assert "disk nearly full" in reply.message
+
+
+def health(status: str, process: str = "receiver") -> Health:
+    return Health(process=process, time_ns=0, status=status, ok=True)
+
+
+def flight(capture_s: float | None) -> FlightInfo:
+    return FlightInfo(
+        directory="flight_log_x",
+        start_time_ns=0,
+        clock_offset_ns=0,
+        center_frequency_hz=148.7e6,
+        sample_rate_hz=3e6,
+        tags=(),
+        capture_s=capture_s,
+    )
+
+
+def test_a_start_is_complete_when_samples_flow() -> None:
+    steps: list[Operation] = []
+    progress = FlightProgress(steps.append)
+    progress.started(flight(None))
+    progress.heard(health("receiving", "recorder"))
+    progress.heard(health("waiting for samples"))
+    progress.heard(health("receiving"))
+    progress.heard(health("receiving"))
+    progress.stopping()
+    assert progress.ended("flight_log_x") == "Detection stopped"
+    assert [(step.name, step.state) for step in steps] == [
+        ("start_detection", "running"),
+        ("start_detection", "complete"),
+        ("stop_detection", "running"),
+        ("stop_detection", "complete"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("word", "state", "text"),
+    [
+        ("captured", "complete", "Raw capture in flight_log_x"),
+        ("not captured", "failed", "Raw capture failed: the samples were not recorded"),
+    ],
+)
+def test_a_capture_ends_as_the_receiver_says(word: str, state: str, text: str) -> None:
+    steps: list[Operation] = []
+    progress = FlightProgress(steps.append)
+    progress.started(flight(8.0))
+    progress.heard(health("receiving"))
+    assert not progress.capture_over()
+    progress.heard(health(word))
+    assert progress.capture_over()
+    assert progress.ended("flight_log_x") == text
+    assert (steps[-1].name, steps[-1].state) == ("raw_capture", state)
+    assert not progress.capture_over()
+
+
+def test_nothing_runs_beside_an_operation(tmp_path: Path) -> None:
+    drone = Drone(tmp_path, None)
+    drone.operations.running = Operation(name="clean_logs", state="running")
+    with pytest.raises(UavrtError, match="busy: clean logs in progress"):
+        drone.operations.check_free()
