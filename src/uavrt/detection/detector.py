@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.afresh import continued, forget_old
 from uavrt.detection.band import SearchBand
 from uavrt.detection.checks import check_searchable
 from uavrt.detection.cleaning import Cleaner
@@ -75,12 +76,8 @@ class PulseDetector:
             frequency_window_hz = math.inf
         self.frequency_window_hz = frequency_window_hz
         self.counters = Counters()
-        self._grid = make_grid(
-            sample_rate_hz=self.sample_rate_hz,
-            pulse_width_s=tag.pulse_width_s,
-            offset_hz=self._nominal_hz,
-            half_width_hz=frequency_window_hz,
-        )
+        self.locked_frequency_hz: float | None = None
+        """What a hard lock keeps to until `reset`, absolute; None before the first."""
         longest = max(tag.pulse_intervals_s) + tag.interval_uncertainty_s
         span_s = (tag.k - 1) * longest
         if len(tag.pulse_intervals_s) > 1:
@@ -89,38 +86,50 @@ class PulseDetector:
         keep_s = max(span_s, 1.0) + tag.interval_jitter_s + 1.0
         self._buffer = SampleBuffer(
             sample_rate_hz=self.sample_rate_hz,
-            keep=math.ceil(keep_s * self.sample_rate_hz) + self._grid.window,
+            keep=math.ceil((keep_s + tag.pulse_width_s) * self.sample_rate_hz),
             tolerance_s=tag.pulse_width_s / 8.0,
         )
         self._longest_hole_s = (tag.k + 1) * longest + tag.interval_jitter_s + 1.0
-        self._refiner = Refiner(self._grid, self._buffer)
         self._batch = round(BATCH_S * self.sample_rate_hz)
-        self._judge = Judge(tag, grid=self._grid, buffer=self._buffer, refiner=self._refiner)
-        self._follower = Follower(
-            tag, grid=self._grid, buffer=self._buffer, refiner=self._refiner
-        )
         self._reporter = Reporter(
             tag,
             center_frequency_hz=self.center_frequency_hz,
             sample_rate_hz=self.sample_rate_hz,
             counters=self.counters,
         )
+        self._look_around(self._nominal_hz, self.frequency_window_hz)
         self._start()
+
+    def _look_around(self, offset_hz: float, half_width_hz: float) -> None:
+        """Lay the grid of the search around a frequency."""
+        self._home_hz, self._half_width_hz = offset_hz, half_width_hz
+        self._grid = make_grid(
+            sample_rate_hz=self.sample_rate_hz,
+            pulse_width_s=self.tag.pulse_width_s,
+            offset_hz=offset_hz,
+            half_width_hz=half_width_hz,
+        )
+        grid, buffer = self._grid, self._buffer
+        self._refiner = Refiner(grid, buffer)
+        self._judge = Judge(self.tag, grid=grid, buffer=buffer, refiner=self._refiner)
+        self._follower = Follower(self.tag, grid=grid, buffer=buffer, refiner=self._refiner)
+
+    def _make_band(self) -> SearchBand:
+        return SearchBand(
+            self.tag,
+            grid=self._grid,
+            buffer=self._buffer,
+            half_width_hz=self._half_width_hz,
+            batch_s=BATCH_S,
+        )
 
     def _start(self) -> None:
         """(Re)start everything that hangs on unbroken samples."""
-        grid, tag = self._grid, self.tag
         self._buffer.clear()
-        self._band = SearchBand(
-            tag,
-            grid=grid,
-            buffer=self._buffer,
-            half_width_hz=self.frequency_window_hz,
-            batch_s=BATCH_S,
-        )
+        self._band = self._make_band()
         self._cleaner = Cleaner(
             sample_rate_hz=self.sample_rate_hz,
-            pulse_width_s=tag.pulse_width_s,
+            pulse_width_s=self.tag.pulse_width_s,
             counters=self.counters,
         )
         self._advances = 0
@@ -130,7 +139,9 @@ class PulseDetector:
         self._follower.epoch_ns = 0
 
     def reset(self) -> None:
-        """Forget samples, tracks and locks; counters and group numbers go on."""
+        """Forget samples, tracks and the locked frequency; counters and group numbers go on."""
+        self.locked_frequency_hz = None
+        self._look_around(self._nominal_hz, self.frequency_window_hz)
         self._start()
 
     def process(self, samples: NDArray[np.complex64], time_ns: int) -> list[Pulse]:
@@ -241,20 +252,27 @@ class PulseDetector:
             return
         for search, found in results:
             self._consider(found, search)
-        self._follower.follow(
-            self._tracks,
-            upto,
-            self._settle,
-            noise=self._band.noise,
-            floor=self._cleaner.mean_floor,
-        )
+        if self.operating_mode is OperatingMode.ALL_NEVER_LOCK:
+            forget_old(self._tracks, self._now_s())
+        else:
+            self._follower.follow(
+                self._tracks,
+                upto,
+                self._settle,
+                noise=self._band.noise,
+                floor=self._cleaner.mean_floor,
+            )
+        if self.operating_mode is OperatingMode.SEARCH_HARD_LOCK:
+            self._lock()
         self._reporter.searched(buffer.time_ns(upto), self._band.noise, self._band.score())
 
     def _consider(self, found: list[Candidate], search: RateSearch) -> None:
         """Turn candidates into groups; several candidates of the same pulses are one."""
         taken: list[list[Measured]] = []
+        afresh = self.operating_mode is OperatingMode.ALL_NEVER_LOCK
+        followed = [] if afresh else self._tracks
         for candidate in found:
-            if self._judge.explained(candidate, search, taken, self._tracks):
+            if self._judge.explained(candidate, search, taken, followed):
                 continue
             places = self._judge.measure(candidate, search, self._band.noise)
             if places is None:
@@ -263,11 +281,8 @@ class PulseDetector:
             if any(share_a_pulse(group, other, self._grid.window) for other in taken):
                 continue
             taken.append(group)
-            owner = self._reporter.owner(self._tracks, self._nominal_hz, self._now_s())
             clash = [t for t in self._tracks if self._judge.overlaps(t, group)]
-            if any(t.confirmed for t in clash) or any(
-                self._judge.equals(t, group) for t in clash
-            ):
+            if any(t.confirmed or self._judge.equals(t, group) for t in clash) and not afresh:
                 continue
             reason = self._judge.refusal(
                 group, search, noise=self._band.noise, floor=self._cleaner.mean_floor
@@ -275,33 +290,66 @@ class PulseDetector:
             if reason is not None:
                 self.counters.reject(reason)
                 continue
-            track = Track(
-                tag=self.tag,
-                rate=search.rate,
-                offset_hz=0.0,
-                score=candidate.score,
+            pulses = [
+                (place, self._follower.seconds(m.start), self._buffer.time_ns(m.start), m)
+                for place, m in places
+            ]
+            onto = continued(self._tracks, pulses, rate=search.rate) if afresh else None
+            if onto is not None:
+                onto[0].join(pulses, onto[1])
+                self._reporter.report(onto[0])
+                continue
+            if afresh and clash:
+                continue  # of pulses that are known, at a frequency to which they leak
+            self._begin(pulses, candidate, held=bool(clash))
+
+    def _begin(
+        self,
+        pulses: list[tuple[int, float, int, Measured]],
+        candidate: Candidate,
+        *,
+        held: bool,
+    ) -> None:
+        """Begin a track with a group."""
+        track = Track(tag=self.tag, rate=candidate.rate, offset_hz=0.0, score=candidate.score)
+        track.begin(pulses)
+        if self.operating_mode is not OperatingMode.ALL_NEVER_LOCK:
+            owner = self._reporter.owner(self._tracks, self._home_hz, self._now_s())
+            track.held = held or owner is not None
+        self.counters.tracks += 1
+        self._tracks.append(track)
+        self._reporter.report(track)
+        if len(self._tracks) > _MAXIMUM_TRACKS:
+            self._tracks.remove(
+                min(self._tracks, key=lambda t: (t.confirmed, not t.held, t.score))
             )
-            track.begin(
-                [
-                    (place, self._follower.seconds(m.start), self._buffer.time_ns(m.start), m)
-                    for place, m in places
-                ]
-            )
-            track.held = bool(clash) or owner is not None
-            self.counters.tracks += 1
-            self._tracks.append(track)
-            self._reporter.report(track)
-            if len(self._tracks) > _MAXIMUM_TRACKS:
-                self._tracks.remove(
-                    min(self._tracks, key=lambda t: (t.confirmed, not t.held, t.score))
-                )
 
     # --- tracks -----------------------------------------------------------------------------
 
     def _settle(self) -> None:
         """Decide which track is the tag, and report what it has found."""
         if self._tracks:
-            self._reporter.settle(self._tracks, self._nominal_hz, self._now_s())
+            self._reporter.settle(self._tracks, self._home_hz, self._now_s())
+
+    def _lock(self) -> None:
+        """Keep to the frequency of the tag once two of its groups were heard."""
+        owner = self._reporter.owner(self._tracks, self._home_hz, self._now_s())
+        if owner is None or owner.number < 2 * self.tag.k - 1 or owner.since_accepted:
+            return
+        locked = self.locked_frequency_hz is not None
+        if locked and abs(owner.offset_hz - self._home_hz) < 0.5 * LOCK_HALF_WIDTH_HZ:
+            return
+        self.locked_frequency_hz = self.center_frequency_hz + owner.offset_hz
+        half_width_hz = min(self.frequency_window_hz, LOCK_HALF_WIDTH_HZ)
+        before, epoch_ns = self._band, self._follower.epoch_ns
+        self._look_around(owner.offset_hz, half_width_hz)
+        self._follower.epoch_ns = epoch_ns
+        self._refiner.upto = self._clean
+        self._band = self._make_band()
+        self._band.take_over(before, self._clean)
+        self._tracks = [
+            t for t in self._tracks if abs(t.offset_hz - owner.offset_hz) < half_width_hz
+        ]
 
     def _now_s(self) -> float:
         return self._follower.seconds(self._clean)

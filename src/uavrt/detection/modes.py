@@ -14,10 +14,13 @@ class OperatingMode(StrEnum):
     """How far the search may follow a found frequency."""
 
     SEARCH_HARD_LOCK = "freqSearchHardLock"
-    """Search the window; once confirmed keep to that frequency until `reset`."""
+    """Search the window; once two groups are heard search ± 100 Hz around their frequency only,
+    with the lower threshold that this allows, until `reset`. A drift is followed."""
     SEARCH_SOFT_LOCK = "freqSearchSoftLock"
-    """Search the window; go back to it when the track is lost."""
+    """Search the window always; a tag is followed at its frequency as long as it is heard, and
+    afterwards anything in the window may be the tag."""
     KNOWN_HARD_LOCK = "freqKnownHardLock"
-    """Search only ± 100 Hz around the tag's nominal frequency."""
+    """Search only ± 100 Hz around the tag's nominal frequency, from the start and always."""
     ALL_NEVER_LOCK = "freqAllNeverLock"
-    """Always the whole channel; a track does not claim the tag's identity for its frequency."""
+    """The whole channel always, and no track: each group reaches the search's threshold by
+    itself. Groups of all frequencies are told under the tag's number."""

@@ -133,6 +133,39 @@ class Track:
         sure = [s for s in self.slots if s.measured.power >= _SURE_POWER]
         self.confirmed = len(sure) >= max(3, self.tag.k)
 
+    def join(self, pulses: list[tuple[int, float, int, Measured]], base: int) -> None:
+        """Take the new pulses of a group that was found without this track's help.
+
+        Parameters
+        ----------
+        pulses : list of (place, time_s, time_ns, Measured)
+        base : int
+            Place in the lattice of the group's place 0.
+        """
+        width_s = self.tag.pulse_width_s
+        mean = sum(pulse[3].power for pulse in pulses) / len(pulses)
+        floor = min(20.0, WEAKEST_SHARE * mean)
+        for place, time_s, time_ns, measured in pulses:
+            number = base + place
+            if any(abs(slot.time_s - time_s) < 0.75 * width_s for slot in self.slots):
+                continue
+            real = measured.power >= floor
+            state: SlotState = "accepted" if real else "missed"
+            self.slots.append(Slot(number, time_s, time_ns, measured, 1.0, state))
+            if real and number > self.number:
+                while self.number < number:
+                    self._predict()
+                    self.number += 1
+                self._correct(time_s, measured.power)
+                self.last_accepted_s = time_s
+                self.tested += 1
+        del self.slots[: -max(2 * self.tag.k, 6)]
+        # A second group on the lattice of the first is no accident; of which of two rates it
+        # is, nothing here tells.
+        if self.tested >= self.tag.k and len(self.tag.pulse_intervals_s) == 1:
+            self.confirmed = True
+        self.certain_s = math.inf
+
     def expected(self) -> tuple[float, float]:
         """Time of the next pulse and the half-width of the window around it [s]."""
         phase, cross, interval = self.variance

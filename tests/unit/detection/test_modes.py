@@ -1,0 +1,175 @@
+"""What a detector does with a frequency once found: the four modes, each different."""
+
+import numpy as np
+import pytest
+
+from uavrt.detection import OperatingMode, PulseDetector
+from uavrt.detection.grid import make_grid
+from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ
+from uavrt.detection.rates import make_searches
+from uavrt.experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    TruePulse,
+    make_samples,
+    pulse_train,
+)
+from uavrt.experiments.detection.trials import compare, detect
+from uavrt.messages import Pulse
+
+HARD = OperatingMode.SEARCH_HARD_LOCK
+SOFT = OperatingMode.SEARCH_SOFT_LOCK
+NEVER = OperatingMode.ALL_NEVER_LOCK
+RATE_HZ = 3750.0
+
+
+def make_detector(mode: OperatingMode, frequency_window_hz: float = 500.0) -> PulseDetector:
+    return PulseDetector(
+        THESIS_TAG,
+        sample_rate_hz=RATE_HZ,
+        center_frequency_hz=THESIS_TAG.frequency_hz,
+        frequency_window_hz=frequency_window_hz,
+        operating_mode=mode,
+    )
+
+
+def feed(
+    detector: PulseDetector, samples: np.ndarray, start_ns: int, block: int = 653
+) -> list[Pulse]:
+    pulses = []
+    for first in range(0, len(samples), block):
+        time_ns = start_ns + round(first / RATE_HZ * 1e9)
+        pulses += detector.process(samples[first : first + block], time_ns)
+    return pulses
+
+
+def two_places(
+    rng: np.random.Generator, offsets_hz: tuple[float, float]
+) -> tuple[np.ndarray, list[TruePulse], list[TruePulse]]:
+    """A tag that is silent for 16 s in the middle and then sends at another frequency."""
+    first = pulse_train(
+        rng, duration_s=15.0, interval_s=1.254, offset_hz=offsets_hz[0], enr_db=20.0
+    )
+    then = pulse_train(
+        rng,
+        duration_s=50.0,
+        interval_s=1.254,
+        offset_hz=offsets_hz[1],
+        enr_db=20.0,
+        first_s=31.0,
+    )
+    return make_samples(rng, first + then, duration_s=50.0), first, then
+
+
+@pytest.mark.parametrize(("mode", "found"), [(HARD, 0), (SOFT, 15)])
+def test_only_a_soft_lock_follows_a_tag_to_another_frequency(
+    mode: OperatingMode, found: int
+) -> None:
+    samples, first, then = two_places(np.random.default_rng(800), (300.0, -250.0))
+    detector = make_detector(mode)
+    pulses = feed(detector, samples, START_NS)
+    assert compare(pulses, first, THESIS_TAG).matched >= len(first) - 1
+    assert compare(pulses, then, THESIS_TAG).matched == pytest.approx(found, abs=1)
+    assert (detector.locked_frequency_hz is not None) == (mode is HARD)
+
+
+def test_a_hard_lock_finds_its_tag_again_after_a_silence_and_ends_with_a_reset() -> None:
+    samples, first, then = two_places(np.random.default_rng(801), (300.0, 280.0))
+    detector = make_detector(HARD)
+    pulses = feed(detector, samples, START_NS)
+    assert compare(pulses, first + then, THESIS_TAG).matched >= len(first + then) - 2
+    assert detector.locked_frequency_hz == pytest.approx(
+        THESIS_TAG.frequency_hz + 300.0, abs=5.0
+    )
+    samples, first, _ = two_places(np.random.default_rng(802), (-250.0, -250.0))
+    later_ns = START_NS + 1_000_000_000_000
+    # A jump of the clock begins the stream anew; the lock outlives it.
+    assert feed(detector, samples[: round(15 * RATE_HZ)], later_ns) == []
+    detector.reset()
+    assert detector.locked_frequency_hz is None
+    pulses = feed(detector, samples, later_ns + 100_000_000_000)
+    shifted = [p for p in pulses if p.frequency_hz < THESIS_TAG.frequency_hz]
+    assert len(shifted) >= len(first) - 1
+
+
+def test_a_hard_lock_goes_with_a_tag_that_drifts() -> None:
+    rng = np.random.default_rng(803)
+    truth = pulse_train(
+        rng,
+        duration_s=80.0,
+        interval_s=1.254,
+        offset_hz=-120.0,
+        enr_db=16.0,
+        drift_hz_per_s=4.0,
+    )
+    detector = make_detector(HARD)
+    pulses = feed(detector, make_samples(rng, truth, duration_s=80.0), START_NS)
+    assert compare(pulses, truth, THESIS_TAG).matched >= len(truth) - 2
+    assert detector.locked_frequency_hz == pytest.approx(
+        THESIS_TAG.frequency_hz - 120.0 + 4.0 * 80.0, abs=60.0
+    )
+
+
+def test_a_locked_band_has_a_lower_threshold_for_the_same_false_alarms() -> None:
+    thresholds = []
+    for half_width_hz in (LOCK_HALF_WIDTH_HZ, 500.0, 1e6):
+        grid = make_grid(
+            sample_rate_hz=RATE_HZ,
+            pulse_width_s=0.02,
+            offset_hz=300.0,
+            half_width_hz=half_width_hz,
+        )
+        thresholds.append(make_searches(THESIS_TAG, grid, half_width_hz)[0].threshold)
+    locked, window, channel = thresholds
+    # Each is worth about 0.25 dB at K = 3.
+    assert locked < 0.95 * window < 0.95**2 * 1.02 * channel
+
+
+def test_without_a_lock_every_pulse_is_in_one_group_and_the_groups_are_numbered() -> None:
+    rng = np.random.default_rng(805)
+    truth = pulse_train(
+        rng, duration_s=40.0, interval_s=1.27, offset_hz=-700.0, enr_db=16.0, jitter_s=0.005
+    )
+    samples = make_samples(rng, truth, duration_s=40.0)
+    pulses, _ = detect(samples, THESIS_TAG, operating_mode=NEVER)
+    result = compare(pulses, truth, THESIS_TAG)
+    assert result.matched == len(truth) == len(pulses)
+    keys = [(pulse.group_sequence, pulse.group_index) for pulse in pulses]
+    assert len(set(keys)) == len(keys)
+    assert {sequence for sequence, _ in keys} == set(range(1, max(keys)[0] + 1))
+    # The group after the first confirms; the first was told at once.
+    assert all(pulse.confirmed for pulse in pulses if pulse.group_sequence >= 4)
+
+
+def test_without_a_lock_no_pulse_is_looked_for_where_a_track_would_expect_it() -> None:
+    found = dict.fromkeys((NEVER, SOFT), 0)
+    for mode in found:
+        rng = np.random.default_rng(806)
+        truth = pulse_train(
+            rng,
+            duration_s=60.0,
+            interval_s=1.254,
+            offset_hz=300.0,
+            enr_db=lambda at_s: 20.0 if at_s < 12.0 else 7.0,
+        )
+        samples = make_samples(rng, truth, duration_s=60.0)
+        pulses, _ = detect(samples, THESIS_TAG, operating_mode=mode)
+        assert compare(pulses, truth, THESIS_TAG).matched >= 9
+        late = [p for p in pulses if p.start_time_ns - START_NS > 14e9]
+        found[mode] = len(late)
+    assert found[SOFT] > 2 * found[NEVER]
+
+
+def test_without_a_lock_the_groups_of_another_tag_are_told_too() -> None:
+    rng = np.random.default_rng(807)
+    trains = [
+        pulse_train(rng, duration_s=30.0, interval_s=1.254, offset_hz=offset_hz, enr_db=18.0)
+        for offset_hz in (100.0, 900.0)
+    ]
+    samples = make_samples(rng, trains[0] + trains[1], duration_s=30.0)
+    for mode, share in ((NEVER, 0.9), (SOFT, 0.0)):
+        pulses, _ = detect(samples, THESIS_TAG, operating_mode=mode)
+        assert compare(pulses, trains[0], THESIS_TAG).matched >= 0.9 * len(trains[0])
+        others = [p for p in pulses if p.frequency_hz > THESIS_TAG.frequency_hz + 800.0]
+        assert len(others) >= share * len(trains[1])
+        assert mode is NEVER or len(others) <= 3
