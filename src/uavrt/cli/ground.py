@@ -28,7 +28,7 @@ Flag = Annotated[bool, Parameter(negative="")]
 
 def ground(
     *,
-    mavlink: str | None = None,
+    mavlink: tuple[str, ...] = (),
     tags: Path | None = None,
     start: Flag = False,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
@@ -54,7 +54,9 @@ def ground(
     ----------
     mavlink
         Link to the vehicle: udpin://127.0.0.1:14550, serial:///dev/ttyUSB0:57600,
-        serial://COM3:57600, tcp://HOST:PORT. Without it the page uses the last one.
+        serial://COM3:57600, tcp://HOST:PORT. Several ways to the same drone, such as Wi-Fi and
+        radio, are given each with --mavlink, the one to prefer first. Without it the page uses
+        the last one.
     tags
         Tag list to send: TagInfo.txt or tags.toml.
     start
@@ -93,7 +95,7 @@ def ground(
     tag_list = read_tags(tags) if tags is not None else None
     if not page and (headless or json_lines or start or tags is not None):
         settings = StationSettings(
-            address=mavlink or DEFAULT_ADDRESS,
+            addresses=mavlink or (DEFAULT_ADDRESS,),
             directory=output or Path(f"ground_{datetime.now(UTC):%Y-%m-%d_%H-%M-%S}"),
             tags=tag_list or (),
             start=start,
@@ -106,7 +108,7 @@ def ground(
         from uavrt.ground.server import ServerSettings
     page_settings = PageSettings(
         directory=output or Path.home() / "uavrt-flights",
-        address=mavlink,
+        address=" ".join(mavlink) or None,
         tags=tag_list,
         start=start,
         keys=keys,

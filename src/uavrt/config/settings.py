@@ -56,6 +56,10 @@ class MavlinkSettings:
     address: str = "serial:///dev/ttyUSB0:57600"
     """``serial:///dev/ttyUSB0:57600``, ``udpin://127.0.0.1:14540``, ``udpout://HOST:PORT``,
     ``tcp://HOST:PORT``; empty for none (cart, bench and field-monitor use)."""
+    direct_links: tuple[str, ...] = ()
+    """Further links, straight to ground stations, such as ["udpin://0.0.0.0:14560"] over Wi-Fi:
+    pulses, answers and files go by the first of them on which a ground station is heard, and
+    else through the autopilot."""
     component_id: Annotated[int, Interval(ge=1, le=255)] = 191
     """Ours in the vehicle's MAVLink system; 191 is the first onboard computer."""
     tunnel_gap_s: Annotated[float, Interval(ge=0.012, le=1.0)] = 0.020

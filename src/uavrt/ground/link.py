@@ -6,7 +6,6 @@
 import asyncio
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
-from functools import partial
 
 from uavrt import tunnel
 from uavrt.errors import CommandRefused, LinkError
@@ -20,21 +19,19 @@ from uavrt.ground.protocol import (
 )
 from uavrt.ground.receipts import Receipts
 from uavrt.ground.received import new_store
-from uavrt.log import get_logger
+from uavrt.ground.ways import Ways
+from uavrt.mavlink.dialect import Tunnel
 from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.frame import Frame, FrameWriter
+from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.signing import Signing, SigningKey
-from uavrt.mavlink.transport import open_link
 from uavrt.messages import Tag
 from uavrt.tunnel import CommandId, Generation
 from uavrt.tunnel.gate import Sealer
 from uavrt.tunnel.private import MAX_SEALED_HASHES
 from uavrt.tunnel.seal import Key
 from uavrt.units import ns_from_s
-
-log = get_logger()
 
 __all__ = [
     "Acknowledged",
@@ -46,7 +43,6 @@ __all__ = [
 ]
 
 HEARTBEAT_S = 1.0
-SIGNING_LINK_ID = 1
 RECEIPT_POLL_S = 0.05
 ACK_WAIT_S = 2.0
 TRIES = 4
@@ -116,11 +112,10 @@ class GroundLink:
         self._generation: Generation = generation
         self._ack_wait_s = ack_wait_s
         self._signing = None if signing_key is None else Signing(signing_key, clock_ns)
-        sign = None
-        if self._signing is not None:
-            sign = partial(self._signing.signature, link_id=SIGNING_LINK_ID)
-        self._writer = FrameWriter(system_id, component_id, sign)
-        self._link: Link | None = None
+        self._ways = Ways(
+            (system_id, component_id), self._receive, clock_ns, signing=self._signing
+        )
+        self._serving = False
         self._events: deque[GroundEvent] = deque(maxlen=EVENTS)
         self._event_there = asyncio.Event()
         self._drone_there = asyncio.Event()
@@ -129,25 +124,43 @@ class GroundLink:
 
     @property
     def link(self) -> Link | None:
-        """The MAVLink link, once open."""
-        return self._link
+        """The first MAVLink link that is open."""
+        links = self._ways.links
+        return links[0] if self._serving and links else None
 
-    async def run(self, address: str) -> None:
-        """Serve the link until cancelled; raises `LinkError` if it cannot be opened."""
-        self._link = await open_link(address, self._receive)
+    async def run(self, *addresses: str) -> None:
+        """Serve the links until cancelled.
+
+        Parameters
+        ----------
+        addresses : str
+            Ways to the same drone, the one to prefer first; of several, those that cannot be
+            opened are tried again.
+
+        Raises
+        ------
+        ConfigError
+            An address is none.
+        LinkError
+            None could be opened.
+        """
+        opening = await self._ways.open(addresses)
+        self._serving = True
         try:
             next_heartbeat_ns = 0
             while True:
                 now_ns = self._clock_ns()
                 if now_ns >= next_heartbeat_ns:
                     next_heartbeat_ns = now_ns + ns_from_s(HEARTBEAT_S)
-                    self._send(self.protocol.heartbeat())
+                    self._ways.send_by_all(self.protocol.heartbeat())
                 receipt = self.protocol.receipt(now_ns)
                 if receipt is not None:
-                    self._send(receipt)
+                    self._ways.answer(receipt)
                 await asyncio.sleep(RECEIPT_POLL_S)
         finally:
-            await self._link.close()
+            for task in opening:
+                task.cancel()
+            await self._ways.close()
 
     async def wait_for_drone(self, timeout_s: float) -> Peer:
         """Wait until component 191 is heard; raises `LinkError` when it is not."""
@@ -227,7 +240,9 @@ class GroundLink:
             for attempt in range(TRIES):
                 future = asyncio.get_running_loop().create_future()
                 self._waiting = (number, future)
-                self._send(self.protocol.tunnel_message(payload))
+                order = self._ways.best()
+                message = self.protocol.tunnel_message(payload)
+                self._ways.send(message, order[attempt % len(order)])
                 try:
                     async with asyncio.timeout(self._ack_wait_s):
                         ack: Acknowledged = await future
@@ -263,9 +278,9 @@ class GroundLink:
 
     def send(self, message: Message) -> None:
         """Send a message that needs no acknowledgement."""
-        self._send(message)
+        self._ways.send(message)
 
-    def _receive(self, frame: Frame) -> None:
+    def _receive(self, frame: Frame, link: int) -> None:
         if self._signing is not None and not self._signing.accepts(frame):
             return
         if self._on_frame is not None:
@@ -275,6 +290,8 @@ class GroundLink:
         self.protocol.stored()
         if self.protocol.drone is not None:
             self._drone_there.set()
+            if frame.component_id == DRONE_COMPONENT:
+                self._ways.heard_drone(link, pulse=frame.message_id == Tunnel.ID)
 
     def _deliver(self, event: GroundEvent) -> None:
         if isinstance(event, Acknowledged) and self._waiting is not None:
@@ -286,7 +303,3 @@ class GroundLink:
         else:
             self._events.append(event)
             self._event_there.set()
-
-    def _send(self, message: Message) -> None:
-        if self._link is not None:
-            self._link.send(self._writer.encode(message))

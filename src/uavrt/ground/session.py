@@ -155,7 +155,7 @@ class GroundSession:
         )
         link.protocol.tags = {tag.tag_id: tag for tag in self.sent_tags}
         self.vehicle = VehicleWatch(link.protocol.own)
-        task = asyncio.create_task(link.run(settings.address))
+        task = asyncio.create_task(link.run(*settings.address.split()))
         for _ in range(200):
             if task.done() or link.link is not None:
                 break

@@ -24,6 +24,7 @@ class GroundSettings:
     """Set-up of the ground station, as the page shows it."""
 
     address: str = "udpin://127.0.0.1:14550"
+    """One or several, the one to prefer first, with spaces between."""
     generation: Generation = "G1"
     antenna: str = "RA-23K"
     antenna_offset_deg: float = 0.0
@@ -132,7 +133,8 @@ def _judged(name: str, value: Any) -> Any:
     """Judge one setting."""
     match name:
         case "address":
-            return str(parse_address(str(value)))
+            addresses = [str(parse_address(text)) for text in str(value).split()]
+            return " ".join(addresses) or str(parse_address(str(value)))
         case "generation" if value in get_args(Generation):
             return value
         case "antenna" if value in PATTERNS:

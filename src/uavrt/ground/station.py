@@ -40,7 +40,8 @@ STOP_TIMEOUT_S = 12.0
 class StationSettings:
     """What the station is to do."""
 
-    address: str
+    addresses: tuple[str, ...]
+    """Ways to the same drone, the one to prefer first."""
     directory: Path
     tags: tuple[Tag, ...]
     start: bool
@@ -97,7 +98,7 @@ class Station:
                 key=self._settings.keys.command,
                 signing_key=self._settings.keys.signing,
             )
-            serve = asyncio.create_task(link.run(self._settings.address))
+            serve = asyncio.create_task(link.run(*self._settings.addresses))
             work = asyncio.create_task(self._work(link))
             await asyncio.wait({serve, work}, return_when=asyncio.FIRST_COMPLETED)
             for task in (work, serve):

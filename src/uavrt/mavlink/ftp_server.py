@@ -8,76 +8,49 @@ they leave. How clients differ, and what follows from it (reference/mavlink.md Â
   apart.
 - Some first ask for opcode 16, the listing with times: unknown opcodes get a NAK at once.
 - A request that comes again with the same sequence number gets the same reply again.
+
+A disk that stalls must not silence the link, so everything that touches it is a job for `Disk`;
+the reply is made when that is done.
 """
 
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import BinaryIO
+from collections.abc import Callable
+from functools import partial
+from typing import BinaryIO, TypeVar
 
 from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.ftp_files import CRC_PART, FileRefused, FileTree, close, read_at
-from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
+from uavrt.mavlink.ftp_state import (
+    MOST_BURST_BYTES,
+    Burst,
+    Client,
+    Crc,
+    Disk,
+    FilesOnLink,
+    Session,
+    at_once,
+    fitting,
+    path_of,
+)
+from uavrt.mavlink.ftp_wire import (
+    DATA_SIZE,
+    WRITING,
+    FtpError,
+    FtpPacket,
+    Opcode,
+    checksum,
+)
 from uavrt.mavlink.message import Message
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+
+T = TypeVar("T")
 
 MAX_SESSIONS = 8
 IDLE_NS = ns_from_s(300.0)
 """A session that its client has forgotten is given up."""
 MAX_CLIENTS = 16
-BURST_S = 0.5
-MOST_BURST_BYTES = 32 * DATA_SIZE
-"""After so much a client says whether it has lost anything, and so how fast the link is."""
 WAITING = 32
-READ_ONLY = frozenset(
-    {
-        Opcode.CREATE_FILE,
-        Opcode.WRITE_FILE,
-        Opcode.REMOVE_FILE,
-        Opcode.CREATE_DIRECTORY,
-        Opcode.REMOVE_DIRECTORY,
-        Opcode.OPEN_FILE_WO,
-        Opcode.TRUNCATE_FILE,
-        Opcode.RENAME,
-    }
-)
-
-
-@dataclass(slots=True)
-class _Session:
-    file: BinaryIO | bytes
-    size: int
-    used_ns: int
-
-
-@dataclass(slots=True)
-class _Burst:
-    peer: Peer
-    session: int
-    sequence: int
-    offset: int
-    end: int | None
-    chunk: int
-
-
-@dataclass(slots=True)
-class _Client:
-    """The last request of a client, and what it was answered."""
-
-    request: FtpPacket
-    reply: FtpPacket | None = None
-    data_sent_ns: int | None = None
-    """When the last data went to it, for the round trip."""
-
-
-@dataclass(slots=True)
-class _Crc:
-    peer: Peer
-    request: FtpPacket
-    file: BinaryIO | bytes
-    offset: int = 0
-    value: int = 0
 
 
 class FileServer:
@@ -89,19 +62,29 @@ class FileServer:
         What is served.
     wake : callable
         Called when there is a new reply to send.
+    disk : Disk
+        Does what touches the disk; at once unless told otherwise.
     """
 
-    def __init__(self, tree: FileTree, wake: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self,
+        tree: FileTree,
+        wake: Callable[[], None] = lambda: None,
+        disk: Disk = at_once,
+    ) -> None:
         self.tree = tree
         self._wake = wake
-        self._sessions: dict[tuple[Peer, int], _Session] = {}
-        self._clients: OrderedDict[Peer, _Client] = OrderedDict()
+        self._disk = disk
+        self._sessions: dict[tuple[Peer, int], Session] = {}
+        self._clients: OrderedDict[Peer, Client] = OrderedDict()
         self._replies: deque[tuple[Peer, FtpPacket]] = deque()
-        self._burst: dict[Peer, _Burst] = {}
-        self._crcs: deque[_Crc] = deque()
+        self._bursts: dict[Peer, Burst] = {}
+        self._crcs: deque[Crc] = deque()
         self.requests = 0
         self.refused = 0
         self.repeated = 0
+        self.left = 0
+        """Requests not taken because the disk had too much to do."""
         self.bytes_sent = 0
 
     def receive(self, payload: bytes, peer: Peer, now_ns: int) -> float | None:
@@ -116,9 +99,9 @@ class FileServer:
             if client.request == request:
                 self._repeat(peer, client)
                 return None
-            if client.data_sent_ns is not None and peer not in self._burst:
+            if client.data_sent_ns is not None and peer not in self._bursts:
                 trip_s = (now_ns - client.data_sent_ns) / NANOSECONDS_PER_SECOND
-        self._clients[peer] = _Client(request)
+        self._clients[peer] = Client(request)
         self._clients.move_to_end(peer)
         while len(self._clients) > MAX_CLIENTS:
             self._clients.popitem(last=False)
@@ -130,16 +113,30 @@ class FileServer:
         self._wake()
         return trip_s
 
-    def wait_ns(self, now_ns: int) -> int | None:
-        """A source's: time until a reply may go, None when there is none."""
-        return 0 if self._replies or self._burst else None
+    def on(self, link: int) -> "FilesOnLink":
+        """Give the source of the replies that leave by one link."""
+        return FilesOnLink(self, link)
 
-    def take(self, now_ns: int, rate_bytes_s: float) -> Message | None:
+    def wait_ns(self, now_ns: int, link: int | None = None) -> int | None:
+        """A source's: time until a reply may go, None when there is none."""
+        waiting = [peer for peer, _ in self._replies]
+        waiting += [burst.peer for burst in self._bursts.values()]
+        return 0 if any(link in (None, peer.link) for peer in waiting) else None
+
+    def take(self, now_ns: int, rate_bytes_s: float, link: int | None = None) -> Message | None:
         """A source's: the next reply."""
-        if self._replies:
-            peer, packet = self._replies.popleft()
+        here = [reply for reply in self._replies if link in (None, reply[0].link)]
+        bursts = [b for b in self._bursts.values() if link in (None, b.peer.link)]
+        if here:
+            peer, packet = here[0]
+            self._replies.remove(here[0])
+        elif bursts:  # several clients take turns
+            peer, packet = bursts[0].peer, bursts[0].next_part(rate_bytes_s)
+            del self._bursts[peer]
+            if not bursts[0].ended:
+                self._bursts[peer] = bursts[0]
         else:
-            peer, packet = self._burst_part(now_ns, rate_bytes_s)
+            return None
         if packet.request_opcode in (Opcode.READ_FILE, Opcode.BURST_READ_FILE):
             self.bytes_sent += len(packet.data)
             client = self._clients.get(peer)
@@ -154,31 +151,33 @@ class FileServer:
 
     def work(self) -> None:
         """Go on with a checksum: a megabyte at a time, about a millisecond."""
-        if not self._crcs:
+        if not self._crcs or self._crcs[0].reading:
             return
         job = self._crcs[0]
-        try:
-            part = read_at(job.file, job.offset, CRC_PART)
-        except FileRefused as refusal:
-            self._crcs.popleft()
-            close(job.file)
-            self._refuse(job.request, job.peer, refusal)
-            return
+        job.reading = True
+        part = partial(read_at, job.file, job.offset, CRC_PART)
+        if not self._on_disk(job.peer, job.request, part, partial(self._add_to_crc, job)):
+            job.reading = False
+
+    def _add_to_crc(self, job: Crc, part: bytes) -> None:
+        job.reading = False
         if part:
             job.value = checksum(part, job.value)
             job.offset += len(part)
             return
-        self._crcs.popleft()
-        close(job.file)
+        self._drop_crc(job)
         self._accept(job.request, job.peer, job.value.to_bytes(4, "little"))
-        self._wake()
+
+    def _drop_crc(self, job: Crc) -> None:
+        self._crcs.remove(job)
+        self._disk(partial(close, job.file), _nothing)
 
     def close(self) -> None:
         """Close all files."""
         for key in list(self._sessions):
             self._end(key)
         while self._crcs:
-            close(self._crcs.popleft().file)
+            self._drop_crc(self._crcs[0])
 
     def counters(self) -> dict[str, float]:
         """Counts with names for a health record."""
@@ -186,6 +185,7 @@ class FileServer:
             "ftp_requests": self.requests,
             "ftp_refused": self.refused,
             "ftp_repeated": self.repeated,
+            "ftp_left": self.left,
             "ftp_sessions": len(self._sessions),
             "ftp_bytes": self.bytes_sent,
         }
@@ -214,92 +214,106 @@ class FileServer:
             case Opcode.BURST_READ_FILE:
                 self._start_burst(request, peer, now_ns)
             case Opcode.CALC_FILE_CRC32:
-                file, _ = self.tree.open(_path_of(request))
-                self._crcs.append(_Crc(peer, request, file))
-            case _ if request.opcode in READ_ONLY:
+                self._on_disk(
+                    peer,
+                    request,
+                    partial(self.tree.open, path_of(request)),
+                    lambda opened: self._crcs.append(Crc(peer, request, opened[0])),
+                )
+            case _ if request.opcode in WRITING:
                 raise FileRefused(FtpError.FILE_PROTECTED)
             case _:
                 raise FileRefused(FtpError.UNKNOWN_COMMAND)
 
+    def _on_disk(
+        self, peer: Peer, request: FtpPacket, job: Callable[[], T], then: Callable[[T], None]
+    ) -> bool:
+        """Do what touches the disk, and go on with what it gives or refuses."""
+        client = self._clients.get(peer)
+
+        def outcome() -> T | FileRefused:
+            try:
+                return job()
+            except FileRefused as refusal:
+                return refusal
+
+        def go_on(result: T | FileRefused) -> None:
+            if client is not None:
+                client.reading = False
+            try:
+                if isinstance(result, FileRefused):
+                    raise result
+                then(result)
+            except FileRefused as refusal:
+                for crc in [crc for crc in self._crcs if crc.request == request]:
+                    self._drop_crc(crc)
+                self._refuse(request, peer, refusal)
+            self._wake()
+
+        if client is not None:
+            client.reading = True
+        if self._disk(outcome, go_on):
+            return True
+        self.left += 1
+        self._clients.pop(peer, None)  # asked again it is a new request
+        return False
+
     def _list(self, request: FtpPacket, peer: Peer) -> None:
-        entries = self.tree.entries(_path_of(request))[request.offset :]
-        if not entries:
-            raise FileRefused(FtpError.END_OF_FILE)
-        self._accept(request, peer, b"".join(_fitting(entries)))
+        def tell(entries: list[bytes]) -> None:
+            if not entries[request.offset :]:
+                raise FileRefused(FtpError.END_OF_FILE)
+            self._accept(request, peer, b"".join(fitting(entries[request.offset :])))
+
+        self._on_disk(peer, request, partial(self.tree.entries, path_of(request)), tell)
 
     def _open(self, request: FtpPacket, peer: Peer, now_ns: int) -> None:
         key = (peer, request.session)
-        if key not in self._sessions and len(self._sessions) >= MAX_SESSIONS:
-            raise FileRefused(FtpError.NO_SESSIONS_AVAILABLE)
-        file, size = self.tree.open(_path_of(request))
-        if size >= 2**32:
-            close(file)
-            raise FileRefused(FtpError.FAIL)  # offsets have 32 bits
-        self._end(key)  # a client that uses the id again has forgotten the file before
-        self._sessions[key] = _Session(file, size, now_ns)
-        self._accept(request, peer, size.to_bytes(4, "little"))
+
+        def keep(opened: tuple[BinaryIO | bytes, int]) -> None:
+            file, size = opened
+            full = key not in self._sessions and len(self._sessions) >= MAX_SESSIONS
+            if full or size >= 2**32:  # offsets have 32 bits
+                self._disk(partial(close, file), _nothing)
+                error = FtpError.NO_SESSIONS_AVAILABLE if full else FtpError.FAIL
+                raise FileRefused(error)
+            self._end(key)  # a client that uses the id again has forgotten the file before
+            self._sessions[key] = Session(file, size, now_ns)
+            self._accept(request, peer, size.to_bytes(4, "little"))
+
+        self._on_disk(peer, request, partial(self.tree.open, path_of(request)), keep)
 
     def _read(self, request: FtpPacket, peer: Peer, now_ns: int) -> None:
         session = self._session(request, peer, now_ns)
-        data = read_at(session.file, request.offset, min(request.size or DATA_SIZE, DATA_SIZE))
-        if not data:
-            raise FileRefused(FtpError.END_OF_FILE)
-        self._accept(request, peer, data, offset=request.offset)
+        size = min(request.size or DATA_SIZE, DATA_SIZE)
+
+        def give(data: bytes) -> None:
+            if not data:
+                raise FileRefused(FtpError.END_OF_FILE)
+            self._accept(request, peer, data, offset=request.offset)
+
+        self._on_disk(peer, request, partial(read_at, session.file, request.offset, size), give)
 
     def _start_burst(self, request: FtpPacket, peer: Peer, now_ns: int) -> None:
         session = self._session(request, peer, now_ns)
         if request.offset >= session.size:
             raise FileRefused(FtpError.END_OF_FILE)
-        self._burst[peer] = _Burst(
-            peer=peer,
-            session=request.session,
-            sequence=request.sequence,
-            offset=request.offset,
-            end=None,
-            chunk=min(request.size or DATA_SIZE, DATA_SIZE),
-        )
+        chunk = min(request.size or DATA_SIZE, DATA_SIZE)
 
-    def _burst_part(self, now_ns: int, rate_bytes_s: float) -> tuple[Peer, FtpPacket]:
-        """The next part of a burst; several clients take turns."""
-        peer, burst = next(iter(self._burst.items()))
-        del self._burst[peer]
-        if burst.end is None:
-            # Whole parts only: pymavlink takes a shorter one for the end of the file.
-            size = min(MOST_BURST_BYTES, rate_bytes_s * BURST_S)
-            burst.end = burst.offset + max(1, int(size / burst.chunk)) * burst.chunk
-        burst.sequence += 1
-        part = FtpPacket(
-            sequence=burst.sequence,
-            session=burst.session,
-            opcode=Opcode.NAK,
-            request_opcode=Opcode.BURST_READ_FILE,
-            offset=burst.offset,
-            data=bytes((FtpError.END_OF_FILE,)),
+        def start(data: bytes) -> None:
+            self._bursts.pop(peer, None)
+            self._bursts[peer] = Burst(
+                peer=peer,
+                request=request,
+                sequence=request.sequence,
+                offset=request.offset,
+                data=data,
+                chunk=chunk,
+            )
+
+        most = MOST_BURST_BYTES // chunk * chunk
+        self._on_disk(
+            peer, request, partial(read_at, session.file, request.offset, most), start
         )
-        session = self._sessions.get((peer, burst.session))
-        data = b""
-        if session is not None:
-            session.used_ns = now_ns
-            try:
-                data = read_at(session.file, burst.offset, burst.chunk)
-            except FileRefused:
-                self.refused += 1
-        if not data:
-            return peer, part
-        after = burst.offset + len(data)
-        part = FtpPacket(
-            sequence=burst.sequence,
-            session=burst.session,
-            opcode=Opcode.ACK,
-            request_opcode=Opcode.BURST_READ_FILE,
-            burst_complete=after >= burst.end,
-            offset=burst.offset,
-            data=data,
-        )
-        burst.offset = after
-        if not part.burst_complete:
-            self._burst[peer] = burst
-        return peer, part
 
     # ------------------------------------------------------------------- replies
 
@@ -347,13 +361,15 @@ class FileServer:
         while len(self._replies) > WAITING:
             self._replies.popleft()  # its client asks again
 
-    def _repeat(self, peer: Peer, client: _Client) -> None:
+    def _repeat(self, peer: Peer, client: Client) -> None:
         """The reply was lost, or has not been sent yet: never do the request twice."""
         self.repeated += 1
         reply = client.reply
         if reply is not None and (peer, reply) not in self._replies:
             self._put(peer, reply)
-        elif client.request.opcode == Opcode.BURST_READ_FILE and peer not in self._burst:
+        elif client.reading or client.request.opcode != Opcode.BURST_READ_FILE:
+            return
+        elif peer not in self._bursts:
             session = self._sessions.get((peer, client.request.session))
             if session is not None:
                 self._start_burst(client.request, peer, session.used_ns)
@@ -361,7 +377,7 @@ class FileServer:
 
     # ------------------------------------------------------------------ sessions
 
-    def _session(self, request: FtpPacket, peer: Peer, now_ns: int) -> _Session:
+    def _session(self, request: FtpPacket, peer: Peer, now_ns: int) -> Session:
         session = self._sessions.get((peer, request.session))
         if session is None:
             raise FileRefused(FtpError.INVALID_SESSION)
@@ -371,7 +387,7 @@ class FileServer:
     def _end(self, key: tuple[Peer, int]) -> None:
         session = self._sessions.pop(key, None)
         if session is not None:
-            close(session.file)
+            self._disk(partial(close, session.file), _nothing)
 
     def _forget_idle(self, now_ns: int) -> None:
         idle = [key for key, s in self._sessions.items() if now_ns - s.used_ns > IDLE_NS]
@@ -379,19 +395,5 @@ class FileServer:
             self._end(key)
 
 
-def _path_of(request: FtpPacket) -> str:
-    """Path in a request: up to a NUL that some clients send along."""
-    try:
-        return request.data.split(b"\0", 1)[0].decode()
-    except UnicodeDecodeError as error:
-        raise FileRefused(FtpError.FILE_NOT_FOUND) from error
-
-
-def _fitting(entries: list[bytes]) -> Iterator[bytes]:
-    """As many whole entries as a reply holds, each ended by NUL."""
-    room = DATA_SIZE
-    for entry in entries:
-        room -= len(entry) + 1
-        if room < 0:
-            return
-        yield entry + b"\0"
+def _nothing(result: object) -> None:
+    """After a file was closed."""

@@ -50,6 +50,21 @@ class Opcode(IntEnum):
     NAK = 129
 
 
+WRITING = frozenset(
+    {
+        Opcode.CREATE_FILE,
+        Opcode.WRITE_FILE,
+        Opcode.REMOVE_FILE,
+        Opcode.CREATE_DIRECTORY,
+        Opcode.REMOVE_DIRECTORY,
+        Opcode.OPEN_FILE_WO,
+        Opcode.TRUNCATE_FILE,
+        Opcode.RENAME,
+    }
+)
+"""What would change a file."""
+
+
 class FtpError(IntEnum):
     """Why a request was not served: the first data byte of a NAK."""
 

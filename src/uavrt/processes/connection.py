@@ -9,8 +9,7 @@ from contextlib import suppress
 from typing import Any
 
 from uavrt.clock import monotonic_s
-from uavrt.config.settings import Settings
-from uavrt.errors import LinkError, UavrtError
+from uavrt.errors import ConfigError, LinkError, UavrtError
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.link import SupervisorGone
 from uavrt.log import get_logger
@@ -38,6 +37,7 @@ from uavrt.messages import (
     SystemStatus,
 )
 from uavrt.pose import PoseAttacher, PoseRing
+from uavrt.processes.disk_thread import DiskThread
 from uavrt.processes.ground_status import GroundStatus
 from uavrt.processes.parameter_desk import ParameterDesk
 from uavrt.processes.pulse_outlet import PulseOutlet
@@ -66,7 +66,12 @@ class ConnectionProcess:
         settings = frame.assignment.settings
         mavlink = settings.mavlink
         self._frame = frame
-        self._address = mavlink.address
+        self._addresses = {
+            number: address
+            for number, address in enumerate((mavlink.address, *mavlink.direct_links))
+            if address
+        }
+        self._disk = DiskThread()
         self._ring = PoseRing(settings.antenna)
         wait_s = settings.antenna.pose_wait_s if mavlink.address else 0.0
         self._attacher = PoseAttacher(self._ring, wait_s=wait_s)
@@ -83,6 +88,7 @@ class ConnectionProcess:
                 parameters=self._parameter_request,
             ),
             frame.clock.now_ns,
+            links=1 + len(mavlink.direct_links),
             component_id=mavlink.component_id,
             attitude_rate_hz=mavlink.attitude_rate_hz,
             position_rate_hz=mavlink.position_rate_hz,
@@ -97,47 +103,59 @@ class ConnectionProcess:
             ask=lambda command: frame.send("command", command),
             tell=lambda text: frame.send("status_text", text),
         )
-        self._outlet = PulseOutlet(self._exchange.pulse, self._note_delivered)
+        self._outlet = PulseOutlet(self._exchange.pulse, self._note_delivered, self._disk)
         self._link.tunnel.add_source(self._outlet.sender, Priority.PULSE)
+        self._link.tunnel.changed = self._outlet.sender.link_changed
         if frame.assignment.flight is not None:
             self._outlet.flight(frame.assignment.flight.directory, resumed=True)
         self._link.component.metadata = metadata = component_metadata()
         tree = FileTree(settings.recording.directory, metadata.files)
-        self._files = FileServer(tree, self._link.tunnel.wake)
-        self._link.tunnel.add_source(self._files, Priority.FILE)
+        self._files = FileServer(tree, self._link.tunnel.wake, self._disk)
+        for number in range(1 + len(mavlink.direct_links)):
+            self._link.tunnel.add_source_on(number, self._files.on(number), Priority.FILE)
         self._gate = Gate(mavlink.commanders, mavlink.key_file)
         self._state = SystemState.IDLE
-        self._status = GroundStatus(self._exchange, self._link.tunnel, self._files)
+        self._status = GroundStatus(self._exchange, self._link.tunnel, tree.root, self._disk)
+        self._asked_on: dict[tuple[int, int], int] = {}
         self._heard = (False, False)
         self._poses: list[Pose] = []
         self._next_pose_ns = 0
-        self._link_fault = ""
+        self._link_faults: dict[int, str] = {}
 
     async def run(self) -> None:
         """Serve until the process is to end."""
         loop = asyncio.get_running_loop()
         loop.add_reader(self._frame.link.fileno(), self._take_records)
-        link = asyncio.create_task(self._serve_link())
+        self._disk.start()
+        tasks = [
+            asyncio.create_task(self._serve_link(number, address))
+            for number, address in self._addresses.items()
+        ]
+        if tasks:
+            tasks.append(asyncio.create_task(self._link.keep_time()))
         try:
             while self._frame.running:
                 self._tick()
+                for task in tasks:
+                    if task.done():
+                        task.result()
                 await asyncio.sleep(TICK_S)
             self._pass_on(self._attacher.flush())
         finally:
-            link.cancel()
-            with suppress(asyncio.CancelledError):
-                await link
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _serve_link(self) -> None:
-        """Open the link, again and again if need be: a missing adapter may be plugged in."""
-        while self._address:
+    async def _serve_link(self, number: int, address: str) -> None:
+        """Open a link, again and again if need be: a missing adapter may be plugged in."""
+        while True:
             try:
-                await self._link.run(self._address)
-            except* LinkError as group:
-                fault = str(group.exceptions[0])
-                if fault != self._link_fault:
+                await self._link.serve(number, address)
+            except (LinkError, ConfigError) as error:
+                fault = str(error)
+                if fault != self._link_faults.get(number):
                     log.warning("link fault", reason=fault)
-                self._link_fault = fault
+                self._link_faults[number] = fault
             await asyncio.sleep(LINK_RETRY_S)
 
     # ------------------------------------------------------------- from the hub
@@ -165,12 +183,12 @@ class ConnectionProcess:
                 self._parameters.reply(record)
             case Settings():
                 self._parameters.changed(record)
-            case StatusText() if self._address:
+            case StatusText() if self._addresses:
                 self._status.text(record, self._frame.clock.now_ns())
             case SystemStatus():
                 self._state = record.state
                 self._status.tags(len(record.tags))
-            case SearchReport() if self._address:
+            case SearchReport() if self._addresses:
                 self._status.search_report(record, self._frame.clock.now_ns())
 
     def _tick(self) -> None:
@@ -180,15 +198,22 @@ class ConnectionProcess:
             self._send_pulse(pulse_pose)
         self._outlet.sender.station_present(self._link.station_present, now_ns)
         self._outlet.tick(now_ns)
+        if self._outlet.sender.unanswered(now_ns):
+            self._link.tunnel.unanswered(now_ns)
         self._files.work()
-        if self._address:
+        if self._addresses:
             self._status.tick(self._shown_state(), now_ns)
             self._say_who_is_there()
         self._link.tunnel.wake()
-        status = self._link.status() if self._address else "no autopilot configured"
+        if self._disk.failure is not None:
+            raise self._disk.failure
+        fault = 0 in self._addresses and self._link.link is None and 0 in self._link_faults
+        status = self._link.status() if self._addresses else "no autopilot configured"
+        if self._disk.stalled_s(monotonic_s()):
+            status = "waiting for disk"
         self._frame.report(
-            (self._link_fault and "link fault") or status,
-            ok=not self._link_fault,
+            "link fault" if fault else status,
+            ok=not fault,
             counters=self._counters,
         )
 
@@ -242,6 +267,7 @@ class ConnectionProcess:
     def _take_command(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         """Take a command from who may command, or say why not."""
         asker = (peer.system_id, peer.component_id)
+        self._asked_on[asker] = peer.link
         reason = self._gate.refusal(asker, sealed=sealed)
         if reason is not None:
             self._answer(self._exchange.refuse(payload, reason, asker))
@@ -275,13 +301,13 @@ class ConnectionProcess:
 
     def _radio_status(self, status: RadioStatus) -> None:
         now_ns = self._frame.clock.now_ns()
-        self._link.tunnel.rate.radio_status(status.txbuf, now_ns)
+        self._link.tunnel.rate_of(self._link.heard_on).radio_status(status.txbuf, now_ns)
 
     def _ftp(self, payload: bytes, peer: Peer) -> None:
         now_ns = self._frame.clock.now_ns()
         trip_s = self._files.receive(payload, peer, now_ns)
         if trip_s is not None:
-            self._link.tunnel.rate.acknowledged(trip_s, now_ns)
+            self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, now_ns)
 
     def _note_delivered(self, delivered: Delivered) -> None:
         self._frame.send("delivered", delivered)
@@ -290,10 +316,14 @@ class ConnectionProcess:
 
     def _answer(self, answer: Answer | None) -> None:
         if answer is not None:
-            self._link.tunnel.send_tunnel(answer.payload, Priority.ACK, Peer(*answer.asker))
+            self._link.tunnel.send_tunnel(answer.payload, Priority.ACK, self._asker(answer))
+
+    def _asker(self, answer: Answer) -> Peer:
+        """Who asked, and by which link: there it is answered."""
+        return Peer(*answer.asker, self._asked_on.get(answer.asker, 0))
 
     def _send_pulse(self, pulse_pose: PulsePose) -> None:
-        if self._address:
+        if self._addresses:
             self._outlet.add(pulse_pose)
             self._link.tunnel.wake()
 
@@ -312,6 +342,7 @@ class ConnectionProcess:
             "seals_refused": self._gate.refused,
             "parameters_refused": self._parameters.refused,
             "texts_left_out": self._status.texts_left_out,
+            "disk_jobs_waiting": self._disk.waiting,
             **self._link.counters(),
         }
 

@@ -7,11 +7,12 @@ so each kind has its own pace.
 import os
 import shutil
 import time
+from functools import partial
 from pathlib import Path
 
 from uavrt.mavlink import Priority, TunnelSender
 from uavrt.mavlink.dialect import OnboardComputerStatus
-from uavrt.mavlink.ftp_server import FileServer
+from uavrt.mavlink.ftp_state import Disk, at_once
 from uavrt.mavlink.statustext import TextLimiter
 from uavrt.messages import SearchReport, StatusText, SystemState
 from uavrt.tunnel.exchange import Exchange
@@ -42,14 +43,20 @@ class GroundStatus:
         Writes payloads in the ground's generation.
     sender : TunnelSender
         Takes them.
-    files : FileServer
-        Its root is the place whose free space is told.
+    root : Path
+        The place whose free space is told.
+    disk : Disk
+        Asks for that space; at once unless told otherwise.
     """
 
-    def __init__(self, exchange: Exchange, sender: TunnelSender, files: FileServer) -> None:
+    def __init__(
+        self, exchange: Exchange, sender: TunnelSender, root: Path, disk: Disk = at_once
+    ) -> None:
         self._exchange = exchange
         self._sender = sender
-        self._root = files.tree.root
+        self._root = root
+        self._disk = disk
+        self._space_mib = (UNKNOWN_U32, UNKNOWN_U32)
         self._limiter = TextLimiter()
         self._next_ns: dict[str, int] = {}
         self._tags = 1
@@ -69,6 +76,7 @@ class GroundStatus:
         if self._due("heartbeat", HEARTBEAT_NS, now_ns):
             self._send(self._exchange.heartbeat(state, cpu_temperature_c()))
         if self._due("computer", COMPUTER_NS, now_ns):
+            self._disk(partial(_disk_mib, self._root), self._take_space)
             self._sender.send_message(self._computer_status())
 
     def text(self, text: StatusText, now_ns: int) -> None:
@@ -99,13 +107,16 @@ class GroundStatus:
         if payload is not None:
             self._sender.send_tunnel(payload, Priority.STATUS)
 
+    def _take_space(self, space_mib: tuple[int, int]) -> None:
+        self._space_mib = space_mib
+
     def _computer_status(self) -> OnboardComputerStatus:
         """Load, memory and space of this computer; the rest is unknown."""
         before, self._busy = self._busy, _busy_ticks()
         ticks = self._busy[1] - before[1]
         load = round(100 * (self._busy[0] - before[0]) / ticks) if ticks > 0 else UNKNOWN_U8
         memory = _memory_mib()
-        disk = _disk_mib(self._root)
+        disk = self._space_mib
         temperature = cpu_temperature_c()
         core = UNKNOWN_I8 if temperature is None else max(-127, min(126, round(temperature)))
         unknown = (UNKNOWN_U32,)

@@ -1,14 +1,17 @@
 """Pulses on their way to the ground: memory, the flight's database, and who has what.
 
 Joins the sender (`uavrt.tunnel.reliable`) to the spool (`uavrt.recording.spool`). Belongs to
-the connection process.
+the connection process. The database is read where a slow disk does no harm (`Disk`): what is in
+memory goes on meanwhile.
 """
 
 from collections import OrderedDict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
 
 from uavrt.errors import RecordingError, TunnelError
 from uavrt.log import get_logger
+from uavrt.mavlink.ftp_state import Disk, at_once
 from uavrt.messages import Delivered, PulsePose
 from uavrt.recording.spool import undelivered
 from uavrt.tunnel.private import Receipt
@@ -40,13 +43,20 @@ class PulseOutlet:
         Payload of a pulse in the ground's generation.
     note : callable
         Gets what was delivered, for the recorder.
+    disk : Disk
+        Does what touches the disk; at once unless told otherwise.
     """
 
     def __init__(
-        self, encode: Callable[[PulsePose], bytes], note: Callable[[Delivered], None]
+        self,
+        encode: Callable[[PulsePose], bytes],
+        note: Callable[[Delivered], None],
+        disk: Disk = at_once,
     ) -> None:
         self.sender: ReliableSender[PulsePose] = ReliableSender(encode)
         self._note = note
+        self._disk = disk
+        self._reading = False
         self._flights: deque[str] = deque(maxlen=FLIGHTS)
         self._recent: OrderedDict[tuple[int, Key], None] = OrderedDict()
         self._next_refill_ns = 0
@@ -83,7 +93,8 @@ class PulseOutlet:
     def tick(self, now_ns: int) -> None:
         """Note what plain ground stations were sent; fetch from disk what there is room for."""
         self._delivered(PLAIN, self.sender.sent_plain(), now_ns)
-        store = self.sender.wanted() if now_ns >= self._next_refill_ns else None
+        due = now_ns >= self._next_refill_ns and not self._reading
+        store = self.sender.wanted() if due else None
         if store is not None:
             self._next_refill_ns = now_ns + REFILL_PERIOD_NS
             self._refill(store)
@@ -115,18 +126,36 @@ class PulseOutlet:
         """Fetch pulses from the newest flight that has any."""
         without = self.sender.keys() | {k for number, k in self._recent if number == store}
         room = min(REFILL, CAPACITY - len(self.sender))
-        found: list[PulsePose] = []
-        more = False
-        for directory in reversed(self._flights):
-            try:
-                pulses, rest = undelivered(directory, store, room - len(found), without)
-            except RecordingError as error:
-                log.debug("spool", reason=str(error))
-                more = True
-                continue
-            found += pulses
-            more = more or rest
-            if len(found) >= room:
-                more = True
-                break
-        self.sender.refill(store, [(key_of(item), item) for item in found], more=more)
+        newest_first = tuple(reversed(self._flights))
+        self._reading = True
+        job = partial(_read, newest_first, store, room, without)
+        if not self._disk(job, partial(self._refilled, store)):
+            self._reading = False
+
+    def _refilled(self, store: int, result: tuple[list[PulsePose], bool]) -> None:
+        self._reading = False
+        found, more = result
+        items = [(key_of(item), item) for item in found]
+        # Some may have arrived while the disk was read.
+        new = [(key, item) for key, item in items if (store, key) not in self._recent]
+        self.sender.refill(store, new, more=more)
+
+
+def _read(
+    flights: Sequence[str], store: int, room: int, without: Collection[Key]
+) -> tuple[list[PulsePose], bool]:
+    """Get up to `room` pulses that a store lacks, and whether there are more."""
+    found: list[PulsePose] = []
+    more = False
+    for directory in flights:
+        try:
+            pulses, rest = undelivered(directory, store, room - len(found), without)
+        except RecordingError as error:
+            log.debug("spool", reason=str(error))
+            more = True
+            continue
+        found += pulses
+        more = more or rest
+        if len(found) >= room:
+            return found, True
+    return found, more

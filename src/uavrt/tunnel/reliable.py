@@ -42,6 +42,8 @@ PLAIN_AFTER_NS = ns_from_s(3.0)
 each pulse once: at 40 % loss 3 % do not manage, and then get some twice."""
 PLAIN = 0
 """Store number of all the ground stations that do not acknowledge."""
+UNANSWERED_NS = ns_from_s(1.2)
+"""Pulses under way for so long without any receipt of one: perhaps another link does better."""
 ROUGH_BYTES = 137
 """A pulse as a frame, for the estimate how long the backlog takes."""
 
@@ -137,6 +139,7 @@ class ReliableSender(Generic[T]):
         self.acknowledged_pulses = 0
         self.fresh_trip_s: float | None = None
         """Round trip that the last receipt showed, if it did."""
+        self._unanswered_since_ns: int | None = None
         self._sent_plain: list[Key] = []
         self.put_back = 0
         """Pulses that left memory because it was full; they are on disk."""
@@ -212,6 +215,20 @@ class ReliableSender(Generic[T]):
         elif self._station_since_ns is None:
             self._station_since_ns = now_ns
 
+    def unanswered(self, now_ns: int) -> bool:
+        """Tell whether what is under way has been without any answer for too long."""
+        since_ns = self._unanswered_since_ns
+        return since_ns is not None and now_ns - since_ns > UNANSWERED_NS
+
+    def link_changed(self) -> None:
+        """Pulses go by another link: those under way go again at once, by that one."""
+        self._unanswered_since_ns = None
+        self.trips = RoundTrips()
+        for entry in list(self._sent.values()):
+            entry.tries = 0
+            self._wait(entry)
+        self._sent.clear()
+
     def receipt(
         self, store: int, hashes: Iterable[int], place: Place, now_ns: int
     ) -> list[Key]:
@@ -243,6 +260,8 @@ class ReliableSender(Generic[T]):
             if not entry.owed:
                 self._forget(entry)
                 self.acknowledged_pulses += 1
+        if orders:
+            self._unanswered_since_ns = now_ns if self._sent else None
         self._overtake(orders, now_ns)
         return new
 
@@ -310,6 +329,8 @@ class ReliableSender(Generic[T]):
 
     def _note_sent(self, entry: _Entry[T], payload: bytes, now_ns: int) -> None:
         self._order += 1
+        if self._unanswered_since_ns is None:
+            self._unanswered_since_ns = now_ns
         entry.state, entry.sent_ns, entry.order = "sent", now_ns, self._order
         entry.overtaken = 0
         self._sent[entry.key] = entry
@@ -347,6 +368,8 @@ class ReliableSender(Generic[T]):
 
     def _drop_silent_stores(self, now_ns: int) -> None:
         silent = [n for n, s in self._stores.items() if now_ns - s.heard_ns > STORE_SILENCE_NS]
+        if silent:
+            self._unanswered_since_ns = None
         for number in silent:
             del self._stores[number]
             for entry in list(self._entries.values()):

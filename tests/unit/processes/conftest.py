@@ -1,0 +1,249 @@
+"""The real connection process in this program, with the test in the supervisor's place."""
+
+import asyncio
+import contextlib
+import math
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from uavrt.clock import Clock
+from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
+from uavrt.ground.link import GroundLink
+from uavrt.ipc import Assignment, ProcessFrame, decode_record, encode_record
+from uavrt.ipc.link import ChildLink, LineBuffer
+from uavrt.messages import Command, CommandReply, FlightInfo, Health, Pose, Pulse, PulsePose
+from uavrt.processes.connection import ConnectionProcess
+from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
+
+
+def free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        opened.bind(("127.0.0.1", 0))
+        return int(opened.getsockname()[1])
+
+
+def turning(time_ns: int) -> Pose:
+    half = math.radians(30.0 * (time_ns % 10**12) / 1e9) / 2
+    return Pose(
+        time_ns=time_ns,
+        latitude_deg=35.178241,
+        longitude_deg=-111.656587,
+        altitude_amsl_m=2157.0,
+        altitude_relative_m=50.0,
+        quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+    )
+
+
+def make_pulse(number: int, time_ns: int) -> Pulse:
+    return Pulse(
+        tag_id=2,
+        frequency_hz=148_710_000.0 + number,
+        start_time_ns=time_ns,
+        end_time_ns=time_ns + 20_000_000,
+        snr_db=20.0,
+        group_snr_db=20.0,
+        score=2.0,
+        group_index=1 + number % 3,
+        group_sequence=number // 3,
+        noise_psd=1e-12,
+        detection_status="confirmed",
+        confirmed=True,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )
+
+
+class Relay:
+    """A stretch of Wi-Fi between two UDP ends, that can be cut."""
+
+    def __init__(self, port: int, towards: int) -> None:
+        self.port, self._towards = port, towards
+        self.cut = False
+        self.passed = 0
+        self._client: Any = None
+
+    @contextlib.asynccontextmanager
+    async def running(self) -> AsyncIterator["Relay"]:
+        loop = asyncio.get_running_loop()
+        inside, outside = (
+            socket.socket(type=socket.SOCK_DGRAM),
+            socket.socket(type=socket.SOCK_DGRAM),
+        )
+        for end in (inside, outside):
+            end.setblocking(False)
+        inside.bind(("127.0.0.1", self.port))
+        outside.bind(("127.0.0.1", 0))
+
+        def up() -> None:
+            data, self._client = inside.recvfrom(2048)
+            if not self.cut:
+                outside.sendto(data, ("127.0.0.1", self._towards))
+
+        def down() -> None:
+            data, _ = outside.recvfrom(2048)
+            if not self.cut and self._client is not None:
+                self.passed += 1
+                inside.sendto(data, self._client)
+
+        loop.add_reader(inside, up)
+        loop.add_reader(outside, down)
+        try:
+            yield self
+        finally:
+            for end in (inside, outside):
+                loop.remove_reader(end)
+                end.close()
+
+
+class Bay:
+    """Connection process, simulated autopilot, and what the supervisor would see."""
+
+    def __init__(self, directory: Path, **mavlink: Any) -> None:
+        self.clock = Clock.start()
+        self.companion_port, self.ground_port = free_udp_port(), free_udp_port()
+        self.settings = Settings(
+            mavlink=MavlinkSettings(
+                address=f"udpin://127.0.0.1:{self.companion_port}", **mavlink
+            ),
+            recording=RecordingSettings(directory=str(directory)),
+        )
+        self.assignment = Assignment(
+            process="connection",
+            settings=self.settings,
+            clock_offset_ns=self.clock.offset_ns,
+            flight=None,
+        )
+        self.autopilot_settings = AutopilotSettings(
+            companion=("127.0.0.1", self.companion_port),
+            ground=("127.0.0.1", self.ground_port),
+        )
+        self.autopilot: FakeAutopilot | None = None
+        self.records: list[tuple[str, Any]] = []
+        self.commands: list[Command] = []
+        self.health: Health | None = None
+        self.process: ConnectionProcess | None = None
+        self.relay: Relay | None = None
+        self._sock: socket.socket | None = None
+
+    @contextlib.asynccontextmanager
+    async def running(self) -> AsyncIterator["Bay"]:
+        """Run it while the block runs."""
+        self._sock, theirs = socket.socketpair()
+        self._sock.setblocking(False)
+        loop = asyncio.get_running_loop()
+        frame = ProcessFrame(ChildLink(theirs), self.assignment)
+        self.process = ConnectionProcess(frame)
+        self.autopilot = FakeAutopilot(turning, self.autopilot_settings, self.clock)
+        lines = LineBuffer()
+
+        def read() -> None:
+            assert self._sock is not None
+            for line in lines.feed(self._sock.recv(1 << 20)):
+                self._take(*decode_record(line))
+
+        loop.add_reader(self._sock, read)
+        tasks = [
+            asyncio.create_task(self.process.run()),
+            asyncio.create_task(self.autopilot.run()),
+        ]
+        try:
+            yield self
+            assert not tasks[0].done()
+        finally:
+            frame.stop()
+            with contextlib.suppress(Exception):
+                await asyncio.wait_for(asyncio.shield(tasks[0]), 10.0)
+            for task in tasks:
+                task.cancel()
+            results = await asyncio.gather(*tasks, return_exceptions=True)
+            loop.remove_reader(self._sock)
+            loop.remove_reader(theirs.fileno())
+            self._sock.close()
+            theirs.close()
+        for result in results:
+            if isinstance(result, Exception):
+                raise result
+
+    def tell(self, topic: str, record: object) -> None:
+        """What the supervisor sends to the process."""
+        assert self._sock is not None
+        self._sock.sendall(encode_record(topic, record))
+
+    def begin_flight(self, directory: Path) -> None:
+        info = FlightInfo(
+            directory=str(directory),
+            start_time_ns=self.clock.now_ns(),
+            clock_offset_ns=self.clock.offset_ns,
+            center_frequency_hz=148.7e6,
+            sample_rate_hz=3e6,
+            tags=(),
+        )
+        self.tell("flight", info)
+
+    def send_pulse(self, number: int) -> None:
+        """A detector's pulse, `number` Hz above the tag's nominal frequency."""
+        self.tell("pulse", make_pulse(number, self.clock.now_ns() - 100_000_000 + number))
+
+    @contextlib.asynccontextmanager
+    async def ground_station(
+        self, *more: str, radio: bool = True, **options: Any
+    ) -> AsyncIterator[tuple[GroundLink, list[Any]]]:
+        """A ground station on the radio, and on more links, which it prefers."""
+        events: list[Any] = []
+        link = GroundLink(self.clock.now_ns, on_event=events.append, **options)
+        by_radio = (f"udpin://127.0.0.1:{self.ground_port}",) if radio else ()
+        task = asyncio.create_task(link.run(*more, *by_radio))
+        try:
+            await link.wait_for_drone(20.0)
+            yield link, events
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+    def counter(self, name: str) -> float:
+        assert self.process is not None
+        return self.process._counters()[name]
+
+    def _take(self, topic: str, record: object) -> None:
+        """Be recorder and supervisor: what was recorded comes back, every command is taken."""
+        self.records.append((topic, record))
+        if isinstance(record, PulsePose):
+            self.tell("recorded_pulse_pose", record)
+        elif isinstance(record, Command):
+            self.commands.append(record)
+            reply = CommandReply(
+                request_id=record.request_id, name=record.name, accepted=True, message=""
+            )
+            self.tell("command_reply", reply)
+        elif isinstance(record, Health):
+            self.health = record
+
+
+async def until(condition: Callable[[], object], timeout_s: float = 20.0) -> None:
+    async with asyncio.timeout(timeout_s):
+        while not condition():  # noqa: ASYNC110 - any condition, not one object's
+            await asyncio.sleep(0.01)
+
+
+@pytest.fixture(name="until")
+def until_fixture() -> Callable[..., Awaitable[None]]:
+    return until
+
+
+@pytest.fixture
+def bay(tmp_path: Path) -> Bay:
+    return Bay(tmp_path)
+
+
+@pytest.fixture
+def two_link_bay(tmp_path: Path) -> Bay:
+    """With a link over Wi-Fi as well; `relay` is the stretch between."""
+    port = free_udp_port()
+    bay = Bay(tmp_path, direct_links=(f"udpin://127.0.0.1:{port}",))
+    bay.relay = Relay(free_udp_port(), port)
+    return bay

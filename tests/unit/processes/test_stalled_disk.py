@@ -1,0 +1,110 @@
+"""A disk that does not answer silences nothing."""
+
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from uavrt.ground.fetch import FileClient
+from uavrt.mavlink import dialect
+from uavrt.mavlink.ftp_files import FileTree
+from uavrt.messages import PulsePose
+from uavrt.processes.disk_thread import MOST_JOBS, DiskThread
+from uavrt.recording.spool import undelivered
+
+Bay = Any  # tests/unit/processes/conftest.py
+Until = Callable[..., Awaitable[None]]
+
+
+class Stall:
+    """A function of the disk that answers when it is let go."""
+
+    def __init__(self, real: Callable[..., Any]) -> None:
+        self._real = real
+        self.reached, self.go = threading.Event(), threading.Event()
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        self.reached.set()
+        self.go.wait(60.0)
+        return self._real(*arguments, **options)
+
+
+@pytest.mark.parametrize("place", ["spool", "listing"])
+def test_pulses_and_answers_go_on_while_the_disk_stalls(
+    bay: Bay, until: Until, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    if place == "spool":
+        stall = Stall(undelivered)
+        monkeypatch.setattr("uavrt.processes.pulse_outlet.undelivered", stall)
+    else:
+        stall = Stall(lambda tree, name: [])
+        monkeypatch.setattr(FileTree, "entries", lambda tree, name: stall(tree, name))
+
+    async def main() -> None:
+        async with bay.running(), bay.ground_station() as (link, events):
+            bay.begin_flight(tmp_path)
+            if place == "spool":
+                bay.process._outlet.sender.disk_has_news()  # as after a restart
+            else:
+                client = FileClient(lambda payload: link.send(request(payload)), lambda: 0)
+                asking = asyncio.create_task(client.list_directory("/"))
+            await until(stall.reached.is_set)
+            await link.stop_detection()
+            for number in range(10):
+                bay.send_pulse(number)
+            await until(lambda: sum(isinstance(e, PulsePose) for e in events) == 10)
+            await until(lambda: bay.health.status == "waiting for disk")
+            stall.go.set()
+            await until(lambda: bay.health.status == "ready")
+            if place == "listing":
+                asking.cancel()
+
+    try:
+        asyncio.run(main())
+    finally:
+        stall.go.set()
+
+
+def request(payload: bytes) -> dialect.FileTransferProtocol:
+    return dialect.FileTransferProtocol(
+        target_network=0, target_system=1, target_component=191, payload=payload
+    )
+
+
+def test_jobs_are_done_one_after_the_other_and_are_bounded() -> None:
+    async def main() -> None:
+        disk, go = DiskThread(), threading.Event()
+        done: list[int] = []
+
+        def job(number: int) -> Callable[[], int]:
+            return lambda: number
+
+        disk.start()
+        assert disk(lambda: go.wait(60.0), lambda result: None)
+        while disk.waiting:  # noqa: ASYNC110
+            await asyncio.sleep(0.001)
+        taken = [disk(job(number), done.append) for number in range(40)]
+        assert taken == [True] * MOST_JOBS + [False] * (40 - MOST_JOBS)
+        go.set()
+        async with asyncio.timeout(20.0):
+            while len(done) < MOST_JOBS:  # noqa: ASYNC110
+                await asyncio.sleep(0.001)
+        assert done == list(range(MOST_JOBS))
+
+    asyncio.run(main())
+
+
+def test_a_fault_in_a_job_is_kept_to_be_raised() -> None:
+    async def main() -> None:
+        disk = DiskThread()
+        disk.start()
+        disk(lambda: 1 // 0, lambda result: None)
+        async with asyncio.timeout(20.0):
+            while disk.failure is None:  # noqa: ASYNC110
+                await asyncio.sleep(0.001)
+        assert isinstance(disk.failure, ZeroDivisionError)
+
+    asyncio.run(main())
