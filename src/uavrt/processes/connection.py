@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import Any
 
 from uavrt.clock import monotonic_s
+from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError, LinkError, UavrtError
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.link import SupervisorGone
