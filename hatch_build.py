@@ -68,13 +68,17 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
         return [] if node_of_machine() else [NODE_WHEEL]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Generate and declare the files, which git ignores, as part of the wheel."""
+        """Generate and declare the files, which git ignores, as part of the wheel.
+
+        A page that cannot be built stops the wheel, but not an editable install, nor a drone's
+        (``UAVRT_PAGE=optional`` in the environment).
+        """
         generate(Path(self.root))
         build_data["artifacts"].append(f"/{OUTPUT.as_posix()}")
         try:
             build_page(Path(self.root))
         except PageError as error:
-            if version != "editable":
+            if version != "editable" and os.environ.get("UAVRT_PAGE") != "optional":
                 raise
             self.app.display_warning(f"the ground station's page is not built: {error}")
         build_data["artifacts"].append(f"/{STATIC.as_posix()}/**")

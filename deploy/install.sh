@@ -78,9 +78,15 @@ if [ "$(cat "$stamp" 2>/dev/null)" = "$(fingerprint)" ]; then
     say "the program is up to date"
 else
     say "installing the program into $environment"
-    "$environment/bin/python" -m pip install --quiet --upgrade "$source$extras"
+    # A drone finds animals without the ground station's page: no Node must not stop it here.
+    UAVRT_PAGE=optional "$environment/bin/python" -m pip install --quiet --upgrade "$source$extras"
     # After the build, which writes the MAVLink dialect into the source.
     fingerprint >"$stamp"
+fi
+
+# The DDS binding has no wheel for 64-bit ARM; all else runs without it.
+if [ -n "$extras" ] && ! "$environment/bin/python" -c 'import cyclonedds.core' 2>/dev/null; then
+    say "no DDS binding for $(uname -m): the gateway to ROS 2 stays off (docs/how-to/ros2.md)"
 fi
 
 # 3. A place for settings and flights, and the groups for serial port and radio.

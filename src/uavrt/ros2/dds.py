@@ -98,7 +98,8 @@ def _idl_type(entry: Field) -> Any:
         return types.bounded_str[256]
     return {
         "bool": bool,
-        "byte": types.byte,
+        # Release 0.10.5 has one name for both; the octet on the wire is the same.
+        "byte": getattr(types, "byte", types.uint8),
         "uint8": types.uint8,
         "uint16": types.uint16,
         "int32": types.int32,
