@@ -224,7 +224,8 @@ class Launcher:
             return None
         answer = self._answer()
         if answer is None:
-            self._give_up("did not answer")
+            if self._ready:
+                self._give_up("did not answer")
             return None
         if "pid" not in answer:
             log.warning("the nursery cannot fork", reason=answer["error"])
@@ -269,6 +270,9 @@ class Launcher:
         try:
             data = self._sock.recv(4096)
         except OSError:
+            data = b""
+        if not data:
+            self._ready = False
             return None
-        answer: dict[str, int | str] | None = json.loads(data) if data else None
+        answer: dict[str, int | str] = json.loads(data)
         return answer
