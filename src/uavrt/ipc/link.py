@@ -18,6 +18,9 @@ LINK_VARIABLE = "UAVRT_LINK_FD"
 """Environment variable with the number of the inherited socket."""
 
 
+FLUSH_BYTES = 16_384
+
+
 class LineBuffer:
     """Cuts a byte stream into lines."""
 
@@ -61,8 +64,20 @@ class ChildLink:
         """File descriptor, for select and asyncio."""
         return self._sock.fileno()
 
+    def put(self, topic: str, record: object) -> None:
+        """Keep a record for the next `send`, `flush` or `receive`.
+
+        Raises
+        ------
+        SupervisorGone
+            Nobody will ever read it.
+        """
+        self._unsent += encode_record(topic, record)
+        if len(self._unsent) > FLUSH_BYTES:
+            self.flush()
+
     def send(self, topic: str, record: object) -> None:
-        """Send a record, or keep it until the socket takes it.
+        """Send a record and what was put before, or keep them until the socket takes them.
 
         Raises
         ------
@@ -102,6 +117,8 @@ class ChildLink:
             The supervisor has ended.
         """
         if not self._received and timeout_s > 0:
+            if self._unsent:
+                self.flush()
             select.select([self._sock], [], [], timeout_s)
         self._read_all()
         if self._unsent:

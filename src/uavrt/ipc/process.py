@@ -12,6 +12,7 @@ A process's main is then a short loop::
 import signal
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, Self
 
@@ -66,8 +67,11 @@ class ProcessFrame:
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
-        """Send a record to the supervisor, who passes it on."""
-        self.link.send(topic, record)
+        """Send a record to the supervisor, who passes it on, with the next report.
+
+        All records of one turn of the loop go together: each sending wakes the supervisor.
+        """
+        self.link.put(topic, record)
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
         """Get the records that have arrived."""
@@ -87,15 +91,16 @@ class ProcessFrame:
     ) -> None:
         """Send the health if it is due, or at once when it is the last or has changed.
 
-        Also the sign of life: call it at least once a second. `counters` is called only when
-        the health is sent.
+        Also the sign of life, and the sending of all that waits: call it in each turn of the
+        loop. `counters` is called only when the health is sent.
         """
         now_s = monotonic_s()
         if not last and now_s < self._next_health_s and (status, ok) == self._last_status:
+            self.link.flush()
             return
         self._next_health_s = now_s + HEALTH_PERIOD_S
         self._last_status = (status, ok)
-        self.send(
+        self.link.send(
             "health",
             Health(
                 process=self.assignment.process,
@@ -119,5 +124,5 @@ class ProcessFrame:
         if isinstance(error, SupervisorGone):
             get_logger().warning("supervisor gone: ending")
             sys.exit(1)
-        if kind is None:
-            self.link.flush(timeout_s=2.0)
+        with suppress(SupervisorGone):
+            self.link.flush(timeout_s=2.0 if kind is None else 0.1)

@@ -77,7 +77,13 @@ class Fleet:
 
     def instance_of(self, row: ProcessRow) -> Instance:
         """Get the only instance of a row, running or not."""
-        return self._instances.setdefault(row.name, Instance(row.name, row, 0))
+        return self._instance(row.name, row, 0)
+
+    def _instance(self, name: str, row: ProcessRow, worker: int) -> Instance:
+        instance = self._instances.get(name)
+        if instance is None:
+            instance = self._instances[name] = Instance(name, row, worker)
+        return instance
 
     # ------------------------------------------------------------------ running
 
@@ -116,7 +122,7 @@ class Fleet:
                 continue
             for worker in range(self._worker_count() if row.per_worker else 1):
                 name = f"{row.name}-{worker + 1}" if row.per_worker else row.name
-                yield self._instances.setdefault(name, Instance(name, row, worker))
+                yield self._instance(name, row, worker)
 
     def _worker_count(self) -> int:
         return max(1, min(self._workers, len(self._mission.tags)))

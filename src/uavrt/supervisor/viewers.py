@@ -17,6 +17,7 @@ from uavrt.supervisor.core import Supervisor
 
 log = get_logger()
 
+GATHER_S = 0.05
 VIEWER_BUFFER_BYTES = 1_000_000
 
 
@@ -32,11 +33,11 @@ class Viewers:
         """Send a record line to every viewer."""
         if self._writers:
             if not self._lines:
-                asyncio.get_running_loop().call_soon(self._show_all)
+                asyncio.get_running_loop().call_later(GATHER_S, self._show_all)
             self._lines.append(line)
 
     def _show_all(self) -> None:
-        """Send what has gathered in this turn of the loop."""
+        """Send what has gathered."""
         data = b"".join(self._lines)
         self._lines.clear()
         for writer in list(self._writers):
