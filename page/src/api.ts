@@ -16,7 +16,7 @@ export async function get<T>(path: string): Promise<T> {
   return answer<T>(await fetch(`/api${path}`));
 }
 
-export async function send<T>(method: "POST" | "PUT", path: string, body: unknown): Promise<T> {
+export async function send<T>(method: "POST" | "PUT" | "DELETE", path: string, body: unknown): Promise<T> {
   const response = await fetch(`/api${path}`, {
     method,
     headers: { "Content-Type": "application/json" },

@@ -1,15 +1,16 @@
 /** The view of a flight: buttons, tags, map, and where to walk. */
 
 import { ApiError, get, send } from "./api";
-import { snrColour, gradient, SNR_HIGH, SNR_LOW, tagColour } from "./colour";
-import { by, fill, h, say } from "./dom";
-import { ago, fixed, metres, UNKNOWN } from "./format";
-import { bearingDeg, compass, distanceM, type LonLat } from "./geo";
-import { MapView, type Layers } from "./map";
+import { snrColour, SNR_HIGH, tagColour } from "./colour";
+import { append, by, fill, h, say } from "./dom";
+import { ago, fixed, UNKNOWN } from "./format";
+import { drawFollow, layerBox, legend, offerMaps } from "./layers";
+import { MapView } from "./map";
 import { toast } from "./notice";
-import { speak } from "./speech";
+import { drawReplay, replayBar } from "./replay";
 import { store } from "./store";
-import type { Choices, Readout, TagRow } from "./types";
+import type { Choices, TagRow } from "./types";
+import { drawWalk, walkBox } from "./walk";
 
 const ACTIONS = ["send_tags", "start", "stop", "capture", "mark"];
 const KEYS: Record<string, string> = { send_tags: "T", start: "S", stop: "X", capture: "C", mark: "M" };
@@ -30,8 +31,6 @@ interface Card {
 let view: MapView;
 const cards = new Map<number, Card>();
 const buttons = new Map<string, HTMLButtonElement>();
-let format: keyof Readout = "decimal";
-let strongest: { key: string; readout: Readout } | null = null;
 
 export function mapView(): MapView {
   return view;
@@ -61,9 +60,10 @@ export function buildFly(): void {
     h("div", { id: "cards", class: "cards", role: "list", "aria-label": "Tags" }),
   );
   const map = h("div", { id: "map", class: "map" });
-  const side = h("div", { class: "map-wrap" }, map, walkBox(), legend(), layerBox(), replayBar());
+  const side = h("div", { class: "map-wrap" }, map, walkBox(), legend());
   fill(by("view-fly"), panel, side);
   view = new MapView(map);
+  append(side, [layerBox(view), replayBar()]);
   map.addEventListener("follow", () => drawFollow());
   store.on(["state"], drawActions);
   store.on(["tags", "reset", "selection"], buildCards);
@@ -73,6 +73,7 @@ export function buildFly(): void {
   store.on(["pose", "reset", "selection", "state"], () => view.drawTrack());
   store.on(["estimates", "selection", "reset", "tags"], () => view.drawEstimates());
   store.on(["estimates", "selection", "reset", "pulses", "tags"], drawWalk);
+  store.on(["other", "selection"], () => view.drawOther());
   store.on(["reset", "selection"], drawReplay);
   setInterval(drawCards, 1000);
   void get<Choices>("/choices").then(offerMaps, () => undefined);
@@ -276,261 +277,4 @@ function freshness(id: number, age: number, row: TagRow | undefined): Freshness 
   if (!Number.isFinite(age)) return "never";
   const longest = Math.max(Number(row?.interval_ms ?? 0), Number(row?.second_interval_ms ?? 0)) / 1000;
   return age < Math.max(5, 3 * longest + 2) ? "live" : "stale";
-}
-
-// ------------------------------------------------------------------- where to walk
-
-function walkBox(): HTMLElement {
-  const formats = (["decimal", "dms", "utm", "mgrs"] as const).map((name) =>
-    h(
-      "button",
-      {
-        class: "format",
-        "data-format": name,
-        "aria-pressed": String(name === format),
-        onclick: () => {
-          format = name;
-          drawWalk();
-        },
-      },
-      { decimal: "°", dms: "° ′ ″", utm: "UTM", mgrs: "MGRS" }[name],
-    ),
-  );
-  return h(
-    "div",
-    { id: "walk", class: "walk", hidden: true, role: "region", "aria-label": "Where to go" },
-    h("div", { class: "walk-head" }, h("span", { id: "walk-title" }), h("span", { id: "walk-sure" })),
-    h("div", { id: "walk-place", class: "walk-place" }),
-    h("div", { id: "walk-way", class: "walk-way" }),
-    h(
-      "div",
-      { class: "walk-formats", role: "group", "aria-label": "Form of the coordinates" },
-      ...formats,
-      h("button", { id: "walk-speak", class: "format", onclick: () => speak(spelled()) }, "Read aloud"),
-      h("button", { id: "walk-copy", class: "format", onclick: copyPlace }, "Copy"),
-    ),
-  );
-}
-
-function drawWalk(): void {
-  const box = by("walk");
-  const id = store.selected;
-  const fix = store.positions.find((one) => one.tag_id === id && one.stations >= 2);
-  if (id === null || (!fix && !store.pulses.count)) {
-    box.hidden = true;
-    return;
-  }
-  document.querySelectorAll<HTMLElement>("[data-format]").forEach((button) => {
-    button.setAttribute("aria-pressed", String(button.dataset.format === format));
-  });
-  if (fix) {
-    box.hidden = false;
-    say(by("walk-title"), `Tag ${store.tagName(id)}`);
-    const edge = fix.at_edge ? ", perhaps farther" : "";
-    say(by("walk-sure"), `within ${metres(fix.radius95_m)} (95\u202f%)${edge}`);
-    say(by("walk-place"), fix.readout[format] ?? fix.readout.decimal);
-    say(by("walk-way"), wayTo([fix.longitude_deg, fix.latitude_deg]));
-    return;
-  }
-  const best = strongestPulse(id);
-  if (best === null) {
-    box.hidden = true;
-    return;
-  }
-  box.hidden = false;
-  const turns = store.bearings.filter((one) => one.tag_id === id && one.accepted);
-  const last = turns.at(-1);
-  say(by("walk-title"), `Tag ${store.tagName(id)}: strongest signal`);
-  say(
-    by("walk-sure"),
-    last
-      ? `bearing ${Math.round(last.bearing_deg)}° ${compass(last.bearing_deg)}; turn at another place to cross it`
-      : "turn on the spot for a bearing",
-  );
-  const key = best.join();
-  if (strongest?.key === key) {
-    say(by("walk-place"), strongest.readout[format] ?? strongest.readout.decimal);
-  } else {
-    void get<Readout>(`/readout?latitude_deg=${best[1]}&longitude_deg=${best[0]}`).then((readout) => {
-      strongest = { key, readout };
-      say(by("walk-place"), readout[format] ?? readout.decimal);
-    }, () => undefined); // the server is away: the page asks again when it is back
-  }
-  say(by("walk-way"), wayTo(best));
-}
-
-function strongestPulse(id: number): LonLat | null {
-  const [tag, snr, lat, lon] = (["tag", "snr", "lat", "lon"] as const).map((name) => store.pulses.get(name)) as [
-    Float64Array,
-    Float64Array,
-    Float64Array,
-    Float64Array,
-  ];
-  let best = -1;
-  for (let place = 0; place < store.shown(); place += 1) {
-    if (tag[place] !== id || !Number.isFinite(lat[place]!)) continue;
-    if (best < 0 || snr[place]! > snr[best]!) best = place;
-  }
-  return best < 0 ? null : [lon[best]!, lat[best]!];
-}
-
-/** From where the drone took off: there the people stand. */
-function wayTo(place: LonLat): string {
-  const { track } = store;
-  if (!track.count) return "";
-  const start: LonLat = [track.lon[0]!, track.lat[0]!];
-  const far = distanceM(start, place);
-  const way = bearingDeg(start, place);
-  return `${metres(far)} ${compass(way)} (${Math.round(way)}°) of the take-off`;
-}
-
-function spelled(): string {
-  const place = by("walk-place").textContent ?? "";
-  return `${by("walk-title").textContent}. ${place.split("").join(" ").replaceAll(".", "point").replaceAll("-", "minus")}. ${by("walk-way").textContent}`;
-}
-
-function copyPlace(): void {
-  const text = by("walk-place").textContent ?? "";
-  void navigator.clipboard?.writeText(text).then(
-    () => toast("Copied", 6),
-    () => toast("This browser does not let the page copy", 5),
-  );
-}
-
-// ------------------------------------------------------------------- legend, layers, replay
-
-function legend(): HTMLElement {
-  const ramp = h("div", { class: "ramp" });
-  ramp.style.background = `linear-gradient(to right, ${gradient().join(",")})`;
-  return h(
-    "div",
-    { class: "legend", role: "img", "aria-label": `Pulse strength from ${SNR_LOW} to ${SNR_HIGH} decibel` },
-    h("span", {}, `${SNR_LOW}`),
-    ramp,
-    h("span", {}, `${SNR_HIGH}\u202fdB`),
-  );
-}
-
-function layerBox(): HTMLElement {
-  const names: [keyof Layers, string][] = [
-    ["track", "Track"],
-    ["pulses", "Pulses"],
-    ["rose", "Pulse rose"],
-    ["bearings", "Bearings, 90\u202f%"],
-    ["regions", "Position, 50/95\u202f%"],
-    ["strength", "Strongest signal"],
-  ];
-  const boxes = names.map(([name, label]) => {
-    const box = h("input", {
-      type: "checkbox",
-      id: `layer-${name}`,
-      checked: name !== "strength",
-      onchange: () => view.setLayer(name, box.checked),
-    });
-    return h("label", {}, box, label);
-  });
-  return h(
-    "details",
-    { class: "layers" },
-    h("summary", {}, "Layers"),
-    ...boxes,
-    h("label", { class: "basemap" }, "Map", h("select", { id: "basemap" }, h("option", { value: "" }, "none: grid"))),
-    h(
-      "div",
-      { class: "layer-actions" },
-      h("button", { id: "fit", onclick: () => view.fit() }, "Whole flight"),
-      h("button", { id: "follow", onclick: toggleFollow, "aria-pressed": "true" }, "Follow"),
-    ),
-  );
-}
-
-function toggleFollow(): void {
-  view.follow = !view.follow;
-  drawFollow();
-  view.drawTrack();
-}
-
-function drawFollow(): void {
-  by("follow").setAttribute("aria-pressed", String(view.follow));
-}
-
-function offerMaps(choices: Choices): void {
-  const select = by("basemap") as HTMLSelectElement;
-  for (const file of choices.maps) {
-    select.append(h("option", { value: file.name, disabled: file.fault !== null }, file.fault ? `${file.name}: ${file.fault}` : file.name));
-  }
-  select.onchange = () => void view.setBasemap(choices.maps.find((one) => one.name === select.value) ?? null);
-  const first = choices.maps.find((one) => !one.fault);
-  if (first) {
-    select.value = first.name;
-    void view.setBasemap(first);
-  }
-}
-
-function replayBar(): HTMLElement {
-  const slider = h("input", {
-    id: "replay-slider",
-    type: "range",
-    min: "0",
-    max: "1000",
-    value: "1000",
-    "aria-label": "Time in the flight",
-    oninput: () => seek(Number(slider.value) / 1000),
-  });
-  return h(
-    "div",
-    { id: "replay", class: "replay", hidden: true },
-    h("button", { id: "replay-play", onclick: togglePlay }, "Play"),
-    slider,
-    h("span", { id: "replay-time" }),
-    h("button", { id: "replay-live", onclick: backToLive }, "Back to live"),
-  );
-}
-
-let playing: ReturnType<typeof setInterval> | null = null;
-
-function seek(part: number): void {
-  const review = store.review;
-  if (!review) return;
-  const whole = review.end_time_ns - review.start_time_ns;
-  store.seek(part >= 1 ? Infinity : review.start_time_ns + part * whole);
-}
-
-function togglePlay(): void {
-  if (playing !== null) {
-    stopPlaying();
-    return;
-  }
-  const slider = by("replay-slider") as HTMLInputElement;
-  if (Number(slider.value) >= 1000) slider.value = "0";
-  say(by("replay-play"), "Pause");
-  // A whole flight in 20 s, ten steps a second.
-  playing = setInterval(() => {
-    slider.value = String(Number(slider.value) + 5);
-    seek(Number(slider.value) / 1000);
-    if (Number(slider.value) >= 1000) stopPlaying();
-  }, 100);
-}
-
-function stopPlaying(): void {
-  if (playing !== null) clearInterval(playing);
-  playing = null;
-  say(by("replay-play"), "Play");
-}
-
-function backToLive(): void {
-  stopPlaying();
-  store.backToLive();
-  store.emit("selection");
-  store.emit("state");
-}
-
-function drawReplay(): void {
-  const review = store.review;
-  by("replay").hidden = review === null;
-  if (!review) return;
-  const now = Math.min(store.until, review.end_time_ns);
-  const past = (now - review.start_time_ns) / 1e9;
-  say(by("replay-time"), `${Math.floor(past / 60)}:${String(Math.floor(past % 60)).padStart(2, "0")}`);
-  if (!Number.isFinite(store.until)) (by("replay-slider") as HTMLInputElement).value = "1000";
 }

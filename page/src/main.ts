@@ -91,7 +91,7 @@ function drawHeader(): void {
   if (!store.online) say(offline, "The ground station does not answer. What was received is safe; this page goes on by itself.");
   else if (state?.flight.fault) say(offline, state.flight.fault);
   else if (state?.connection.error) say(offline, state.connection.error);
-  else if (store.review) say(offline, `Past flight ${store.review.flight_id}`);
+  else if (store.review) say(offline, `Past flight ${store.review.flight_id}${store.other ? `, dashed beside it ${store.other.summary.flight_id}` : ""}`);
   offline.className = store.online && store.review && !state?.flight.fault ? "info" : "";
   if (!state) return;
   const mode = state.drone.present ? (STATES[state.drone.state ?? ""] ?? "Drone heard") : "No drone";
@@ -167,7 +167,7 @@ buildPlots();
 buildSetup();
 buildLog();
 buildFlights(show);
-store.on(["state", "online", "pose", "reset"], drawHeader);
+store.on(["state", "online", "pose", "reset", "other"], drawHeader);
 document.addEventListener("keydown", keys);
 const wanted = location.hash.slice(1);
 show(VIEWS.some(([name]) => name === wanted) ? wanted : "fly");

@@ -9,20 +9,29 @@ import {
   addProtocol,
   setWorkerUrl,
   type LngLatBounds,
-  type StyleSpecification,
 } from "maplibre-gl";
 import workerUrl from "maplibre-gl/dist/maplibre-gl-worker.mjs?worker&url";
 import { PMTiles, Protocol } from "pmtiles";
-import { snrColour, snrExpression, tagColour } from "./colour";
-import { h, svg } from "./dom";
-import { type LonLat, destination, distanceM, wedge } from "./geo";
+import { tagColour } from "./colour";
+import {
+  type Feature,
+  clusterFeatures,
+  collection,
+  point,
+  pulseFeatures,
+  rayOf,
+  regionsOf,
+  stationOf,
+  wedgeOf,
+} from "./features";
+import type { LonLat } from "./geo";
 import { Graticule } from "./graticule";
 import { vectorLayers } from "./basemap";
+import { droneElement, fixElement, max, min, rgb, roseElement } from "./markers";
+import { addFlightLayers, blank, dark, ground } from "./maplayers";
 import { Pace } from "./pace";
 import { store } from "./store";
-import type { BearingRecord, MapFile, PositionRecord } from "./types";
-
-type Feature = GeoJSON.Feature;
+import type { MapFile, PositionRecord } from "./types";
 
 /** Above this many, pulses are drawn in clusters: one for each cell of the screen. */
 const CLUSTER_FROM = 4000;
@@ -32,12 +41,14 @@ const FINE_CELL_PX = 4;
 const FINE_ZOOM = 15;
 /** Pulses newer than the last clustering, drawn one by one. */
 const RECENT = 1500;
-const RAY_M = 900;
-const ROSE_PX = 116;
 const FULL_RATIO = Math.min(window.devicePixelRatio, 2);
 
 setWorkerUrl(workerUrl);
 
+const SOURCES = [
+  ...["track", "pulses", "bulk", "wedges", "rays", "regions", "strongest"],
+  ...["other-track", "other-regions", "other-fixes"],
+];
 const EMPTY: GeoJSON.FeatureCollection = { type: "FeatureCollection", features: [] };
 
 export interface Layers {
@@ -195,6 +206,32 @@ export class MapView {
     }
   }
 
+  /** The flight that is compared with the one shown: its track, and positions as rings. */
+  drawOther(): void {
+    if (!this.ready) return;
+    const other = store.other;
+    const track = other?.track;
+    const line: LonLat[] = [];
+    const step = Math.max(1, Math.floor((track?.count ?? 0) / 3000));
+    for (let place = 0; track && place < track.count; place += step) {
+      line.push([track.lon[place]!, track.lat[place]!]);
+    }
+    const placed = (other?.positions ?? []).filter((one) => one.stations > 1 && !store.hidden.has(one.tag_id));
+    this.source("other-track").setData({
+      type: "Feature",
+      properties: {},
+      geometry: { type: "LineString", coordinates: line },
+    });
+    this.source("other-regions").setData(collection(placed.flatMap(regionsOf)));
+    this.source("other-fixes").setData(
+      collection(
+        placed.map((one) =>
+          point([one.longitude_deg, one.latitude_deg], { colour: tagColour(store.tagOrder(one.tag_id)) }),
+        ),
+      ),
+    );
+  }
+
   setLayer(name: keyof Layers, visible: boolean): void {
     this.layers[name] = visible;
     const ids: Record<keyof Layers, string[]> = {
@@ -343,281 +380,17 @@ export class MapView {
 
   private addLayers(): void {
     const map = this.map;
-    for (const id of ["track", "pulses", "bulk", "wedges", "rays", "regions", "strongest"]) {
-      map.addSource(id, { type: "geojson", data: EMPTY });
-    }
+    for (const id of SOURCES) map.addSource(id, { type: "geojson", data: EMPTY });
     map.on("moveend", () => {
       if (!this.drawnHolds()) this.drawClusters();
     });
     this.graticule.addTo();
-    map.addLayer({
-      id: "strength",
-      type: "heatmap",
-      source: "pulses",
-      layout: { visibility: "none" },
-      paint: {
-        "heatmap-weight": ["interpolate", ["linear"], ["get", "snr"], 5, 0.02, 40, 1],
-        "heatmap-radius": 42,
-        "heatmap-opacity": 0.6,
-      },
-    });
-    map.addLayer({
-      id: "wedges",
-      type: "fill",
-      source: "wedges",
-      paint: { "fill-color": ["get", "colour"], "fill-opacity": ["get", "opacity"] },
-    });
-    map.addLayer({
-      id: "track",
-      type: "line",
-      source: "track",
-      layout: { "line-join": "round" },
-      paint: { "line-color": dark() ? "#cfd8dc" : "#37474f", "line-width": 1.6, "line-opacity": 0.75 },
-    });
-    const circle = {
-      "circle-color": snrExpression(["get", "snr"]) as never,
-      "circle-stroke-width": 0.8,
-      "circle-stroke-color": "#1c272c",
-    };
-    map.addLayer({
-      id: "bulk",
-      type: "circle",
-      source: "bulk",
-      paint: {
-        ...circle,
-        "circle-radius": ["interpolate", ["linear"], ["log10", ["get", "count"]], 0, 3, 3, 10],
-      },
-    });
-    map.addLayer({
-      id: "pulses",
-      type: "circle",
-      source: "pulses",
-      paint: { ...circle, "circle-radius": ["interpolate", ["linear"], ["zoom"], 12, 3, 18, 6] },
-    });
-    map.addLayer({
-      id: "rays",
-      type: "line",
-      source: "rays",
-      paint: {
-        "line-color": ["get", "colour"],
-        "line-width": 2.4,
-        "line-dasharray": ["case", ["get", "sure"], ["literal", [1, 0]], ["literal", [2, 2]]],
-      },
-    });
-    map.addLayer({
-      id: "regions",
-      type: "line",
-      source: "regions",
-      paint: {
-        "line-color": ["get", "colour"],
-        "line-width": ["case", ["==", ["get", "share"], 50], 2.6, 1.6],
-      },
-    });
-    map.addLayer({
-      id: "strongest",
-      type: "symbol",
-      source: "strongest",
-      layout: {
-        visibility: "none",
-        "text-field": ["get", "label"],
-        "text-size": 13,
-        "text-offset": [0, 1.2],
-        "text-font": ["sans-serif"],
-      },
-      paint: { "text-color": "#111", "text-halo-color": "#fff", "text-halo-width": 1.6 },
-    });
+    addFlightLayers(map);
     this.ready = true;
     void this.setBasemap(this.basemap);
     this.drawPulses(true);
     this.drawTrack();
     this.drawEstimates();
+    this.drawOther();
   }
-}
-
-function blank(): StyleSpecification {
-  return {
-    version: 8,
-    sources: {},
-    layers: [{ id: "background", type: "background", paint: { "background-color": ground() } }],
-  };
-}
-
-export function dark(): boolean {
-  return document.documentElement.dataset.theme === "dark";
-}
-
-function ground(): string {
-  return dark() ? "#1b2429" : "#eef2f3";
-}
-
-function pulseFeatures(from: number, to: number): GeoJSON.FeatureCollection {
-  const [lat, lon, snr, tag] = (["lat", "lon", "snr", "tag"] as const).map((name) =>
-    store.pulses.get(name),
-  ) as [Float64Array, Float64Array, Float64Array, Float64Array];
-  const features: Feature[] = [];
-  for (let place = from; place < to; place += 1) {
-    if (!Number.isFinite(lat[place]!) || store.hidden.has(tag[place]!)) continue;
-    const value = snr[place]!;
-    features.push(point([lon[place]!, lat[place]!], { snr: Number.isFinite(value) ? value : 0 }));
-  }
-  return collection(features);
-}
-
-/**
- * The best of each cell of the screen, in a view three times as wide and high: what a pan of one
- * screen shows is there already. Bounded by the screen, not by the flight: 100 000 pulses take
- * one pass over typed arrays.
- */
-function clusterFeatures(count: number, bounds: LngLatBounds, zoom: number, cellPx: number): GeoJSON.FeatureCollection {
-  const [lat, lon, snr, tag] = (["lat", "lon", "snr", "tag"] as const).map((name) =>
-    store.pulses.get(name),
-  ) as [Float64Array, Float64Array, Float64Array, Float64Array];
-  const [west, south, east, north] = [bounds.getWest(), bounds.getSouth(), bounds.getEast(), bounds.getNorth()];
-  const [wide, high] = [east - west, north - south];
-  const lonStep = (cellPx * 360) / (512 * 2 ** zoom);
-  const latStep = lonStep * Math.cos((((south + north) / 2) * Math.PI) / 180);
-  const columns = Math.ceil((3 * wide) / lonStep) + 1;
-  const rows = Math.ceil((3 * high) / latStep) + 1;
-  const best = new Int32Array(columns * rows).fill(-1);
-  const counts = new Uint32Array(columns * rows);
-  const cells: number[] = [];
-  const hidden = store.hidden.size > 0 ? store.hidden : null;
-  for (let place = 0; place < count; place += 1) {
-    const column = Math.floor((lon[place]! - west + wide) / lonStep);
-    const row = Math.floor((lat[place]! - south + high) / latStep);
-    if (!(column >= 0 && column < columns && row >= 0 && row < rows)) continue;
-    if (hidden?.has(tag[place]!)) continue;
-    const cell = row * columns + column;
-    if (counts[cell] === 0) cells.push(cell);
-    counts[cell]! += 1;
-    if (best[cell]! < 0 || snr[place]! > snr[best[cell]!]!) best[cell] = place;
-  }
-  const features: Feature[] = [];
-  for (const cell of cells) {
-    const place = best[cell]!;
-    const value = snr[place]!;
-    const properties = { snr: Number.isFinite(value) ? value : 0, count: counts[cell]! };
-    features.push(point([lon[place]!, lat[place]!], properties));
-  }
-  return collection(features);
-}
-
-function point(coordinates: LonLat, properties: Record<string, unknown>): Feature {
-  return { type: "Feature", properties, geometry: { type: "Point", coordinates } };
-}
-
-function collection(features: Feature[]): GeoJSON.FeatureCollection {
-  return { type: "FeatureCollection", features };
-}
-
-function stationOf(one: BearingRecord): LonLat {
-  return [one.longitude_deg, one.latitude_deg];
-}
-
-/** Rays reach a little beyond the position where there is one. */
-function reach(one: BearingRecord, positions: PositionRecord[]): number {
-  const fix = positions.find((position) => position.tag_id === one.tag_id);
-  if (!fix || fix.stations < 2) return RAY_M;
-  return Math.max(80, 1.35 * distanceM(stationOf(one), [fix.longitude_deg, fix.latitude_deg]));
-}
-
-function wedgeOf(one: BearingRecord, positions: PositionRecord[]): Feature[] {
-  if (!one.interval90_deg) return [];
-  const ring = wedge(stationOf(one), ...one.interval90_deg, reach(one, positions));
-  const chosen = one.tag_id === store.selected;
-  return [
-    {
-      type: "Feature",
-      properties: {
-        colour: tagColour(store.tagOrder(one.tag_id)),
-        opacity: (chosen ? 0.22 : 0.08) * (one.accepted ? 1 : 0.5),
-      },
-      geometry: { type: "Polygon", coordinates: [ring] },
-    },
-  ];
-}
-
-function rayOf(one: BearingRecord, positions: PositionRecord[]): Feature {
-  const start = stationOf(one);
-  return {
-    type: "Feature",
-    properties: {
-      colour: tagColour(store.tagOrder(one.tag_id)),
-      sure: one.accepted && !one.ambiguous,
-    },
-    geometry: {
-      type: "LineString",
-      coordinates: [start, destination(start, one.bearing_deg, reach(one, positions))],
-    },
-  };
-}
-
-function regionsOf(one: PositionRecord): Feature[] {
-  const colour = tagColour(store.tagOrder(one.tag_id));
-  return ([50, 95] as const).map((share) => ({
-    type: "Feature",
-    properties: { colour, share },
-    geometry: {
-      type: "MultiLineString",
-      coordinates: share === 50 ? one.region50 : one.region95,
-    },
-  }));
-}
-
-function droneElement(): HTMLElement {
-  const shape = svg(
-    "svg",
-    { viewBox: "-16 -16 32 32", width: 34, height: 34, role: "img", "aria-label": "Drone" },
-    svg("path", { d: "M0 -13 L9 11 L0 6 L-9 11 Z", class: "drone-shape" }),
-  );
-  const element = h("div", { class: "drone-marker" });
-  element.appendChild(shape);
-  return element;
-}
-
-/** The pulse rose: for each sixteenth of the turn, the strongest pulse heard there. */
-function roseElement(one: BearingRecord): HTMLElement {
-  const heard = one.rose_snr_db.filter((value): value is number => value !== null);
-  const top = max(heard);
-  const low = Math.min(min(heard), top - 6);
-  const half = ROSE_PX / 2;
-  const shapes: SVGElement[] = [svg("circle", { r: half - 1, class: "rose-rim" })];
-  one.rose_snr_db.forEach((value, sector) => {
-    if (value === null) return;
-    const radius = (half - 3) * (0.25 + (0.75 * (value - low)) / (top - low));
-    const middle = (sector * 2 * Math.PI) / one.rose_snr_db.length;
-    const wide = Math.PI / one.rose_snr_db.length;
-    const at = (angle: number) => `${radius * Math.sin(angle)} ${-radius * Math.cos(angle)}`;
-    const path = `M0 0L${at(middle - wide)}A${radius} ${radius} 0 0 1 ${at(middle + wide)}Z`;
-    shapes.push(svg("path", { d: path, fill: snrColour(value), class: "rose-petal" }));
-  });
-  const label = `Pulse rose of turn ${one.turn + 1}, bearing ${Math.round(one.bearing_deg)} degrees`;
-  const element = h("div", { class: "rose", role: "img", "aria-label": label });
-  element.appendChild(
-    svg("svg", { viewBox: `${-half} ${-half} ${ROSE_PX} ${ROSE_PX}`, width: ROSE_PX, height: ROSE_PX }, ...shapes),
-  );
-  return element;
-}
-
-function fixElement(one: PositionRecord): HTMLElement {
-  const element = h("div", { class: "fix" }, h("span", { class: "fix-name" }, store.tagName(one.tag_id)));
-  const pin = svg(
-    "svg",
-    { viewBox: "-9 -20 18 21", width: 18, height: 21, "aria-hidden": "true" },
-    svg("path", { d: "M0 0C-8 -9 -8 -19 0 -19S8 -9 0 0Z", fill: tagColour(store.tagOrder(one.tag_id)), class: "fix-pin" }),
-  );
-  element.appendChild(pin);
-  return element;
-}
-
-function rgb(colour: string): [number, number, number] {
-  return [1, 3, 5].map((place) => parseInt(colour.slice(place, place + 2), 16)) as [number, number, number];
-}
-
-function min(values: number[]): number {
-  return values.reduce((a, b) => Math.min(a, b), Infinity);
-}
-
-function max(values: number[]): number {
-  return values.reduce((a, b) => Math.max(a, b), -Infinity);
 }

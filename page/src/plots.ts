@@ -6,6 +6,7 @@ import { get } from "./api";
 import { snrColour, tagColour } from "./colour";
 import { by, fill, h, say, svg } from "./dom";
 import { store } from "./store";
+import { showWaterfall, waterfallFigure } from "./waterfall";
 import type { Choices } from "./types";
 
 const POLAR = 340;
@@ -33,6 +34,7 @@ export function buildPlots(): void {
       figure("snr", "SNR over time, dB; times UTC"),
       figure("fold", "Interval since the pulse before, ms"),
       figure("frequency", "Frequency away from the tag's nominal one, Hz"),
+      waterfallFigure(),
     ),
     h("div", { class: "plot-tags", role: "group", "aria-label": "Tag", id: "plot-tags" }),
   );
@@ -48,6 +50,7 @@ export function buildPlots(): void {
 export function showPlots(visible: boolean): void {
   shown = visible;
   if (visible) requestAnimationFrame(draw);
+  showWaterfall(visible);
 }
 
 function figure(id: string, caption: string): HTMLElement {

@@ -5,8 +5,10 @@
 
 import { columns, get } from "./api";
 import { Pulses } from "./pulses";
+import { emptyTrack, extend, type Track, trackFrom } from "./track";
 import type {
   BearingRecord,
+  Download,
   Estimates,
   FlightSummary,
   LogLine,
@@ -16,6 +18,7 @@ import type {
   Settings,
   State,
   TagRow,
+  WaterfallRecord,
 } from "./types";
 
 export type Topic =
@@ -29,15 +32,16 @@ export type Topic =
   | "estimates"
   | "log"
   | "selection"
+  | "other"
+  | "download"
+  | "waterfall"
   | "online";
 
-export interface Track {
-  time: Float64Array;
-  lat: Float64Array;
-  lon: Float64Array;
-  height: Float64Array;
-  yaw: Float64Array;
-  count: number;
+/** A flight as it lies on the server's disk. */
+export interface Stored extends Estimates {
+  summary: FlightSummary & { rows: TagRow[]; log: LogLine[] };
+  pulses: Pulses;
+  track: Track;
 }
 
 const RECONNECT_MS = 1000;
@@ -54,7 +58,12 @@ class Store {
   track: Track = emptyTrack();
   pose: PoseRecord | null = null;
   /** Flight that is looked at: null is the live one. */
-  review: (FlightSummary & { rows: TagRow[]; log: LogLine[] }) | null = null;
+  review: Stored["summary"] | null = null;
+  /** Flight that is compared with it. */
+  other: Stored | null = null;
+  download: Download | null = null;
+  /** Columns of the live waterfall that nobody has drawn yet. */
+  waterfall: WaterfallRecord[] = [];
   /** Replay: nothing later than this is shown. */
   until = Infinity;
   selected: number | null = null;
@@ -165,19 +174,17 @@ class Store {
 
   async open(flightId: string): Promise<void> {
     const ticket = ++this.loading;
-    const [summary, [pulses, width], track] = await Promise.all([
-      get<FlightSummary & { rows: TagRow[]; log: LogLine[] }>(`/flights/${encodeURIComponent(flightId)}`),
-      columns(`/flights/${encodeURIComponent(flightId)}/columns`),
-      columns(`/flights/${encodeURIComponent(flightId)}/track`),
-    ]);
+    const { summary, pulses, track } = await flightOf(flightId);
     if (ticket !== this.loading) return;
     this.review = summary;
     this.until = Infinity;
     this.selected = null;
     this.hidden.clear();
-    this.pulses = Pulses.from(pulses, width);
-    this.track = trackFrom(...track);
+    this.other = null;
+    this.pulses = pulses;
+    this.track = track;
     this.take({ bearings: [], positions: [] });
+    this.emit("other");
     this.pose = null;
     this.waiting = null;
     this.emit("reset");
@@ -186,13 +193,19 @@ class Store {
   }
 
   private async loadEstimates(flightId: string, ticket: number): Promise<void> {
-    const path = `/flights/${encodeURIComponent(flightId)}/estimates`;
-    const found = await get<Estimates>(path).catch(() => null);
+    const found = await estimatesOf(flightId).catch(() => null);
     if (found && ticket === this.loading) this.take(found);
+  }
+
+  /** Lay another flight over the one that is shown. */
+  compare(other: Stored | null): void {
+    this.other = other;
+    this.emit("other");
   }
 
   backToLive(): void {
     this.review = null;
+    this.compare(null);
     this.until = Infinity;
     void this.loadLive();
   }
@@ -220,17 +233,19 @@ class Store {
           tags: TagRow[];
           settings: Settings;
           log: LogLine[];
+          download: Download | null;
         } & Estimates;
         this.online = true;
         this.takeState(hello.state);
         this.tags = hello.tags;
         this.settings = hello.settings;
         this.log = hello.log;
+        this.download = hello.download;
         if (!this.review) {
           this.take(hello);
           void this.loadLive();
         }
-        for (const topic of ["online", "tags", "settings", "log"] as const) this.emit(topic);
+        for (const topic of ["online", "tags", "settings", "log", "download"] as const) this.emit(topic);
         break;
       }
       case "state":
@@ -258,6 +273,15 @@ class Store {
         break;
       case "pose":
         this.takePose(message.record as PoseRecord);
+        break;
+      case "download":
+        this.download = message.record as Download;
+        this.emit("download");
+        break;
+      case "waterfall":
+        this.waterfall.push(message.record as WaterfallRecord);
+        if (this.waterfall.length > 600) this.waterfall.shift();
+        this.emit("waterfall");
         break;
       case "estimates": {
         const record = message.record as Estimates & { flight_id: string };
@@ -332,44 +356,23 @@ class Store {
   }
 }
 
-function emptyTrack(): Track {
-  const cells = () => new Float64Array(256);
-  return { time: cells(), lat: cells(), lon: cells(), height: cells(), yaw: cells(), count: 0 };
+async function flightOf(flightId: string): Promise<Omit<Stored, keyof Estimates>> {
+  const path = `/flights/${encodeURIComponent(flightId)}`;
+  const [summary, [pulses, width], track] = await Promise.all([
+    get<Stored["summary"]>(path),
+    columns(`${path}/columns`),
+    columns(`${path}/track`),
+  ]);
+  return { summary, pulses: Pulses.from(pulses, width), track: trackFrom(...track) };
 }
 
-function trackFrom(buffer: ArrayBuffer, columnCount: number): Track {
-  const cells = new Float64Array(buffer);
-  const count = cells.length / columnCount;
-  const at = (place: number) => cells.slice(place * count, (place + 1) * count);
-  const [w, x, y, z] = [at(4), at(5), at(6), at(7)];
-  const yaw = Float64Array.from(
-    w,
-    (value, place) =>
-      (Math.atan2(
-        2 * (value * z[place]! + x[place]! * y[place]!),
-        1 - 2 * (y[place]! ** 2 + z[place]! ** 2),
-      ) *
-        180) /
-      Math.PI,
-  );
-  return { time: at(0), lat: at(1), lon: at(2), height: at(3), yaw, count };
+function estimatesOf(flightId: string): Promise<Estimates> {
+  return get<Estimates>(`/flights/${encodeURIComponent(flightId)}/estimates`);
 }
 
-function extend(track: Track, pose: PoseRecord): void {
-  if (track.count >= track.time.length) {
-    const size = Math.max(256, track.time.length * 2);
-    for (const name of ["time", "lat", "lon", "height", "yaw"] as const) {
-      const grown = new Float64Array(size);
-      grown.set(track[name]);
-      track[name] = grown;
-    }
-  }
-  track.time[track.count] = pose.time_ns;
-  track.lat[track.count] = pose.latitude_deg;
-  track.lon[track.count] = pose.longitude_deg;
-  track.height[track.count] = pose.altitude_relative_m;
-  track.yaw[track.count] = pose.heading_deg;
-  track.count += 1;
+export async function stored(flightId: string): Promise<Stored> {
+  const [flight, found] = await Promise.all([flightOf(flightId), estimatesOf(flightId)]);
+  return { ...flight, ...found };
 }
 
 export const store = new Store();

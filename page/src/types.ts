@@ -167,3 +167,23 @@ export interface MapFile {
   max_zoom?: number;
   bounds?: [number, number, number, number];
 }
+
+export interface Download {
+  flight_id: string;
+  file: string;
+  done_bytes: number;
+  whole_bytes: number | null;
+  ended: boolean;
+  error: string | null;
+}
+
+/** A stretch of a waterfall; values are bytes in base64, column after column. */
+export interface WaterfallRecord {
+  start_time_ns: number;
+  column_s: number;
+  low_hz: number;
+  high_hz: number;
+  columns: number;
+  rows: number;
+  values: string;
+}

@@ -87,7 +87,7 @@ class Api:
 
     async def put_tags(self, request: Request) -> Any:
         """Keep the tag table if it has no fault; tell all faults otherwise."""
-        tags, faults = tag_table.tags_from_rows(await _json(request))
+        tags, faults = tag_table.tags_from_rows(await json_body(request))
         if faults:
             return _Answer(422, {"faults": [asdict(fault) for fault in faults]})
         self._session.store.set_tags(tags)
@@ -96,12 +96,12 @@ class Api:
 
     async def check_tags(self, request: Request) -> Any:
         """Tell the faults of a table that is being typed."""
-        _, faults = tag_table.tags_from_rows(await _json(request))
+        _, faults = tag_table.tags_from_rows(await json_body(request))
         return {"faults": [asdict(fault) for fault in faults]}
 
     async def import_tags(self, request: Request) -> Any:
         """Read rows from files; they are not kept yet."""
-        files = await _json(request)
+        files = await json_body(request)
         if not isinstance(files, dict) or not all(
             isinstance(one, str) for one in files.values()
         ):
@@ -121,7 +121,7 @@ class Api:
     async def put_settings(self, request: Request) -> Any:
         """Change some of the set-up."""
         store = self._session.store
-        store.set_settings(store.settings.changed(await _json(request)))
+        store.set_settings(store.settings.changed(await json_body(request)))
         self._session.settings_changed()
         return asdict(store.settings)
 
@@ -140,7 +140,7 @@ class Api:
 
     async def connect(self, request: Request) -> Any:
         """Connect to an address; an empty one disconnects."""
-        wanted = await _json(request)
+        wanted = await json_body(request)
         address = wanted.get("address") if isinstance(wanted, dict) else None
         if address:
             store = self._session.store
@@ -155,7 +155,7 @@ class Api:
     async def command(self, request: Request) -> Any:
         """Ask something of the drone; the answer is its acknowledgement."""
         session = self._session
-        body = await _json(request)
+        body = await json_body(request)
         text = str(body.get("text", "")) if isinstance(body, dict) else ""
         commands: dict[str, Callable[[], Awaitable[str]]] = {
             "send_tags": session.commands.send_tags,
@@ -349,7 +349,8 @@ def _json_response(value: Any, status: int) -> Response:
     return Response(encode(value), status, media_type="application/json")
 
 
-async def _json(request: Request) -> Any:
+async def json_body(request: Request) -> Any:
+    """Read what was sent as JSON; raises `FormatError`."""
     try:
         return json.loads(await request.body() or b"{}")
     except (ValueError, RecursionError) as error:

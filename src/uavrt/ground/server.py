@@ -20,6 +20,7 @@ from starlette.staticfiles import StaticFiles
 
 from uavrt.errors import LinkError
 from uavrt.ground.api import Api, answered
+from uavrt.ground.api_extra import ExtraApi
 from uavrt.ground.guard import Guard
 from uavrt.ground.session import GroundSession
 
@@ -109,7 +110,7 @@ def application(session: GroundSession, settings: ServerSettings) -> Starlette:
         Route("/", _page),
         WebSocketRoute("/api/records", api.records),
     ]
-    for path, method, handler in api.routes():
+    for path, method, handler in [*api.routes(), *ExtraApi(session).routes()]:
         routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
     routes.append(Route("/maps/{name}", answered(api.map_file)))
     routes.append(Route("/maps/{name}/{z:int}/{x:int}/{y:int}", answered(api.map_tile)))

@@ -15,6 +15,7 @@ from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import LinkError, UavrtError
 from uavrt.ground.actions import Busy, Situation
 from uavrt.ground.commands import Commands
+from uavrt.ground.downloads import Downloads
 from uavrt.ground.estimates import Estimates, Estimator
 from uavrt.ground.event_log import EventLog
 from uavrt.ground.flight_keeper import FlightKeeper
@@ -36,7 +37,7 @@ from uavrt.ground.tag_table import rows_from_tags
 from uavrt.ground.vehicle import VehicleWatch
 from uavrt.log import get_logger
 from uavrt.mavlink.frame import Frame
-from uavrt.messages import PulsePose, SearchReport, StatusText, SystemState, Tag
+from uavrt.messages import LiveBearing, PulsePose, SearchReport, StatusText, SystemState, Tag
 from uavrt.recording.pulse_files import pulse_record
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -90,6 +91,7 @@ class GroundSession:
         self.sent_tags: tuple[Tag, ...] = ()
         self.estimates = Estimates(bearings=[], positions=[])
         self.commands = Commands(self)
+        self.downloads = Downloads(self)
         self._on_event = on_event
         self._estimator = Estimator()
         self._estimate_due = False
@@ -100,6 +102,7 @@ class GroundSession:
         self._commit_due = False
         self.temperature_c: float | None = None
         self.heard: dict[int, int] = {}
+        self.drone_bearings: dict[tuple[int, int], LiveBearing] = {}
         self.drone_directory = ""
         self._stopped_ns: int | None = None
         self._skew = ClockSkew()
@@ -128,6 +131,7 @@ class GroundSession:
                     next_state_s = now_s + STATE_S
                     self._once_a_second()
         finally:
+            await self.downloads.stop()
             await self.disconnect()
             if self._estimating is not None:
                 self._estimating.cancel()
@@ -194,6 +198,7 @@ class GroundSession:
             "bearings": self.estimates.bearings,
             "positions": self.estimates.positions,
             "log": self.log.lines(),
+            "download": self.downloads.record(),
         }
 
     def send_state(self) -> None:
@@ -230,6 +235,7 @@ class GroundSession:
     def _take_frame(self, frame: Frame) -> None:
         if self.vehicle is None:
             return
+        self.downloads.receive(frame)
         now_ns = self.clock.now_ns()
         pose = self.vehicle.receive(frame, now_ns)
         if pose is None:
@@ -254,6 +260,9 @@ class GroundSession:
                 self.hub.send("search", asdict(event))
             case DetectorAlive():
                 self.heard[event.tag_id] = now_ns
+            case LiveBearing():
+                self.drone_bearings[event.tag_id, event.start_time_ns] = event
+                self._estimate_due = True
             case DroneHeartbeat():
                 self._take_heartbeat(event)
             case StatusText():
@@ -322,6 +331,7 @@ class GroundSession:
         self._estimator = Estimator()
         self._stopped_ns = None
         self.heard.clear()
+        self.drone_bearings.clear()
         self.hub.send("flight", {"flight_id": flight_id})
         self.send_state()
 
@@ -373,7 +383,10 @@ class GroundSession:
         begun_s = monotonic_s()
         try:
             found = await asyncio.to_thread(
-                self._estimator.estimate, columns, self.store.settings.antenna_choice
+                self._estimator.estimate,
+                columns,
+                self.store.settings.antenna_choice,
+                tuple(self.drone_bearings.values()),
             )
         except UavrtError as error:
             log.warning("no estimate", reason=str(error))

@@ -7,12 +7,10 @@ way (Python bytes, threads, asyncio) costs up to three times that. A pipe of 1 M
 """
 
 import errno
-import fcntl
 import os
 import select
 import stat
 import struct
-import termios
 from typing import Final
 
 import numpy as np
@@ -264,6 +262,8 @@ class StreamSource:
 
 def _enlarge_pipe(descriptor: int) -> int:
     """Make a pipe as large as allowed; return its size, 0 for what is not a pipe."""
+    import fcntl  # here: recordings are read where there is none
+
     try:
         if not stat.S_ISFIFO(os.fstat(descriptor).st_mode):
             return 0
@@ -281,6 +281,9 @@ def _enlarge_pipe(descriptor: int) -> int:
 
 def _waiting_bytes(descriptor: int) -> int:
     """How many bytes can be read at once."""
+    import fcntl
+    import termios
+
     try:
         answer = fcntl.ioctl(descriptor, termios.FIONREAD, b"\0\0\0\0")
     except OSError:

@@ -1,0 +1,77 @@
+/** Beside the map: what is drawn on it, on which ground, and what the colours mean. */
+
+import { gradient, SNR_HIGH, SNR_LOW } from "./colour";
+import { by, h } from "./dom";
+import type { Layers, MapView } from "./map";
+import type { Choices } from "./types";
+
+let view: MapView;
+
+export function legend(): HTMLElement {
+  const ramp = h("div", { class: "ramp" });
+  ramp.style.background = `linear-gradient(to right, ${gradient().join(",")})`;
+  return h(
+    "div",
+    { class: "legend", role: "img", "aria-label": `Pulse strength from ${SNR_LOW} to ${SNR_HIGH} decibel` },
+    h("span", {}, `${SNR_LOW}`),
+    ramp,
+    h("span", {}, `${SNR_HIGH}\u202fdB`),
+  );
+}
+
+export function layerBox(made: MapView): HTMLElement {
+  view = made;
+  const names: [keyof Layers, string][] = [
+    ["track", "Track"],
+    ["pulses", "Pulses"],
+    ["rose", "Pulse rose"],
+    ["bearings", "Bearings, 90\u202f%"],
+    ["regions", "Position, 50/95\u202f%"],
+    ["strength", "Strongest signal"],
+  ];
+  const boxes = names.map(([name, label]) => {
+    const box = h("input", {
+      type: "checkbox",
+      id: `layer-${name}`,
+      checked: name !== "strength",
+      onchange: () => view.setLayer(name, box.checked),
+    });
+    return h("label", {}, box, label);
+  });
+  return h(
+    "details",
+    { class: "layers" },
+    h("summary", {}, "Layers"),
+    ...boxes,
+    h("label", { class: "basemap" }, "Map", h("select", { id: "basemap" }, h("option", { value: "" }, "none: grid"))),
+    h(
+      "div",
+      { class: "layer-actions" },
+      h("button", { id: "fit", onclick: () => view.fit() }, "Whole flight"),
+      h("button", { id: "follow", onclick: toggleFollow, "aria-pressed": "true" }, "Follow"),
+    ),
+  );
+}
+
+function toggleFollow(): void {
+  view.follow = !view.follow;
+  drawFollow();
+  view.drawTrack();
+}
+
+export function drawFollow(): void {
+  by("follow").setAttribute("aria-pressed", String(view.follow));
+}
+
+export function offerMaps(choices: Choices): void {
+  const select = by("basemap") as HTMLSelectElement;
+  for (const file of choices.maps) {
+    select.append(h("option", { value: file.name, disabled: file.fault !== null }, file.fault ? `${file.name}: ${file.fault}` : file.name));
+  }
+  select.onchange = () => void view.setBasemap(choices.maps.find((one) => one.name === select.value) ?? null);
+  const first = choices.maps.find((one) => !one.fault);
+  if (first) {
+    select.value = first.name;
+    void view.setBasemap(first);
+  }
+}

@@ -1,0 +1,124 @@
+/** Layers of the map, from the ground upwards, and their colours. */
+
+import type { Map as MapLibre, StyleSpecification } from "maplibre-gl";
+import { snrExpression } from "./colour";
+
+export function blank(): StyleSpecification {
+  return {
+    version: 8,
+    sources: {},
+    layers: [{ id: "background", type: "background", paint: { "background-color": ground() } }],
+  };
+}
+
+export function dark(): boolean {
+  return document.documentElement.dataset.theme === "dark";
+}
+
+export function ground(): string {
+  return dark() ? "#1b2429" : "#eef2f3";
+}
+
+/** Lay the layers of a flight over what is there; their sources must exist. */
+export function addFlightLayers(map: MapLibre): void {
+  map.addLayer({
+    id: "strength",
+    type: "heatmap",
+    source: "pulses",
+    layout: { visibility: "none" },
+    paint: {
+      "heatmap-weight": ["interpolate", ["linear"], ["get", "snr"], 5, 0.02, 40, 1],
+      "heatmap-radius": 42,
+      "heatmap-opacity": 0.6,
+    },
+  });
+  map.addLayer({
+    id: "wedges",
+    type: "fill",
+    source: "wedges",
+    paint: { "fill-color": ["get", "colour"], "fill-opacity": ["get", "opacity"] },
+  });
+  map.addLayer({
+    id: "track",
+    type: "line",
+    source: "track",
+    layout: { "line-join": "round" },
+    paint: { "line-color": dark() ? "#cfd8dc" : "#37474f", "line-width": 1.6, "line-opacity": 0.75 },
+  });
+  const circle = {
+    "circle-color": snrExpression(["get", "snr"]) as never,
+    "circle-stroke-width": 0.8,
+    "circle-stroke-color": "#1c272c",
+  };
+  map.addLayer({
+    id: "bulk",
+    type: "circle",
+    source: "bulk",
+    paint: {
+      ...circle,
+      "circle-radius": ["interpolate", ["linear"], ["log10", ["get", "count"]], 0, 3, 3, 10],
+    },
+  });
+  map.addLayer({
+    id: "pulses",
+    type: "circle",
+    source: "pulses",
+    paint: { ...circle, "circle-radius": ["interpolate", ["linear"], ["zoom"], 12, 3, 18, 6] },
+  });
+  map.addLayer({
+    id: "rays",
+    type: "line",
+    source: "rays",
+    paint: {
+      "line-color": ["get", "colour"],
+      "line-width": 2.4,
+      "line-dasharray": ["case", ["get", "sure"], ["literal", [1, 0]], ["literal", [2, 2]]],
+    },
+  });
+  map.addLayer({
+    id: "regions",
+    type: "line",
+    source: "regions",
+    paint: {
+      "line-color": ["get", "colour"],
+      "line-width": ["case", ["==", ["get", "share"], 50], 2.6, 1.6],
+    },
+  });
+  map.addLayer({
+    id: "strongest",
+    type: "symbol",
+    source: "strongest",
+    layout: {
+      visibility: "none",
+      "text-field": ["get", "label"],
+      "text-size": 13,
+      "text-offset": [0, 1.2],
+      "text-font": ["sans-serif"],
+    },
+    paint: { "text-color": "#111", "text-halo-color": "#fff", "text-halo-width": 1.6 },
+  });
+  map.addLayer({
+    id: "other-track",
+    type: "line",
+    source: "other-track",
+    layout: { "line-join": "round" },
+    paint: { "line-color": "#b5179e", "line-width": 1.8, "line-dasharray": [3, 2] },
+  });
+  map.addLayer({
+    id: "other-regions",
+    type: "line",
+    source: "other-regions",
+    paint: { "line-color": ["get", "colour"], "line-width": 1.6, "line-dasharray": [2, 2] },
+  });
+  map.addLayer({
+    id: "other-fixes",
+    type: "circle",
+    source: "other-fixes",
+    paint: {
+      "circle-radius": 6,
+      "circle-color": "#ffffff",
+      "circle-stroke-width": 3,
+      "circle-stroke-color": ["get", "colour"],
+    },
+  });
+}

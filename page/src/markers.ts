@@ -1,0 +1,66 @@
+/** Elements that stand on the map: the drone, pulse roses, positions. */
+
+import { snrColour, tagColour } from "./colour";
+import { h, svg } from "./dom";
+import { store } from "./store";
+import type { BearingRecord, PositionRecord } from "./types";
+
+const ROSE_PX = 116;
+
+export function droneElement(): HTMLElement {
+  const shape = svg(
+    "svg",
+    { viewBox: "-16 -16 32 32", width: 34, height: 34, role: "img", "aria-label": "Drone" },
+    svg("path", { d: "M0 -13 L9 11 L0 6 L-9 11 Z", class: "drone-shape" }),
+  );
+  const element = h("div", { class: "drone-marker" });
+  element.appendChild(shape);
+  return element;
+}
+
+/** The pulse rose: for each sixteenth of the turn, the strongest pulse heard there. */
+export function roseElement(one: BearingRecord): HTMLElement {
+  const heard = one.rose_snr_db.filter((value): value is number => value !== null);
+  const top = max(heard);
+  const low = Math.min(min(heard), top - 6);
+  const half = ROSE_PX / 2;
+  const shapes: SVGElement[] = [svg("circle", { r: half - 1, class: "rose-rim" })];
+  one.rose_snr_db.forEach((value, sector) => {
+    if (value === null) return;
+    const radius = (half - 3) * (0.25 + (0.75 * (value - low)) / (top - low));
+    const middle = (sector * 2 * Math.PI) / one.rose_snr_db.length;
+    const wide = Math.PI / one.rose_snr_db.length;
+    const at = (angle: number) => `${radius * Math.sin(angle)} ${-radius * Math.cos(angle)}`;
+    const path = `M0 0L${at(middle - wide)}A${radius} ${radius} 0 0 1 ${at(middle + wide)}Z`;
+    shapes.push(svg("path", { d: path, fill: snrColour(value), class: "rose-petal" }));
+  });
+  const label = `Pulse rose of turn ${one.turn + 1}, bearing ${Math.round(one.bearing_deg)} degrees`;
+  const element = h("div", { class: "rose", role: "img", "aria-label": label });
+  element.appendChild(
+    svg("svg", { viewBox: `${-half} ${-half} ${ROSE_PX} ${ROSE_PX}`, width: ROSE_PX, height: ROSE_PX }, ...shapes),
+  );
+  return element;
+}
+
+export function fixElement(one: PositionRecord): HTMLElement {
+  const element = h("div", { class: "fix" }, h("span", { class: "fix-name" }, store.tagName(one.tag_id)));
+  const pin = svg(
+    "svg",
+    { viewBox: "-9 -20 18 21", width: 18, height: 21, "aria-hidden": "true" },
+    svg("path", { d: "M0 0C-8 -9 -8 -19 0 -19S8 -9 0 0Z", fill: tagColour(store.tagOrder(one.tag_id)), class: "fix-pin" }),
+  );
+  element.appendChild(pin);
+  return element;
+}
+
+export function rgb(colour: string): [number, number, number] {
+  return [1, 3, 5].map((place) => parseInt(colour.slice(place, place + 2), 16)) as [number, number, number];
+}
+
+export function min(values: number[]): number {
+  return values.reduce((a, b) => Math.min(a, b), Infinity);
+}
+
+export function max(values: number[]): number {
+  return values.reduce((a, b) => Math.max(a, b), -Infinity);
+}

@@ -1,0 +1,130 @@
+/** Where to go: the position of the chosen tag, large, in the form that the people use. */
+
+import { get } from "./api";
+import { by, h, say } from "./dom";
+import { metres } from "./format";
+import { bearingDeg, compass, distanceM, type LonLat } from "./geo";
+import { toast } from "./notice";
+import { speak } from "./speech";
+import { store } from "./store";
+import type { Readout } from "./types";
+
+let format: keyof Readout = "decimal";
+let strongest: { key: string; readout: Readout } | null = null;
+
+export function walkBox(): HTMLElement {
+  const formats = (["decimal", "dms", "utm", "mgrs"] as const).map((name) =>
+    h(
+      "button",
+      {
+        class: "format",
+        "data-format": name,
+        "aria-pressed": String(name === format),
+        onclick: () => {
+          format = name;
+          drawWalk();
+        },
+      },
+      { decimal: "°", dms: "° ′ ″", utm: "UTM", mgrs: "MGRS" }[name],
+    ),
+  );
+  return h(
+    "div",
+    { id: "walk", class: "walk", hidden: true, role: "region", "aria-label": "Where to go" },
+    h("div", { class: "walk-head" }, h("span", { id: "walk-title" }), h("span", { id: "walk-sure" })),
+    h("div", { id: "walk-place", class: "walk-place" }),
+    h("div", { id: "walk-way", class: "walk-way" }),
+    h(
+      "div",
+      { class: "walk-formats", role: "group", "aria-label": "Form of the coordinates" },
+      ...formats,
+      h("button", { id: "walk-speak", class: "format", onclick: () => speak(spelled()) }, "Read aloud"),
+      h("button", { id: "walk-copy", class: "format", onclick: copyPlace }, "Copy"),
+    ),
+  );
+}
+
+export function drawWalk(): void {
+  const box = by("walk");
+  const id = store.selected;
+  const fix = store.positions.find((one) => one.tag_id === id && one.stations >= 2);
+  if (id === null || (!fix && !store.pulses.count)) {
+    box.hidden = true;
+    return;
+  }
+  document.querySelectorAll<HTMLElement>("[data-format]").forEach((button) => {
+    button.setAttribute("aria-pressed", String(button.dataset.format === format));
+  });
+  if (fix) {
+    box.hidden = false;
+    say(by("walk-title"), `Tag ${store.tagName(id)}`);
+    const edge = fix.at_edge ? ", perhaps farther" : "";
+    say(by("walk-sure"), `within ${metres(fix.radius95_m)} (95\u202f%)${edge}`);
+    say(by("walk-place"), fix.readout[format] ?? fix.readout.decimal);
+    say(by("walk-way"), wayTo([fix.longitude_deg, fix.latitude_deg]));
+    return;
+  }
+  const best = strongestPulse(id);
+  if (best === null) {
+    box.hidden = true;
+    return;
+  }
+  box.hidden = false;
+  const turns = store.bearings.filter((one) => one.tag_id === id && one.accepted);
+  const last = turns.at(-1);
+  say(by("walk-title"), `Tag ${store.tagName(id)}: strongest signal`);
+  say(
+    by("walk-sure"),
+    last
+      ? `bearing ${Math.round(last.bearing_deg)}° ${compass(last.bearing_deg)}; turn at another place to cross it`
+      : "turn on the spot for a bearing",
+  );
+  const key = best.join();
+  if (strongest?.key === key) {
+    say(by("walk-place"), strongest.readout[format] ?? strongest.readout.decimal);
+  } else {
+    void get<Readout>(`/readout?latitude_deg=${best[1]}&longitude_deg=${best[0]}`).then((readout) => {
+      strongest = { key, readout };
+      say(by("walk-place"), readout[format] ?? readout.decimal);
+    }, () => undefined); // the server is away: the page asks again when it is back
+  }
+  say(by("walk-way"), wayTo(best));
+}
+
+function strongestPulse(id: number): LonLat | null {
+  const [tag, snr, lat, lon] = (["tag", "snr", "lat", "lon"] as const).map((name) => store.pulses.get(name)) as [
+    Float64Array,
+    Float64Array,
+    Float64Array,
+    Float64Array,
+  ];
+  let best = -1;
+  for (let place = 0; place < store.shown(); place += 1) {
+    if (tag[place] !== id || !Number.isFinite(lat[place]!)) continue;
+    if (best < 0 || snr[place]! > snr[best]!) best = place;
+  }
+  return best < 0 ? null : [lon[best]!, lat[best]!];
+}
+
+/** From where the drone took off: there the people stand. */
+function wayTo(place: LonLat): string {
+  const { track } = store;
+  if (!track.count) return "";
+  const start: LonLat = [track.lon[0]!, track.lat[0]!];
+  const far = distanceM(start, place);
+  const way = bearingDeg(start, place);
+  return `${metres(far)} ${compass(way)} (${Math.round(way)}°) of the take-off`;
+}
+
+function spelled(): string {
+  const place = by("walk-place").textContent ?? "";
+  return `${by("walk-title").textContent}. ${place.split("").join(" ").replaceAll(".", "point").replaceAll("-", "minus")}. ${by("walk-way").textContent}`;
+}
+
+function copyPlace(): void {
+  const text = by("walk-place").textContent ?? "";
+  void navigator.clipboard?.writeText(text).then(
+    () => toast("Copied", 6),
+    () => toast("This browser does not let the page copy", 5),
+  );
+}

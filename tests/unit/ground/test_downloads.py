@@ -1,0 +1,158 @@
+"""Flights fetched from the drone by the page's server: real frames, the drone's file server."""
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from uavrt.clock import Clock
+from uavrt.ground.flight_keeper import FlightKeeper
+from uavrt.mavlink import dialect
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.mavlink.ftp_files import FileTree
+from uavrt.mavlink.ftp_server import FileServer
+from uavrt.messages import Tag
+
+TAG = Tag(tag_id=2, frequency_hz=148.7e6, pulse_width_s=0.02, pulse_intervals_s=(1.2,))
+
+
+class FileDrone:
+    """Component 191 with its file server, on a socket."""
+
+    def __init__(self, port: int, root: Path) -> None:
+        self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._sock.connect(("127.0.0.1", port))
+        self._sock.settimeout(0.02)
+        self._writer, self._parser = FrameWriter(1, 191), FrameParser()
+        self._server = FileServer(FileTree(root))
+        self._ending = threading.Event()
+        self.silent = False
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def _serve(self) -> None:
+        beat = dialect.Heartbeat(
+            type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
+        )
+        next_s = 0.0
+        while not self._ending.is_set():
+            if time.monotonic() >= next_s:
+                next_s = time.monotonic() + 0.3
+                self._sock.send(self._writer.encode(beat))
+            try:
+                frames = self._parser.feed(self._sock.recv(4096))
+            except OSError:
+                continue
+            for frame in frames:
+                message = frame.message()
+                if isinstance(message, dialect.FileTransferProtocol) and not self.silent:
+                    self._server.receive(
+                        message.payload, Peer(frame.system_id, frame.component_id), 0
+                    )
+            self._server.work()
+            while self._server.wait_ns(0) is not None:
+                reply = self._server.take(0, 1e6)
+                assert reply is not None
+                self._sock.send(self._writer.encode(reply))
+
+    def close(self) -> None:
+        self._ending.set()
+        self._thread.join(10.0)
+        self._sock.close()
+
+
+@pytest.fixture
+def flown(tmp_path: Path) -> tuple[Path, str]:
+    """The drone's directory with one flight in it, and the flight's name."""
+    root = tmp_path / "drone"
+    root.mkdir()
+    keeper = FlightKeeper(root, Clock.start())
+    flight_id = keeper.begin([TAG])
+    keeper.close()
+    (root / flight_id / "iq").mkdir()
+    (root / flight_id / "iq" / "band.sigmf-data").write_bytes(bytes(200_000))
+    (root / flight_id / "detector_log" / "a.log").write_text("hello")
+    return root, flight_id
+
+
+@pytest.fixture
+def drone(served: Any, flown: tuple[Path, str]) -> Iterator[FileDrone]:
+    drone = FileDrone(served.mavlink_port, flown[0])
+    for _ in range(400):
+        if served.ask("GET", "/api/state").json["drone"]["present"]:
+            break
+        time.sleep(0.02)
+    yield drone
+    drone.close()
+
+
+def ended(served: Any) -> dict[str, Any]:
+    for _ in range(1000):
+        record: dict[str, Any] = served.ask("GET", "/api/drone/download").json
+        if record and record["ended"]:
+            return record
+        time.sleep(0.02)
+    raise AssertionError(f"never ended: {record}")
+
+
+def test_a_flight_comes_over_the_page_s_own_link(
+    served: Any, drone: FileDrone, flown: tuple[Path, str]
+) -> None:
+    root, flight_id = flown
+    assert served.ask("GET", "/api/drone/flights").json == [
+        {"flight_id": flight_id, "here": False}
+    ]
+    started = served.ask("POST", "/api/drone/download", {"flight_id": flight_id})
+    assert started.status == 200
+    record = ended(served)
+    assert record["error"] is None
+    assert record["done_bytes"] == record["whole_bytes"] > 10_000
+    place = served.directory / f"{flight_id}_drone"
+    for name in ("flight.sqlite", "detector_log/a.log"):
+        assert (place / name).read_bytes() == (root / flight_id / name).read_bytes()
+    assert not (place / "iq").exists()
+    (listed,) = served.ask("GET", "/api/flights").json
+    assert listed["flight_id"] == place.name
+    assert served.ask("GET", "/api/drone/flights").json[0]["here"] is True
+
+
+def test_samples_come_when_they_are_asked_for(
+    served: Any, drone: FileDrone, flown: tuple[Path, str]
+) -> None:
+    wanted = {"flight_id": flown[1], "everything": True}
+    served.ask("POST", "/api/drone/download", wanted)
+    assert ended(served)["error"] is None
+    samples = served.directory / f"{flown[1]}_drone" / "iq" / "band.sigmf-data"
+    assert samples.stat().st_size == 200_000
+
+
+def test_one_download_at_a_time_and_it_can_be_stopped(
+    served: Any, drone: FileDrone, flown: tuple[Path, str]
+) -> None:
+    drone.silent = True
+    wanted = {"flight_id": flown[1]}
+    assert served.ask("POST", "/api/drone/download", wanted).status == 200
+    assert served.ask("POST", "/api/drone/download", wanted).status == 409
+    assert served.ask("GET", "/api/drone/flights").status == 409
+    stopped = served.ask("DELETE", "/api/drone/download", {}).json
+    assert stopped["ended"] is True
+    assert "kept" in stopped["error"]
+    drone.silent = False
+    assert served.ask("POST", "/api/drone/download", wanted).status == 200
+    assert ended(served)["error"] is None
+
+
+@pytest.mark.parametrize("name", ["", "..", "/etc", "flight_log_1/../..", "maps", 7])
+def test_only_flights_are_fetched(served: Any, name: object) -> None:
+    answer = served.ask("POST", "/api/drone/download", {"flight_id": name})
+    assert answer.status == 404
+    assert "there is no flight" in answer.json["error"]
+
+
+def test_without_a_drone_it_is_said_so(served: Any) -> None:
+    assert served.ask("GET", "/api/drone/flights").status == 409

@@ -1,0 +1,154 @@
+"""Waterfalls of recorded and of live channels: the tone stands where it is."""
+
+import asyncio
+import base64
+import json
+import socket
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from websockets.asyncio.client import connect
+
+from uavrt.clock import Clock
+from uavrt.demo.programs import free_udp_port
+from uavrt.ground.flight_keeper import FlightKeeper
+from uavrt.ground.waterfalls import ChannelStream
+from uavrt.messages import Tag
+from uavrt.radio.channel_datagram import encode_channel_datagram
+
+RATE_HZ, CENTRE_HZ, START_NS = 375_000.0, 148_700_000.0, 1_700_000_000_000_000_000
+TAG = Tag(tag_id=2, frequency_hz=148_712_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.2,))
+
+
+def cells_of(record: dict[str, Any]) -> NDArray[np.uint8]:
+    """(columns, rows) of a picture."""
+    cells = np.frombuffer(base64.b64decode(record["values"]), np.uint8)
+    return cells.reshape(record["columns"], record["rows"])
+
+
+def write_recording(folder: Path, seconds: float = 3.0) -> None:
+    """Noise, and a pulse of 20 ms 1.5 s after the start, 200 Hz above the tag."""
+    rng = np.random.default_rng(3)
+    count = round(seconds * RATE_HZ)
+    samples = (rng.normal(size=count) + 1j * rng.normal(size=count)) * 0.01
+    at = np.arange(round(1.5 * RATE_HZ), round(1.52 * RATE_HZ))
+    at = at[at < count]
+    samples[at] += 0.003 * np.exp(2j * np.pi * 12_200.0 * at / RATE_HZ)
+    folder.mkdir(parents=True)
+    samples.astype(np.complex64).tofile(folder / "band.sigmf-data")
+    facts = {
+        "global": {
+            "core:datatype": "cf32_le",
+            "core:sample_rate": RATE_HZ,
+            "core:version": "1.0.0",
+        },
+        "captures": [
+            {
+                "core:sample_start": 0,
+                "core:frequency": CENTRE_HZ,
+                "core:datetime": "2023-11-14T22:13:20Z",
+            }
+        ],
+        "annotations": [],
+    }
+    (folder / "band.sigmf-meta").write_text(json.dumps(facts))
+
+
+@pytest.fixture
+def flight_id(served: Any) -> str:
+    keeper = FlightKeeper(served.directory, Clock.start())
+    name = keeper.begin([TAG])
+    keeper.close()
+    return name
+
+
+def test_a_pulse_stands_at_its_time_and_frequency(served: Any, flight_id: str) -> None:
+    path = f"/api/flights/{flight_id}"
+    assert served.ask("GET", f"{path}/recordings").json == []
+    assert served.ask("GET", f"{path}/waterfall?tag=2").status == 404
+    write_recording(served.directory / flight_id / "iq")
+    assert served.ask("GET", f"{path}/recordings").json == ["band.sigmf-meta"]
+    record = served.ask("GET", f"{path}/waterfall?tag=2&length_s=3").json
+    cells = cells_of(record)
+    column, row = np.unravel_index(int(cells.argmax()), cells.shape)
+    time_s = (record["start_time_ns"] - START_NS) / 1e9 + column * record["column_s"]
+    # A window is one and a half pulses long and stands at its start.
+    assert time_s == pytest.approx(1.5, abs=0.03)
+    step_hz = (record["high_hz"] - record["low_hz"]) / (record["rows"] - 1)
+    assert record["low_hz"] + row * step_hz == pytest.approx(200.0, abs=2 * step_hz)
+    assert np.median(cells) == pytest.approx(255 * 3 / 33, abs=2)
+
+
+def test_only_the_stretch_that_was_asked_for_is_drawn(served: Any, flight_id: str) -> None:
+    write_recording(served.directory / flight_id / "iq")
+    path = f"/api/flights/{flight_id}/waterfall?tag=2"
+    record = served.ask("GET", f"{path}&start_s=0.2&length_s=1").json
+    # Blocks of the recording are 0.17 s long; the stretch holds whole ones.
+    assert record["columns"] * record["column_s"] < 1.6
+    assert cells_of(record).max() < 200
+    assert served.ask("GET", f"{path}&start_s=100").status == 422
+
+
+@pytest.mark.parametrize("query", ["", "tag=x", "tag=4", "tag=2&start_s=nan", "tag=-1"])
+def test_what_cannot_be_drawn_is_said(served: Any, flight_id: str, query: str) -> None:
+    write_recording(served.directory / flight_id / "iq", 0.2)
+    answer = served.ask("GET", f"/api/flights/{flight_id}/waterfall?{query}")
+    assert answer.status in (404, 422)
+    assert answer.json["error"]
+
+
+def frames(tone_hz: float, count: int) -> list[bytes]:
+    """Datagrams of a channel as the drone sends them: noise, and a tone all the time."""
+    rng = np.random.default_rng(5)
+    time_s = np.arange(count * 1024) / 3750.0
+    noise = 0.1 * (rng.normal(size=time_s.size) + 1j * rng.normal(size=time_s.size))
+    samples = (noise + np.exp(2j * np.pi * tone_hz * time_s)).astype(np.complex64)
+    return [
+        bytes(encode_channel_datagram(samples[at : at + 1024], START_NS + round(at / 3750e-9)))
+        for at in range(0, samples.size, 1024)
+    ]
+
+
+def test_a_live_channel_is_drawn_as_it_comes() -> None:
+    records: list[dict[str, Any]] = []
+    stream = ChannelStream(records.append)
+    stream.receive(b"nonsense")
+    for payload in frames(600.0, 4):
+        stream.receive(payload)
+    assert stream.refused == 1
+    assert len(records) == 4
+    for record in records:
+        strongest = int(cells_of(record).mean(axis=0).argmax())
+        step_hz = (record["high_hz"] - record["low_hz"]) / (record["rows"] - 1)
+        assert record["low_hz"] + strongest * step_hz == pytest.approx(600.0, abs=step_hz)
+        assert record["columns"] * record["column_s"] == pytest.approx(1024 / 3750.0)
+
+
+def test_listeners_get_the_live_channel(served: Any) -> None:
+    port = free_udp_port()
+
+    async def listen() -> dict[str, Any]:
+        async with connect(f"ws://127.0.0.1:{served.port}/api/records") as sock:
+            await sock.recv()
+            wanted = {"address": f"udp://127.0.0.1:{port}"}
+            answer = await asyncio.to_thread(served.ask, "POST", "/api/waterfall", wanted)
+            assert answer.json == wanted
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+                sender.connect(("127.0.0.1", port))
+                for payload in frames(0.0, 3):
+                    sender.send(payload)
+            while True:
+                message: dict[str, Any] = json.loads(await sock.recv())
+                if message["topic"] == "waterfall":
+                    return message
+
+    async def bounded() -> dict[str, Any]:
+        return await asyncio.wait_for(listen(), 20.0)
+
+    assert asyncio.run(bounded())["record"]["columns"] > 0
+    assert served.ask("POST", "/api/waterfall", {"address": ""}).json == {"address": None}
+    wrong = served.ask("POST", "/api/waterfall", {"address": "file:///etc/passwd"})
+    assert wrong.status == 422
