@@ -9,6 +9,7 @@ from typing import Annotated
 import msgspec
 from cyclopts import Parameter
 
+from uavrt.cli.run_ground import run_both, with_local_link
 from uavrt.config import load_settings, read_tags
 from uavrt.config.settings import Settings
 from uavrt.mavlink import parse_address
@@ -24,6 +25,9 @@ def run(
     mavlink: str | None = None,
     flight_dir: Path | None = None,
     tags: Path | None = None,
+    ground: Annotated[bool, Parameter(negative="")] = False,
+    ground_port: int = 8650,
+    browser: bool = True,
 ) -> None:
     """Run the drone side: radio, detectors, autopilot, recorder, all supervised.
 
@@ -41,6 +45,12 @@ def run(
         Where flight directories are made.
     tags
         Load these tags and start detecting at once, without a ground station.
+    ground
+        Serve the ground station's page on this computer as well, for its own screen.
+    ground_port
+        Port of that page; 0 takes any free one.
+    browser
+        Open that page in a browser, where there is a screen.
     """
     settings = settings_from(config)
     if mavlink is not None:
@@ -54,12 +64,23 @@ def run(
         parse_address(settings.mavlink.address)
     require_writable(Path(settings.recording.directory))
     settings = replace(settings, status_socket=str(status_socket_path(settings)))
+    page_address = ""
+    if ground:
+        settings, page_address = with_local_link(settings)
     arguments = [msgspec.json.encode(settings).decode()]
     if tags is not None:
         arguments.append(msgspec.json.encode(read_tags(tags)).decode())
     sys.stdout.flush()
+    command = [sys.executable, "-m", "uavrt.supervisor", *arguments]
+    if ground:
+        directory = Path(settings.recording.directory)
+        sys.exit(
+            run_both(
+                command, page_address, directory=directory, port=ground_port, browser=browser
+            )
+        )
     # The supervisor takes this process's place: what read the settings leaves the memory.
-    os.execv(sys.executable, [sys.executable, "-m", "uavrt.supervisor", *arguments])
+    os.execv(sys.executable, command)
 
 
 def settings_from(config: Path) -> Settings:

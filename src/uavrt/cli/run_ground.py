@@ -1,0 +1,76 @@
+"""``uavrt run --ground``: drone side and page on the same computer, with its own screen."""
+
+import signal
+import socket
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from uavrt.cli.screen import has_page
+from uavrt.config.settings import Settings
+from uavrt.errors import ConfigError
+
+GROUND_STOP_S = 20.0
+
+
+def with_local_link(settings: Settings) -> tuple[Settings, str]:
+    """Give the drone side a link over the loopback; and the address that its page opens."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    links = (*settings.mavlink.direct_links, f"udpin://127.0.0.1:{port}")
+    mavlink = replace(settings.mavlink, direct_links=links)
+    return replace(settings, mavlink=mavlink), f"udpout://127.0.0.1:{port}"
+
+
+def run_both(
+    supervisor: list[str], address: str, *, directory: Path, port: int, browser: bool
+) -> int:
+    """Run the supervisor and the page until the supervisor ends.
+
+    Ctrl-C reaches both from the terminal, SIGTERM is passed on. The page may end before: the
+    flight goes on. If this process is killed, both go on.
+
+    Parameters
+    ----------
+    supervisor : list of str
+        The supervisor's whole command.
+    address : str
+        MAVLink address of the drone side for the page.
+    directory : Path
+        Where flights are, those of the drone too: the page shows their samples.
+    port : int
+        Of the page.
+    browser : bool
+        Open it in a browser.
+
+    Returns
+    -------
+    int
+        The supervisor's exit status.
+    """
+    if not has_page():
+        raise ConfigError(
+            "the page is not installed on this computer",
+            remedy="Run `pip install 'uavrt[ground]'`, or leave --ground out",
+        )
+    drone = subprocess.Popen(supervisor)
+    page = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "uavrt.cli", "ground", "--page"),
+            *("--mavlink", address, "--output", str(directory), "--port", str(port)),
+            *([] if browser else ["--no-browser"]),
+        ]
+    )
+    signal.signal(signal.SIGINT, lambda *_: None)
+    signal.signal(signal.SIGTERM, lambda *_: drone.terminate())
+    status = drone.wait()
+    # The last pulses are in when the drone side has ended.
+    page.terminate()
+    try:
+        page.wait(GROUND_STOP_S)
+    except subprocess.TimeoutExpired:
+        page.kill()
+        page.wait()
+    return status

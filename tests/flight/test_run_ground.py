@@ -1,0 +1,64 @@
+"""``uavrt run --ground``: the drone side and the page on one computer."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("starlette")
+pytestmark = [pytest.mark.flight, pytest.mark.timeout(120)]
+
+
+def asked(address: str, path: str, until: Callable[[Any], bool]) -> Any:
+    """An answer of the page's server, once it is what is waited for."""
+    answer: Any = None
+    for _ in range(300):
+        try:
+            with urllib.request.urlopen(f"{address}api/{path}", timeout=10) as response:
+                answer = json.loads(response.read())
+        except OSError:
+            answer = None
+        if answer is not None and until(answer):
+            return answer
+        time.sleep(0.1)
+    raise AssertionError(f"{path} stayed {answer}")
+
+
+def test_the_page_of_the_companion_finds_its_drone_side_and_ends_with_it(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "uavrt.toml").write_text(
+        '[mavlink]\naddress = ""\n[recording]\ndirectory = "flights"\n'
+    )
+    running = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "uavrt.cli", "run", "--ground"),
+            *("--ground-port", "0", "--no-browser"),
+        ],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    try:
+        assert running.stdout is not None
+        address = running.stdout.readline().split()[4]
+        state = asked(address, "state", lambda one: one["drone"]["state"] == "idle")
+        assert state["connection"]["address"].startswith("udpout://127.0.0.1:")
+        assert asked(address, "drone/flights", lambda one: isinstance(one, list)) == []
+        running.send_signal(signal.SIGTERM)
+        assert running.wait(60) == 0
+        with pytest.raises(OSError, match="refused"):
+            urllib.request.urlopen(f"{address}api/state", timeout=5)
+    finally:
+        if running.poll() is None:
+            running.terminate()
+            running.wait(60)
+        running.stdout.close()
