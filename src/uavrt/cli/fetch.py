@@ -18,7 +18,9 @@ from rich.progress import (
 
 from uavrt.clock import Clock
 from uavrt.errors import ConfigError
-from uavrt.ground.fetch import DroneFiles, FileClient, RemoteEntry, fetch_file
+from uavrt.ground.drone_files import DroneFiles
+from uavrt.ground.fetch import FileClient, RemoteEntry, fetch_file
+from uavrt.mavlink.signing import read_signing_key
 
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 
@@ -26,11 +28,12 @@ DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 def fetch(
     flight: str = "",
     *,
-    mavlink: str = DEFAULT_ADDRESS,
+    mavlink: tuple[str, ...] = (),
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("flights"),
     list_only: Annotated[bool, Parameter(name="--list", negative="")] = False,
     everything: Annotated[bool, Parameter(name="--all", negative="")] = False,
     timeout: float = 20.0,
+    signing_key: Path | None = None,
 ) -> None:
     """Fetch a flight from the drone by MAVLink FTP; go on where an earlier attempt ended.
 
@@ -39,7 +42,8 @@ def fetch(
     flight
         A flight directory, or a file or directory in it; without it, the newest flight.
     mavlink
-        Link to the vehicle, as for `uavrt ground`.
+        Link to the vehicle, as for `uavrt ground`. Of several the quickest is taken, and
+        another when that is cut.
     output
         Where to put it; directories are made like those on the drone.
     list_only
@@ -48,14 +52,25 @@ def fetch(
         Recorded samples too (iq/); without it they stay on the drone, for their size.
     timeout
         Seconds to wait for the drone.
+    signing_key
+        Key file that the drone has as mavlink.signing_key_file.
     """
-    asyncio.run(_fetch(flight, mavlink, output, list_only, everything, timeout))
+    key = None if signing_key is None else read_signing_key(signing_key)
+    files = DroneFiles(Clock.start().now_ns, signing_key=key)
+    addresses = mavlink or (DEFAULT_ADDRESS,)
+    asyncio.run(_fetch(files, addresses, flight, output, list_only, everything, timeout))
 
 
 async def _fetch(
-    flight: str, mavlink: str, output: Path, list_only: bool, everything: bool, timeout_s: float
+    files: DroneFiles,
+    addresses: tuple[str, ...],
+    flight: str,
+    output: Path,
+    list_only: bool,
+    everything: bool,
+    timeout_s: float,
 ) -> None:
-    async with DroneFiles(Clock.start().now_ns).open(mavlink, timeout_s) as client:
+    async with files.open(*addresses, timeout_s=timeout_s) as client:
         if list_only:
             for entry in await client.list_directory("/" + flight.strip("/")):
                 size = "" if entry.size is None else f"{entry.size:>12}"

@@ -2,26 +2,16 @@
 
 It asks for bursts and, after each, again for what was lost; goes on where an earlier attempt
 ended; and compares the checksum of the whole file. `FileClient` is pure: give it the replies
-and the time, send what it gives. `DroneFiles` puts it on a link.
-
-It shows itself to the drone as some program of the ground's system and not as a ground station:
-pulses are not meant for it.
+and the time, send what it gives. `uavrt.ground.drone_files` puts it on links.
 """
 
 import asyncio
-import secrets
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.errors import LinkError, RecordingError
-from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.frame import Frame, FrameWriter
 from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
-from uavrt.mavlink.link import Link
-from uavrt.mavlink.transport import open_link
 from uavrt.units import ns_from_s
 
 REPLY_NS = ns_from_s(1.5)
@@ -53,12 +43,19 @@ class FileClient:
         Time now.
     session : int
         Ours; any number serves.
+    unanswered : callable
+        Called when nothing has come for a while; there may be another link.
     """
 
     def __init__(
-        self, send: Callable[[bytes], None], now_ns: Callable[[], int], session: int = 0
+        self,
+        send: Callable[[bytes], None],
+        now_ns: Callable[[], int],
+        session: int = 0,
+        unanswered: Callable[[], None] = lambda: None,
     ) -> None:
         self._send = send
+        self._unanswered = unanswered
         self._now_ns = now_ns
         self._session = session
         self._sequence = 0
@@ -141,6 +138,8 @@ class FileClient:
                 parts = await self._burst(done)
                 ahead = {offset: data for offset, data in parts if offset >= done}
                 failures = 0 if ahead else failures + 1
+                if failures:
+                    self._unanswered()
                 if failures >= TRIES:
                     raise _silent(path)
             while (data := ahead.pop(done, b"")) != b"":
@@ -200,6 +199,8 @@ class FileClient:
         self._clear()
         for attempt in range(patience):
             self.repeats += attempt > 0
+            if attempt > 0:
+                self._unanswered()
             self._send(request)
             while (reply := await self._reply(REPLY_NS)) is not None:
                 if reply.sequence == wanted and reply.request_opcode == opcode:
@@ -217,90 +218,6 @@ class FileClient:
     def _clear(self) -> None:
         while not self._replies.empty():
             self._replies.get_nowait()
-
-
-class DroneFiles:
-    """A link to the drone for files only.
-
-    ::
-
-        async with DroneFiles(clock.now_ns).open("udpin://127.0.0.1:14550") as client:
-            for entry in await client.tree("/"):
-                await fetch_file(client, entry, Path(entry.path.lstrip("/")))
-
-    Parameters
-    ----------
-    now_ns : callable
-        Time now.
-    system_id, component_id : int
-        Our own numbers, different from the ground station's.
-    """
-
-    def __init__(
-        self, now_ns: Callable[[], int], *, system_id: int = 255, component_id: int = 197
-    ) -> None:
-        self._own = Peer(system_id, component_id)
-        self._writer = FrameWriter(system_id, component_id)
-        self._drone: Peer | None = None
-        self._found = asyncio.Event()
-        self._link: Link | None = None
-        self._client = FileClient(self._send, now_ns, session=secrets.randbelow(256))
-
-    @asynccontextmanager
-    async def open(self, address: str, timeout_s: float = 20.0) -> AsyncIterator[FileClient]:
-        """Open the link and find the drone; raises `LinkError`."""
-        self._link = await open_link(address, self._receive)
-        beat = asyncio.create_task(self._beat())
-        try:
-            async with asyncio.timeout(timeout_s):
-                await self._found.wait()
-            yield self._client
-        except TimeoutError:
-            raise LinkError(
-                f"no component {DRONE_COMPONENT} was heard in {timeout_s:g} s",
-                remedy="Check the drone's power, the radio, and that the autopilot forwards",
-            ) from None
-        finally:
-            beat.cancel()
-            await self._link.close()
-
-    async def _beat(self) -> None:
-        """Be heard once a second, so that the autopilot knows the way to us."""
-        message = dialect.Heartbeat(
-            type=dialect.MavType.GENERIC,
-            autopilot=dialect.MavAutopilot.INVALID,
-            base_mode=0,
-            custom_mode=0,
-            system_status=dialect.MavState.ACTIVE,
-            mavlink_version=3,
-        )
-        while True:
-            if self._link is not None:
-                self._link.send(self._writer.encode(message))
-            await asyncio.sleep(1.0)
-
-    def _receive(self, frame: Frame) -> None:
-        if frame.component_id != DRONE_COMPONENT:
-            return
-        message = frame.message()
-        if isinstance(message, dialect.Heartbeat):
-            self._drone = Peer(frame.system_id, frame.component_id)
-            self._found.set()
-        elif isinstance(message, dialect.FileTransferProtocol) and self._own == Peer(
-            message.target_system, message.target_component
-        ):
-            self._client.receive(message.payload)
-
-    def _send(self, payload: bytes) -> None:
-        if self._link is None or self._drone is None:
-            return
-        message = dialect.FileTransferProtocol(
-            target_network=0,
-            target_system=self._drone.system_id,
-            target_component=self._drone.component_id,
-            payload=payload,
-        )
-        self._link.send(self._writer.encode(message))
 
 
 async def fetch_file(

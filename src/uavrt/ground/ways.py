@@ -114,6 +114,11 @@ class Ways:
             key=lambda number: not self._fresh(self._drone_heard_ns.get(number), now_ns),
         )
 
+    def alive(self) -> list[int]:
+        """Links on which the drone is heard."""
+        now_ns = self._clock_ns()
+        return [n for n, ns in sorted(self._drone_heard_ns.items()) if self._fresh(ns, now_ns)]
+
     def answer(self, message: Message) -> None:
         """Send by the link that the drone uses for pulses, if it has used one lately."""
         fresh = self._fresh(self._drone_heard_ns.get(self._pulses_by), self._clock_ns())

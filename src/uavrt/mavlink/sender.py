@@ -33,7 +33,8 @@ TUNNEL_SIZE = 128
 COPIES = 256
 """Pulses that may wait for another link besides their own."""
 UNSENT = 64
-"""Messages kept until a first ground station shows by which link it is reached."""
+"""Messages for all kept until a first ground station is there. They must not stand in the queue
+meanwhile: a file client is no ground station, and its replies go behind them."""
 
 
 class PacedSender:
@@ -44,8 +45,7 @@ class PacedSender:
     send : callable
         Sends a message now.
     target : callable
-        Gives the address of all ground stations, or None while there is none; pulses and
-        status wait for it.
+        Gives the address of all ground stations, or None while there is none.
     clock_ns : callable
         Time now [ns].
     gap_s : float
@@ -123,7 +123,7 @@ class PacedSender:
         """
         self._cancel_timer()
         while (wait_ns := self._queue.wait_ns(now_ns := self._clock_ns())) is not None:
-            if wait_ns == 0 and not self._nobody_there():
+            if wait_ns == 0:
                 item = self._queue.take(now_ns)
                 if item is not None:
                     self._send(self._message(item))
@@ -137,17 +137,6 @@ class PacedSender:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-
-    def _nobody_there(self) -> bool:
-        """Tell whether the first urgent message is for all ground stations, and none is there.
-
-        Acknowledgements name their receiver, which need not send heartbeats; sources know
-        themselves whom they send to.
-        """
-        first = self._queue.first()
-        if first is None or (isinstance(first, Tunnelled) and first.target is not None):
-            return False
-        return not getattr(first, "target_system", 0) and self._target() is None
 
     def _message(self, item: Item) -> Message:
         if isinstance(item, Message):
@@ -304,12 +293,12 @@ class TunnelSender:
 
     def choose(self, now_ns: int) -> None:
         """Choose the links anew; call it every 50 ms or so."""
-        if len(self._senders) == 1:
+        if not self._discovery.known:
             return
-        links = self._routes.links_to(self._discovery.stations(now_ns), now_ns)
-        if not links:
-            return
-        before, self._links = self._links, links
+        before = self._links
+        if len(self._senders) > 1:
+            self._links = self._routes.links_to(self._discovery.stations(now_ns), now_ns)
+        links = self._links
         while self._unsent:
             self._put(*self._unsent.popleft())
         if links[0] != before[0]:
@@ -343,7 +332,7 @@ class TunnelSender:
         return counts
 
     def _put(self, item: Item, priority: Priority) -> None:
-        if len(self._senders) > 1 and not self._discovery.known:
+        if not self._discovery.known:
             self._unsent.append((item, priority))
             return
         for link in self._links:

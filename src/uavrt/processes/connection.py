@@ -146,6 +146,8 @@ class ConnectionProcess:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+            self._files.close()
+            await self._disk.finish()
 
     async def _serve_link(self, number: int, address: str) -> None:
         """Open a link, again and again if need be: a missing adapter may be plugged in."""

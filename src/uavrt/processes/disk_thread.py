@@ -15,6 +15,7 @@ T = TypeVar("T")
 MOST_JOBS = 32
 """Jobs that may wait; a download has one or two."""
 SLOW_S = 2.0
+FINISH_TURNS, FINISH_TURN_S = 50, 0.01
 
 
 class DiskThread:
@@ -49,6 +50,13 @@ class DiskThread:
         self._jobs.append((job, then))
         self._there.release()
         return True
+
+    async def finish(self) -> None:
+        """Let it do what waits, unless the disk stalls."""
+        for _ in range(FINISH_TURNS):
+            if not self._jobs and self._since_s is None:
+                return
+            await asyncio.sleep(FINISH_TURN_S)
 
     @property
     def waiting(self) -> int:
