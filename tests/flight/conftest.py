@@ -1,10 +1,11 @@
 """A drone side as in the field, against a simulated radio and autopilot."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -142,3 +143,28 @@ def living_children(pid: int) -> set[int]:
             found.add(child)
             waiting.append(child)
     return found - {os.getpid()}
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, for the tests of the page."""
+    from page_driver import chromium
+
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture
+def start_ground() -> Iterator[Callable[..., Any]]:
+    """Start ground stations with a page; every one of them ends with the test."""
+    from page_driver import Ground
+
+    started: list[Ground] = []
+
+    def start(directory: Path, port: int = 0, *more: str) -> Ground:
+        started.append(Ground(directory, port, *more))
+        return started[-1]
+
+    yield start
+    for ground in started:
+        ground.stop()

@@ -4,22 +4,16 @@ Debian's Chromium, driven by Playwright. With the environment variable UAVRT_SCR
 a directory, each view is saved there as a picture (``make screenshots``).
 """
 
-import io
 import json
-import os
-import shutil
 import socket
-import sqlite3
-import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from PIL import Image
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from page_driver import SCREENSHOTS, WAIT_MS, Ground, Watched, type_tags, write_map
+from playwright.sync_api import Browser, expect
 
 from uavrt.demo.programs import free_udp_port
 from uavrt.mavlink import dialect
@@ -27,131 +21,15 @@ from uavrt.mavlink.frame import FrameWriter
 from uavrt.recording import read_flight
 from uavrt.simulation import demo_scenario
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-ARGUMENTS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
-SCREENSHOTS = os.environ.get("UAVRT_SCREENSHOTS")
 FLIGHT_S = 100.0 if SCREENSHOTS else 60.0
-WAIT_MS = 30_000
 
 pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(300)]
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if CHROMIUM is None:
-        pytest.fail("Chromium is missing: `make browser` installs it from Debian")
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(
-            executable_path=CHROMIUM, headless=True, args=list(ARGUMENTS)
-        )
-        yield running
-        running.close()
-
-
-class Ground:
-    """``uavrt ground`` as a user starts it."""
-
-    def __init__(self, directory: Path, port: int = 0, *more: str) -> None:
-        self._log = (directory / "ground.log").open("ab")
-        self._process = subprocess.Popen(
-            [
-                sys.executable,
-                *("-m", "uavrt.cli", "ground", "--no-browser"),
-                *("-o", str(directory / "ground"), "--port", str(port), *more),
-            ],
-            stdout=subprocess.PIPE,
-            stderr=self._log,
-            text=True,
-        )
-        assert self._process.stdout is not None
-        self.address = self._process.stdout.readline().split()[4]
-        self.port = int(self.address.rpartition(":")[2].strip("/"))
-
-    def kill(self) -> None:
-        self._process.kill()
-        self._process.communicate()
-        self._log.close()
-
-    def stop(self) -> None:
-        self._process.terminate()
-        self._process.communicate(timeout=20)
-        self._log.close()
-
-
-class Watched:
-    """A page, everything it asked for, and everything that went wrong in it."""
-
-    def __init__(self, browser: Browser, address: str, **context: Any) -> None:
-        self._context = browser.new_context(
-            viewport={"width": 1024, "height": 600}, accept_downloads=True, **context
-        )
-        self.page: Page = self._context.new_page()
-        self.hosts: set[str] = set()
-        self.errors: list[str] = []
-        self.page.on("request", lambda request: self.hosts.add(_host(request.url)))
-        self.page.on("websocket", lambda socket: self.hosts.add(_host(socket.url)))
-        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.on("dialog", self._dialog)
-        self.page.goto(address)
-
-    def _dialog(self, dialog: Any) -> None:
-        if dialog.type == "prompt":
-            dialog.accept("nest seen")
-        else:
-            self.errors.append(f"dialog: {dialog.message}")
-            dialog.dismiss()
-
-    def picture(self, name: str) -> None:
-        if SCREENSHOTS:
-            self.page.wait_for_timeout(600)
-            path = Path(SCREENSHOTS) / f"ground-{name}.png"
-            self.page.screenshot(path=path)
-            few = Image.open(path).convert("RGB").quantize(128, Image.Quantize.FASTOCTREE)
-            few.save(path, optimize=True)  # a third of the size
-
-    def close(self) -> None:
-        self._context.close()
-
-
-def _host(url: str) -> str:
-    parts = urlsplit(url)
-    return parts.netloc if parts.scheme in ("http", "https", "ws", "wss") else parts.scheme
-
-
-def type_tags(page: Page, scenario: Any) -> None:
-    """Type the tags in as a person does, with one mistake on the way."""
-    page.click("#tab-setup")
-    for place, tag in enumerate(scenario.tags):
-        page.click("#tag-add")
-        row = {
-            "id": tag.tag_id,
-            "name": tag.name,
-            "frequency_mhz": tag.frequency_hz / 1e6,
-            "interval_ms": round(tag.pulse_intervals_s[0] * 1000),
-            "second_interval_ms": (
-                round(tag.pulse_intervals_s[1] * 1000) if len(tag.pulse_intervals_s) > 1 else ""
-            ),
-            "pulse_width_ms": round(tag.pulse_width_s * 1000),
-            "interval_uncertainty_ms": 60,
-            "interval_jitter_ms": 20,
-        }
-        for key, value in row.items():
-            page.fill(f'input[data-row="{place}"][data-key="{key}"]', str(value))
-
-
 def test_a_whole_flight_is_flown_through_the_page(
-    browser: Browser, drone_bay: Any, tmp_path: Path
+    browser: Browser, drone_bay: Any, start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
-    ground = Ground(tmp_path)
+    ground = start_ground(tmp_path)
     watched = Watched(browser, ground.address, color_scheme="light")
     page = watched.page
     scenario = demo_scenario(FLIGHT_S, 1)
@@ -211,7 +89,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     # The server is killed and comes back: the page goes on by itself, nothing is missing.
     ground.kill()
     expect(page.locator("#banner")).to_contain_text("does not answer")
-    ground = Ground(tmp_path, ground.port)
+    ground = start_ground(tmp_path, ground.port)
     expect(page.locator("#banner")).to_be_hidden(timeout=WAIT_MS)
     expect(page.locator("#chip-state")).to_have_text("Detecting", timeout=WAIT_MS)
     page.wait_for_function(f"() => window.uavrt.store.pulses.count > {before}", timeout=WAIT_MS)
@@ -275,14 +153,14 @@ def test_a_whole_flight_is_flown_through_the_page(
 
 
 def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
-    browser: Browser, tmp_path: Path
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     evil = "<img src=x onerror=alert(1)>"
     folder = tmp_path / "ground" / "maps"
     folder.mkdir(parents=True)
     write_map(folder / "valley.mbtiles")
     port = free_udp_port()
-    ground = Ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
     watched = Watched(browser, ground.address)
     page = watched.page
     page.click("#tab-setup")
@@ -339,26 +217,3 @@ def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
     assert watched.errors == []
     watched.close()
     ground.stop()
-
-
-def write_map(path: Path) -> None:
-    """Write a map of one grey tile at each place of the first zooms."""
-    tile = io.BytesIO()
-    Image.new("RGB", (256, 256), (200, 210, 190)).save(tile, "PNG")
-    with sqlite3.connect(path) as database:
-        database.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
-        database.execute(
-            "CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data BLOB)"
-        )
-        facts = [("format", "png"), ("bounds", "-180,-85,180,85")]
-        database.executemany("INSERT INTO metadata VALUES (?, ?)", facts)
-        database.executemany(
-            "INSERT INTO tiles VALUES (?, ?, ?, ?)",
-            [
-                (zoom, column, row, tile.getvalue())
-                for zoom in range(4)
-                for column in range(2**zoom)
-                for row in range(2**zoom)
-            ],
-        )
-    database.close()

@@ -47,8 +47,8 @@ def test_the_page_of_the_companion_finds_its_drone_side_and_ends_with_it(
         stderr=subprocess.DEVNULL,
         text=True,
     )
+    assert running.stdout is not None
     try:
-        assert running.stdout is not None
         address = running.stdout.readline().split()[4]
         state = asked(address, "state", lambda one: one["drone"]["state"] == "idle")
         assert state["connection"]["address"].startswith("udpout://127.0.0.1:")

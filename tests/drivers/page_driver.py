@@ -1,0 +1,168 @@
+"""Drive the ground station's page in Debian's Chromium, for tests, screenshots and the video.
+
+With the environment variable UAVRT_SCREENSHOTS set to a directory, `Watched.picture` saves what
+is seen there (``make screenshots``).
+"""
+
+import contextlib
+import io
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from PIL import Image
+from playwright.sync_api import Browser, Page, sync_playwright
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+ARGUMENTS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+SCREENSHOTS = os.environ.get("UAVRT_SCREENSHOTS")
+WAIT_MS = 30_000
+
+
+@contextlib.contextmanager
+def chromium() -> Iterator[Browser]:
+    """A headless browser."""
+    if CHROMIUM is None:
+        raise RuntimeError("Chromium is missing: `make browser` installs it from Debian")
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(
+            executable_path=CHROMIUM, headless=True, args=list(ARGUMENTS)
+        )
+        yield running
+        running.close()
+
+
+class Ground:
+    """``uavrt ground`` as a user starts it."""
+
+    def __init__(self, directory: Path, port: int = 0, *more: str) -> None:
+        self._log = (directory / "ground.log").open("ab")
+        self._process = subprocess.Popen(
+            [
+                sys.executable,
+                *("-m", "uavrt.cli", "ground", "--no-browser"),
+                *("-o", str(directory / "ground"), "--port", str(port), *more),
+            ],
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            text=True,
+        )
+        assert self._process.stdout is not None
+        self.address = self._process.stdout.readline().split()[4]
+        self.port = int(self.address.rpartition(":")[2].strip("/"))
+
+    def kill(self) -> None:
+        """End it as a power cut does."""
+        self._process.kill()
+        self._process.communicate()
+        self._log.close()
+
+    def stop(self) -> None:
+        """End it in order; nothing where it has ended already."""
+        if self._process.poll() is not None:
+            return
+        self._process.terminate()
+        try:
+            self._process.communicate(timeout=20)
+        except subprocess.TimeoutExpired:
+            self.kill()
+        self._log.close()
+
+
+class Watched:
+    """A page, everything it asked for, and everything that went wrong in it."""
+
+    def __init__(self, browser: Browser, address: str, **context: Any) -> None:
+        self._context = browser.new_context(
+            viewport={"width": 1024, "height": 600}, accept_downloads=True, **context
+        )
+        self.page: Page = self._context.new_page()
+        self.hosts: set[str] = set()
+        self.errors: list[str] = []
+        self.page.on("request", lambda request: self.hosts.add(_host(request.url)))
+        self.page.on("websocket", lambda socket: self.hosts.add(_host(socket.url)))
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("dialog", self._dialog)
+        self.page.goto(address)
+
+    def _dialog(self, dialog: Any) -> None:
+        if dialog.type == "prompt":
+            dialog.accept("nest seen")
+        else:
+            self.errors.append(f"dialog: {dialog.message}")
+            dialog.dismiss()
+
+    def picture(self, name: str) -> None:
+        if SCREENSHOTS:
+            self.page.wait_for_timeout(600)
+            path = Path(SCREENSHOTS) / f"ground-{name}.png"
+            self.page.screenshot(path=path)
+            few = Image.open(path).convert("RGB").quantize(128, Image.Quantize.FASTOCTREE)
+            few.save(path, optimize=True)  # a third of the size
+
+    def close(self) -> None:
+        self._context.close()
+
+
+def _host(url: str) -> str:
+    parts = urlsplit(url)
+    return parts.netloc if parts.scheme in ("http", "https", "ws", "wss") else parts.scheme
+
+
+def type_tags(page: Page, scenario: Any) -> None:
+    """Type the tags in as a person does, with one mistake on the way."""
+    page.click("#tab-setup")
+    for place, tag in enumerate(scenario.tags):
+        page.click("#tag-add")
+        row = {
+            "id": tag.tag_id,
+            "name": tag.name,
+            "frequency_mhz": tag.frequency_hz / 1e6,
+            "interval_ms": round(tag.pulse_intervals_s[0] * 1000),
+            "second_interval_ms": (
+                round(tag.pulse_intervals_s[1] * 1000) if len(tag.pulse_intervals_s) > 1 else ""
+            ),
+            "pulse_width_ms": round(tag.pulse_width_s * 1000),
+            "interval_uncertainty_ms": 60,
+            "interval_jitter_ms": 20,
+        }
+        for key, value in row.items():
+            page.fill(f'input[data-row="{place}"][data-key="{key}"]', str(value))
+
+
+def write_map(path: Path) -> None:
+    """Write a map of one grey tile at each place of the first zooms."""
+    tile = io.BytesIO()
+    Image.new("RGB", (256, 256), (200, 210, 190)).save(tile, "PNG")
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
+        database.execute(
+            "CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data BLOB)"
+        )
+        facts = [("format", "png"), ("bounds", "-180,-85,180,85")]
+        database.executemany("INSERT INTO metadata VALUES (?, ?)", facts)
+        database.executemany(
+            "INSERT INTO tiles VALUES (?, ?, ?, ?)",
+            [
+                (zoom, column, row, tile.getvalue())
+                for zoom in range(4)
+                for column in range(2**zoom)
+                for row in range(2**zoom)
+            ],
+        )
+    database.close()
