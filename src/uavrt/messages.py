@@ -138,6 +138,33 @@ class PulsePose:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LiveBearing:
+    """A bearing of a turn that may still go on, estimated on the drone."""
+
+    tag_id: int
+    start_time_ns: int
+    """Of the turn."""
+    end_time_ns: int
+    """Of the turn so far."""
+    turned_deg: float
+    latitude_deg: float
+    """Of the place of the turn."""
+    longitude_deg: float
+    bearing_deg: float
+    """Clockwise from true north."""
+    sigma_deg: float
+    interval90_deg: tuple[float, float]
+    """Clockwise from first to second."""
+    level_db: float | None
+    """SNR on boresight."""
+    pulses: int
+    accepted: bool
+    """There is a direction in the pulses at all."""
+    ambiguous: bool
+    multipath_suspected: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Delivered:
     """Pulses that have reached a ground station's store, or were sent to plain ones."""
 

@@ -125,6 +125,18 @@ class DetectionSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BearingSettings:
+    """``[bearings]``: whether the drone estimates them itself."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
+    on_drone: bool = False
+    """Also estimate bearings on the drone and send them: for a link that loses most pulses."""
+    antenna: str = "RA-23K"
+    """The antenna's pattern, for these."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingSettings:
     """``[recording]``: what is kept."""
 
@@ -193,6 +205,7 @@ class Settings:
     mavlink: MavlinkSettings = field(default_factory=MavlinkSettings)
     antenna: AntennaSettings = field(default_factory=AntennaSettings)
     detection: DetectionSettings = field(default_factory=DetectionSettings)
+    bearings: BearingSettings = field(default_factory=BearingSettings)
     recording: RecordingSettings = field(default_factory=RecordingSettings)
     udp_channels: UdpChannelSettings = field(default_factory=UdpChannelSettings)
     ros2: Ros2Settings = field(default_factory=Ros2Settings)

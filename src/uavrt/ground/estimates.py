@@ -6,6 +6,7 @@ a wide interval, not a wrong bearing.
 """
 
 import base64
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,16 +28,19 @@ from uavrt.localization import (
     estimate_position,
     find_turns,
 )
+from uavrt.localization.live_bearings import LEAST_PULSES, LEAST_TURN_DEG
+from uavrt.localization.records import ACCEPTED_EVIDENCE
+from uavrt.messages import LiveBearing
 
-LEAST_PULSES = 3
-LEAST_TURN_DEG = 45.0
-"""A turn is shown from here on, though it may go on."""
 EDGE_NS = 1_000_000_000
 """Pulses this long before and after a turn belong to it: the same place, the first heading."""
 SECTORS = 16
 """Wedges of the pulse rose, as the original ground station's finest rotation."""
 POSE_STEP_NS = 180_000_000
 """Poses closer than this tell nothing new of a turn."""
+
+DRONE_LEVEL_SIGMA_DB = 1.0
+"""Of a bearing that came from the drone, which does not tell it."""
 
 _Floats = NDArray[np.float64]
 Record = dict[str, Any]
@@ -67,12 +71,22 @@ class Estimator:
         self._bearings: dict[tuple[Any, ...], tuple[Bearing, Record] | None] = {}
         self._positions: dict[tuple[Any, ...], Record | None] = {}
 
-    def estimate(self, columns: Columns, antenna: AntennaChoice) -> Estimates:
-        """Estimate all bearings and positions of a flight as it is now."""
+    def estimate(
+        self,
+        columns: Columns,
+        antenna: AntennaChoice,
+        from_drone: Sequence[LiveBearing] = (),
+    ) -> Estimates:
+        """Estimate all bearings and positions of a flight as it is now.
+
+        A bearing of the drone's own stands where it knows of more pulses of that turn than
+        have reached the ground.
+        """
         turns = turns_of(columns)
         bearings: list[Record] = []
         positions: list[Record] = []
-        for tag_id in np.unique(columns["tag_id"]):
+        heard = {int(tag_id) for tag_id in np.unique(columns["tag_id"])}
+        for tag_id in sorted(heard | {one.tag_id for one in from_drone}):
             mine = columns.pulses[:, columns["tag_id"] == tag_id]
             pulses = Columns(pulses=mine, poses=columns.poses)
             found = [
@@ -80,6 +94,8 @@ class Estimator:
                 for number, turn in enumerate(turns)
                 if (one := self._bearing(int(tag_id), number, turn, pulses, antenna))
             ]
+            theirs = [one for one in from_drone if one.tag_id == tag_id]
+            found = _with_the_drones(found, theirs, len(turns))
             bearings += [record for _, (_, record) in found]
             used = [(turn, bearing) for turn, (bearing, _) in found if bearing.accepted]
             position = self._position(int(tag_id), used, antenna)
@@ -110,6 +126,61 @@ class Estimator:
         if key not in self._positions:
             self._positions[key] = _position(tag_id, used)
         return self._positions[key]
+
+
+def _with_the_drones(
+    found: list[tuple[Turn, tuple[Bearing, Record]]],
+    theirs: Sequence[LiveBearing],
+    turns: int,
+) -> list[tuple[Turn, tuple[Bearing, Record]]]:
+    """Put the drone's bearings in place of ours that know less, in order of time."""
+    for one in theirs:
+        ours = [
+            item
+            for item in found
+            if item[0].start_time_ns <= one.end_time_ns
+            and one.start_time_ns <= item[0].end_time_ns
+        ]
+        if any(record["pulses"] >= one.pulses for _, (_, record) in ours):
+            continue
+        found = [item for item in found if item not in ours]
+        number = ours[0][1][1]["turn"] if ours else turns
+        found.append(_of_the_drone(one, number))
+    return sorted(found, key=lambda item: item[0].start_time_ns)
+
+
+def _of_the_drone(one: LiveBearing, number: int) -> tuple[Turn, tuple[Bearing, Record]]:
+    """A bearing as if it had been estimated here; its posterior is taken as von Mises."""
+    turn = Turn(
+        start_time_ns=one.start_time_ns,
+        end_time_ns=one.end_time_ns,
+        turned_deg=one.turned_deg,
+        stops=0,
+        widest_gap_deg=max(0.0, 360.0 - abs(one.turned_deg)),
+        latitude_deg=one.latitude_deg,
+        longitude_deg=one.longitude_deg,
+    )
+    bearing = Bearing(
+        bearing_deg=one.bearing_deg,
+        method="pattern_ml",
+        pulses=one.pulses,
+        sigma_deg=one.sigma_deg,
+        interval90_deg=one.interval90_deg,
+        evidence=ACCEPTED_EVIDENCE if one.accepted else 0.0,
+        multipath_suspected=one.multipath_suspected,
+        level_db=one.level_db,
+        level_sigma_db=None if one.level_db is None else DRONE_LEVEL_SIGMA_DB,
+        posterior=_von_mises(one.bearing_deg, one.sigma_deg),
+    )
+    record = _record(one.tag_id, number, turn, bearing, one.pulses, None)
+    return turn, (bearing, record | {"ambiguous": one.ambiguous, "from_drone": True})
+
+
+def _von_mises(bearing_deg: float, sigma_deg: float) -> _Floats:
+    """(360,) probabilities of whole degrees."""
+    off = np.radians(np.arange(360.0) - bearing_deg)
+    density = np.exp((np.cos(off) - 1.0) / np.radians(max(sigma_deg, 0.5)) ** 2)
+    return np.asarray(density / density.sum())
 
 
 def turns_of(columns: Columns) -> list[Turn]:
@@ -151,7 +222,20 @@ def _bearing(
         )
     except UsageError:
         return None
-    record: Record = {
+    rose = _rose(yaw_deg(attitude), snr)
+    return bearing, _record(tag_id, number, turn, bearing, int(inside.sum()), rose)
+
+
+def _record(
+    tag_id: int,
+    number: int,
+    turn: Turn,
+    bearing: Bearing,
+    pulses: int,
+    rose: list[float | None] | None,
+) -> Record:
+    """What the page is told of a bearing; a drone's has no rose."""
+    return {
         "tag_id": tag_id,
         "turn": number,
         "start_time_ns": turn.start_time_ns,
@@ -165,14 +249,14 @@ def _bearing(
         if bearing.interval90_deg is None
         else [round(edge, 2) for edge in bearing.interval90_deg],
         "method": bearing.method,
-        "pulses": int(inside.sum()),
+        "pulses": pulses,
         "accepted": bearing.accepted,
         "ambiguous": bearing.ambiguous,
         "multipath_suspected": bearing.multipath_suspected,
         "level_db": _rounded(bearing.level_db),
-        "rose_snr_db": _rose(yaw_deg(attitude), snr),
+        "rose_snr_db": [None] * SECTORS if rose is None else rose,
+        "from_drone": False,
     }
-    return bearing, record
 
 
 def _position(tag_id: int, used: list[tuple[Turn, Bearing]]) -> Record | None:

@@ -13,8 +13,10 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.statustext import TextAssembler
-from uavrt.messages import PulsePose, SearchReport, StatusText, SystemState, Tag
-from uavrt.tunnel import CommandId
+from uavrt.messages import LiveBearing, PulsePose, SearchReport, StatusText, SystemState, Tag
+from uavrt.tunnel import CommandId, Generation
+from uavrt.tunnel.heartbeat import STATES
+from uavrt.tunnel.live_bearing import BEARING_TYPE, decode_bearing
 from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE
 from uavrt.units import ns_from_s
 
@@ -47,10 +49,31 @@ class Acknowledged:
     command: int
     accepted: bool
     message: str
+    request_id: int = 0
+    """Of the numbered versions; 0 in the older ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperationStep:
+    """How far a command is that takes longer than its acknowledgement (G2)."""
+
+    command: int
+    state: int
+    """`uavrt.tunnel.numbered.RUNNING`, `COMPLETE` or `FAILED`."""
+    step: int
+    step_count: int
+    message: str
 
 
 GroundEvent = (
-    PulsePose | SearchReport | DetectorAlive | DroneHeartbeat | StatusText | Acknowledged
+    PulsePose
+    | LiveBearing
+    | SearchReport
+    | DetectorAlive
+    | DroneHeartbeat
+    | StatusText
+    | Acknowledged
+    | OperationStep
 )
 
 
@@ -63,6 +86,10 @@ class GroundProtocol:
         Our own numbers; 255/190 is what the original's drone side insists on.
     receipts : Receipts, optional
         What to acknowledge; None for a station that does not.
+    sealer : callable, optional
+        Seals what is sent, see `uavrt.tunnel.gate.Sealer`.
+    generation : {"G0", "G1", "G2v1", "G2"}
+        What the drone speaks.
     """
 
     def __init__(
@@ -71,9 +98,11 @@ class GroundProtocol:
         component_id: int = 190,
         receipts: Receipts | None = None,
         sealer: Callable[[bytes, int], bytes] | None = None,
+        generation: Generation = "G1",
     ) -> None:
         self.own = Peer(system_id, component_id)
         self._sealer = sealer
+        self._generation: Generation = generation
         self.receipts = receipts
         self._unstored: list[bytes] = []
         self.drone: Peer | None = None
@@ -149,10 +178,22 @@ class GroundProtocol:
             texts = self._texts.add((peer.system_id, peer.component_id), message)
             return [StatusText(severity=severity, text=text) for severity, text in texts]
         if isinstance(message, dialect.Tunnel) and self._for_us(message):
+            if message.payload_type == BEARING_TYPE:
+                return self._bearing(message.payload[: message.payload_length])
             if message.payload_type != tunnel.PAYLOAD_TYPE:
                 return []
             return self._tunnel(message.payload[: message.payload_length])
         return []
+
+    def _bearing(self, payload: bytes) -> list[GroundEvent]:
+        try:
+            bearing = decode_bearing(payload)
+        except TunnelError as error:
+            self.counters["bad_payloads"] += 1
+            log.warning("bad bearing", reason=error.message, payload=payload.hex())
+            return []
+        self.counters["LiveBearing"] += 1
+        return [bearing]
 
     def _for_us(self, message: dialect.Tunnel) -> bool:
         return message.target_system in (0, self.own.system_id) and (
@@ -161,7 +202,7 @@ class GroundProtocol:
 
     def _tunnel(self, payload: bytes) -> list[GroundEvent]:
         try:
-            event = self._event(tunnel.decode(payload))
+            event = self._event(tunnel.decode(payload, self._generation))
         except TunnelError as error:
             self.counters["bad_payloads"] += 1
             log.warning("bad tunnel payload", reason=error.message, payload=payload.hex())
@@ -184,16 +225,36 @@ class GroundProtocol:
             case tunnel.PulseG0() | tunnel.PulseG1():
                 pulse = tunnel.pulse_from_wire(message, self.tags.get(message.tag_id))
                 return DetectorAlive(tag_id=message.tag_id) if pulse is None else pulse
+            case tunnel.PulseG2v1(pulse=inner) | tunnel.PulseG2(pulse=inner):
+                pulse = tunnel.pulse_from_wire(inner, self.tags.get(inner.tag_id))
+                return DetectorAlive(tag_id=inner.tag_id) if pulse is None else pulse
+            case tunnel.DetectorHeartbeat():
+                return DetectorAlive(tag_id=message.tag_id)
+            case tunnel.OperationProgress():
+                return OperationStep(
+                    command=message.operation,
+                    state=message.state,
+                    step=message.step,
+                    step_count=message.step_count,
+                    message=message.message,
+                )
+            case tunnel.AckG2():
+                return Acknowledged(
+                    command=message.acked_command,
+                    accepted=message.result == tunnel.SUCCESS,
+                    message=message.message,
+                    request_id=message.request_id,
+                )
             case tunnel.AckG0() | tunnel.AckG1():
                 return Acknowledged(
                     command=message.acked_command,
                     accepted=message.result == tunnel.SUCCESS,
                     message=message.message if isinstance(message, tunnel.AckG1) else "",
                 )
-            case tunnel.Heartbeat():
+            case tunnel.Heartbeat() | tunnel.HeartbeatG2v1() | tunnel.HeartbeatG2():
                 temperature = message.cpu_temperature_c
                 return DroneHeartbeat(
-                    state=message.state,
+                    state=STATES.get(message.status),
                     cpu_temperature_c=None if math.isnan(temperature) else temperature,
                 )
             case _:

@@ -69,6 +69,14 @@ TOPICS: dict[str, Topic] = {
             to_ground=True,
         ),
         Topic(
+            name="bearing",
+            record=messages.LiveBearing,
+            meaning="a bearing estimated on the drone, where its table has the estimator",
+            to_ground=True,
+            lossless=False,
+            backlog=50,
+        ),
+        Topic(
             name="delivered",
             record=messages.Delivered,
             meaning="pulses that reached a ground station, never to be sent again",

@@ -27,6 +27,8 @@ from uavrt.messages import (
     CommandReply,
     Delivered,
     FlightInfo,
+    LiveBearing,
+    Operation,
     Pose,
     Poses,
     PositionSample,
@@ -45,6 +47,7 @@ from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.tunnel.delivery import PulseDelivery
 from uavrt.tunnel.exchange import Answer, Exchange
 from uavrt.tunnel.gate import Gate
+from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
 from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE
 from uavrt.tunnel.seal import PLAIN_INSIDE
 
@@ -77,7 +80,11 @@ class ConnectionProcess:
         wait_s = settings.antenna.pose_wait_s if mavlink.address else 0.0
         self._attacher = PoseAttacher(self._ring, wait_s=wait_s)
         self._delivery = PulseDelivery()
-        self._exchange = Exchange(mavlink.tunnel_generation)
+        self._exchange = Exchange(
+            mavlink.tunnel_generation,
+            version=mavlink.tunnel_version,
+            experimental=mavlink.tunnel_experimental,
+        )
         self._link = Connection(
             Handlers(
                 attitude=self._attitude,
@@ -179,6 +186,12 @@ class ConnectionProcess:
                 pulse_pose = self._delivery.recorded(record)
                 if pulse_pose is not None:
                     self._send_pulse(pulse_pose)
+            case LiveBearing() if self._addresses:
+                self._link.tunnel.send_tunnel(
+                    encode_bearing(record), Priority.STATUS, payload_type=BEARING_TYPE
+                )
+            case Operation():
+                self._answer(self._exchange.progress(record))
             case FlightInfo():
                 self._outlet.flight(record.directory)
             case CommandReply():

@@ -34,6 +34,11 @@ def on_every_drone(settings: Settings) -> bool:
     return isinstance(settings, Settings)
 
 
+def with_bearings_on_drone(settings: Settings) -> bool:
+    """Run where bearings are wanted on the drone."""
+    return settings.bearings.on_drone
+
+
 def with_ros2(settings: Settings) -> bool:
     """Run where the gateway to ROS 2 is asked for."""
     return settings.ros2.enabled
@@ -101,6 +106,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
         consumes=(
             "pulse",
             "recorded_pulse_pose",
+            "bearing",
             "search_report",
             "command_reply",
             "operation",
@@ -113,6 +119,18 @@ PROCESSES: tuple[ProcessRow, ...] = (
         produces=("pulse_pose", "delivered", "poses", "command", "health", "status_text"),
         cpu_budget_percent=6.0,
         memory_limit_mb=60.0,
+    ),
+    ProcessRow(
+        name="estimator",
+        module="uavrt.processes.estimator",
+        meaning="bearings on the drone; without it the ground alone makes them",
+        runs=always,
+        configured=with_bearings_on_drone,
+        consumes=("pulse_pose", "poses", "flight"),
+        produces=("bearing", "health", "status_text"),
+        backlog=500,
+        cpu_budget_percent=10.0,
+        memory_limit_mb=120.0,
     ),
     ProcessRow(
         name="ros2",

@@ -1,6 +1,6 @@
 import importlib
 
-from uavrt.config.settings import Ros2Settings, Settings
+from uavrt.config.settings import BearingSettings, Ros2Settings, Settings
 from uavrt.ipc import TOPICS
 from uavrt.messages import SystemState
 from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of, rows_for
@@ -60,12 +60,13 @@ def test_only_the_sample_chain_depends_on_the_state() -> None:
     running = {
         state: {row.name for row in PROCESSES if row.runs(state)} for state in SystemState
     }
-    always = {"recorder", "connection", "ros2"}
+    always = {"recorder", "connection", "estimator", "ros2"}
     assert running[SystemState.DETECTING] == {*always, "detector", "receiver"}
     assert running[SystemState.IDLE] == always
 
 
 def test_the_gateway_to_ros_2_runs_only_where_it_is_asked_for() -> None:
-    asked = Settings(ros2=Ros2Settings(enabled=True))
+    asked = Settings(ros2=Ros2Settings(enabled=True), bearings=BearingSettings(on_drone=True))
     assert set(rows_for(asked)) == set(PROCESSES)
-    assert {row.name for row in set(PROCESSES) - set(rows_for(Settings()))} == {"ros2"}
+    left_out = {row.name for row in set(PROCESSES) - set(rows_for(Settings()))}
+    assert left_out == {"ros2", "estimator"}

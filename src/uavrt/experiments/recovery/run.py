@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 
 from uavrt.clock import Clock, monotonic_s
+from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
 from uavrt.experiments.recovery.drone import NURSERY, READY_S, ServedDrone
 from uavrt.experiments.recovery.report import Kill, RecoveryReport
@@ -26,7 +27,7 @@ from uavrt.simulation import Scenario, demo_scenario
 from uavrt.simulation.flight import Flight, Leg
 from uavrt.supervisor.launcher import PING_S, SILENCE_S
 from uavrt.supervisor.restarts import SETTLED_S
-from uavrt.supervisor.table import PROCESSES
+from uavrt.supervisor.table import PROCESSES, rows_for
 from uavrt.supervisor.usage import descendants_of, is_alive
 
 SIGKILL_LIMIT_S = 2.0
@@ -202,7 +203,7 @@ class Recovery:
             return False
         same = {tag.tag_id for tag in status.tags} == self._tags
         names = [p.process for p in status.processes if p.process != "supervisor"]
-        whole = len(names) >= len(PROCESSES) - 1 and set(self._detectors) <= set(names)
+        whole = len(names) >= len(rows_for(Settings())) and set(self._detectors) <= set(names)
         return (
             same
             and whole

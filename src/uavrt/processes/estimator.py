@@ -1,0 +1,151 @@
+"""The estimator process: bearings on the drone, for a ground that hears few of its pulses.
+
+An onlooker like the gateway: it takes pulses and poses from the hub and gives bearings, at a
+low priority. Each bearing says what all pulses of a turn say together, so that one message that
+arrives is worth all those that were lost before it.
+"""
+
+import os
+from dataclasses import dataclass
+
+from uavrt.errors import UsageError
+from uavrt.ipc import ProcessFrame
+from uavrt.localization.live_bearings import LiveBearings
+from uavrt.log import get_logger
+from uavrt.messages import FlightInfo, LiveBearing, Poses, PulsePose
+from uavrt.units import ns_from_s
+
+log = get_logger()
+
+NICENESS = 10
+"""It must not take time from the detectors."""
+TICK_S = 0.2
+REPEATS_NS = tuple(ns_from_s(s) for s in (2.0, 4.0, 8.0, 16.0, 32.0))
+"""A turn's last bearing is sent again so long after it: at 50 % loss one of the six copies
+arrives with 98 %."""
+PERIOD_NS = ns_from_s(0.25)
+"""Between two messages: 64 bytes four times a second is a fifth of the slowest link."""
+SHARE = 9
+"""Estimates run again after nine times as long as they took: at most a tenth of a core."""
+
+
+@dataclass(slots=True)
+class _Waiting:
+    bearing: LiveBearing
+    due_ns: int
+    sent: int = 0
+
+
+class Outgoing:
+    """Which bearing goes next; the newest of each tag and turn, spaced out."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[tuple[int, int], _Waiting] = {}
+        self._next_ns = 0
+
+    def __len__(self) -> int:
+        return sum(not one.sent for one in self._waiting.values())
+
+    def put(self, bearing: LiveBearing, now_ns: int) -> None:
+        """Take a bearing in place of the one before of its tag and turn."""
+        key = (bearing.tag_id, bearing.start_time_ns)
+        before = self._waiting.get(key)
+        # One that waits keeps its turn: a hundred tags with new pulses must all get theirs.
+        due_ns = before.due_ns if before is not None and not before.sent else now_ns
+        self._waiting[key] = _Waiting(bearing, due_ns)
+
+    def take(self, now_ns: int) -> LiveBearing | None:
+        """Give the bearing that is due, if it is time."""
+        if now_ns < self._next_ns or not self._waiting:
+            return None
+        key, first = min(self._waiting.items(), key=lambda item: item[1].due_ns)
+        if first.due_ns > now_ns:
+            return None
+        self._next_ns = now_ns + PERIOD_NS
+        if first.sent < len(REPEATS_NS):
+            first.due_ns = now_ns + REPEATS_NS[first.sent]
+            first.sent += 1
+        else:
+            del self._waiting[key]
+        return first.bearing
+
+    def clear(self) -> None:
+        """Forget all of them."""
+        self._waiting.clear()
+
+
+class Estimation:
+    """The state of the process; see the module's text."""
+
+    def __init__(self, frame: ProcessFrame) -> None:
+        self._frame = frame
+        self._stage = LiveBearings(frame.assignment.settings.bearings.antenna)
+        self._outgoing = Outgoing()
+        self._new = False
+        self._next_ns = 0
+        self.made = self.sent = 0
+
+    def take(self, topic: str, record: object) -> None:
+        """Take a record of the hub."""
+        match record:
+            case PulsePose():
+                self._stage.add_pulse(record)
+                self._new = True
+            case Poses():
+                self._stage.add_poses(record.poses)
+            case FlightInfo() if topic == "flight":
+                self._stage.forget()
+                self._outgoing.clear()
+
+    def tick(self) -> None:
+        """Estimate if there is something new, and send what is due."""
+        now_ns = self._frame.clock.now_ns()
+        if self._new and now_ns >= self._next_ns:
+            self._new = False
+            changed = self._stage.changed()
+            took_ns = self._frame.clock.now_ns() - now_ns
+            self._next_ns = now_ns + took_ns * (1 + SHARE)
+            self.made += len(changed)
+            for bearing in changed:
+                self._outgoing.put(bearing, now_ns)
+        due = self._outgoing.take(now_ns)
+        if due is not None:
+            self.sent += 1
+            self._frame.send("bearing", due)
+
+    def counters(self) -> dict[str, float]:
+        """Counts with names for a health record."""
+        return {
+            "bearings_made": self.made,
+            "bearings_sent": self.sent,
+            "bearings_to_send": len(self._outgoing),
+        }
+
+
+def main() -> None:
+    """Estimate until told to end."""
+    os.nice(NICENESS)
+    with ProcessFrame.start() as frame:
+        try:
+            estimation = Estimation(frame)
+        except UsageError as error:
+            log.error("no bearings", reason=str(error))
+            frame.tell(4, f"no bearings on the drone: {error.message}")
+            idle(frame, error.message)
+            return
+        while frame.running:
+            for topic, record in frame.receive(timeout_s=TICK_S):
+                estimation.take(topic, record)
+            estimation.tick()
+            frame.report("ready", counters=estimation.counters)
+
+
+def idle(frame: ProcessFrame, reason: str) -> None:
+    """Stay alive without doing anything: a restart would change nothing."""
+    while frame.running:
+        frame.receive(timeout_s=0.5)
+        frame.report(reason, ok=False)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""Bearings on the drone, by its row in the table: a link that loses most still brings one."""
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from uavrt.clock import Clock
+from uavrt.config.settings import BearingSettings
+from uavrt.errors import LinkError
+from uavrt.ground.link import GroundLink
+from uavrt.localization.angles import difference_deg
+from uavrt.messages import LiveBearing, PulsePose
+
+
+@pytest.mark.flight
+@pytest.mark.timeout(150)
+def test_a_link_that_loses_half_of_all_messages_brings_a_bearing_of_all_pulses(
+    drone_bay: Any, thesis_scenario: Any
+) -> None:
+    drone = drone_bay.launch(
+        thesis_scenario,
+        autopilot_options=("--ground-loss", "0.5", "--seed", "3"),
+        bearings=BearingSettings(on_drone=True),
+    )
+    bearings: list[LiveBearing] = []
+    pulses: list[PulsePose] = []
+
+    def take(event: object) -> None:
+        if isinstance(event, LiveBearing):
+            bearings.append(event)
+        if isinstance(event, PulsePose):
+            pulses.append(event)
+
+    async def fly() -> None:
+        # Without receipts, as a plain ground station: a lost pulse is lost.
+        link = GroundLink(Clock.start().now_ns, on_event=take, ack_wait_s=0.5, generation="G0")
+        task = asyncio.create_task(link.run(f"udpin://127.0.0.1:{drone.ground_port}"))
+        await link.wait_for_drone(30.0)
+        for command in (lambda: link.upload_tags(thesis_scenario.tags), link.start_detection):
+            for _ in range(8):
+                try:
+                    await command()
+                    break
+                except LinkError:
+                    continue
+        async with asyncio.timeout(60.0):
+            while not any(one.pulses >= 5 for one in bearings):  # noqa: ASYNC110 - two lists
+                await asyncio.sleep(0.1)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    asyncio.run(fly())
+    found = bearings[-1]
+    assert found.tag_id == 2
+    truth = 21.8  # 150 m north, 60 m east; the drone turns over its home
+    assert abs(difference_deg(found.bearing_deg, truth)) < 45.0
+    assert found.pulses > len([one for one in pulses if one.pose is not None])
