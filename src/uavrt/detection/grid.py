@@ -6,6 +6,7 @@ half a bin apart, which costs 1.0 dB; here the hop is an eighth of a pulse and t
 quarter of a bin apart, in seconds and hertz whatever the sample rate.
 """
 
+import cmath
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -40,8 +41,9 @@ class Grid:
         Channel samples that the band's filter looks to each side.
     offsets_hz : ndarray of float64, shape (rows,)
         Row frequencies relative to the centre of the channel.
-    toeplitz : ndarray of complex64, shape (samples, outputs), or None
-        Several outputs of the filter as one matrix product.
+    filter : ndarray of complex64, shape (parts × `_OUTPUTS_PER_ROW`, stride), or None
+        What `stride` samples add to the outputs that start with them, and to those that
+        started with the stretches before, as one matrix product (overlap-add).
     length : int
         Narrow-band samples of a window.
     matrix : ndarray of complex64, shape (length, rows), or None
@@ -59,7 +61,7 @@ class Grid:
     decimation: int
     reach: int
     offsets_hz: NDArray[np.float64]
-    toeplitz: NDArray[np.complex64] | None
+    filter: NDArray[np.complex64] | None
     length: int
     matrix: NDArray[np.complex64] | None
     halves: tuple[NDArray[np.float32], NDArray[np.float32]] | None
@@ -91,22 +93,24 @@ class Grid:
         -------
         ndarray of float32, shape (columns, rows)
             Squared magnitude of the matched filter; in noise its mean is the noise power of
-            one channel sample, for a pulse it is that times ENR + 1.
+            one channel sample, for a pulse it is that times ENR + 1. A row's columns lie side
+            by side in memory: it is the transpose of what is computed.
         """
-        length, hop = self.length, self.hop // self.decimation
-        count = max(0, (len(samples) - length) // hop + 1)
-        result = np.empty((count, self.rows), np.float32)
-        if self.matrix is None:
+        hop = self.hop // self.decimation
+        count = max(0, (len(samples) - self.length) // hop + 1)
+        result = np.empty((self.rows, count), np.float32)
+        if self.halves is not None:
             self._power_by_halves(samples, result)
-            return result
-        chunk = max(1, _SINGLE_THREAD_PRODUCT // self.matrix.size)
-        for first in range(0, count, chunk):
-            last = min(first + chunk, count)
-            frames = _windows(samples, first * hop, (last - first, length), hop)
-            parts = (np.ascontiguousarray(frames) @ self.matrix).view(np.float32)
-            np.multiply(parts, parts, out=parts)
-            np.add(parts[:, 0::2], parts[:, 1::2], out=result[first:last])
-        return result
+        elif self.matrix is not None:
+            chunk = max(1, _SINGLE_THREAD_PRODUCT // self.matrix.size)
+            for first in range(0, count, chunk):
+                last = min(first + chunk, count)
+                frames = _windows(samples, first * hop, (last - first, self.length), hop)
+                product = self.matrix.T @ np.ascontiguousarray(frames).T
+                some = result[:, first:last]
+                np.multiply(product.real, product.real, out=some)
+                some += product.imag * product.imag
+        return result.T
 
     def _power_by_halves(
         self, samples: NDArray[np.complex64], result: NDArray[np.float32]
@@ -121,29 +125,29 @@ class Grid:
         hop, half = self.hop // self.decimation, self.length // 2
         parts = np.empty((2, len(samples)), np.float32)
         parts[0], parts[1] = samples.real, samples.imag
-        middle = self.rows // 2
-        chunk = max(1, _SINGLE_THREAD_PRODUCT // (2 * cosines.size))
-        for first in range(0, len(result), chunk):
-            count = min(chunk, len(result) - first)
+        middle, columns = self.rows // 2, result.shape[1]
+        chunk = max(1, _SINGLE_THREAD_PRODUCT // cosines.size)
+        for first in range(0, columns, chunk):
+            count = min(chunk, columns - first)
             frames = np.ndarray(
-                (self.length, 2, count),
+                (2, self.length, count),
                 np.float32,
                 parts,
                 4 * first * hop,
-                (4, 4 * len(samples), 4 * hop),
+                (4 * len(samples), 4, 4 * hop),
             )
-            late, early = frames[self.length - half :], frames[half - 1 :: -1][:half]
-            odd = (late - early).reshape(half, 2 * count)
-            even = np.empty((len(cosines), 2, count), np.float32)
-            np.add(late, early, out=even[:half])
-            even[half:] = frames[half : self.length - half]
-            a = (even.reshape(len(cosines), 2 * count).T @ cosines).reshape(2, count, -1)
-            b = (odd.T @ sines).reshape(2, count, -1)
-            above = result[first : first + count, middle:]
-            below = result[first : first + count, middle::-1]
+            late, early = frames[:, self.length - half :], frames[:, half - 1 :: -1]
+            even = np.empty((2, cosines.shape[1], count), np.float32)
+            np.add(late, early, out=even[:, :half])
+            even[:, half:] = frames[:, half : self.length - half]
+            a0, a1 = np.matmul(cosines, even)
+            b0, b1 = np.matmul(sines, late - early)
+            # Written to last: strided rows are slow, everything else is contiguous.
+            below = result[middle::-1, first : first + count]
+            above = result[middle:, first : first + count]
             for out, one, two in (
-                (below, a[0] - b[1], a[1] + b[0]),
-                (above, a[0] + b[1], a[1] - b[0]),
+                (below, np.subtract(a0, b1), np.add(a1, b0)),
+                (above, np.add(a0, b1, out=a0), np.subtract(a1, b0, out=a1)),
             ):
                 np.multiply(one, one, out=one)
                 np.multiply(two, two, out=two)
@@ -163,6 +167,8 @@ class Spectrogram:
         self._band = np.zeros(0, np.complex64)
         self.consumed = 0
         """Narrow-band samples made so far."""
+        self._turns = np.zeros(0, np.complex64)
+        """How far each row of outputs is turned against the first."""
 
     def needed(self) -> int:
         """Index of the first channel sample that the next call looks at; may be negative."""
@@ -173,30 +179,50 @@ class Spectrogram:
         grid = self._grid
         band = self._decimate(samples)
         self.consumed += len(band)
-        block = np.concatenate((self._band, band)) if len(self._band) else band
+        block = np.concatenate((self._band, band))
         power = grid.power(block)
         self._band = block[len(power) * (grid.hop // grid.decimation) :].copy()
         return power
 
     def _decimate(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
+        """Filter and decimate, in whole rows of `_OUTPUTS_PER_ROW` outputs."""
         grid = self._grid
-        if grid.toeplitz is None:
-            return samples.copy()
-        length, outputs = grid.toeplitz.shape
-        stride = outputs * grid.decimation
-        count = max(0, (len(samples) - length) // stride + 1)
-        band = np.empty((count, outputs), np.complex64)
-        chunk = max(1, _SINGLE_THREAD_PRODUCT // grid.toeplitz.size)
+        if grid.filter is None:
+            return samples
+        stride = grid.filter.shape[1]
+        needed = stride - grid.decimation + 2 * grid.reach + 1
+        count = max(0, (len(samples) - needed) // stride + 1)
+        parts = len(grid.filter) // _OUTPUTS_PER_ROW
+        rows = np.zeros((count + parts - 1, stride), np.complex64)
+        flat = rows.reshape(-1)
+        some = min(len(samples), len(flat))
+        flat[:some] = samples[:some]
+        band = np.empty((count, _OUTPUTS_PER_ROW), np.complex64)
+        chunk = max(1, _SINGLE_THREAD_PRODUCT // grid.filter.size)
         for first in range(0, count, chunk):
-            last = min(first + chunk, count)
-            pieces = _windows(samples, first * stride, (last - first, length), stride)
-            np.matmul(np.ascontiguousarray(pieces), grid.toeplitz, out=band[first:last])
-        if grid.turn_hz:
-            # The turn within a row of outputs is in the filter.
-            rows = self.consumed // outputs + np.arange(count)
-            turns = np.modf(rows * (grid.turn_hz * stride / grid.sample_rate_hz))[0]
-            band *= np.exp(-2j * np.pi * turns).astype(np.complex64)[:, np.newaxis]
-        return band.ravel()
+            size = min(chunk, count - first)
+            product = grid.filter @ rows[first : first + size + parts - 1].T
+            sums = product[:_OUTPUTS_PER_ROW, :size]
+            for part in range(1, parts):
+                begin = part * _OUTPUTS_PER_ROW
+                sums += product[begin : begin + _OUTPUTS_PER_ROW, part : part + size]
+            if grid.turn_hz:
+                sums *= self._turned(self.consumed // _OUTPUTS_PER_ROW + first, size)
+            band[first : first + size] = sums.T
+        return band.reshape(-1)
+
+    def _turned(self, row: int, count: int) -> NDArray[np.complex64]:
+        """Put the tag at zero: what each row of outputs is multiplied by, shape (count,).
+
+        The turn within a row of outputs is in the filter.
+        """
+        grid = self._grid
+        turns = grid.turn_hz * _OUTPUTS_PER_ROW * grid.decimation / grid.sample_rate_hz
+        if count > len(self._turns):
+            phases = np.modf(np.arange(count) * turns)[0]
+            self._turns = np.exp(-2j * np.pi * phases).astype(np.complex64)
+        start = np.complex64(cmath.exp(-2j * math.pi * math.modf(row * turns)[0]))
+        return np.asarray(self._turns[:count] * start)
 
 
 def make_grid(
@@ -239,7 +265,7 @@ def make_grid(
         reach = math.ceil(half_width_hz / step_hz)
         offsets = offset_hz + np.arange(-reach, reach + 1) * step_hz
         offsets = offsets[np.abs(offsets) <= nyquist_hz]
-    toeplitz, side = None, 0
+    bank, side = None, 0
     if decimation > 1:
         taps = _band_filter(
             sample_rate_hz=sample_rate_hz,
@@ -248,17 +274,14 @@ def make_grid(
             pass_hz=half_width_hz + 0.5 / pulse_width_s,
         )
         side = len(taps) // 2
-        toeplitz = np.zeros(
-            ((_OUTPUTS_PER_ROW - 1) * decimation + len(taps), _OUTPUTS_PER_ROW), np.complex64
-        )
-        for output in range(_OUTPUTS_PER_ROW):
-            toeplitz[output * decimation : output * decimation + len(taps), output] = taps
+        bank = _overlap_add(taps, decimation)
     scale = decimation / math.sqrt(length * decimation)
-    symmetric = toeplitz is not None and len(offsets) == 2 * reach + 1
+    symmetric = bank is not None and len(offsets) == 2 * reach + 1
     matrix, halves = None, None
-    if toeplitz is not None and symmetric:
+    if bank is not None and symmetric:
         shift = 2.0 * math.pi * offset_hz * decimation / sample_rate_hz
-        toeplitz *= np.exp(-1j * shift * np.arange(_OUTPUTS_PER_ROW)).astype(np.complex64)
+        turn = np.exp(-1j * shift * np.arange(_OUTPUTS_PER_ROW)).astype(np.complex64)
+        bank *= np.tile(turn, len(bank) // _OUTPUTS_PER_ROW)[:, np.newaxis]
         halves = half_transforms(length, reach + 1, scale)
     else:
         n = (np.arange(length) * decimation)[:, np.newaxis]
@@ -271,7 +294,7 @@ def make_grid(
         decimation=decimation,
         reach=side,
         offsets_hz=offsets.astype(np.float64),
-        toeplitz=toeplitz,
+        filter=bank,
         length=length,
         matrix=matrix,
         halves=halves,
@@ -294,17 +317,17 @@ def half_transforms(
 
     Returns
     -------
-    cosines : ndarray of float32, shape (length - length // 2, rows)
+    cosines : ndarray of float32, shape (rows, length - length // 2)
         For the pairs of samples from the middle outwards; an odd window's middle comes last.
-    sines : ndarray of float32, shape (length // 2, rows)
+    sines : ndarray of float32, shape (rows, length // 2)
     """
     half = length // 2
     away = np.arange(half) + (1.0 if length % 2 else 0.5)
     frequency = np.arange(rows) / (ROWS_PER_BIN * length)
-    phase = 2.0 * np.pi * away[:, np.newaxis] * frequency[np.newaxis, :]
+    phase = 2.0 * np.pi * frequency[:, np.newaxis] * away[np.newaxis, :]
     cosines, sines = scale * np.cos(phase), scale * np.sin(phase)
     if length % 2:
-        cosines = np.concatenate((cosines, np.full((1, rows), scale)))
+        cosines = np.concatenate((cosines, np.full((rows, 1), scale)), axis=1)
     return cosines.astype(np.float32), sines.astype(np.float32)
 
 
@@ -326,6 +349,22 @@ def _band_filter(
     taps /= taps.sum()
     # The samples are correlated with these taps, not convolved: hence the sign.
     return np.asarray(taps * np.exp(-2j * np.pi * offset_hz / sample_rate_hz * n))
+
+
+def _overlap_add(taps: NDArray[np.complex128], decimation: int) -> NDArray[np.complex64]:
+    """Matrix from as many samples as a row of outputs spans to all outputs that they touch.
+
+    Row ``part × outputs + output`` is what the samples add to that output of the row that
+    began `part` rows before. The product has no overlapping operands, which would have to be
+    copied, and takes as many multiplications (reference/perf.md §2a has the prototype).
+    """
+    stride = _OUTPUTS_PER_ROW * decimation
+    reaching = (_OUTPUTS_PER_ROW - 1) * decimation + len(taps)
+    parts = max(2, math.ceil(reaching / stride))
+    toeplitz = np.zeros((parts * stride, _OUTPUTS_PER_ROW), np.complex64)
+    for output in range(_OUTPUTS_PER_ROW):
+        toeplitz[output * decimation : output * decimation + len(taps), output] = taps
+    return np.ascontiguousarray(np.concatenate(np.split(toeplitz, parts), axis=1).T)
 
 
 def _windows(

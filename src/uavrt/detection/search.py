@@ -100,23 +100,29 @@ class RateSearch:
         """Columns from the first to the last pulse, at the longest interval."""
         places = np.arange(k)
         offsets = np.rint(
-            (places[np.newaxis, :] - places[:, np.newaxis])[:, np.newaxis, :]
-            * intervals[np.newaxis, :, np.newaxis]
+            (places[np.newaxis, :] - places[:, np.newaxis])[:, :, np.newaxis]
+            * intervals[np.newaxis, np.newaxis, :]
         ).astype(np.intp)
-        others = [np.delete(offsets[place], place, axis=1) for place in range(k)]
-        self._offsets = np.stack(others) * rows
-        """(anchor places, intervals, k - 1): cells from the anchor to the others."""
-        self._waits = [math.ceil((k - 1 - place) * intervals[-1]) for place in range(k)]
+        self._offsets = np.stack([np.delete(offsets[place], place, axis=0) for place in places])
+        """(anchor places, k - 1, intervals): columns from the anchor to the others."""
+        self._waits = np.ceil((k - 1 - places) * intervals[-1]).astype(np.intp)
         self.dense = k >= _DENSE_FROM_K
+        self._backs = offsets[0].tolist() if self.dense else []
+        """(k, intervals): columns from a pulse to the last, those of the last first."""
         self.columns = 0
         """Columns whose maxima over the jitter are known, since the start."""
         self._piece = max(16, math.ceil(_PIECE_S / hop_s))
-        self._cells = np.zeros((self.span + self._piece + 2, rows), np.float32)
-        """Maxima over the jitter, a ring: column c lies in row c modulo the length."""
-        self._tail = np.zeros((0, rows), np.float32)
-        self._anchor_column = np.zeros(0, np.intp)
-        self._anchor_row = np.zeros(0, np.intp)
+        self._length = self.span + self._piece + 2
+        shape = (self._length, rows) if self.dense else (rows, self._length)
+        self._cells = np.zeros(shape, np.float32)
+        """Maxima over the jitter, a ring: column c lies at c modulo the length. The cells of
+        one row lie side by side, as an anchor looks at a stretch of them, out of the cache."""
+        self._tail = np.zeros((rows, 0), np.float32)
+        self._anchors = np.zeros((2, 0), np.intp)
+        """Column and row of each, by column."""
         self._anchor_power = np.zeros(0, np.float32)
+        self._tested = np.zeros(k, np.intp)
+        """How many of the anchors were tested in each place."""
         self._searched = 0
         self.best = 0.0
         """Largest statistic over the threshold since it was last set to zero."""
@@ -153,33 +159,47 @@ class RateSearch:
 
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         """Take at most a piece of columns."""
-        block = np.concatenate((self._tail, power)) if len(self._tail) else power
-        reach = self.reach
-        if len(block) <= 2 * reach:
-            self._tail = block.copy()
-            return []
-        if not self.columns and not len(self._tail):
+        reach, tail = self.reach, self._tail
+        if not self.columns and not tail.size:
             # The very first columns have no past: zeros stand for it.
-            block = np.concatenate((np.zeros((reach, self._rows), np.float32), block))
-        largest = sliding_maximum(block, reach)
-        middle = block[reach : len(block) - reach]
-        self._tail = block[len(block) - 2 * reach :].copy()
+            tail = np.zeros((self._rows, reach), np.float32)
+        block = np.concatenate((tail, power.T), axis=1)
+        if block.shape[1] <= 2 * reach:
+            self._tail = block
+            return []
+        largest = sliding_maximum(block.T, reach).T
+        self._tail = block[:, block.shape[1] - 2 * reach :].copy()
         first = self.columns
         self._append(largest)
         if self.columns > self._first_columns:
             self.threshold = self._steady_threshold
         if self.dense:
             return self._search_dense(noise)
-        needed = np.float32(self.threshold / self.k) * noise
-        peaks = np.flatnonzero(middle >= needed)
-        if not len(peaks):
-            return self._search_anchors(noise)
-        peaks = peaks[middle.reshape(-1)[peaks] == largest.reshape(-1)[peaks]]
-        row = peaks % self._rows
-        self._anchor_column = np.concatenate((self._anchor_column, first + peaks // self._rows))
-        self._anchor_row = np.concatenate((self._anchor_row, row))
-        self._anchor_power = np.concatenate((self._anchor_power, middle.reshape(-1)[peaks]))
+        self._note_anchors(first, block[:, reach : block.shape[1] - reach], largest, noise)
         return self._search_anchors(noise)
+
+    def _note_anchors(
+        self,
+        first: int,
+        middle: NDArray[np.float32],
+        largest: NDArray[np.float32],
+        noise: NDArray[np.float32],
+    ) -> None:
+        """Add the cells that may be anchors; shapes (rows, columns) and (rows,)."""
+        needed = np.float32(self.threshold / self.k) * noise
+        peaks = (middle >= needed[:, np.newaxis]).reshape(-1).nonzero()[0]
+        if not len(peaks):
+            return
+        width = middle.shape[1]
+        row = peaks // width
+        column = peaks - row * width
+        power = middle[row, column]
+        order = np.flatnonzero(power == largest.reshape(-1)[peaks])
+        order = order[column[order].argsort(kind="stable")]
+        self._anchors = np.concatenate(
+            (self._anchors, np.stack((column[order] + first, row[order]))), axis=1
+        )
+        self._anchor_power = np.concatenate((self._anchor_power, power[order]))
 
     def finish(self, noise: NDArray[np.float32]) -> list[Candidate]:
         """Test the hypotheses still open, as if only silence followed."""
@@ -189,73 +209,74 @@ class RateSearch:
         return self.push(np.zeros((columns, self._rows), np.float32), noise)
 
     def _append(self, largest: NDArray[np.float32]) -> None:
-        ring = self._cells
+        ring = self._cells if self.dense else self._cells.T
+        new = largest.T
         at = self.columns % len(ring)
-        before = min(len(largest), len(ring) - at)
-        ring[at : at + before] = largest[:before]
-        ring[: len(largest) - before] = largest[before:]
-        self.columns += len(largest)
+        before = min(len(new), len(ring) - at)
+        ring[at : at + before] = new[:before]
+        if before < len(new):
+            ring[: len(new) - before] = new[before:]
+        self.columns += len(new)
 
     def _search_anchors(self, noise: NDArray[np.float32]) -> list[Candidate]:
         """Test every anchor in every place whose last pulse the new columns complete."""
-        done, upto = self._searched, self.columns
-        self._searched = upto
-        column = self._anchor_column
         found: list[Candidate] = []
-        if not len(column):
+        columns, power = self._anchors[0], self._anchor_power
+        if not len(columns):
             return found
-        due: list[NDArray[np.intp]] = []
-        places: list[NDArray[np.intp]] = []
-        for place, wait in enumerate(self._waits):
-            low, high = column.searchsorted((done - wait, upto - wait))
-            if high > low:
-                due.append(np.arange(low, high))
-                places.append(np.full(high - low, place))
-        if due:
-            anchors, place_of = np.concatenate(due), np.concatenate(places)
-            for first in range(0, len(anchors), _ANCHORS_AT_ONCE):
+        done = self._tested
+        upto = columns.searchsorted(self.columns - self._waits)
+        counts = upto - done
+        if counts.any():
+            spans = list(zip(done.tolist(), upto.tolist(), strict=True))
+            due = np.concatenate([self._anchors[:, low:high] for low, high in spans], axis=1)
+            powers = np.concatenate([power[low:high] for low, high in spans])
+            places = np.arange(self.k).repeat(counts)
+            for first in range(0, len(powers), _ANCHORS_AT_ONCE):
                 part = slice(first, first + _ANCHORS_AT_ONCE)
-                self._test(found, anchors[part], place_of[part], noise)
-            keep = int(column.searchsorted(upto - self._waits[0]))
-            self._anchor_column = column[keep:]
-            self._anchor_row = self._anchor_row[keep:]
-            self._anchor_power = self._anchor_power[keep:]
-            found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
+                self._test(found, due[:, part], powers[part], places[part], noise)
+            if len(found) > 1:
+                found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
+        # Those tested as the first of K, which waits longest, are done with.
+        keep = int(upto[0])
+        self._tested = upto - keep
+        if keep:
+            self._anchors = self._anchors[:, keep:]
+            self._anchor_power = power[keep:]
         return found
 
     def _test(
         self,
         found: list[Candidate],
         anchors: NDArray[np.intp],
+        power: NDArray[np.float32],
         places: NDArray[np.intp],
         noise: NDArray[np.float32],
     ) -> None:
         """Sum over all intervals for some anchors; note those that reach the threshold."""
-        column, row = self._anchor_column[anchors], self._anchor_row[anchors]
-        power = self._anchor_power[anchors]
+        column, row = anchors
         level = noise[row]
-        own = np.minimum(power / level, np.float32(self.limit))
-        if self.k == 1:
-            totals = own[:, np.newaxis]
-            cells = np.zeros((len(anchors), 1, 0), np.float32)
-        else:
-            at = (column % len(self._cells)) * self._rows + row
-            where = at[:, np.newaxis, np.newaxis] + self._offsets[places]
-            cells = self._cells.reshape(-1).take(where, mode="wrap")
-            limited = cells / level[:, np.newaxis, np.newaxis]
-            np.minimum(limited, np.float32(self.limit), out=limited)
-            totals = np.einsum("aij->ai", limited)
-            totals += own[:, np.newaxis]
-        best = totals.max(axis=1)
-        self.best = max(self.best, float(best.max()) / self.threshold)
-        hits = np.flatnonzero(best >= self.threshold * self.margin)
-        if not len(hits):
+        limits = level * np.float32(self.limit) if self.k > 1 else np.full_like(level, np.inf)
+        where = column[:, np.newaxis, np.newaxis] + self._offsets[places]
+        where %= self._length
+        where += (row * self._length)[:, np.newaxis, np.newaxis]
+        cells = self._cells.reshape(-1).take(where)
+        totals = np.minimum(cells, limits[:, np.newaxis, np.newaxis]).sum(axis=1)
+        totals += np.minimum(power, limits)[:, np.newaxis]
+        best = totals.max(axis=1) / level
+        largest = float(best.max())
+        self.best = max(self.best, largest / self.threshold)
+        if largest < self.threshold * self.margin:
             return
-        strengths = cells[hits].sum(axis=2) + power[hits][:, np.newaxis]
+        hits = np.flatnonzero(best >= self.threshold * self.margin)
+        strengths = (cells[hits].sum(axis=1) + power[hits][:, np.newaxis]) / level[hits][
+            :, np.newaxis
+        ]
         # Of the intervals that the limit makes equal, the one with the most power.
-        strengths[totals[hits] < best[hits][:, np.newaxis] - 0.01] = 0.0
+        totals = totals[hits] / level[hits][:, np.newaxis]
+        strengths[totals < best[hits][:, np.newaxis] - 0.01] = 0.0
         choice = strengths.argmax(axis=1)
-        strength = strengths.max(axis=1) / level[hits]
+        strength = strengths.max(axis=1)
         for hit in np.argsort(-strength)[:_CANDIDATES_AT_ONCE]:
             interval = float(self.intervals[int(choice[hit])])
             index = int(hits[hit])
@@ -273,27 +294,36 @@ class RateSearch:
             )
 
     def _search_dense(self, noise: NDArray[np.float32]) -> list[Candidate]:
-        """Every cell as the last pulse, every interval: for many pulses in a small volume."""
+        """Every cell as the last pulse, every interval: for many pulses in a small volume.
+
+        Of the long past only columns where a pulse may lie are looked at: at K = 40 a third.
+        """
         done, upto = self._searched, self.columns
         self._searched = upto
         if upto <= done:
             return []
         count = upto - done
-        low = done - (self.k - 1) * self.longest
-        cells = self._cells.take(np.arange(low, upto), axis=0, mode="wrap")
-        scaled = cells * (1.0 / noise).astype(np.float32)
-        np.minimum(scaled, np.float32(self.limit), out=scaled)
-        top = len(scaled) - count
+        weight = (1.0 / noise).astype(np.float32)
+        common = np.zeros((count, self._rows), np.float32)
+        totals = [np.zeros_like(common) for _ in self.intervals]
+        for backs in self._backs:
+            low, least = done - max(backs), min(backs)
+            columns = np.arange(low, upto - least)
+            cells = self._cells.take(columns, axis=0, mode="wrap")
+            cells *= weight
+            np.minimum(cells, np.float32(self.limit), out=cells)
+            if max(backs) == least:
+                common += cells
+                continue
+            for total, back in zip(totals, backs, strict=True):
+                at = done - back - low
+                total += cells[at : at + count]
         found: list[Candidate] = []
-        for interval in self.intervals:
-            total = np.zeros((count, self._rows), np.float32)
-            for back in range(self.k):
-                at = top - round(back * float(interval))
-                total += scaled[at : at + count]
+        for interval, total in zip(self.intervals, totals, strict=True):
+            total += common
             largest = total.max(axis=0)
             self.best = max(self.best, float(largest.max()) / self.threshold)
-            hits = np.flatnonzero(largest >= self.threshold * self.margin)
-            for row in hits:
+            for row in np.flatnonzero(largest >= self.threshold * self.margin):
                 column = int(total[:, row].argmax())
                 found.append(
                     Candidate(
