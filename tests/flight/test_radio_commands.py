@@ -93,7 +93,7 @@ def test_a_raw_capture_and_a_gain_set_in_flight(
             capture = tunnel.RawCapture(gain=9, frequency_hz=148_705_000).encode()
             directory = Path((await link.command(capture)).message)
             with pytest.raises(CommandRefused, match="capturing: wait"):
-                await link.command(tunnel.HeaderMessage(command=13).encode())
+                await link.command(tunnel.HeaderMessage(command=tunnel.CommandId.CLEAN_LOGS).encode())
             await until(lambda: any("Raw capture in" in text for text in operator.texts()))
             await until(lambda: operator.state is SystemState.IDLE)
             check_capture(directory)

@@ -82,8 +82,13 @@ class MavlinkSettings:
     accept_unsigned: Literal["none", "autopilot", "all"] = "autopilot"
     """With a signing key: whose unsigned frames are taken all the same; the autopilot's are its
     telemetry only."""
-    tunnel_generation: Literal["auto", "G0", "G1"] = "auto"
-    """Wire format towards the ground; auto answers in the format the ground used."""
+    tunnel_generation: Literal["auto", "G0", "G1", "G2v1", "G2"] = "auto"
+    """Wire format towards the ground; auto answers in the format the ground used. The original's
+    numbered versions must be named: G2v1 is version 1, G2 the one of tunnel_version."""
+    tunnel_version: Annotated[int, Interval(ge=4, le=7)] = 7
+    """Number told with G2; the ground station must expect exactly this one."""
+    tunnel_experimental: bool = False
+    """Allow G2, some of whose layouts were inferred and never seen on a wire."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

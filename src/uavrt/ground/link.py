@@ -20,6 +20,7 @@ from uavrt.ground.protocol import (
 from uavrt.ground.receipts import Receipts
 from uavrt.ground.received import new_store
 from uavrt.ground.ways import Ways
+from uavrt.ground.writing import Writing
 from uavrt.mavlink.dialect import Tunnel
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
@@ -69,8 +70,9 @@ class GroundLink:
         Time now [ns].
     on_event : callable, optional
         Called at once with each event; without it they wait for `events`.
-    generation : {"G0", "G1"}
-        Wire format; G1 unless the drone runs the thesis's software.
+    generation : {"G0", "G1", "G2v1", "G2"}
+        Wire format; G1 unless the drone runs the thesis's software, or the original's numbered
+        versions.
     ack_wait_s : float
         How long to wait for each acknowledgement before the command is sent again.
     on_frame : callable, optional
@@ -105,11 +107,11 @@ class GroundLink:
         sealer = None if key is None else Sealer(key, (system_id, component_id))
         if receipts is not None and key is not None:
             receipts.most = MAX_SEALED_HASHES
-        self.protocol = GroundProtocol(system_id, component_id, receipts, sealer)
+        self.protocol = GroundProtocol(system_id, component_id, receipts, sealer, generation)
         self._clock_ns = clock_ns
         self._on_event = on_event
         self._on_frame = on_frame
-        self._generation: Generation = generation
+        self._writing = Writing(generation)
         self._ack_wait_s = ack_wait_s
         self._signing = None if signing_key is None else Signing(signing_key, clock_ns)
         self._ways = Ways(
@@ -119,7 +121,7 @@ class GroundLink:
         self._events: deque[GroundEvent] = deque(maxlen=EVENTS)
         self._event_there = asyncio.Event()
         self._drone_there = asyncio.Event()
-        self._waiting: tuple[int, asyncio.Future[Acknowledged]] | None = None
+        self._waiting: tuple[int, int, asyncio.Future[Acknowledged]] | None = None
         self._busy = asyncio.Lock()
 
     @property
@@ -195,13 +197,11 @@ class GroundLink:
         LinkError
             It did not answer.
         """
-        payloads = [tunnel.tag_to_wire(tag, self._generation).encode() for tag in tags]
-        start = tunnel.HeaderMessage(command=CommandId.START_TAGS).encode()
-        end = tunnel.HeaderMessage(command=CommandId.END_TAGS).encode()
-        for count, payload in enumerate([start, *payloads, end], start=1):
+        payloads = self._writing.upload(tags)
+        for count, payload in enumerate(payloads, start=1):
             await self.command(payload)
             if progress is not None:
-                progress(count, len(payloads) + 2)
+                progress(count, len(payloads))
         self.protocol.tags = {tag.tag_id: tag for tag in tags}
 
     async def start_detection(
@@ -211,18 +211,29 @@ class GroundLink:
 
         A frequency of None is 0 on the wire: the drone's tuner chooses.
         """
-        if self._generation == "G0":
-            payload = tunnel.HeaderMessage(command=CommandId.START_DETECTION).encode()
-        else:
-            frequency = 0 if center_frequency_hz is None else round(center_frequency_hz)
-            payload = tunnel.StartDetection(
-                radio_center_frequency_hz=frequency, gain=gain
-            ).encode()
+        payload = self._writing.start(center_frequency_hz, gain)
         return (await self.command(payload)).message
 
     async def stop_detection(self) -> None:
         """Stop."""
-        await self.command(tunnel.HeaderMessage(command=CommandId.STOP_DETECTION).encode())
+        await self.command(self._writing.bare(CommandId.STOP_DETECTION))
+
+    async def capture(self, *, center_frequency_hz: float | None = None, gain: int = 0) -> str:
+        """Record raw samples for a while; give the drone's message (the directory)."""
+        payload = self._writing.capture(center_frequency_hz, gain)
+        return (await self.command(payload)).message
+
+    async def save_logs(self) -> str:
+        """Copy the drone's flights to the drive that is plugged in; give its message."""
+        return (await self.command(self._writing.bare(CommandId.SAVE_LOGS))).message
+
+    async def clean_logs(self) -> str:
+        """Remove the drone's flights; give its message."""
+        return (await self.command(self._writing.bare(CommandId.CLEAN_LOGS))).message
+
+    async def radio_status(self) -> str:
+        """Ask whether the radio is there; raises `CommandRefused` when it is not."""
+        return (await self.command(self._writing.bare(CommandId.AIRSPY_STATUS))).message
 
     async def command(self, payload: bytes) -> Acknowledged:
         """Send a command until it is acknowledged, with the same bytes each time.
@@ -236,10 +247,11 @@ class GroundLink:
         """
         number = tunnel.acked_command_of(payload)
         assert number is not None
+        request_id = self._writing.request_id_of(payload)
         async with self._busy:
             for attempt in range(TRIES):
                 future = asyncio.get_running_loop().create_future()
-                self._waiting = (number, future)
+                self._waiting = (number, request_id, future)
                 order = self._ways.best()
                 message = self.protocol.tunnel_message(payload)
                 self._ways.send(message, order[attempt % len(order)])
@@ -251,7 +263,7 @@ class GroundLink:
                     continue
                 finally:
                     self._waiting = None
-                if attempt > 0:
+                if attempt > 0 and request_id == 0:
                     # Answers to the earlier copies may follow; they must not be taken for the
                     # answer to the next command of this number: G0 and G1 have no request ids.
                     await asyncio.sleep(self._ack_wait_s / 2)
@@ -295,8 +307,9 @@ class GroundLink:
 
     def _deliver(self, event: GroundEvent) -> None:
         if isinstance(event, Acknowledged) and self._waiting is not None:
-            number, future = self._waiting
-            if event.command == number and not future.done():
+            number, request_id, future = self._waiting
+            asked = (event.command, event.request_id) == (number, request_id)
+            if asked and not future.done():
                 future.set_result(event)
         if self._on_event is not None:
             self._on_event(event)

@@ -10,7 +10,7 @@ import time
 from functools import partial
 from pathlib import Path
 
-from uavrt.mavlink import Priority, TunnelSender
+from uavrt.mavlink import Peer, Priority, TunnelSender
 from uavrt.mavlink.dialect import OnboardComputerStatus
 from uavrt.mavlink.ftp_state import Disk, at_once
 from uavrt.mavlink.statustext import TextLimiter
@@ -75,6 +75,8 @@ class GroundStatus:
         """Send what goes without being asked."""
         if self._due("heartbeat", HEARTBEAT_NS, now_ns):
             self._send(self._exchange.heartbeat(state, cpu_temperature_c()))
+            for step in self._exchange.progress_again():
+                self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.asker))
         if self._due("computer", COMPUTER_NS, now_ns):
             self._disk(partial(_disk_mib, self._root), self._take_space)
             self._sender.send_message(self._computer_status())

@@ -22,6 +22,20 @@ from uavrt.tunnel.convert import (
 )
 from uavrt.tunnel.header import HeaderMessage
 from uavrt.tunnel.heartbeat import Heartbeat
+from uavrt.tunnel.numbered import (
+    AckG2,
+    BareG2,
+    DetectorHeartbeat,
+    HeartbeatG2,
+    HeartbeatG2v1,
+    OperationProgress,
+    PulseG2,
+    PulseG2v1,
+    RawCaptureG2,
+    StartDetectionG2,
+    TagG2,
+    UploadG2,
+)
 from uavrt.tunnel.pulse import PulseG0, PulseG1
 from uavrt.tunnel.raw_capture import RawCapture
 from uavrt.tunnel.start_detection import StartDetection
@@ -37,17 +51,29 @@ __all__ = [
     "SUCCESS",
     "AckG0",
     "AckG1",
+    "AckG2",
+    "BareG2",
     "CommandId",
+    "DetectorHeartbeat",
     "Generation",
     "HeaderMessage",
     "Heartbeat",
+    "HeartbeatG2",
+    "HeartbeatG2v1",
+    "OperationProgress",
     "PulseG0",
     "PulseG1",
+    "PulseG2",
+    "PulseG2v1",
     "RawCapture",
+    "RawCaptureG2",
     "StartDetection",
+    "StartDetectionG2",
     "TagG0",
     "TagG1",
+    "TagG2",
     "TunnelMessage",
+    "UploadG2",
     "ack_to_wire",
     "acked_command_of",
     "decode",

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from uavrt.errors import TunnelError
+from uavrt.tunnel import numbered
 from uavrt.tunnel.ack import AckG0, AckG1
 from uavrt.tunnel.header import HEADER_COMMANDS, HeaderMessage
 from uavrt.tunnel.heartbeat import Heartbeat
@@ -23,6 +24,26 @@ TunnelMessage = (
     | PulseG0
     | PulseG1
     | Heartbeat
+    | numbered.BareG2
+    | numbered.UploadG2
+    | numbered.TagG2
+    | numbered.StartDetectionG2
+    | numbered.RawCaptureG2
+    | numbered.SetLogLevel
+    | numbered.AckG2
+    | numbered.OperationProgress
+    | numbered.HeartbeatG2v1
+    | numbered.HeartbeatG2
+    | numbered.DetectorHeartbeat
+    | numbered.PulseG2v1
+    | numbered.PulseG2
+)
+
+BARE_COMMANDS = (
+    CommandId.STOP_DETECTION,
+    CommandId.SAVE_LOGS,
+    CommandId.CLEAN_LOGS,
+    CommandId.AIRSPY_STATUS,
 )
 
 DECODERS: dict[tuple[int, int], Callable[[bytes], TunnelMessage]] = {
@@ -40,12 +61,39 @@ DECODERS: dict[tuple[int, int], Callable[[bytes], TunnelMessage]] = {
     (CommandId.PULSE, 128): PulseG0.decode,
     (CommandId.PULSE, 120): PulseG1.decode,
     (CommandId.HEARTBEAT, 12): Heartbeat.decode,
+    **{(int(command), 8): numbered.BareG2.decode for command in BARE_COMMANDS},
+    (CommandId.START_TAGS, 16): numbered.UploadG2.decode,
+    (CommandId.END_TAGS, 16): numbered.UploadG2.decode,
+    (CommandId.TAG, 96): numbered.TagG2.decode,
+    (CommandId.START_DETECTION, 48): numbered.StartDetectionG2.decode,
+    (CommandId.RAW_CAPTURE, 16): numbered.RawCaptureG2.decode,
+    (CommandId.SET_LOG_LEVEL, 12): numbered.SetLogLevel.decode,
+    (CommandId.OPERATION_PROGRESS, 128): numbered.OperationProgress.decode,
+    (CommandId.HEARTBEAT, 16): numbered.HeartbeatG2v1.decode,
+    (CommandId.HEARTBEAT, 20): numbered.HeartbeatG2.decode,
+    (CommandId.DETECTOR_HEARTBEAT, 16): numbered.DetectorHeartbeat.decode,
 }
 """What to do with a payload of (command, length); the lengths tell the generations apart."""
 
+SAME_LENGTH: dict[Generation, dict[tuple[int, int], Callable[[bytes], TunnelMessage]]] = {
+    "G2v1": {(CommandId.PULSE, 128): numbered.PulseG2v1.decode},
+    "G2": {
+        (CommandId.PULSE, 120): numbered.PulseG2.decode,
+        (CommandId.ACK, 128): numbered.AckG2.decode,
+    },
+}
+"""Of a drone's messages these have the length of an older one: the ground must know which."""
 
-def decode(payload: bytes) -> TunnelMessage:
+
+def decode(payload: bytes, generation: Generation | None = None) -> TunnelMessage:
     """Read a tunnel payload (its first ``payload_length`` bytes).
+
+    Parameters
+    ----------
+    payload : bytes
+        What came.
+    generation : str, optional
+        What the drone speaks, where a length stands for several messages; ours need none.
 
     Raises
     ------
@@ -56,7 +104,9 @@ def decode(payload: bytes) -> TunnelMessage:
     if not 4 <= len(payload) <= MAX_PAYLOAD:
         raise TunnelError(f"a payload has 4 to 128 bytes, not {len(payload)}", payload)
     command = int.from_bytes(payload[:4], "little")
-    decoder = DECODERS.get((command, len(payload)))
+    kind = (command, len(payload))
+    own = SAME_LENGTH.get(generation, {}) if generation is not None else {}
+    decoder = own.get(kind) or DECODERS.get(kind)
     if decoder is not None:
         return decoder(payload)
     lengths = sorted(length for known, length in DECODERS if known == command)
@@ -77,6 +127,15 @@ def generation_of(message: TunnelMessage) -> Generation | None:
     match message:
         case AckG0() | TagG0() | PulseG0():
             return "G0"
+        case (
+            numbered.BareG2()
+            | numbered.UploadG2()
+            | numbered.TagG2()
+            | numbered.StartDetectionG2()
+            | numbered.RawCaptureG2()
+            | numbered.SetLogLevel()
+        ):
+            return "G2"
         case HeaderMessage(command=CommandId.START_DETECTION):
             return "G0"
         case HeaderMessage(command=CommandId.START_TAGS | CommandId.END_TAGS):

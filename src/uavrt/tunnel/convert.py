@@ -15,6 +15,7 @@ from uavrt.messages import (
 )
 from uavrt.tunnel.ack import FAILURE, SUCCESS, AckG0, AckG1
 from uavrt.tunnel.heartbeat import STATUS_NUMBERS, SYSTEM_CONTROLLER, Heartbeat
+from uavrt.tunnel.numbered import AckG2, PulseG2, PulseG2v1
 from uavrt.tunnel.pulse import (
     STATUS_CONFIRMED,
     STATUS_DETECTED,
@@ -119,7 +120,16 @@ def tag_from_wire(message: TagG0 | TagG1) -> Tag:
     )
 
 
-def pulse_to_wire(pulse_pose: PulsePose, generation: Generation = "G1") -> PulseG0 | PulseG1:
+def in_generation(pulse: PulseG1, generation: Generation) -> PulseG1 | PulseG2v1 | PulseG2:
+    """Put a pulse of G1 into the frame of a numbered version."""
+    if generation == "G2v1":
+        return PulseG2v1(pulse=pulse)
+    return PulseG2(pulse=pulse) if generation == "G2" else pulse
+
+
+def pulse_to_wire(
+    pulse_pose: PulsePose, generation: Generation = "G1"
+) -> PulseG0 | PulseG1 | PulseG2v1 | PulseG2:
     """Write a pulse; an unknown pose is NaN in every field, never zero.
 
     Times are seconds as f64, which near 2026 resolves 0.24 µs.
@@ -153,7 +163,7 @@ def pulse_to_wire(pulse_pose: PulsePose, generation: Generation = "G1") -> Pulse
             orientation_w=w,
         )
     roll, pitch, yaw = (math.nan,) * 3 if pose is None else euler_deg(pose.quaternion_wxyz)
-    return PulseG1(
+    modern = PulseG1(
         tag_id=pulse.tag_id,
         frequency_hz=round(pulse.frequency_hz),
         start_time_s=start_time_s,
@@ -173,6 +183,7 @@ def pulse_to_wire(pulse_pose: PulsePose, generation: Generation = "G1") -> Pulse
         pitch_deg=pitch,
         yaw_deg=yaw,
     )
+    return in_generation(modern, generation)
 
 
 def search_report_to_wire(report: SearchReport) -> PulseG1:
@@ -311,10 +322,18 @@ def _pose_from_wire(message: PulseG0 | PulseG1, time_ns: int) -> Pose | None:
 
 
 def ack_to_wire(
-    command: int, accepted: bool, message: str, generation: Generation = "G1"
-) -> AckG0 | AckG1:
+    command: int,
+    accepted: bool,
+    message: str,
+    generation: Generation = "G1",
+    request_id: int = 0,
+) -> AckG0 | AckG1 | AckG2:
     """Write an acknowledgement; G0 has no room for the message."""
     result = SUCCESS if accepted else FAILURE
+    if generation == "G2":
+        return AckG2(
+            acked_command=command, request_id=request_id, result=result, message=message
+        )
     if generation == "G0":
         return AckG0(acked_command=command, result=result)
     return AckG1(acked_command=command, result=result, message=message)

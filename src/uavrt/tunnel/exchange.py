@@ -6,23 +6,37 @@ ground speaks.
 """
 
 from collections import Counter, OrderedDict
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from uavrt.errors import TunnelError
-from uavrt.messages import Command, CommandReply, PulsePose, SearchReport, SystemState
+from uavrt.clock import monotonic_s
+from uavrt.errors import ConfigError, TunnelError
+from uavrt.messages import (
+    Command,
+    CommandName,
+    CommandReply,
+    Operation,
+    PulsePose,
+    SearchReport,
+    SystemState,
+)
+from uavrt.tunnel import numbered
 from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode, generation_of
 from uavrt.tunnel.convert import (
+    COMMAND_IDS,
     COMMAND_NAMES,
     ack_to_wire,
     detector_heartbeat,
     heartbeat_to_wire,
+    in_generation,
     pulse_to_wire,
     search_report_to_wire,
     tag_from_wire,
 )
 from uavrt.tunnel.header import HeaderMessage
 from uavrt.tunnel.raw_capture import RawCapture
+from uavrt.tunnel.requests import RequestCache, TagUpload, open_upload
 from uavrt.tunnel.start_detection import StartDetection
 from uavrt.tunnel.tag import TagG0, TagG1
 from uavrt.tunnel.wire import CommandId, Generation
@@ -32,6 +46,13 @@ Asker = tuple[int, int]
 
 PENDING = 64
 """Commands that may wait for the supervisor's reply; it answers in milliseconds."""
+PROGRESS_VERSION, ALIVE_VERSION = 5, 6
+"""Versions that brought OPERATION_PROGRESS and DETECTOR_HEARTBEAT."""
+STATES = {
+    "running": numbered.RUNNING,
+    "complete": numbered.COMPLETE,
+    "failed": numbered.FAILED,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +63,15 @@ class Answer:
     asker: Asker
 
 
-@dataclass(frozen=True, slots=True)
-class _Pending:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Question:
+    """Who asked what, in which words."""
+
     asker: Asker
-    command: CommandId
+    number: int
     generation: Generation
+    request_id: int = 0
+    tag_index: int | None = None
 
 
 class Exchange:
@@ -54,16 +79,47 @@ class Exchange:
 
     Parameters
     ----------
-    generation : {"auto", "G0", "G1"}
+    generation : {"auto", "G0", "G1", "G2v1", "G2"}
         What we send. "auto" answers each in the generation of its own message, and sends the
-        pulses in the generation of the last upload of tags, G1 before any.
+        pulses in the generation of the last upload of tags, G1 before any. The numbered
+        versions must be named, because their ground stations say nothing before they have
+        heard their own number.
+    version : int
+        Number told with G2, 4 to 7.
+    experimental : bool
+        Whether layouts may be used that were inferred and never seen.
+    clock_s : callable
+        Monotonic time [s].
+
+    Raises
+    ------
+    ConfigError
+        G2 without `experimental`.
     """
 
-    def __init__(self, generation: Literal["auto", "G0", "G1"] = "auto") -> None:
+    def __init__(
+        self,
+        generation: Literal["auto", "G0", "G1", "G2v1", "G2"] = "auto",
+        *,
+        version: int = 7,
+        experimental: bool = False,
+        clock_s: Callable[[], float] = monotonic_s,
+    ) -> None:
+        if generation == "G2" and not experimental:
+            raise ConfigError(
+                "some layouts of the tunnel's generation G2 were inferred, not seen",
+                remedy="Set mavlink.tunnel_experimental = true to use it all the same",
+            )
         self._fixed: Generation | None = None if generation == "auto" else generation
+        self._version, self._experimental = version, experimental
+        self._clock_s = clock_s
         self._heard: Generation = "G1"
-        self._pending: OrderedDict[int, _Pending] = OrderedDict()
+        self._pending: OrderedDict[int, _Question] = OrderedDict()
         self._next_id = 1
+        self._requests = RequestCache()
+        self._upload: TagUpload | None = None
+        self._operations: dict[CommandName, _Question] = {}
+        self._progress: dict[CommandName, Operation] = {}
         self.counters: Counter[str] = Counter()
 
     @property
@@ -74,10 +130,7 @@ class Exchange:
     def refuse(self, payload: bytes, reason: str, asker: Asker) -> Answer | None:
         """Refuse a payload unread; None when it is no command."""
         self.counters["commands_not_allowed"] += 1
-        command = acked_command_of(payload)
-        if command is None or command == CommandId.ACK:
-            return None
-        return self._answer(command, False, reason, asker)
+        return self._refusal(payload, reason, asker)
 
     def receive(self, payload: bytes, asker: Asker) -> Command | Answer | None:
         """Take a payload of a ground station.
@@ -90,24 +143,24 @@ class Exchange:
         """
         try:
             message = decode(payload)
+            if isinstance(message, numbered.Requests):
+                return self._request(message, payload, asker)
             self._heard = generation_of(message) or self._heard
             return self._command(message, asker)
         except TunnelError as error:
             self.counters["payloads_refused"] += 1
-            command = acked_command_of(payload)
-            if command is None or command == CommandId.ACK:
-                return None
-            return self._answer(command, False, str(error), asker)
+            return self._refusal(payload, str(error), asker)
 
     def reply(self, reply: CommandReply) -> Answer | None:
         """Turn the supervisor's reply into the asker's acknowledgement."""
-        pending = self._pending.pop(reply.request_id, None)
-        if pending is None:
+        question = self._pending.pop(reply.request_id, None)
+        if question is None:
             return None
-        message = ack_to_wire(
-            pending.command, reply.accepted, reply.message, pending.generation
-        )
-        return Answer(message.encode(), pending.asker)
+        if reply.accepted and question.generation == "G2":
+            if question.tag_index is not None and self._upload is not None:
+                self._upload.indices.add(question.tag_index)
+            self._operations[reply.name] = question
+        return self._answer(question, reply.accepted, reply.message)
 
     def pulse(self, pulse_pose: PulsePose) -> bytes:
         """Get the payload of a pulse."""
@@ -117,88 +170,182 @@ class Exchange:
         """Get the payload of "searched, nothing found"; the thesis's generation has none."""
         if self.generation == "G0":
             return None
-        return search_report_to_wire(report).encode()
+        return in_generation(search_report_to_wire(report), self.generation).encode()
 
     def detector_heartbeat(self, tag_id: int, time_ns: int) -> bytes | None:
         """Get the payload of a detector's sign of life; the thesis's generation has none."""
         if self.generation == "G0":
             return None
-        return detector_heartbeat(tag_id, time_ns).encode()
+        if self.generation == "G2" and self._version >= ALIVE_VERSION:
+            return numbered.DetectorHeartbeat(tag_id=tag_id).encode()
+        return in_generation(detector_heartbeat(tag_id, time_ns), self.generation).encode()
 
     def heartbeat(self, state: SystemState, cpu_temperature_c: float | None) -> bytes | None:
         """Get the payload of the 1 Hz heartbeat; the thesis's generation has none."""
         if self.generation == "G0":
             return None
-        return heartbeat_to_wire(state, cpu_temperature_c).encode()
+        old = heartbeat_to_wire(state, cpu_temperature_c)
+        if self.generation == "G1":
+            return old.encode()
+        first = self.generation == "G2v1"
+        kind = numbered.HeartbeatG2v1 if first else numbered.HeartbeatG2
+        return kind(
+            protocol_version=1 if first else self._version,
+            system_id=old.system_id,
+            status=old.status,
+            cpu_temperature_c=old.cpu_temperature_c,
+        ).encode()
+
+    def progress(self, operation: Operation) -> Answer | None:
+        """Take a step of an operation; give it to who asked for it, where there is a word."""
+        self._progress[operation.name] = operation
+        answer = self._step(operation)
+        if operation.state != "running":
+            del self._progress[operation.name]
+            self._operations.pop(operation.name, None)
+        return answer
+
+    def progress_again(self) -> list[Answer]:
+        """Get the last step of all that is running; to be sent once a second."""
+        steps = (self._step(operation) for operation in self._progress.values())
+        return [step for step in steps if step is not None]
 
     def next_request_id(self) -> int:
         """Give a number to a command that comes by another way than the tunnel."""
         self._next_id += 1
         return self._next_id - 1
 
+    def _step(self, operation: Operation) -> Answer | None:
+        question = self._operations.get(operation.name)
+        if question is None or self._version < PROGRESS_VERSION:
+            return None
+        step = numbered.OperationProgress(
+            operation=COMMAND_IDS[operation.name],
+            request_id=question.request_id,
+            state=STATES[operation.state],
+            step=operation.step,
+            step_count=operation.step_count,
+            message=operation.message,
+        )
+        return Answer(step.encode(), question.asker)
+
+    def _request(
+        self, message: numbered.Requests, payload: bytes, asker: Asker
+    ) -> Command | Answer | None:
+        """Take a command of version 4 or later, once."""
+        known = self._requests.repeated(asker, message.request_id, payload, self._clock_s())
+        if known is True:
+            return None  # its acknowledgement is on its way
+        if known is not False:
+            self.counters["acknowledgements_replayed"] += 1
+            return Answer(known, asker)
+        number = acked_command_of(payload)
+        assert number is not None
+        question = _Question(
+            asker=asker, number=number, generation="G2", request_id=message.request_id
+        )
+        try:
+            if isinstance(message, numbered.INFERRED) and not self._experimental:
+                raise TunnelError(
+                    "this layout was never seen: mavlink.tunnel_experimental allows it", payload
+                )
+            if self._experimental:
+                self._heard = "G2"
+            return self._numbered_command(message, question)
+        except TunnelError as error:
+            self.counters["payloads_refused"] += 1
+            return self._answer(question, False, str(error))
+
+    def _numbered_command(
+        self, message: numbered.Requests, question: _Question
+    ) -> Command | Answer:
+        match message:
+            case numbered.UploadG2(command=CommandId.START_TAGS):
+                self._upload = open_upload(message, question.asker)
+                return self._ask(question, "start_tags")
+            case numbered.UploadG2():
+                self._open_upload(message).check_end(message, question.asker)
+                return self._ask(question, "end_tags")
+            case numbered.TagG2():
+                self._open_upload(message).check_tag(message, question.asker)
+                tag = tag_from_wire(message.tag)
+                question = replace(question, tag_index=message.tag_index)
+                return replace(self._ask(question, "add_tag"), tag=tag)
+            case numbered.StartDetectionG2(start=start):
+                return self._start(question, start)
+            case numbered.RawCaptureG2():
+                return self._capture(question, message.gain, message.frequency_hz)
+            case numbered.SetLogLevel():
+                return self._answer(question, True, "all levels are recorded")
+            case numbered.BareG2(command=command):
+                return self._ask(question, COMMAND_NAMES[command])
+
+    def _open_upload(self, message: numbered.Requests) -> TagUpload:
+        if self._upload is None:
+            raise TunnelError("no upload is open: send START_TAGS first", message.encode())
+        return self._upload
+
     def _command(self, message: TunnelMessage, asker: Asker) -> Command | Answer | None:
+        """Take a command of the generations without request ids."""
         match message:
             case TagG0() | TagG1():
-                return self._ask(
-                    CommandId.TAG,
-                    asker,
-                    Command(
-                        name="add_tag", request_id=self._next_id, tag=tag_from_wire(message)
-                    ),
-                )
+                tag = tag_from_wire(message)
+                question = self._plain(CommandId.TAG, asker)
+                return replace(self._ask(question, "add_tag"), tag=tag)
             case StartDetection():
-                return self._ask(
-                    CommandId.START_DETECTION,
-                    asker,
-                    Command(
-                        name="start_detection",
-                        request_id=self._next_id,
-                        center_frequency_hz=message.radio_center_frequency_hz or None,
-                        gain=message.gain or None,
-                    ),
-                )
+                return self._start(self._plain(CommandId.START_DETECTION, asker), message)
             case RawCapture():
-                return self._ask(
-                    CommandId.RAW_CAPTURE,
-                    asker,
-                    Command(
-                        name="raw_capture",
-                        request_id=self._next_id,
-                        center_frequency_hz=message.frequency_hz or None,
-                        gain=message.gain or None,
-                    ),
-                )
-            case HeaderMessage(command=command) if CommandId(command) in COMMAND_NAMES:
-                number = CommandId(command)
-                return self._ask(
-                    number,
-                    asker,
-                    Command(name=COMMAND_NAMES[number], request_id=self._next_id),
-                )
+                question = self._plain(CommandId.RAW_CAPTURE, asker)
+                return self._capture(question, message.gain, message.frequency_hz)
             case HeaderMessage(command=command):
-                self.counters["commands_unsupported"] += 1
-                return self._answer(command, False, "not supported", asker)
+                number = CommandId(command)
+                return self._ask(self._plain(number, asker), COMMAND_NAMES[number])
             case _:
                 # Acknowledgements, pulses and heartbeats are ours to send, not to get.
                 self.counters["payloads_ignored"] += 1
                 return None
 
-    def _ask(self, number: CommandId, asker: Asker, command: Command) -> Command:
-        self._pending[self._next_id] = _Pending(asker, number, self.generation)
-        self._next_id += 1
+    def _plain(self, number: CommandId, asker: Asker) -> _Question:
+        return _Question(asker=asker, number=number, generation=self.generation)
+
+    def _start(self, question: _Question, message: StartDetection) -> Command:
+        return replace(
+            self._ask(question, "start_detection"),
+            center_frequency_hz=message.radio_center_frequency_hz or None,
+            gain=message.gain or None,
+        )
+
+    def _capture(self, question: _Question, gain: int, frequency_hz: int | None) -> Command:
+        return replace(
+            self._ask(question, "raw_capture"),
+            center_frequency_hz=frequency_hz or None,
+            gain=gain or None,
+        )
+
+    def _ask(self, question: _Question, name: CommandName) -> Command:
+        number = self.next_request_id()
+        self._pending[number] = question
         if len(self._pending) > PENDING:
             self._pending.popitem(last=False)
             self.counters["replies_missing"] += 1
         self.counters["commands"] += 1
-        return Command(
-            name=command.name,
-            request_id=command.request_id,
-            tag=command.tag,
-            center_frequency_hz=command.center_frequency_hz,
-            gain=command.gain,
-            source=f"mavlink {asker[0]}/{asker[1]}",
-        )
+        asker = question.asker
+        return Command(name=name, request_id=number, source=f"mavlink {asker[0]}/{asker[1]}")
 
-    def _answer(self, command: int, accepted: bool, text: str, asker: Asker) -> Answer:
-        message = ack_to_wire(command, accepted, text, self.generation)
+    def _refusal(self, payload: bytes, reason: str, asker: Asker) -> Answer | None:
+        """Refuse a payload that could not be read, or was not; None when it is no command."""
+        number = acked_command_of(payload)
+        if number is None or number == CommandId.ACK:
+            return None
+        generation = self.generation
+        request_id = int.from_bytes(payload[4:8], "little") if generation == "G2" else 0
+        message = ack_to_wire(number, False, reason, generation, request_id)
         return Answer(message.encode(), asker)
+
+    def _answer(self, question: _Question, accepted: bool, text: str) -> Answer:
+        message = ack_to_wire(
+            question.number, accepted, text, question.generation, question.request_id
+        )
+        payload = message.encode()
+        self._requests.answered(question.asker, question.request_id, payload)
+        return Answer(payload, question.asker)

@@ -13,8 +13,9 @@ from typing import Any, Literal
 
 from uavrt.errors import TunnelError
 
-Generation = Literal["G0", "G1"]
-"""G0: the thesis (February 2023); G1: the newest without a version number (April 2026)."""
+Generation = Literal["G0", "G1", "G2v1", "G2"]
+"""G0: the thesis (February 2023); G1: the newest without a version number (April 2026); G2v1:
+version 1; G2: versions 4 to 7."""
 
 MAX_PAYLOAD = 128
 """Payload bytes of one MAVLink TUNNEL message."""
@@ -38,6 +39,9 @@ class CommandId(IntEnum):
     SAVE_LOGS = 12
     CLEAN_LOGS = 13
     AIRSPY_STATUS = 14
+    OPERATION_PROGRESS = 21
+    SET_LOG_LEVEL = 22
+    DETECTOR_HEARTBEAT = 23
 
 
 def pack(layout: struct.Struct, *values: object) -> bytes:

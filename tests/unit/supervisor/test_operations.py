@@ -9,7 +9,6 @@ import pytest
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.errors import UavrtError
 from uavrt.messages import Command, CommandReply, FlightInfo, Health, Operation, SystemState
-from uavrt.supervisor import operations as module
 from uavrt.supervisor.memory import StateStore
 from uavrt.supervisor.mission import Mission
 from uavrt.supervisor.operations import Operations, removable_drives, save_flights
@@ -100,11 +99,12 @@ def test_a_second_save_copies_only_what_is_new(
     (flights[1] / "flight.sqlite").write_bytes(b"longer than before")
     copied: list[str] = []
     copy = shutil.copy2
-    monkeypatch.setattr(
-        module.shutil,
-        "copy2",
-        lambda source, to: (copied.append(source.name), copy(source, to)),
-    )
+
+    def noted(source: Path, place: Path) -> None:
+        copied.append(source.name)
+        copy(source, place)
+
+    monkeypatch.setattr(shutil, "copy2", noted)
     save_flights(flights, drive, lambda *_: None)
     assert copied == ["flight.sqlite"]
     assert tree(drive) == tree(tmp_path / "flights")
@@ -145,12 +145,16 @@ def test_drives_are_those_mounted_where_desktops_mount_them() -> None:
     assert found == [Path("/media/pi/MY STICK"), Path("/run/media/pi/other")]
 
 
+def state_of(drone: Drone) -> SystemState:
+    return drone.mission.state
+
+
 def test_a_capture_needs_a_frequency_and_room_and_no_tags(tmp_path: Path) -> None:
     drone = Drone(tmp_path, None, minimum_free_mb=0.0, capture_s=2.0)
     assert "no frequency" in drone.say("raw_capture").message
-    assert drone.mission.state is SystemState.IDLE
+    assert state_of(drone) is SystemState.IDLE
     assert drone.say("raw_capture", center_frequency_hz=148.7e6).accepted
-    assert drone.mission.state is SystemState.CAPTURING
+    assert state_of(drone) is SystemState.CAPTURING
     assert (drone.started[-1].tags, drone.started[-1].capture_s) == ((), 2.0)
     assert drone.say("raw_capture").message == "already capturing"
     assert not drone.say("save_logs").accepted

@@ -1,0 +1,361 @@
+"""Messages of the numbered versions of the protocol (G2).
+
+Version 1 ("G2v1") has the header of G1 and is confirmed field by field. From version 4 on
+("G2") every payload begins with the command and a request id:
+
+======================  ====  ==============================================================
+message                 size  fields behind command u32 0 and request_id u32 4
+======================  ====  ==============================================================
+bare commands           8     none
+START_TAGS, END_TAGS    16    upload_id u32 8, tag_count u32 12
+ACK                     128   acked_command u32 8, request_id u32 12, result u32 16,
+                              message char[108] 20; its own request id is 0
+HEARTBEAT               20    protocol_version u32 8, system_id u16 12, status u16 14,
+                              cpu_temperature_c f32 16
+OPERATION_PROGRESS 21   128   command u32 8, request_id u32 12, state u32 16, step u32 20,
+                              step_count u32 24, message char[100] 28
+TAG *                   96    upload_id 8, tag_index 12, then as G1 from tag_id on, unpadded
+START_DETECTION *       48    as G1 from 4 on, moved by 4 and padded; dump_spectrogram 44
+RAW_CAPTURE *           16    gain 8, frequency_hz 12
+PULSE *                 120   tag_id 8, frequency_hz 12, then as G1
+DETECTOR_HEARTBEAT 23*  16    tag_id 8, detection_mode 12
+SET_LOG_LEVEL 22 *      12    level 8
+======================  ====  ==============================================================
+
+Those with a star were computed from the order of their fields and never seen, and so were the
+numbers of the operation's states (reference/control.md §2.4): they are used only where
+``mavlink.tunnel_experimental`` says so.
+"""
+
+import struct
+from dataclasses import dataclass, replace
+from typing import Self
+
+from uavrt.errors import TunnelError
+from uavrt.tunnel.pulse import PulseG1
+from uavrt.tunnel.start_detection import StartDetection
+from uavrt.tunnel.tag import TagG1
+from uavrt.tunnel.wire import CommandId, bytes_from_text, pack, text_from_bytes, unpack
+
+HEADER = struct.Struct("<II")
+UPLOAD = struct.Struct("<IIII")
+ACK = struct.Struct("<IIIII108s")
+PROGRESS = struct.Struct("<IIIIIII100s")
+HEARTBEAT_V1 = struct.Struct("<IIHHf")
+HEARTBEAT = struct.Struct("<IIIHHf")
+CAPTURE = struct.Struct("<IIII")
+LOG_LEVEL = struct.Struct("<III")
+TAG_SIZE, START_SIZE, PULSE_SIZE, PULSE_V1_SIZE = 96, 48, 120, 128
+
+RUNNING, COMPLETE, FAILED = 0, 1, 2
+"""State of an operation."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BareG2:
+    """A command that is nothing but its number and request id."""
+
+    command: CommandId
+    request_id: int
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        return pack(HEADER, self.command, self.request_id)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        if len(payload) != HEADER.size:
+            raise TunnelError(f"a bare command has 8 bytes, not {len(payload)}", payload)
+        number, request_id = HEADER.unpack(payload)
+        return cls(command=CommandId(number), request_id=request_id)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UploadG2:
+    """START_TAGS or END_TAGS: which upload, and how many tags it has."""
+
+    command: CommandId
+    request_id: int
+    upload_id: int
+    tag_count: int
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        return pack(UPLOAD, self.command, self.request_id, self.upload_id, self.tag_count)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        if len(payload) != UPLOAD.size:
+            raise TunnelError(f"an upload's frame has 16 bytes, not {len(payload)}", payload)
+        number, request_id, upload_id, tag_count = UPLOAD.unpack(payload)
+        return cls(
+            command=CommandId(number),
+            request_id=request_id,
+            upload_id=upload_id,
+            tag_count=tag_count,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagG2:
+    """A tag of an upload; its layout is inferred."""
+
+    request_id: int
+    upload_id: int
+    tag_index: int
+    tag: TagG1
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        old = self.tag.encode()
+        head = pack(UPLOAD, CommandId.TAG, self.request_id, self.upload_id, self.tag_index)
+        return head + old[4:36] + old[40:]
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        _check(payload, CommandId.TAG, TAG_SIZE)
+        _, request_id, upload_id, tag_index = UPLOAD.unpack(payload[:16])
+        old = payload[:4] + payload[16:48] + bytes(4) + payload[48:]
+        tag = TagG1.decode(old)
+        return cls(request_id=request_id, upload_id=upload_id, tag_index=tag_index, tag=tag)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartDetectionG2:
+    """Start with a request id; its layout is inferred."""
+
+    request_id: int
+    start: StartDetection
+    dump_spectrogram: int = 0
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        old = self.start.encode()
+        if len(old) != 40:
+            raise TunnelError("START_DETECTION of G2 has all its fields", b"")
+        dump = self.dump_spectrogram.to_bytes(4, "little")
+        head = pack(HEADER, CommandId.START_DETECTION, self.request_id)
+        return head + old[4:16] + bytes(4) + old[16:36] + dump
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        _check(payload, CommandId.START_DETECTION, START_SIZE)
+        old = payload[:4] + payload[8:20] + payload[24:44] + bytes(4)
+        return cls(
+            request_id=int.from_bytes(payload[4:8], "little"),
+            start=StartDetection.decode(old),
+            dump_spectrogram=int.from_bytes(payload[44:48], "little"),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RawCaptureG2:
+    """Raw capture with a request id; its layout is inferred."""
+
+    request_id: int
+    gain: int
+    frequency_hz: int
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        fields = (self.request_id, self.gain, self.frequency_hz)
+        return pack(CAPTURE, CommandId.RAW_CAPTURE, *fields)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        request_id, gain, frequency_hz = unpack(CAPTURE, payload, CommandId.RAW_CAPTURE)
+        return cls(request_id=request_id, gain=gain, frequency_hz=frequency_hz)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetLogLevel:
+    """How much the drone is to log (from version 6 on); number and layout are inferred."""
+
+    request_id: int
+    level: int
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        return pack(LOG_LEVEL, CommandId.SET_LOG_LEVEL, self.request_id, self.level)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        request_id, level = unpack(LOG_LEVEL, payload, CommandId.SET_LOG_LEVEL)
+        return cls(request_id=request_id, level=level)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AckG2:
+    """Acknowledgement of one request."""
+
+    acked_command: int
+    request_id: int
+    result: int
+    message: str
+
+    def encode(self) -> bytes:
+        """Bytes of the payload; the message is cut to 107 bytes."""
+        fields = (0, self.acked_command, self.request_id, self.result)
+        return pack(ACK, CommandId.ACK, *fields, bytes_from_text(self.message, 108))
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        _, acked, request_id, result, text = unpack(ACK, payload, CommandId.ACK)
+        return cls(
+            acked_command=acked,
+            request_id=request_id,
+            result=result,
+            message=text_from_bytes(text),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperationProgress:
+    """How far a request is that takes longer than its acknowledgement (from version 5 on)."""
+
+    operation: int
+    """Number of the command."""
+    request_id: int
+    state: int
+    step: int
+    step_count: int
+    """0: not known."""
+    message: str
+
+    def encode(self) -> bytes:
+        """Bytes of the payload; the message is cut to 99 bytes."""
+        fields = (0, self.operation, self.request_id, self.state, self.step, self.step_count)
+        text = bytes_from_text(self.message, 100)
+        return pack(PROGRESS, CommandId.OPERATION_PROGRESS, *fields, text)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        values = unpack(PROGRESS, payload, CommandId.OPERATION_PROGRESS)[1:]
+        named = dict(zip(cls.__slots__, values, strict=True))
+        return cls(**{**named, "message": text_from_bytes(named["message"])})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeartbeatG2v1:
+    """State of the drone side, with the version's number."""
+
+    protocol_version: int
+    system_id: int
+    status: int
+    cpu_temperature_c: float
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        fields = (getattr(self, name) for name in self.__slots__)
+        return pack(HEARTBEAT_V1, CommandId.HEARTBEAT, *fields)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        values = unpack(HEARTBEAT_V1, payload, CommandId.HEARTBEAT)
+        return cls(**dict(zip(cls.__slots__, values, strict=True)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeartbeatG2:
+    """The same from version 4 on."""
+
+    protocol_version: int
+    system_id: int
+    status: int
+    cpu_temperature_c: float
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        fields = (getattr(self, name) for name in self.__slots__)
+        return pack(HEARTBEAT, CommandId.HEARTBEAT, 0, *fields)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        values = unpack(HEARTBEAT, payload, CommandId.HEARTBEAT)[1:]
+        return cls(**dict(zip(cls.__slots__, values, strict=True)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectorHeartbeat:
+    """A detector's sign of life from version 6 on; number and layout are inferred."""
+
+    tag_id: int
+    detection_mode: int = 0
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        fields = (0, self.tag_id, self.detection_mode)
+        return pack(CAPTURE, CommandId.DETECTOR_HEARTBEAT, *fields)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        _, tag_id, mode = unpack(CAPTURE, payload, CommandId.DETECTOR_HEARTBEAT)
+        return cls(tag_id=tag_id, detection_mode=mode)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PulseG2v1:
+    """A pulse of version 1: with the collection and slice it belongs to, 0 outside of one."""
+
+    pulse: PulseG1
+    collection_id: int = 0
+    slice_id: int = 0
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        old = self.pulse.encode()
+        ids = struct.pack("<II", self.collection_id, self.slice_id)
+        return old[:4] + ids + old[4:]
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        _check(payload, CommandId.PULSE, PULSE_V1_SIZE)
+        collection_id, slice_id = struct.unpack("<II", payload[4:12])
+        pulse = PulseG1.decode(payload[:4] + payload[12:])
+        return cls(pulse=pulse, collection_id=collection_id, slice_id=slice_id)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PulseG2:
+    """A pulse from version 4 on; its layout is inferred."""
+
+    pulse: PulseG1
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        old = self.pulse.encode()
+        return old[:4] + bytes(4) + old[4:12] + old[16:]
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        _check(payload, CommandId.PULSE, PULSE_SIZE)
+        return cls(pulse=PulseG1.decode(payload[:4] + payload[8:16] + bytes(4) + payload[16:]))
+
+
+Requests = BareG2 | UploadG2 | TagG2 | StartDetectionG2 | RawCaptureG2 | SetLogLevel
+"""What a ground station sends from version 4 on."""
+INFERRED = (TagG2, StartDetectionG2, RawCaptureG2, SetLogLevel)
+"""Those of them whose layout was never seen."""
+
+
+def with_request_id(message: Requests, request_id: int) -> Requests:
+    """Give the same message as another request."""
+    return replace(message, request_id=request_id)
+
+
+def _check(payload: bytes, command: CommandId, size: int) -> None:
+    if len(payload) != size or int.from_bytes(payload[:4], "little") != command:
+        raise TunnelError(f"{command.name} has {len(payload)} bytes, not {size}", payload)

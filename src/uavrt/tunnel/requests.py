@@ -1,0 +1,118 @@
+"""What the numbered versions add to a command: requests that may be repeated, uploads as sets.
+
+Rules of version 4 and later (reference/control.md §2.4): a ground station repeats the same
+bytes until it is acknowledged; the drone keeps its last 16 acknowledgements for 120 s and gives
+them again, good and bad alike.
+"""
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+
+from uavrt.errors import TunnelError
+from uavrt.tunnel.numbered import TagG2, UploadG2
+from uavrt.tunnel.wire import CommandId
+
+KEPT = 16
+KEPT_S = 120.0
+
+Asker = tuple[int, int]
+
+
+@dataclass(slots=True)
+class _Request:
+    payload: bytes
+    asked_s: float
+    answer: bytes | None = None
+
+
+class RequestCache:
+    """The last requests of all ground stations, with their acknowledgements."""
+
+    def __init__(self) -> None:
+        self._requests: OrderedDict[tuple[Asker, int], _Request] = OrderedDict()
+        self.replayed = 0
+
+    def repeated(
+        self, asker: Asker, request_id: int, payload: bytes, now_s: float
+    ) -> bytes | bool:
+        """Look a request up, and keep it if it is new.
+
+        Returns
+        -------
+        bytes or bool
+            The acknowledgement to give again; True for a repetition that is still being worked
+            on; False for a new request.
+
+        Raises
+        ------
+        TunnelError
+            The id was used for something else.
+        """
+        if request_id == 0:
+            return False  # never kept
+        key = (asker, request_id)
+        known = self._requests.get(key)
+        if known is not None and now_s - known.asked_s <= KEPT_S:
+            if known.payload != payload:
+                raise TunnelError("request_id reuse: another command had this id", payload)
+            self.replayed += known.answer is not None
+            return True if known.answer is None else known.answer
+        self._requests[key] = _Request(payload, now_s)
+        self._requests.move_to_end(key)
+        while len(self._requests) > KEPT:
+            self._requests.popitem(last=False)
+        return False
+
+    def answered(self, asker: Asker, request_id: int, answer: bytes) -> None:
+        """Keep the acknowledgement of a request."""
+        known = self._requests.get((asker, request_id))
+        if known is not None:
+            known.answer = answer
+
+
+@dataclass(slots=True)
+class TagUpload:
+    """One upload of tags as a set; complete only with every index."""
+
+    upload_id: int
+    tag_count: int
+    asker: Asker
+    indices: set[int] = field(default_factory=set)
+
+    def check_tag(self, message: TagG2, asker: Asker) -> None:
+        """Raise `TunnelError` for a tag that does not belong here."""
+        if (message.upload_id, asker) != (self.upload_id, self.asker):
+            raise TunnelError(
+                f"stale upload_id {message.upload_id}: {self.upload_id} is open",
+                message.encode(),
+            )
+        if message.tag_index >= self.tag_count:
+            raise TunnelError(
+                f"tag_index {message.tag_index} is beyond tag_count {self.tag_count}",
+                message.encode(),
+            )
+
+    def check_end(self, message: UploadG2, asker: Asker) -> None:
+        """Raise `TunnelError` unless every tag is there."""
+        payload = message.encode()
+        if (message.upload_id, asker) != (self.upload_id, self.asker):
+            raise TunnelError(
+                f"stale upload_id {message.upload_id}: {self.upload_id} is open", payload
+            )
+        if message.tag_count != self.tag_count:
+            raise TunnelError(
+                f"tag_count mismatch: {message.tag_count}, but {self.tag_count} at the start",
+                payload,
+            )
+        missing = sorted(set(range(self.tag_count)) - self.indices)
+        if missing:
+            some = ",".join(map(str, missing[:20]))
+            raise TunnelError(f"incomplete: missing {some}", payload)
+
+
+def open_upload(message: UploadG2, asker: Asker) -> TagUpload:
+    """Begin an upload; raises `TunnelError` for one without tags."""
+    assert message.command is CommandId.START_TAGS
+    if message.tag_count == 0:
+        raise TunnelError("tag_count is 0", message.encode())
+    return TagUpload(message.upload_id, message.tag_count, asker)

@@ -1,0 +1,300 @@
+"""Request ids, replayed acknowledgements, upload sets and progress: the numbered versions."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uavrt import tunnel
+from uavrt.errors import ConfigError
+from uavrt.ground.writing import Writing
+from uavrt.messages import (
+    Command,
+    CommandReply,
+    Operation,
+    Pulse,
+    PulsePose,
+    SearchReport,
+    SystemState,
+    Tag,
+)
+from uavrt.tunnel import CommandId
+from uavrt.tunnel.exchange import Answer, Exchange
+from uavrt.tunnel.requests import KEPT, KEPT_S
+
+GROUND = (255, 190)
+
+
+@dataclass
+class Drone:
+    """An exchange with a supervisor that does what it is asked."""
+
+    exchange: Exchange
+    commands: list[Command] = field(default_factory=list)
+    now_s: float = 1000.0
+    refuse: str = ""
+
+    def hear(self, payload: bytes, asker: tuple[int, int] = GROUND) -> tunnel.AckG2 | None:
+        result = self.exchange.receive(payload, asker)
+        if isinstance(result, Command):
+            self.commands.append(result)
+            result = self.exchange.reply(
+                CommandReply(
+                    request_id=result.request_id,
+                    name=result.name,
+                    accepted=not self.refuse,
+                    message=self.refuse or "flight_log_x",
+                )
+            )
+        if result is None:
+            return None
+        assert result.asker == asker
+        ack = tunnel.decode(result.payload, "G2")
+        assert isinstance(ack, tunnel.AckG2)
+        return ack
+
+
+def drone(**settings: Any) -> Drone:
+    made = Drone.__new__(Drone)
+    settings = {"generation": "G2", "experimental": True, **settings}
+    Drone.__init__(made, Exchange(**settings, clock_s=lambda: made.now_s))
+    return made
+
+
+TAGS = [
+    Tag(tag_id=number, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.3,))
+    for number in (2, 4, 6)
+]
+
+
+def stop(request_id: int) -> bytes:
+    return tunnel.BareG2(command=CommandId.STOP_DETECTION, request_id=request_id).encode()
+
+
+def test_a_repeated_request_gets_the_same_acknowledgement_and_is_done_once() -> None:
+    for refusal in ("", "detecting: send stop first"):
+        one = drone()
+        one.refuse = refusal
+        first = one.hear(stop(77))
+        assert first is not None
+        assert (first.request_id, first.result) == (77, 0 if refusal else 1)
+        one.refuse = "something else by now"
+        assert one.hear(stop(77)) == first
+        assert len(one.commands) == 1
+        assert one.exchange.counters["acknowledgements_replayed"] == 1
+
+
+def test_a_request_that_is_still_worked_on_gets_no_second_answer() -> None:
+    exchange = Exchange("G2", experimental=True)
+    assert isinstance(exchange.receive(stop(5), GROUND), Command)
+    assert exchange.receive(stop(5), GROUND) is None
+
+
+def test_a_request_id_used_for_something_else_is_refused() -> None:
+    one = drone()
+    one.hear(stop(5))
+    other = tunnel.BareG2(command=CommandId.SAVE_LOGS, request_id=5).encode()
+    answer = one.hear(other)
+    assert answer is not None
+    assert answer.result == tunnel.FAILURE
+    assert "request_id reuse" in answer.message
+    again = one.hear(stop(5))
+    assert again is not None
+    assert again.result == tunnel.SUCCESS  # the first one's is still kept
+    assert one.hear(other, (254, 190)) is not None  # another station's ids are its own
+    assert [command.name for command in one.commands] == ["stop_detection", "save_logs"]
+
+
+def test_the_last_sixteen_requests_are_kept_for_two_minutes_and_id_0_never() -> None:
+    one = drone()
+    for number in range(1, KEPT + 2):
+        one.hear(stop(number))
+    one.hear(stop(2))
+    assert len(one.commands) == KEPT + 1
+    one.hear(stop(1))
+    assert len(one.commands) == KEPT + 2
+    one.now_s += KEPT_S + 1
+    one.hear(stop(5))
+    one.hear(stop(0))
+    one.hear(stop(0))
+    assert len(one.commands) == KEPT + 5
+
+
+def test_an_upload_is_complete_only_with_every_tag() -> None:
+    one = drone()
+    first, *inside, last = Writing("G2").upload(TAGS)
+    assert one.hear(first).result == tunnel.SUCCESS  # type: ignore[union-attr]
+    assert one.hear(inside[0]).result == tunnel.SUCCESS  # type: ignore[union-attr]
+    incomplete = one.hear(last)
+    assert incomplete is not None
+    assert incomplete.message == "incomplete: missing 1,2"
+    one.refuse = "tag 4 was already sent with other values"
+    assert one.hear(inside[1]).result == tunnel.FAILURE  # type: ignore[union-attr]
+    one.refuse = ""
+    assert one.hear(inside[2]).result == tunnel.SUCCESS  # type: ignore[union-attr]
+    assert one.hear(inside[1]).result == tunnel.FAILURE  # type: ignore[union-attr]  # replayed
+    retry = tunnel.decode(inside[1])
+    assert isinstance(retry, tunnel.TagG2)
+    fresh = tunnel.TagG2(
+        request_id=12345, upload_id=retry.upload_id, tag_index=1, tag=retry.tag
+    )
+    assert one.hear(fresh.encode()).result == tunnel.SUCCESS  # type: ignore[union-attr]
+    end = tunnel.decode(last)
+    assert isinstance(end, tunnel.UploadG2)
+    ended = tunnel.UploadG2(
+        command=CommandId.END_TAGS, request_id=12346, upload_id=end.upload_id, tag_count=3
+    )
+    assert one.hear(ended.encode()).result == tunnel.SUCCESS  # type: ignore[union-attr]
+    assert [c.tag.tag_id for c in one.commands if c.tag is not None] == [2, 4, 6, 4]
+    assert one.commands[-1].name == "end_tags"
+
+
+def test_tags_of_another_upload_and_counts_that_differ_are_refused_by_name() -> None:
+    one = drone()
+    first, tag, _ = Writing("G2").upload(TAGS[:1])
+    no_upload = one.hear(tag)
+    assert no_upload is not None
+    assert "no upload is open" in no_upload.message
+    one.hear(first)
+    upload_id = int.from_bytes(first[8:12], "little")
+
+    def frame(command: CommandId, request_id: int, upload: int, count: int) -> str:
+        message = tunnel.UploadG2(
+            command=command, request_id=request_id, upload_id=upload, tag_count=count
+        )
+        answer = one.hear(message.encode())
+        assert answer is not None
+        assert answer.result == tunnel.FAILURE
+        return answer.message
+
+    assert "stale upload_id" in frame(CommandId.END_TAGS, 1, upload_id + 1, 1)
+    assert "tag_count mismatch" in frame(CommandId.END_TAGS, 2, upload_id, 2)
+    assert "tag_count is 0" in frame(CommandId.START_TAGS, 3, 9, 0)
+    wire = tunnel.decode(tag)
+    assert isinstance(wire, tunnel.TagG2)
+    for upload, index, word in ((upload_id + 1, 0, "stale"), (upload_id, 1, "beyond")):
+        message = tunnel.TagG2(
+            request_id=50 + index, upload_id=upload, tag_index=index, tag=wire.tag
+        )
+        answer = one.hear(message.encode())
+        assert answer is not None
+        assert word in answer.message
+
+
+def test_progress_goes_to_who_asked_until_it_is_complete() -> None:
+    one = drone()
+    step = Operation(name="save_logs", state="running", step=1, step_count=4, message="one")
+    assert one.exchange.progress(step) is None  # before the supervisor's reply
+    save = tunnel.BareG2(command=CommandId.SAVE_LOGS, request_id=9).encode()
+    one.hear(save, (245, 190))
+    (again,) = one.exchange.progress_again()
+    assert again == one.exchange.progress(step)
+    assert again.asker == (245, 190)
+    read = tunnel.decode(again.payload, "G2")
+    assert read == tunnel.OperationProgress(
+        operation=12, request_id=9, state=0, step=1, step_count=4, message="one"
+    )
+    last = one.exchange.progress(Operation(name="save_logs", state="failed", message="full"))
+    assert last is not None
+    ended = tunnel.decode(last.payload, "G2")
+    assert isinstance(ended, tunnel.OperationProgress)
+    assert (ended.state, ended.message) == (2, "full")
+    assert one.exchange.progress_again() == []
+
+
+def test_version_4_has_no_progress_and_tells_its_number() -> None:
+    one = drone(version=4)
+    one.hear(tunnel.BareG2(command=CommandId.SAVE_LOGS, request_id=9).encode())
+    assert one.exchange.progress(Operation(name="save_logs", state="running")) is None
+    beat = one.exchange.heartbeat(SystemState.HAS_TAGS, None)
+    assert beat is not None
+    read = tunnel.decode(beat, "G2")
+    assert isinstance(read, tunnel.HeartbeatG2)
+    assert (read.protocol_version, read.status) == (4, 2)
+    alive = one.exchange.detector_heartbeat(2, 10**18)
+    assert alive is not None
+    assert isinstance(tunnel.decode(alive, "G2"), tunnel.PulseG2)
+    assert isinstance(
+        tunnel.decode(drone().exchange.detector_heartbeat(2, 0) or b"", "G2"),
+        tunnel.DetectorHeartbeat,
+    )
+
+
+def test_inferred_layouts_are_used_only_where_the_settings_say_so() -> None:
+    with pytest.raises(ConfigError, match="tunnel_experimental"):
+        Exchange("G2")
+    one = drone(generation="auto", experimental=False)
+    first, tag, last = Writing("G2").upload(TAGS[:1])
+    assert one.hear(first).result == tunnel.SUCCESS  # type: ignore[union-attr]
+    refused = one.hear(tag)
+    assert refused is not None
+    assert "never seen" in refused.message
+    assert one.hear(last).message == "incomplete: missing 0"  # type: ignore[union-attr]
+    assert one.exchange.generation == "G1"  # pulses are not sent in it
+
+
+def test_version_1_speaks_as_g1_with_a_number_and_a_longer_pulse() -> None:
+    exchange = Exchange("G2v1")
+    beat = exchange.heartbeat(SystemState.DETECTING, 40.0)
+    assert beat is not None
+    assert len(beat) == 16
+    report = SearchReport(
+        tag_id=2, time_ns=10**18, frequency_hz=148.71e6, noise_psd=1e-12, best_score=0.5
+    )
+    payload = exchange.search_report(report)
+    assert payload is not None
+    read = tunnel.decode(payload, "G2v1")
+    assert isinstance(read, tunnel.PulseG2v1)
+    assert (read.collection_id, read.pulse.detection_status) == (0, 3)
+    start, tag, _ = Writing("G2v1").upload(TAGS[:1])
+    assert isinstance(exchange.receive(start, GROUND), Command)
+    assert isinstance(exchange.receive(tag, GROUND), Command)
+    refusal = exchange.receive(tag[:50], GROUND)
+    assert isinstance(refusal, Answer)
+    assert isinstance(tunnel.decode(refusal.payload, "G2v1"), tunnel.AckG1)
+
+
+def test_a_payload_of_a_wrong_length_is_refused_under_its_request_id() -> None:
+    answer = drone().hear(stop(123) + b"\0")
+    assert answer is not None
+    assert (answer.request_id, answer.result) == (123, tunnel.FAILURE)
+    assert "9 bytes" in answer.message
+
+
+@given(st.lists(st.binary(min_size=4, max_size=128), max_size=20))
+def test_no_payload_stops_the_conversation(payloads: list[bytes]) -> None:
+    one = drone()
+    for payload in payloads:
+        result = one.exchange.receive(payload, GROUND)
+        assert result is None or isinstance(result, Answer | Command)
+    assert one.hear(stop(99)) is not None
+
+
+def test_a_pulse_survives_every_generation() -> None:
+    pulse = Pulse(
+        tag_id=2,
+        frequency_hz=148_710_000.0,
+        start_time_ns=1_700_206_353_000_000_000,
+        end_time_ns=1_700_206_353_020_000_000,
+        snr_db=20.0,
+        group_snr_db=20.0,
+        score=2.0,
+        group_index=1,
+        group_sequence=3,
+        noise_psd=1e-12,
+        detection_status="confirmed",
+        confirmed=True,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )
+    generations: tuple[tunnel.Generation, ...] = ("G1", "G2v1", "G2")
+    inner = []
+    for generation in generations:
+        payload = tunnel.pulse_to_wire(PulsePose(pulse=pulse, pose=None), generation).encode()
+        read = tunnel.decode(payload, generation)
+        assert isinstance(read, tunnel.PulseG1 | tunnel.PulseG2v1 | tunnel.PulseG2)
+        inner.append((read if isinstance(read, tunnel.PulseG1) else read.pulse).encode())
+    assert len(set(inner)) == 1
