@@ -1,5 +1,7 @@
 """What the detector can do, measured: signals, trials, and the tables of the claims."""
 
-from uavrt.experiments.detection.run import Row, run_detection
+from uavrt.experiments.detection.campaign import FULL_TRIALS, Experiment, run_experiments
+from uavrt.experiments.detection.catalogue import EXPERIMENTS
+from uavrt.experiments.detection.result import Row
 
-__all__ = ["Row", "run_detection"]
+__all__ = ["EXPERIMENTS", "FULL_TRIALS", "Experiment", "Row", "run_experiments"]

@@ -20,6 +20,17 @@ THESIS_TAG = Tag(
     false_alarm_probability=0.01,
 )
 """The thesis's tag, at the false-alarm probability of the published baselines."""
+TRACKER_TAG = Tag(
+    tag_id=2,
+    frequency_hz=148_710_000.0,
+    pulse_width_s=0.015,
+    pulse_intervals_s=(1.333,),
+    interval_uncertainty_s=0.060,
+    interval_jitter_s=0.020,
+    k=3,
+    false_alarm_probability=0.01,
+)
+"""The tag that the original's ground station starts with (reference/detector.md §2)."""
 START_NS = 1_700_000_000_000_000_000
 
 

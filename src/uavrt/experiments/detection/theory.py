@@ -1,17 +1,22 @@
-"""Bounds that a detector of K pulses cannot pass, and the published figures of the original.
+"""Bounds that a detector of K pulses cannot pass.
 
 All by reference/detector.md §9: noncoherent square law, Pd = Q_K(sqrt(2 K ENR), sqrt(2 x)) with
 x the threshold of a sum of K unit exponentials.
 """
 
 import math
+from functools import lru_cache
 
-ORIGINAL_PD = {6: 0.018, 7: 0.068, 8: 0.138, 9: 0.333, 10: 0.590, 11: 0.843, 12: 0.965}
-"""Pd of the original at pf 1 %, thesis tag, K = 3, by ENR in dB."""
 EFFECTIVE_CELLS = {1: 1.5e4, 2: 3.7e5, 3: 9e5, 5: 6e6, 8: 3e7, 12: 7e8}
 """Effective hypotheses of the original's search, by K (the middle of the range given)."""
+EFFECTIVE_CELLS_TRACKER = 2.3e6
+"""For the tag that the original's ground station starts with, K = 3."""
 ENR_HALF_DB = {1: 11.4, 2: 9.8, 3: 8.5, 5: 7.2, 8: 6.0, 12: 5.2}
 """ENR for Pd .5 of the table of theory, by K: aligned pulses, full search."""
+GENIE_HALF_DB = {1: 6.1, 2: 4.1, 3: 2.9, 5: 1.5, 8: 0.2, 12: -0.8}
+"""The same with time, frequency and interval known."""
+LONG_HALF_DB = {20: 1.2, 40: -0.5}
+"""Search bound of the long integration without jitter, by K."""
 
 
 def erlang_tail(k: int, x: float) -> float:
@@ -23,6 +28,7 @@ def erlang_tail(k: int, x: float) -> float:
     return math.exp(-x) * total
 
 
+@lru_cache(maxsize=256)
 def erlang_threshold(k: int, probability: float) -> float:
     """Threshold that a sum of k unit exponentials passes with a probability."""
     low, high = 0.0, 1000.0
@@ -55,30 +61,28 @@ def genie(k: int, enr_db: float, false_alarms: float = 0.01) -> float:
     return detection_probability(k, enr_db, erlang_threshold(k, false_alarms))
 
 
-def union_bound(k: int, enr_db: float, false_alarms: float = 0.01) -> float:
+def union_bound(
+    k: int, enr_db: float, false_alarms: float = 0.01, cells: float | None = None
+) -> float:
     """Pd of perfectly aligned pulses at the threshold of the original's full search."""
-    return detection_probability(
-        k, enr_db, erlang_threshold(k, false_alarms / EFFECTIVE_CELLS[k])
-    )
+    cells = EFFECTIVE_CELLS[k] if cells is None else cells
+    return detection_probability(k, enr_db, erlang_threshold(k, false_alarms / cells))
 
 
-def wilson_interval(hits: int, trials: int) -> tuple[float, float]:
-    """95 % interval of a probability (Wilson's score)."""
-    if trials == 0:
-        return 0.0, 1.0
-    z = 1.96
-    share = hits / trials
-    middle = (share + z * z / (2 * trials)) / (1.0 + z * z / trials)
-    half = z * math.sqrt(share * (1.0 - share) / trials + z * z / (4.0 * trials * trials))
-    half /= 1.0 + z * z / trials
-    return max(0.0, middle - half), min(1.0, middle + half)
+def single_pulse(enr_db: float, false_alarms: float = 0.01) -> float:
+    """Pd of an energy detector that decides on each pulse by itself, same false alarms."""
+    return union_bound(1, enr_db, false_alarms)
 
 
-def poisson_interval(count: int) -> tuple[float, float]:
-    """95 % interval of the mean of a Poisson count (Wilson and Hilferty's approximation)."""
-    low = 0.0
-    if count:
-        low = count * (1.0 - 1.0 / (9.0 * count) - 1.96 / (3.0 * math.sqrt(count))) ** 3
-    more = count + 1
-    high = more * (1.0 - 1.0 / (9.0 * more) + 1.96 / (3.0 * math.sqrt(more))) ** 3
-    return low, high
+def snr_error_db(enr_db: float) -> float:
+    """Standard deviation of a pulse's measured ENR [dB]: its energy's in known noise.
+
+    The energy |sqrt(E) + n|^2 of a matched filter has the variance 2 E + 1.
+    """
+    energy = math.pow(10.0, enr_db / 10.0)
+    return 10.0 / math.log(10.0) * math.sqrt(2.0 * energy + 1.0) / energy
+
+
+def frequency_bound_hz(enr_db: float, pulse_width_s: float) -> float:
+    """Cramér and Rao's bound of the frequency of one rectangular pulse [Hz] (§10, E7)."""
+    return math.sqrt(6.0 / math.pow(10.0, enr_db / 10.0)) / (2.0 * math.pi * pulse_width_s)

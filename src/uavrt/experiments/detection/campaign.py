@@ -1,0 +1,175 @@
+"""Many seeded trials on several processes, and the rows that they make.
+
+A trial is a function of its own random generator, seeded by the campaign's seed, the case and
+the trial's number: the same rows come from any number of processes.
+"""
+
+import math
+import multiprocessing
+import os
+import zlib
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from uavrt.experiments.detection.result import Row
+
+FULL_TRIALS = 600
+"""Decisions for each point of a Pd curve that the bars ask for; `Case.trials` refer to it."""
+_CHUNK_S = 3.0
+"""CPU time that a process takes at once: short against the whole, long against a message."""
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """Trials of one kind and what they are judged by."""
+
+    name: str
+    trials: int
+    """At full size."""
+    seconds: float
+    """CPU time of one trial, roughly: for the shares of the processes and the progress bar."""
+    trial: Callable[[np.random.Generator, int], Any]
+    """Takes a generator and the trial's number; gives an outcome that can be sent."""
+    rows: Callable[[Sequence[Any]], list[Row]]
+    """Takes all outcomes in the order of their numbers."""
+    least: int = 1
+    """Trials at any size."""
+    alone: bool = False
+    """Times something: run when no other process works."""
+
+    def count(self, trials: int) -> int:
+        """Trials of this case when a point of a Pd curve gets so many."""
+        return max(self.least, round(self.trials * trials / FULL_TRIALS))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Experiment:
+    """One acceptance experiment."""
+
+    name: str
+    title: str
+    cases: tuple[Case, ...] = field(default_factory=tuple)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chunk:
+    """Consecutive trials of a case, by name: a case itself cannot be sent."""
+
+    experiment: str
+    case: int
+    first: int
+    last: int
+    seed: int
+
+
+def run_chunk(chunk: Chunk) -> list[Any]:
+    """Do a chunk's trials; called in whatever process."""
+    from uavrt.experiments.detection.catalogue import EXPERIMENTS
+
+    case = EXPERIMENTS[chunk.experiment].cases[chunk.case]
+    name = zlib.crc32(f"{chunk.experiment} {case.name}".encode())
+    return [
+        case.trial(np.random.default_rng((chunk.seed, name, index)), index)
+        for index in range(chunk.first, chunk.last)
+    ]
+
+
+def run_experiments(
+    experiments: Iterable[Experiment],
+    *,
+    trials: int,
+    seed: int,
+    workers: int = 1,
+    on_progress: Callable[[float, str], None] = lambda part, what: None,
+) -> list[Row]:
+    """Run experiments and make their rows.
+
+    Parameters
+    ----------
+    experiments : iterable of Experiment
+    trials : int
+        Decisions for each point of a Pd curve; everything else in proportion.
+    seed : int
+    workers : int
+        Processes; 1: this one only.
+    on_progress : callable
+        Takes the share done, by the CPU time that was expected, and what was done last.
+
+    Returns
+    -------
+    list of Row
+        In the order of the experiments.
+    """
+    chosen = list(experiments)
+    chunks = [c for e in chosen for c in _chunks(e, trials, seed)]
+    cases = {(e.name, i): case for e in chosen for i, case in enumerate(e.cases)}
+    weights = {
+        chunk: (chunk.last - chunk.first) * cases[chunk.experiment, chunk.case].seconds
+        for chunk in chunks
+    }
+    total = sum(weights.values()) or 1.0
+    outcomes: dict[Chunk, list[Any]] = {}
+    done = 0.0
+
+    def take(chunk: Chunk, outcome: list[Any]) -> None:
+        nonlocal done
+        outcomes[chunk] = outcome
+        done += weights[chunk]
+        case = cases[chunk.experiment, chunk.case]
+        on_progress(done / total, f"{chunk.experiment} {case.name}")
+
+    together = [c for c in chunks if not cases[c.experiment, c.case].alone]
+    if workers > 1:
+        # The longest first: no process is left alone with one at the end.
+        _in_processes(sorted(together, key=lambda c: -weights[c]), workers, take)
+    else:
+        for chunk in together:
+            take(chunk, run_chunk(chunk))
+    for chunk in chunks:
+        if chunk not in outcomes:
+            take(chunk, run_chunk(chunk))
+    rows: list[Row] = []
+    for key, case in cases.items():
+        mine = [c for c in chunks if (c.experiment, c.case) == key]
+        rows += case.rows([outcome for chunk in mine for outcome in outcomes[chunk]])
+    return rows
+
+
+def _chunks(experiment: Experiment, trials: int, seed: int) -> list[Chunk]:
+    chunks = []
+    for number, case in enumerate(experiment.cases):
+        count = case.count(trials)
+        size = max(1, math.floor(_CHUNK_S / case.seconds))
+        chunks += [
+            Chunk(
+                experiment=experiment.name,
+                case=number,
+                first=first,
+                last=min(first + size, count),
+                seed=seed,
+            )
+            for first in range(0, count, size)
+        ]
+    return chunks
+
+
+def _in_processes(
+    chunks: Sequence[Chunk], workers: int, take: Callable[[Chunk, list[Any]], None]
+) -> None:
+    """Spawned, not forked: the parent's threads and locks stay out of it."""
+    for name in _THREADS:
+        os.environ.setdefault(name, "1")
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        pending = {pool.submit(run_chunk, chunk): chunk for chunk in chunks}
+        try:
+            for future in as_completed(pending):
+                take(pending[future], future.result())
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

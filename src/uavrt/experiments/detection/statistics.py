@@ -1,0 +1,144 @@
+"""Figures with their 95 % intervals."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+Z95 = 1.96
+_NEAR_DB = 1.5
+"""A Pd curve is a logistic function of the ENR in dB only about the level that is asked for."""
+
+
+def wilson_interval(hits: float, trials: int) -> tuple[float, float]:
+    """95 % interval of a probability (Wilson's score)."""
+    if trials == 0:
+        return 0.0, 1.0
+    share = hits / trials
+    middle = (share + Z95**2 / (2 * trials)) / (1.0 + Z95**2 / trials)
+    half = Z95 * math.sqrt(share * (1.0 - share) / trials + Z95**2 / (4.0 * trials * trials))
+    half /= 1.0 + Z95**2 / trials
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def poisson_interval(count: int) -> tuple[float, float]:
+    """95 % interval of the mean of a Poisson count (Wilson and Hilferty's approximation)."""
+    low = 0.0
+    if count:
+        low = count * (1.0 - 1.0 / (9.0 * count) - Z95 / (3.0 * math.sqrt(count))) ** 3
+    more = count + 1
+    high = more * (1.0 - 1.0 / (9.0 * more) + Z95 / (3.0 * math.sqrt(more))) ** 3
+    return max(0.0, low), high
+
+
+def mean_interval(values: Sequence[float]) -> tuple[float, float]:
+    """95 % interval of a mean; infinitely wide for one value."""
+    mean = float(np.mean(values))
+    if len(values) < 2:
+        return -math.inf, math.inf
+    half = Z95 * float(np.std(values, ddof=1)) / math.sqrt(len(values))
+    return mean - half, mean + half
+
+
+def rms(values: Sequence[float]) -> tuple[float, float, float]:
+    """Root of the mean square, and its 95 % interval."""
+    if not len(values):
+        return math.nan, 0.0, math.inf
+    squares = np.square(np.asarray(values, np.float64))
+    mean = float(squares.mean())
+    half = Z95 * float(squares.std()) / math.sqrt(len(squares))
+    return math.sqrt(mean), math.sqrt(max(0.0, mean - half)), math.sqrt(mean + half)
+
+
+def share_by_flight(
+    hits: Sequence[int], trials: Sequence[int]
+) -> tuple[float, tuple[float, float]]:
+    """Mean share over flights; the wider of the interval over flights and over pulses.
+
+    The pulses of a flight are not independent of one another: one late lock costs many.
+    """
+    shares = [h / t for h, t in zip(hits, trials, strict=True) if t]
+    if not shares:
+        return 0.0, (0.0, 1.0)
+    low, high = wilson_interval(sum(hits), sum(trials))
+    if len(shares) > 1:
+        over = mean_interval(shares)
+        low, high = min(low, over[0]), max(high, over[1])
+    return float(np.mean(shares)), (max(0.0, low), min(1.0, high))
+
+
+def quantile(values: Sequence[float], share: float) -> tuple[float, float, float]:
+    """Quantile with the 95 % interval of its order statistics.
+
+    The number of values below the true quantile is binomial; the interval reaches from the
+    value that at most 2.5 % of such numbers fall short of to that which 2.5 % exceed.
+    """
+    ordered = np.sort(np.asarray(values, np.float64))
+    count = len(ordered)
+    if not count:
+        return math.nan, -math.inf, math.inf
+    number = np.arange(count + 1)
+    log_factorial = np.concatenate(([0.0], np.cumsum(np.log(np.arange(1, count + 1)))))
+    log_weight = log_factorial[-1] - log_factorial - log_factorial[::-1]
+    log_weight += number * math.log(share) + number[::-1] * math.log1p(-share)
+    below = np.cumsum(np.exp(log_weight))
+    low = int(np.searchsorted(below, 0.025, side="right"))
+    high = int(np.searchsorted(below, 0.975))
+    return (
+        float(np.quantile(ordered, share)),
+        float(ordered[low - 1]) if low else -math.inf,
+        float(ordered[high]) if high < count else math.inf,
+    )
+
+
+def level_for(
+    points: Sequence[tuple[float, int, int]], share: float
+) -> tuple[float, float, float, float]:
+    """Level at which a detection curve reaches a share.
+
+    A logistic function of the level is fitted by maximum likelihood to the points within
+    1.5 dB of the answer, half a hit and half a miss added to each point.
+
+    Parameters
+    ----------
+    points : sequence of (level_db, hits, trials)
+    share : float
+
+    Returns
+    -------
+    tuple of float
+        Level, its 95 % interval (delta method), and the standard error [dB].
+    """
+    chosen = list(points)
+    for _ in range(3):
+        level, error = _logistic(chosen, share)
+        near = [p for p in points if abs(p[0] - level) <= _NEAR_DB]
+        if len(near) < 2 or near == chosen:
+            break
+        chosen = near
+    return level, level - Z95 * error, level + Z95 * error, error
+
+
+def _logistic(points: Sequence[tuple[float, int, int]], share: float) -> tuple[float, float]:
+    at = np.array([p[0] for p in points])
+    middle = float(at.mean())
+    design = np.column_stack((np.ones(len(at)), at - middle))
+    trials = np.array([p[2] for p in points]) + 1.0
+    hits = np.array([p[1] for p in points]) + 0.5
+    weights = np.array([0.0, 1.0])
+    for _ in range(50):
+        fitted = 1.0 / (1.0 + np.exp(-np.clip(design @ weights, -30.0, 30.0)))
+        information = design.T @ (design * (trials * fitted * (1.0 - fitted))[:, None])
+        # Levenberg's small ridge: few trials may separate perfectly.
+        step = np.linalg.solve(
+            information + 1e-6 * np.eye(2), design.T @ (hits - trials * fitted)
+        )
+        weights = weights + np.clip(step, -2.0, 2.0)
+        if float(np.abs(step).max()) < 1e-10:
+            break
+    slope = max(float(weights[1]), 1e-3)
+    logit = math.log(share / (1.0 - share))
+    level = (logit - float(weights[0])) / slope
+    gradient = np.array([-1.0 / slope, -level / slope])
+    covariance = np.linalg.inv(information + 1e-6 * np.eye(2))
+    return level + middle, math.sqrt(float(gradient @ covariance @ gradient))

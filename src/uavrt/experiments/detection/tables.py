@@ -1,0 +1,161 @@
+"""Rows as files: JSON to go on with, CSV and Markdown to read."""
+
+import csv
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from uavrt.errors import ConfigError
+from uavrt.experiments.detection.catalogue import EXPERIMENTS
+from uavrt.experiments.detection.result import Row
+
+HEADER = ("measured", "95 %", "n", "bar", "", "original", "theory", "remarks")
+RESULTS = "results.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """What rows were measured with."""
+
+    version: str
+    seed: int
+    trials: int
+    """Decisions for each point of a Pd curve."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Results:
+    """All rows at hand, and where each experiment's come from."""
+
+    rows: tuple[Row, ...]
+    origins: dict[str, Origin]
+
+    def merged(self, other: "Results") -> "Results":
+        """These, with the other's experiments in the place of those of the same name."""
+        rows = [row for row in self.rows if row.experiment not in other.origins]
+        order = list(EXPERIMENTS)
+        both = sorted([*rows, *other.rows], key=lambda row: order.index(row.experiment))
+        return Results(rows=tuple(both), origins=self.origins | other.origins)
+
+
+def as_json(results: Results) -> dict[str, Any]:
+    """For `json.dumps`; numbers that JSON has no word for become null."""
+    return {
+        "origins": {name: asdict(origin) for name, origin in sorted(results.origins.items())},
+        "rows": [
+            {key: _plain(value) for key, value in asdict(row).items()}
+            | {"bar": row.bar, "verdict": row.verdict}
+            for row in results.rows
+        ],
+    }
+
+
+def _plain(value: object) -> object:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def read_results(path: Path) -> Results:
+    """Results of earlier runs; none when there is no such file.
+
+    Raises
+    ------
+    ConfigError
+        The file is no file of results.
+    """
+    if not path.exists():
+        return Results(rows=(), origins={})
+    names = {field.name for field in fields(Row)}
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        rows = []
+        for entry in found["rows"]:
+            values = {key: value for key, value in entry.items() if key in names}
+            for end, infinite in (("low", -math.inf), ("high", math.inf), ("figure", math.nan)):
+                values[end] = infinite if values[end] is None else values[end]
+            if values["experiment"] in EXPERIMENTS:
+                rows.append(Row(**values))
+        origins = {name: Origin(**origin) for name, origin in found["origins"].items()}
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ConfigError(
+            f"{path} holds no results of this experiment ({error})",
+            remedy="Give another --output-dir, or delete the file",
+        ) from error
+    return Results(rows=tuple(rows), origins=origins)
+
+
+def write_results(directory: Path, results: Results) -> list[Path]:
+    """Write JSON, CSV and Markdown; their paths."""
+    directory.mkdir(parents=True, exist_ok=True)
+    paths = [directory / RESULTS, directory / "results.csv", directory / "results.md"]
+    paths[0].write_text(json.dumps(as_json(results), indent=1) + "\n", encoding="utf-8")
+    with paths[1].open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(("experiment", "quantity", "case", *HEADER))
+        writer.writerows((r.experiment, r.quantity, r.case, *cells(r)) for r in results.rows)
+    paths[2].write_text(markdown(results), encoding="utf-8")
+    return paths
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """A row as text, under `HEADER`."""
+    bounds = (("genie", row.genie), ("union", row.union), ("single", row.single))
+    return (
+        number(row.figure),
+        f"{number(row.low)} … {number(row.high)}",
+        str(row.n),
+        row.bar,
+        row.verdict,
+        "" if row.original is None else number(row.original),
+        ", ".join(f"{name} {number(value)}" for name, value in bounds if value is not None),
+        row.note,
+    )
+
+
+def number(value: float) -> str:
+    """Three digits, without exponents for what people measure."""
+    if not math.isfinite(value):
+        return "∞" if value > 0 else "−∞" if value < 0 else "–"
+    if abs(value) >= 100.0:
+        return f"{value:.0f}"
+    return f"{value:.2f}" if abs(value) >= 10.0 else f"{value:.3f}"
+
+
+def bars_kept(rows: Sequence[Row]) -> str:
+    """How many of the bars were met, in one sentence."""
+    barred = [row for row in rows if row.barred]
+    missed = [row for row in barred if not row.met]
+    sure = sum(row.contradicted for row in missed)
+    return (
+        f"{len(barred) - len(missed)} of {len(barred)} bars met; of the {len(missed)} not met "
+        f"{sure} beyond the 95 % interval"
+    )
+
+
+def markdown(results: Results) -> str:
+    """The whole table as a page."""
+    parts = [
+        "# What the detector reaches",
+        "Written by `uavrt experiment detection`. The figure decides whether a bar is met; "
+        "where the bar lies inside of the 95 % interval, that is said.",
+        f"{bars_kept(results.rows)}.",
+    ]
+    for name, experiment in EXPERIMENTS.items():
+        rows = [row for row in results.rows if row.experiment == name]
+        if not rows:
+            continue
+        origin = results.origins[name]
+        lines = ["| " + " | ".join(("quantity", "case", *HEADER)) + " |"]
+        lines.append("| --- | --- " + "| ---: " * 4 + "| --- | ---: | --- | --- |")
+        lines += [
+            "| " + " | ".join((row.quantity, row.case, *cells(row))) + " |" for row in rows
+        ]
+        parts += [
+            f"## {name}: {experiment.title}",
+            f"Version {origin.version}, {origin.trials} trials for a point of a Pd curve, "
+            f"seed {origin.seed}.",
+            "\n".join(lines),
+        ]
+    return "\n\n".join(parts) + "\n"

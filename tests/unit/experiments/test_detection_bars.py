@@ -1,0 +1,295 @@
+"""`uavrt experiment detection` in a reduced, seeded form: no bar is contradicted."""
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from uavrt.cli.experiment_detection import detection
+from uavrt.errors import ConfigError, UsageError
+from uavrt.experiments.detection import (
+    EXPERIMENTS,
+    Row,
+    original,
+    run_experiments,
+    theory,
+    trials,
+)
+from uavrt.experiments.detection.campaign import Chunk, Experiment, run_chunk
+from uavrt.experiments.detection.false_alarms import FalseAlarms, false_alarm_row
+from uavrt.experiments.detection.statistics import (
+    level_for,
+    poisson_interval,
+    quantile,
+    rms,
+    share_by_flight,
+    wilson_interval,
+)
+from uavrt.experiments.detection.tables import bars_kept, read_results
+
+REDUCED = {
+    ("E1", "white, ± 500 Hz, 5 %"): 4,
+    ("E1", "hum, whole channel, 5 %"): 1,
+    ("E2", "pf 1 %"): 88,
+    ("E2", "15 ms tag, pf 5 %"): 24,
+    ("E3", "K = 1"): 30,
+    ("E3", "K = 5"): 12,
+    ("E3", "K = 20, jitter 2 ms"): 12,
+    ("E4", "ENR 10 dB"): 1,
+    ("E4", "first confirmed"): 5,
+    ("E5", "ENR 20 dB"): 1,
+    ("E5", "noise density, beside 60 dB"): 1,
+    ("E6", "ENR 20 dB"): 1,
+    ("E6", "prediction"): 1,
+    ("E6", "at the antenna"): 1,
+    ("E7", "ENR 20 dB"): 1,
+    ("E7", "tag at +1870 Hz"): 1,
+    ("E8", "interval +58.8 ms"): 1,
+    ("E8", "exact tag, no uncertainty"): 1,
+    ("E8", "frequency drifting 10 Hz/s"): 1,
+    ("E9", "5 % of the frames lost"): 1,
+    ("E9", "a hole of 3 s"): 1,
+    ("E9", "start-up"): 15,
+    ("E10", "carrier on a bin, alone"): 2,
+    ("E10", "steady carrier 100 Hz away, beside a tag"): 2,
+    ("E11", "impulses, 5 a second, alone"): 4,
+    ("E11", "impulses, 1 a second, beside a tag"): 2,
+    ("E12", "+10 dB, 500 Hz away, same interval, heard 60 s before"): 1,
+    ("E13", "1.254 and 2.508 s, sent 1.254"): 1,
+    ("E16", "20 dB, silent for 10 s"): 10,
+}
+"""Trials of each case: enough that a broken detector fails, 20 s of CPU time in all."""
+
+
+def reduced(experiment: str, name: str, seed: int = 11) -> list[Row]:
+    cases = EXPERIMENTS[experiment].cases
+    number = next(i for i, case in enumerate(cases) if case.name == name)
+    chunk = Chunk(
+        experiment=experiment,
+        case=number,
+        first=0,
+        last=REDUCED[experiment, name],
+        seed=seed,
+    )
+    return cases[number].rows(run_chunk(chunk))
+
+
+@pytest.mark.parametrize("which", REDUCED, ids=lambda which: f"{which[0]} {which[1]}")
+def test_no_bar_is_contradicted(which: tuple[str, str]) -> None:
+    rows = reduced(*which)
+    assert any(row.barred for row in rows)
+    contradicted = [row for row in rows if row.contradicted]
+    assert not contradicted
+
+
+@pytest.mark.parametrize(
+    "which",
+    [("E2", "pf 1 %"), ("E4", "ENR 10 dB"), ("E8", "exact tag, no uncertainty")],
+    ids=lambda which: which[0],
+)
+def test_a_detector_that_is_hard_of_hearing_fails_the_bars(
+    which: tuple[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hears = trials.detect
+
+    def deaf(*args: Any, **keywords: Any) -> Any:
+        pulses, detector = hears(*args, **keywords)
+        return [p for p in pulses if p.group_snr_db > 18.0], detector
+
+    monkeypatch.setattr(trials, "detect", deaf)
+    assert any(row.contradicted for row in reduced(*which))
+
+
+def test_every_acceptance_experiment_is_there_with_a_bar_in_each() -> None:
+    assert list(EXPERIMENTS) == [f"E{n}" for n in (*range(1, 14), 16)]
+    names = [(e.name, case.name) for e in EXPERIMENTS.values() for case in e.cases]
+    assert len(set(names)) == len(names)
+    assert set(REDUCED) <= set(names)
+    assert {experiment for experiment, _ in REDUCED} == set(EXPERIMENTS)
+
+
+def test_two_processes_make_the_rows_that_one_makes() -> None:
+    case = next(c for c in EXPERIMENTS["E2"].cases if c.name == "K = 1")
+    number = EXPERIMENTS["E2"].cases.index(case)
+    one = replace(EXPERIMENTS["E2"], cases=EXPERIMENTS["E2"].cases[number : number + 1])
+    alone = run_chunk(Chunk(experiment="E2", case=number, first=0, last=40, seed=3))
+    parts: list[float] = []
+    # A process finds a case by its number: the experiment must be the catalogue's own.
+    small = Experiment(
+        name="E2",
+        title=one.title,
+        cases=tuple(
+            c if c is case else replace(c, trials=0, least=1, rows=lambda outcomes: [])
+            for c in EXPERIMENTS["E2"].cases
+        ),
+    )
+    rows = run_experiments(
+        [small], trials=1, seed=3, workers=2, on_progress=lambda part, what: parts.append(part)
+    )
+    assert rows == case.rows(alone)
+    assert parts == sorted(parts)
+    assert parts[-1] == pytest.approx(1.0)
+
+
+@pytest.fixture
+def only_one_curve(monkeypatch: pytest.MonkeyPatch) -> None:
+    full = EXPERIMENTS["E2"]
+    monkeypatch.setitem(EXPERIMENTS, "E2", replace(full, cases=full.cases[:1]))
+
+
+@pytest.mark.usefixtures("only_one_curve")
+def test_the_command_writes_table_and_curve_and_keeps_earlier_rows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(**options: Any) -> int:
+        with pytest.raises(SystemExit) as end:
+            detection(only="e2", trials=1, workers=1, output_dir=tmp_path, **options)
+        assert isinstance(end.value.code, int)
+        return end.value.code
+
+    assert run() == 0
+    shown = capsys.readouterr().out
+    assert "E2: Pd of single decisions" in shown
+    assert "bars met" in shown
+    assert (tmp_path / "pd.png").read_bytes().startswith(b"\x89PNG")
+    first = read_results(tmp_path / "results.json")
+    assert {row.experiment for row in first.rows} == {"E2"}
+    assert f"| {first.rows[0].quantity} | {first.rows[0].case} |" in (
+        tmp_path / "results.md"
+    ).read_text(encoding="utf-8")
+    other = replace(first.rows[0], experiment="E8", case="of an earlier run")
+    kept = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    kept["rows"].append({**kept["rows"][0], "experiment": "E8", "case": other.case})
+    kept["origins"]["E8"] = kept["origins"]["E2"]
+    (tmp_path / "results.json").write_text(json.dumps(kept), encoding="utf-8")
+    run(seed=2, plots=False, json_summary=True)
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert {row["experiment"] for row in told["rows"]} == {"E2"}
+    assert told["rows"][0]["verdict"]
+    again = read_results(tmp_path / "results.json")
+    assert other in again.rows
+    assert again.origins["E2"].seed == 2
+    assert again.origins["E8"].seed == 1
+
+
+def test_an_experiment_that_is_not_there_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="E99"):
+        detection(only="E2,E99", output_dir=tmp_path)
+    with pytest.raises(UsageError, match="nothing to do"):
+        detection(only="E2", trials=0, output_dir=tmp_path)
+
+
+def test_a_file_that_holds_no_results_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    path.write_text('{"rows": [{}]}', encoding="utf-8")
+    with pytest.raises(ConfigError, match="no results"):
+        detection(only="E2", output_dir=tmp_path, plots=False)
+    assert path.read_text(encoding="utf-8") == '{"rows": [{}]}'
+
+
+def row(
+    figure: float,
+    low: float,
+    high: float,
+    *,
+    least: float | None = None,
+    most: float | None = None,
+) -> Row:
+    return Row(
+        experiment="E2",
+        quantity="",
+        case="",
+        figure=figure,
+        low=low,
+        high=high,
+        n=1,
+        least=least,
+        most=most,
+    )
+
+
+@pytest.mark.parametrize(
+    ("made", "verdict"),
+    [
+        (row(0.9, 0.8, 0.95, least=0.7), "met"),
+        (row(0.9, 0.6, 0.95, least=0.7), "met, within error"),
+        (row(0.6, 0.5, 0.8, least=0.7), "not met, within error"),
+        (row(0.6, 0.5, 0.65, least=0.7), "NOT met"),
+        (row(1.5, 1.45, 1.6, least=0.7, most=1.4), "NOT met"),
+        (row(0.0, 0.0, 3.7, most=0.0), "met"),
+        (row(0.5, 0.1, 2.0, most=0.0), "NOT met"),
+        (row(0.5, 0.1, 2.0), ""),
+    ],
+)
+def test_the_verdict_is_the_figures_and_says_when_the_interval_disagrees(
+    made: Row, verdict: str
+) -> None:
+    assert made.verdict == verdict
+    assert bars_kept([made]).startswith(
+        f"{int(made.barred and made.met)} of {int(made.barred)}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("interval", "share"),
+    [
+        (lambda rng: wilson_interval(int(rng.binomial(100, 0.3)), 100), 0.3),
+        (lambda rng: poisson_interval(int(rng.poisson(4.0))), 4.0),
+        (lambda rng: rms(rng.normal(0.0, 2.0, 200))[1:], 2.0),
+        (lambda rng: quantile(rng.exponential(1.0, 200), 0.9)[1:], math.log(10.0)),
+        (lambda rng: _fitted(rng), 9.0),
+    ],
+    ids=["share", "count", "rms", "quantile", "level"],
+)
+def test_95_percent_intervals_hold_the_truth_as_often_as_they_say(
+    interval: Callable[[np.random.Generator], tuple[float, float]], share: float
+) -> None:
+    rng = np.random.default_rng(5)
+    held = sum(low <= share <= high for low, high in (interval(rng) for _ in range(400)))
+    # Chance of fewer than 365 of 400 for a true 95 %: below 0.1 %.
+    assert 365 <= held <= 399
+
+
+def _fitted(rng: np.random.Generator) -> tuple[float, float]:
+    """Interval of the level for a half, when the curve is logistic about 9 dB."""
+    points = []
+    for level in (8.0, 8.5, 9.0, 9.5, 10.0):
+        hits = int(rng.binomial(80, 1.0 / (1.0 + math.exp(-1.5 * (level - 9.0)))))
+        points.append((level, hits, 80))
+    return level_for(points, 0.5)[1:3]
+
+
+def test_flights_that_differ_widen_the_interval_of_a_recall() -> None:
+    share, (low, high) = share_by_flight([95, 94, 40, 95], [95, 95, 95, 95])
+    assert share == pytest.approx(0.8526, abs=1e-3)
+    narrow = wilson_interval(324, 380)
+    assert low < narrow[0] < narrow[1] < high
+
+
+def test_false_alarms_are_counted_against_the_nominal_number() -> None:
+    counted = [FalseAlarms(intervals=84.0, groups=4, confirmed=0)] * 10
+    made = false_alarm_row(counted, experiment="E1", case="", probability=0.05)
+    assert made.figure == pytest.approx(40.0 / 42.0)
+    assert made.met
+    twice = [FalseAlarms(intervals=84.0, groups=8, confirmed=0)] * 10
+    assert false_alarm_row(twice, experiment="E1", case="", probability=0.05).contradicted
+
+
+def test_theory_agrees_with_the_table_of_the_reference() -> None:
+    for k, level in theory.ENR_HALF_DB.items():
+        assert abs(theory.union_bound(k, level) - 0.5) < 0.12
+    for k, level in theory.GENIE_HALF_DB.items():
+        assert theory.genie(k, level) == pytest.approx(0.5, abs=0.04)
+    assert theory.erlang_tail(1, 3.0) == pytest.approx(math.exp(-3.0))
+    threshold = theory.erlang_threshold(3, 1e-6)
+    assert theory.erlang_tail(3, threshold) == pytest.approx(1e-6, rel=1e-6)
+    noise_only = theory.detection_probability(1, -60.0, 2.0)
+    assert noise_only == pytest.approx(math.exp(-2.0), rel=1e-3)
+    assert theory.frequency_bound_hz(20.0, 0.02) == pytest.approx(1.95, abs=0.01)
+    # The published Pd of the original lies below the bound of its own search.
+    assert all(pd < theory.union_bound(3, enr) for enr, pd in original.PD.items())
