@@ -9,6 +9,7 @@ import io
 import os
 import shutil
 import sqlite3
+import struct
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -166,3 +167,50 @@ def write_map(path: Path) -> None:
             ],
         )
     database.close()
+
+
+def write_vector_map(path: Path) -> None:
+    """Write a PMTiles file, version 3, of one vector tile at each place: nothing but water.
+
+    Layout of the file, its directory and the tile: the specifications of PMTiles 3 and of
+    Mapbox Vector Tiles 2.1.
+    """
+    corners = _varints(9, 0, 0, 26, 8192, 0, 0, 8192, 8191, 0, 15)  # a square of 4096 units
+    feature = _field(3, 3) + _field(4, corners)
+    layer = _field(15, 2) + _field(1, b"water") + _field(2, feature) + _field(5, 4096)
+    tile = _field(3, layer)
+    metadata = b'{"vector_layers": [{"id": "water", "fields": {}}]}'
+    tiles = (4**4 - 1) // 3  # of zooms 0 to 3, all the same
+    directory = _varints(1, 0, tiles, len(tile), 1)
+    begin = 127
+    places = [begin, len(directory), begin + len(directory), len(metadata)]
+    end = begin + len(directory) + len(metadata)
+    header = b"PMTiles\x03" + struct.pack("<11Q", *places, end, 0, end, len(tile), tiles, 1, 1)
+    header += struct.pack("<6B", 1, 1, 1, 1, 0, 3)  # nothing compressed, vector, zooms
+    header += struct.pack("<4iB2i", -1800000000, -850000000, 1800000000, 850000000, 0, 0, 0)
+    path.write_bytes(header + directory + metadata + tile)
+
+
+def _varints(*values: int) -> bytes:
+    found = bytearray()
+    for value in values:
+        while value > 127:
+            found.append(value & 127 | 128)
+            value >>= 7
+        found.append(value)
+    return bytes(found)
+
+
+def _field(number: int, value: int | bytes) -> bytes:
+    """Write a field of a protocol buffer: a number, or bytes."""
+    if isinstance(value, int):
+        return _varints(number << 3, value)
+    return _varints(number << 3 | 2, len(value)) + value
+
+
+def colour_at(page: Page, x: int, y: int) -> tuple[int, ...]:
+    """Colour of a pixel of the page, as it is seen."""
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    colour = picture.getpixel((x, y))
+    assert isinstance(colour, tuple)
+    return colour

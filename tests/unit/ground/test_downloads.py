@@ -1,69 +1,18 @@
 """Flights fetched from the drone by the page's server: real frames, the drone's file server."""
 
-import socket
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from file_drone import FileDrone
 
 from uavrt.clock import Clock
 from uavrt.ground.flight_keeper import FlightKeeper
-from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.mavlink.ftp_files import FileTree
-from uavrt.mavlink.ftp_server import FileServer
 from uavrt.messages import Tag
 
 TAG = Tag(tag_id=2, frequency_hz=148.7e6, pulse_width_s=0.02, pulse_intervals_s=(1.2,))
-
-
-class FileDrone:
-    """Component 191 with its file server, on a socket."""
-
-    def __init__(self, port: int, root: Path) -> None:
-        self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._sock.connect(("127.0.0.1", port))
-        self._sock.settimeout(0.02)
-        self._writer, self._parser = FrameWriter(1, 191), FrameParser()
-        self._server = FileServer(FileTree(root))
-        self._ending = threading.Event()
-        self.silent = False
-        self._thread = threading.Thread(target=self._serve)
-        self._thread.start()
-
-    def _serve(self) -> None:
-        beat = dialect.Heartbeat(
-            type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-        )
-        next_s = 0.0
-        while not self._ending.is_set():
-            if time.monotonic() >= next_s:
-                next_s = time.monotonic() + 0.3
-                self._sock.send(self._writer.encode(beat))
-            try:
-                frames = self._parser.feed(self._sock.recv(4096))
-            except OSError:
-                continue
-            for frame in frames:
-                message = frame.message()
-                if isinstance(message, dialect.FileTransferProtocol) and not self.silent:
-                    self._server.receive(
-                        message.payload, Peer(frame.system_id, frame.component_id), 0
-                    )
-            self._server.work()
-            while self._server.wait_ns(0) is not None:
-                reply = self._server.take(0, 1e6)
-                assert reply is not None
-                self._sock.send(self._writer.encode(reply))
-
-    def close(self) -> None:
-        self._ending.set()
-        self._thread.join(10.0)
-        self._sock.close()
 
 
 @pytest.fixture

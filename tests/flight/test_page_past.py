@@ -1,0 +1,220 @@
+"""Past flights in the page: fetched from the drone, compared, exported; samples; map files."""
+
+import io
+import json
+import math
+import socket
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from file_drone import FileDrone
+from page_driver import WAIT_MS, Ground, Watched, colour_at, write_vector_map
+from playwright.sync_api import Browser, Page, expect
+from recorded import frames, write_recording
+
+from uavrt.clock import Clock
+from uavrt.demo.programs import free_udp_port
+from uavrt.ground.flight_keeper import FlightKeeper
+from uavrt.localization import PATTERNS, TangentPlane
+from uavrt.messages import Pose, Pulse, PulsePose, Tag
+
+pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
+
+TAG = Tag(
+    tag_id=2,
+    name="lynx",
+    frequency_hz=148_712_000.0,
+    pulse_width_s=0.02,
+    pulse_intervals_s=(1.2,),
+)
+GAIN_DB = PATTERNS["RA-23K"].e_plane_db
+"""The antenna that the page takes unless told otherwise."""
+PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
+STATIONS = ((0.0, 0.0), (250.0, 0.0))
+"""East and north of the origin [m]: a turn on the spot at each."""
+
+
+def write_flight(directory: Path, east_m: float, north_m: float) -> str:
+    """Record a flight that turned at two places and heard a tag at (east, north)."""
+    keeper = FlightKeeper(directory, Clock.start())
+    flight_id = keeper.begin([TAG])
+    for number in range(72):
+        station = STATIONS[number // 36]
+        heading = math.radians(10.0 * (number % 36))
+        bearing = math.atan2(east_m - station[0], north_m - station[1])
+        off_deg = abs((math.degrees(heading - bearing) + 180.0) % 360.0 - 180.0)
+        snr_db = 24.0 + float(
+            np.interp(off_deg, np.linspace(0.0, 180.0, len(GAIN_DB)), GAIN_DB)
+        )
+        # Half a minute from one place to the other.
+        time_ns = keeper.start_time_ns + round(1.2e9 * number) + round(30e9) * (number // 36)
+        latitude, longitude = PLANE.to_geodetic(*station)
+        pose = Pose(
+            time_ns=time_ns,
+            latitude_deg=float(latitude),
+            longitude_deg=float(longitude),
+            altitude_amsl_m=1000.0,
+            altitude_relative_m=40.0,
+            quaternion_wxyz=(math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)),
+        )
+        keeper.add_pose(pose)
+        keeper.add_pulse(PulsePose(pulse=pulse_at(time_ns, number, snr_db), pose=pose))
+    keeper.close()
+    return flight_id
+
+
+def pulse_at(time_ns: int, number: int, snr_db: float) -> Pulse:
+    return Pulse(
+        tag_id=2,
+        frequency_hz=148_712_000.0,
+        start_time_ns=time_ns,
+        end_time_ns=time_ns + 20_000_000,
+        snr_db=snr_db,
+        group_snr_db=snr_db,
+        score=2.0,
+        group_index=1 + number % 3,
+        group_sequence=number // 3,
+        noise_psd=1e-9,
+        detection_status="confirmed",
+        confirmed=True,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )
+
+
+def exported(page: Page, row: str, name: str) -> bytes:
+    """What a link of a flight's row gives."""
+    href = page.locator(row).locator(f"a:text-is('{name}')").get_attribute("href")
+    assert href is not None
+    with page.expect_download() as download:
+        page.locator(row).locator(f"a:text-is('{name}')").click()
+    return Path(download.value.path()).read_bytes()
+
+
+def test_flights_are_fetched_compared_and_exported(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    here, on_drone = tmp_path / "ground", tmp_path / "drone"
+    for directory in (here, on_drone):
+        directory.mkdir()
+    first = write_flight(here, 120.0, 300.0)
+    second = write_flight(here, 150.0, 300.0)
+    remote = write_flight(on_drone, 120.0, 300.0)
+    write_recording(on_drone / remote / "iq", 1.7)
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    drone = FileDrone(port, on_drone)
+    try:
+        watched = Watched(browser, ground.address, color_scheme="light")
+        page = watched.page
+        page.click("#tab-flights")
+        expect(page.locator("tr[data-flight]")).to_have_count(2)
+
+        # Two side by side, then both on the map.
+        for flight_id in (first, second):
+            page.check(f'tr[data-flight="{flight_id}"] .tick')
+        page.click("#flights-compare")
+        cells = page.locator(".compared tbody tr").locator("td")
+        expect(cells.last).to_contain_text("m", timeout=WAIT_MS)
+        apart_m = float(cells.last.inner_text().split("\u202f")[0])
+        assert 10.0 < apart_m < 60.0  # the truth: 30 m
+        expect(cells.first).to_have_text("72")
+        watched.picture("compare")
+        page.click("#compare-map")
+        expect(page.locator("#banner")).to_contain_text("dashed beside it")
+        page.wait_for_function(
+            "() => window.uavrt.map().querySourceFeatures('other-fixes').length > 0",
+            timeout=WAIT_MS,
+        )
+        watched.picture("compare-map")
+        page.click("#replay-live")
+
+        # Every export, each in its own form.
+        page.click("#tab-flights")
+        row = f'tr[data-flight="{first}"]'
+        assert exported(page, row, "CSV").count(b"\n") == 73
+        kinds = {
+            f["properties"]["kind"]
+            for f in json.loads(exported(page, row, "GEOJSON"))["features"]
+        }
+        assert {"pulse", "bearing", "position"} <= kinds
+        with zipfile.ZipFile(io.BytesIO(exported(page, row, "KMZ"))) as archive:
+            assert b"lynx" in archive.read(archive.namelist()[0])
+        assert b"<gpx" in exported(page, row, "GPX")
+
+        # From the drone, with its samples, in view of the progress.
+        page.click("#drone-list")
+        expect(page.locator(".remote")).to_have_count(1, timeout=WAIT_MS)
+        page.check("#drone-samples")
+        page.click(f'[data-remote="{remote}"] .fetch')
+        expect(page.locator("#download-text")).to_contain_text(" of ", timeout=WAIT_MS)
+        watched.picture("download")
+        expect(page.locator("#download-text")).to_contain_text("here", timeout=2 * WAIT_MS)
+        fetched = page.locator(f'tr[data-flight="{remote}_drone"]')
+        expect(fetched).to_contain_text("lynx")
+
+        # Its samples as a waterfall; then a channel that comes live.
+        fetched.locator(".open-flight").click()
+        expect(page.locator("#banner")).to_contain_text("Past flight")
+        page.click("#tab-plots")
+        page.wait_for_function(
+            "() => Number(document.querySelector('#waterfall').dataset.columns) > 100",
+            timeout=WAIT_MS,
+        )
+        page.locator("#waterfall").scroll_into_view_if_needed()
+        watched.picture("waterfall")
+        live = free_udp_port()
+        page.fill("#waterfall-address", f"udp://127.0.0.1:{live}")
+        page.click("#waterfall-live")
+        expect(page.locator("#waterfall-note")).to_contain_text("Waiting for samples")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.connect(("127.0.0.1", live))
+            for payload in frames(600.0, 8):
+                sender.send(payload)
+        page.wait_for_function(
+            "() => Number(document.querySelector('#waterfall').dataset.columns) > 20",
+            timeout=WAIT_MS,
+        )
+        assert watched.hosts - {"blob", "data"} == {urlsplit(ground.address).netloc}
+        assert watched.errors == []
+        watched.close()
+    finally:
+        drone.close()
+
+
+def test_a_vector_map_of_the_folder_is_drawn(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    folder = tmp_path / "ground" / "maps"
+    folder.mkdir(parents=True)
+    write_vector_map(folder / "sea.pmtiles")
+    (folder / "broken.pmtiles").write_bytes(b"no map")
+    ground = start_ground(tmp_path)
+    watched = Watched(browser, ground.address, color_scheme="light")
+    page = watched.page
+    page.wait_for_function("() => window.uavrt.map().getLayer('base-fill-water')")
+    page.evaluate("() => window.uavrt.map().jumpTo({ center: [8, 46.5], zoom: 3.4 })")
+    page.wait_for_function(
+        """() => new Promise((done) => {
+          const map = window.uavrt.map();
+          const look = () => map.loaded() &&
+            map.querySourceFeatures("base", { sourceLayer: "water" }).length > 0
+            ? requestAnimationFrame(() => done(true)) : setTimeout(look, 50);
+          look();
+        })""",
+        timeout=WAIT_MS,
+    )
+    water = (0xC3, 0xDB, 0xE6)
+    places = [(430, 330), (560, 430), (850, 260)]
+    assert any(colour_at(page, *place) == water for place in places)
+    page.click(".layers summary")
+    expect(page.locator("#basemap option")).to_have_count(3)
+    expect(page.locator("#basemap option", has_text="broken")).to_be_disabled()
+    assert watched.hosts - {"blob", "data"} == {urlsplit(ground.address).netloc}
+    assert watched.errors == []
+    watched.close()
