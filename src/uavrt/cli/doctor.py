@@ -1,6 +1,7 @@
 """``uavrt doctor``: what is wrong with this computer."""
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -9,16 +10,24 @@ from rich.console import Console
 from rich.text import Text
 
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
-from uavrt.computer import examine
+from uavrt.computer import Finding, examine, examine_autopilot
 from uavrt.config.settings import Settings
-from uavrt.errors import UavrtError
+from uavrt.errors import UavrtError, UsageError
+from uavrt.mavlink.address import parse_address
 from uavrt.messages import SystemStatus
 from uavrt.monitor import StatusReader, status_socket_path
 
 STATUS_S = 3.0
 
 
-def doctor(*, config: Annotated[Path, Parameter(alias="-c")] = DEFAULT_CONFIG) -> None:
+def doctor(
+    *,
+    config: Annotated[Path, Parameter(alias="-c")] = DEFAULT_CONFIG,
+    autopilot: Annotated[bool, Parameter(negative="")] = False,
+    fix: Annotated[bool, Parameter(negative="")] = False,
+    port: str | None = None,
+    mavlink: str | None = None,
+) -> None:
     """Look at radio, permissions, autopilot, clock, disk, processor and temperature.
 
     Each line says ok, or what to do. Exits with 1 when something is to be done.
@@ -27,11 +36,29 @@ def doctor(*, config: Annotated[Path, Parameter(alias="-c")] = DEFAULT_CONFIG) -
     ----------
     config
         Settings file that would be flown with.
+    autopilot
+        Look at the autopilot's parameters in place of the rest: do they let drone and ground
+        talk to each other?
+    fix
+        With --autopilot: set what is wrong. Without it nothing is ever changed.
+    port
+        The autopilot's port that this computer is connected to, TELEM2 unless told otherwise.
+    mavlink
+        Another link to the autopilot than the settings' one, as by USB:
+        serial:///dev/ttyACM0:57600.
     """
     settings = settings_from(config)
+    if fix and not autopilot:
+        raise UsageError("--fix goes with --autopilot")
+    running = running_status(settings)
+    findings = (
+        autopilot_findings(settings, running, port=port, mavlink=mavlink, fix=fix)
+        if autopilot
+        else examine(settings, running)
+    )
     console = Console()
     good = True
-    for finding in examine(settings, running_status(settings)):
+    for finding in findings:
         good = good and finding.ok
         mark = Text("ok ", "green") if finding.ok else Text("!! ", "bold red")
         line = Text.assemble(mark, f"{finding.what:<12} ", finding.text)
@@ -39,6 +66,29 @@ def doctor(*, config: Annotated[Path, Parameter(alias="-c")] = DEFAULT_CONFIG) -
             line.append(f". {finding.remedy}", "yellow")
         console.print(line, soft_wrap=True)
     sys.exit(0 if good else 1)
+
+
+def autopilot_findings(
+    settings: Settings,
+    running: SystemStatus | None,
+    *,
+    port: str | None,
+    mavlink: str | None,
+    fix: bool,
+) -> Iterable[Finding]:
+    """Examine the autopilot's parameters, unless the link is in use."""
+    address = mavlink or settings.mavlink.address
+    if not address:
+        raise UsageError("no autopilot is configured", remedy="Give its link with --mavlink")
+    if running is not None and mavlink is None:
+        text = "uavrt runs and holds the link to the autopilot"
+        remedy = "Stop it first: sudo systemctl stop uavrt"
+        return [Finding(what="autopilot", ok=False, text=text, remedy=remedy)]
+    flown = parse_address(settings.mavlink.address) if settings.mavlink.address else None
+    if port is None and flown is not None and flown.device:
+        port = "TELEM2"
+    baud = flown.baud if flown is not None and flown.device else None
+    return examine_autopilot(address, port=port, baud=baud, fix=fix)
 
 
 def running_status(settings: Settings) -> SystemStatus | None:

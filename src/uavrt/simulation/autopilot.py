@@ -9,8 +9,8 @@ its two links as PX4 v1.17 or ArduCopter 4.7 do (reference/mavlink.md §1). Run 
 
 import asyncio
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
@@ -21,6 +21,11 @@ from uavrt.mavlink.dialect import MavCmd, MavResult
 from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import Pose
+from uavrt.simulation.autopilot_parameters import (
+    COMPANION_PORT,
+    GROUND_PORT,
+    AutopilotParameters,
+)
 from uavrt.simulation.datagrams import DatagramPort
 from uavrt.simulation.forwarding import ForwardRing, Impairment, Routes
 from uavrt.simulation.telemetry import default_intervals_ns, telemetry_message
@@ -67,6 +72,8 @@ class AutopilotSettings:
     ground_loss: float = 0.0
     """Loss of frames of each direction of the ground link."""
     seed: int = 1
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    """Parameters that differ from the maker's."""
 
 
 class _Side:
@@ -106,6 +113,7 @@ class FakeAutopilot:
         self._vehicle = vehicle
         self._settings = settings
         self._clock = clock
+        self.parameters = AutopilotParameters(settings.flavour, settings.parameters)
         self._booted_ns = clock.now_ns() - ns_from_s(settings.boot_time_s)
         self._silent_until_ns = 0
         self._heartbeat_ns = 0
@@ -154,6 +162,7 @@ class FakeAutopilot:
         now_ns = self._clock.now_ns()
         self._booted_ns = self._silent_until_ns = now_ns + REBOOT_NS
         self._restart_streams()
+        self.parameters.restart()
         log.info("autopilot starts again")
 
     def boot_ns(self, time_ns: int) -> int:
@@ -227,9 +236,15 @@ class FakeAutopilot:
             return
         if isinstance(message, dialect.RadioStatus) and self._settings.flavour == "ardupilot":
             return
+        if not self._passes_on():
+            return
         if other.routes.leads_to(system_id, component_id):
             self._forward(other, arrival_ns)
             other.ring.push(frame)
+
+    def _passes_on(self) -> bool:
+        """Whether the parameters let messages through, from one port to the other."""
+        return all(map(self.parameters.passes_on, (COMPANION_PORT, GROUND_PORT)))
 
     def _forward(self, side: _Side, now_ns: int) -> None:
         """Let the main loop's passes happen up to a time."""
@@ -280,6 +295,9 @@ class FakeAutopilot:
                         target_component=sender[1],
                     )
                     self._send(side, answer_ping)
+            case dialect.ParamRequestList() | dialect.ParamRequestRead() | dialect.ParamSet():
+                for value in self.parameters.receive(message):
+                    self._send(side, value)
             case dialect.CommandLong() | dialect.CommandInt():
                 if message.target_component == 1:
                     self._command(side, message, sender)

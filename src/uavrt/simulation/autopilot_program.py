@@ -31,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             companion_jitter_s=options.companion_jitter_s,
             ground_loss=options.ground_loss,
             seed=options.seed,
+            parameters=dict(options.parameter),
         )
         asyncio.run(_serve(FakeAutopilot(scenario.vehicle_pose, settings, clock)))
     except UavrtError as error:
@@ -62,8 +63,17 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--clock-skew-ppm", type=float, default=0.0)
     parser.add_argument("--companion-jitter-s", type=float, default=0.0)
     parser.add_argument("--ground-loss", type=float, default=0.0)
+    parser.add_argument(
+        "--parameter", type=_parameter, action="append", default=[], metavar="NAME=VALUE"
+    )
     parser.add_argument("--seed", type=int, default=1)
     return parser
+
+
+def _parameter(text: str) -> tuple[str, float]:
+    """Read NAME=VALUE."""
+    name, _, value = text.partition("=")
+    return name, float(value)
 
 
 def _place(text: str) -> tuple[str, int]:

@@ -20,7 +20,7 @@ class NumberedDrone:
 
     def __init__(self, world: World, generation: Generation) -> None:
         self.commands: list[Command] = []
-        self.exchange = Exchange(generation, experimental=True)  # type: ignore[arg-type]
+        self.exchange = Exchange(generation, experimental=True)
         self.connection = Connection(
             Handlers(attitude=lambda _: None, position=lambda _: None, tunnel=self._tunnel),
             world.clock.now_ns,

@@ -1,0 +1,89 @@
+"""``uavrt doctor --autopilot``: read the autopilot's parameters; set them if that is wanted."""
+
+import asyncio
+from collections.abc import Iterator
+
+from uavrt.computer.autopilot_rules import Need, names_to_read, needs
+from uavrt.computer.checks import Finding
+from uavrt.errors import UavrtError
+from uavrt.mavlink.address import Address, parse_address
+from uavrt.mavlink.dialect import MavAutopilot
+from uavrt.mavlink.parameter_client import ParameterClient
+
+LISTEN_S = 6.0
+WHAT = "autopilot"
+NAMES = {int(MavAutopilot.PX4): "PX4", int(MavAutopilot.ARDUPILOTMEGA): "ArduPilot"}
+
+
+def examine_autopilot(
+    address: str, *, port: str | None, baud: int | None = None, fix: bool = False
+) -> Iterator[Finding]:
+    """Compare the autopilot's parameters with what uavrt needs.
+
+    Parameters
+    ----------
+    address : str
+        Link to the autopilot.
+    port : str or None
+        The autopilot's port that the companion is connected to; None: TELEM2 where the address
+        is a serial port, else none.
+    baud : int, optional
+        Rate of the companion's serial port in flight; None: the address's.
+    fix : bool
+        Set what is wrong. Without it nothing is ever changed.
+    """
+    place = parse_address(address)
+    if port is None and place.device:
+        port = "TELEM2"
+    try:
+        yield from asyncio.run(_examine(place, port, baud or place.baud, fix))
+    except UavrtError as error:
+        remedy = error.remedy or "Try again"
+        yield Finding(what=WHAT, ok=False, text=error.message, remedy=remedy)
+
+
+async def _examine(place: Address, port: str | None, baud: int, fix: bool) -> list[Finding]:
+    async with ParameterClient.connected(place, LISTEN_S) as client:
+        if client.kind not in NAMES:
+            text = f"it is neither PX4 nor ArduPilot (MAV_AUTOPILOT {client.kind})"
+            remedy = "Let it pass MAVLink on between its ports; see the manual"
+            return [Finding(what=WHAT, ok=False, text=text, remedy=remedy)]
+        px4 = client.kind == MavAutopilot.PX4
+        values = await client.read(names_to_read(px4, port))
+        found = [_greeting(client, port)]
+        changed = False
+        for need in needs(px4, values, port, baud):
+            finding, done = await _judge(client, need, fix)
+            found.append(finding)
+            changed = changed or done
+        if changed:
+            text = "the changes are in force after a restart of the autopilot"
+            remedy = "Take its power away and give it again, then run this once more"
+            found.append(Finding(what=WHAT, ok=False, text=text, remedy=remedy))
+        return found
+
+
+def _greeting(client: ParameterClient, port: str | None) -> Finding:
+    where = "" if port is None else f", companion at {port}"
+    name = NAMES[client.kind]
+    return Finding(what=WHAT, ok=True, text=f"{name}, system {client.autopilot}{where}")
+
+
+async def _judge(client: ParameterClient, need: Need, fix: bool) -> tuple[Finding, bool]:
+    """Judge one parameter, and set it if that is wanted; True when it was changed."""
+    if need.met:
+        return Finding(what=WHAT, ok=True, text=f"{need.name} = {need.wanted:g}"), False
+    if need.value is None:
+        remedy = "It appears when its port is switched on: set the others, restart, run again"
+        text = f"{need.name} is not told; {need.wanted:g} is needed: {need.why}"
+        return Finding(what=WHAT, ok=False, text=text, remedy=remedy), False
+    text = f"{need.name} = {need.value:g}, must be {need.wanted:g}: {need.why}"
+    if not fix:
+        remedy = f"Set it in your ground station, or with --fix ({need.name} = {need.wanted:g})"
+        return Finding(what=WHAT, ok=False, text=text, remedy=remedy), False
+    now = await client.write(need.name, need.wanted)
+    if now == need.wanted:
+        text = f"{need.name} was {need.value:g}, is now {need.wanted:g}: {need.why}"
+        return Finding(what=WHAT, ok=True, text=text), True
+    remedy = "Set it in your ground station"
+    return Finding(what=WHAT, ok=False, text=f"{text}; it was not taken", remedy=remedy), False

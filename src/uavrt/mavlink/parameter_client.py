@@ -1,0 +1,176 @@
+"""Read and set the autopilot's parameters over a link of our own, by MAVLink.
+
+For setting up, not for flight: it opens the link itself.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Iterable
+
+from uavrt.errors import LinkError
+from uavrt.mavlink import dialect
+from uavrt.mavlink.address import Address
+from uavrt.mavlink.dialect import MavAutopilot, MavComponent, MavParamType, MavType
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.frame import Frame, FrameWriter
+from uavrt.mavlink.link import Link
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.parameters import decode_value, encode_value
+from uavrt.mavlink.transport import open_link
+
+HEARTBEAT_S = 1.0
+ANSWER_S = 0.7
+"""PX4 and ArduPilot answer within a main loop; a 57 600-baud link with full telemetry queues
+for some tenths of a second."""
+TRIES = 4
+REQUEST_GAP_S = 0.03
+OWN_COMPONENT = 191
+
+
+class ParameterClient:
+    """A conversation with the autopilot; see `connected`.
+
+    Attributes
+    ----------
+    autopilot : Peer
+        Whom we talk to.
+    kind : int
+        MAV_AUTOPILOT of its heartbeat.
+    """
+
+    def __init__(self) -> None:
+        self.autopilot: Peer | None = None
+        self.kind = int(MavAutopilot.GENERIC)
+        self._link: Link | None = None
+        self._writer = FrameWriter(1, OWN_COMPONENT)
+        self._there = asyncio.Event()
+        self._types: dict[str, int] = {}
+        self._values: dict[str, float] = {}
+        self._waiting: tuple[str, asyncio.Future[float]] | None = None
+
+    @classmethod
+    @contextlib.asynccontextmanager
+    async def connected(
+        cls, address: str | Address, timeout_s: float
+    ) -> AsyncIterator["ParameterClient"]:
+        """Open the link and wait for the autopilot.
+
+        Raises
+        ------
+        LinkError
+            The link cannot be opened, or no autopilot is heard.
+        """
+        client = cls()
+        client._link = await open_link(address, client._receive)
+        beating = asyncio.create_task(client._beat())
+        try:
+            try:
+                async with asyncio.timeout(timeout_s):
+                    await client._there.wait()
+            except TimeoutError:
+                raise LinkError(
+                    f"no autopilot was heard at {address} in {timeout_s:.0f} s",
+                    remedy="Check wiring and baud rate; by USB it can be reached always: "
+                    "--mavlink serial:///dev/ttyACM0:57600",
+                ) from None
+            yield client
+        finally:
+            beating.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await beating
+            await client._link.close()
+
+    @property
+    def bytewise(self) -> bool:
+        """Whether it puts whole numbers as bytes into parameters (PX4)."""
+        return self.kind != MavAutopilot.ARDUPILOTMEGA
+
+    async def read(self, names: Iterable[str]) -> dict[str, float | None]:
+        """Get the values of parameters; None for what is not answered: there is none."""
+        assert self.autopilot is not None
+        values: dict[str, float | None] = dict.fromkeys(names)
+        for _ in range(TRIES):
+            missing = [name for name, value in values.items() if value is None]
+            for name in missing:
+                self._send(
+                    dialect.ParamRequestRead(
+                        target_system=self.autopilot.system_id,
+                        target_component=self.autopilot.component_id,
+                        param_id=name,
+                        param_index=-1,
+                    )
+                )
+                await asyncio.sleep(REQUEST_GAP_S)
+            if missing:
+                await asyncio.sleep(ANSWER_S)
+            values.update({name: self._values.get(name) for name in missing})
+        return values
+
+    async def write(self, name: str, value: float) -> float | None:
+        """Set a parameter that was read before; give the value that it has then.
+
+        None when it does not answer.
+        """
+        assert self.autopilot is not None
+        kind = self._types.get(name, MavParamType.REAL32)
+        request = dialect.ParamSet(
+            target_system=self.autopilot.system_id,
+            target_component=self.autopilot.component_id,
+            param_id=name,
+            param_value=encode_value(value, kind, self.bytewise),
+            param_type=kind,
+        )
+        for _ in range(TRIES):
+            future: asyncio.Future[float] = asyncio.get_running_loop().create_future()
+            self._waiting = (name, future)
+            self._send(request)
+            try:
+                async with asyncio.timeout(ANSWER_S):
+                    return await future
+            except TimeoutError:
+                continue
+            finally:
+                self._waiting = None
+        return None
+
+    async def _beat(self) -> None:
+        """Be heard: an autopilot learns by this where we are."""
+        while True:
+            self._send(
+                dialect.Heartbeat(
+                    type=MavType.ONBOARD_CONTROLLER,
+                    autopilot=MavAutopilot.INVALID,
+                    base_mode=0,
+                    custom_mode=0,
+                    system_status=dialect.MavState.ACTIVE,
+                    mavlink_version=3,
+                )
+            )
+            await asyncio.sleep(HEARTBEAT_S)
+
+    def _receive(self, frame: Frame) -> None:
+        if frame.component_id != MavComponent.COMP_ID_AUTOPILOT1:
+            return
+        peer = Peer(frame.system_id, frame.component_id)
+        message = frame.message()
+        if isinstance(message, dialect.Heartbeat) and self.autopilot in (None, peer):
+            self.autopilot, self.kind = peer, message.autopilot
+            self._writer.system_id = peer.system_id
+            self._there.set()
+        elif isinstance(message, dialect.ParamValue) and peer == self.autopilot:
+            self._take(message)
+
+    def _take(self, message: dialect.ParamValue) -> None:
+        self._types[message.param_id] = message.param_type
+        value = decode_value(message.param_value, message.param_type, self.bytewise)
+        if value is None:
+            return
+        self._values[message.param_id] = value
+        if self._waiting is not None:
+            name, future = self._waiting
+            if name == message.param_id and not future.done():
+                future.set_result(value)
+
+    def _send(self, message: Message) -> None:
+        if self._link is not None:
+            self._link.send(self._writer.encode(message))

@@ -1,0 +1,183 @@
+"""``uavrt doctor --autopilot`` against the simulated autopilot with wrong parameters."""
+
+import asyncio
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uavrt.computer import Finding, examine_autopilot
+from uavrt.computer.autopilot_rules import names_to_read, needs
+from uavrt.errors import ConfigError
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.autopilot_parameters import ARDUPILOT_DEFAULTS, PX4_DEFAULTS
+
+World = Any  # tests/unit/mavlink/conftest.py
+
+WRONG_PX4 = {
+    "MAV_1_CONFIG": 0,
+    "MAV_1_MODE": 0,
+    "MAV_1_FORWARD": 0,
+    "MAV_0_FORWARD": 0,
+    "SER_TEL2_BAUD": 57_600,
+}
+WRONG_ARDUPILOT = {
+    "SERIAL1_PROTOCOL": 1,
+    "SERIAL2_PROTOCOL": -1,
+    "SERIAL2_BAUD": 57,
+    "SERIAL2_OPTIONS": (1 << 10) + 8,
+}
+
+
+@contextmanager
+def autopilot_of(
+    world: World, flavour: str, wrong: Mapping[str, float]
+) -> Iterator[FakeAutopilot]:
+    """A simulated autopilot in a thread of its own: the doctor brings its own loop."""
+    settings = replace(world.settings, flavour=flavour, parameters=wrong)
+    assert isinstance(settings, AutopilotSettings)
+    autopilot = FakeAutopilot(world.vehicle, settings, world.clock)
+    loop = asyncio.new_event_loop()
+    task = loop.create_task(autopilot.run())
+
+    def serve() -> None:
+        try:
+            loop.run_until_complete(task)
+        except asyncio.CancelledError:
+            pass
+        finally:
+            loop.close()
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield autopilot
+    finally:
+        loop.call_soon_threadsafe(task.cancel)
+        thread.join()
+
+
+def examine(world: World, **options: Any) -> list[Finding]:
+    address = f"udpin://127.0.0.1:{world.companion_port}"
+    return list(examine_autopilot(address, port="TELEM2", baud=921_600, **options))
+
+
+@pytest.mark.parametrize(
+    ("flavour", "wrong", "right"),
+    [
+        (
+            "px4",
+            WRONG_PX4,
+            {
+                "MAV_1_CONFIG": 102,
+                "MAV_1_MODE": 2,
+                "MAV_1_FORWARD": 1,
+                "MAV_0_FORWARD": 1,
+                "SER_TEL2_BAUD": 921_600,
+            },
+        ),
+        (
+            "ardupilot",
+            WRONG_ARDUPILOT,
+            {
+                "SERIAL1_PROTOCOL": 2,
+                "SERIAL2_PROTOCOL": 2,
+                "SERIAL2_BAUD": 921,
+                "SERIAL2_OPTIONS": 8,
+            },
+        ),
+    ],
+)
+def test_wrong_parameters_are_named_and_set_only_when_asked(
+    world: World, flavour: str, wrong: dict[str, float], right: dict[str, float]
+) -> None:
+    with autopilot_of(world, flavour, wrong) as autopilot:
+        before = dict(autopilot.parameters.values)
+        found = examine(world)
+        assert autopilot.parameters.values == before
+        named = {line.text.split(" ")[0] for line in found if not line.ok}
+        assert named == set(wrong)
+        assert all("--fix" in line.remedy for line in found if not line.ok)
+        fixed = examine(world, fix=True)
+        assert {n: v for n, v in autopilot.parameters.values.items() if before[n] != v} == right
+        (left,) = [line for line in fixed if not line.ok]
+        assert "restart" in left.text
+        assert not autopilot.parameters.passes_on("companion")  # not in force yet
+        again = examine(world)
+        assert all(line.ok for line in again)
+        autopilot.parameters.restart()
+        assert autopilot.parameters.passes_on("companion")
+        assert autopilot.parameters.passes_on("ground")
+
+
+def test_an_autopilot_that_is_not_there_is_said_with_what_to_check(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uavrt.computer.autopilot_setup.LISTEN_S", 0.2)
+    (finding,) = examine(world)
+    assert not finding.ok
+    assert "no autopilot was heard" in finding.text
+    assert "USB" in finding.remedy
+
+
+def test_wrong_parameters_let_nothing_through_and_right_ones_do(world: World) -> None:
+    for wrong, passes in (
+        ({}, True),
+        ({"MAV_1_FORWARD": 0}, False),
+        ({"MAV_0_FORWARD": 0}, False),
+    ):
+        settings = replace(world.settings, parameters=wrong)
+        autopilot = FakeAutopilot(world.vehicle, settings, world.clock)
+        autopilot.ground.port = object()  # type: ignore[assignment]
+        beat = dialect.Heartbeat(
+            type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
+        )
+        (frame,) = FrameParser().feed(FrameWriter(1, 191).encode(beat))
+        autopilot.receive(autopilot.companion, frame, world.clock.now_ns())
+        assert (len(autopilot.ground.ring) + autopilot.ground.ring.forwarded == 1) is passes
+
+
+def px4(**values: float) -> Callable[[str], set[str]]:
+    told = {**PX4_DEFAULTS, **values}
+    return lambda port: {n.name for n in needs(True, told, port, 57_600) if not n.met}
+
+
+def test_a_port_that_mavlink_runs_on_already_keeps_its_instance() -> None:
+    assert px4(MAV_2_CONFIG=103)("TELEM3") == {"MAV_2_MODE", "MAV_2_FORWARD", "SER_TEL3_BAUD"}
+    assert px4()("TELEM2") == set()
+
+
+def test_without_a_free_instance_or_a_known_port_the_remedy_says_what_to_do() -> None:
+    full = {**PX4_DEFAULTS, "MAV_2_CONFIG": 201}
+    with pytest.raises(ConfigError, match="no instance of MAVLink is free"):
+        needs(True, full, "TELEM3", 57_600)
+    for is_px4 in (True, False):
+        with pytest.raises(ConfigError, match="TELEM2"):
+            names_to_read(is_px4, "GPS9")
+
+
+def test_ardupilots_new_place_of_the_options_counts_too() -> None:
+    told = {**ARDUPILOT_DEFAULTS, "MAV1_OPTIONS": 3.0, "MAV2_OPTIONS": 4.0}
+    wrong = [need for need in needs(False, told, "SERIAL2", 57_600) if not need.met]
+    assert [(need.name, need.wanted) for need in wrong] == [("MAV1_OPTIONS", 1)]
+
+
+@given(
+    st.dictionaries(st.sampled_from(sorted(PX4_DEFAULTS)), st.integers(0, 300)),
+    st.sampled_from(["TELEM1", "TELEM2"]),
+)
+def test_after_all_needs_are_met_there_are_none(changes: dict[str, int], port: str) -> None:
+    told: dict[str, float | None] = {**PX4_DEFAULTS, **changes}
+    try:
+        first = needs(True, told, port, 921_600)
+    except ConfigError:
+        return
+    told |= {need.name: need.wanted for need in first}
+    assert all(need.met for need in needs(True, told, port, 921_600))
