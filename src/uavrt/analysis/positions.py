@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from uavrt.analysis.bearings import TagBearing, read_bearings
+from uavrt.analysis.power_survey import MONOPOLE, TagSignal, position_of, power_track, signal_of
 from uavrt.errors import UsageError
 from uavrt.localization import (
     AntennaPattern,
@@ -16,7 +17,10 @@ from uavrt.localization import (
     Stations,
     estimate_position,
 )
+from uavrt.messages import Pose, PulsePose, Tag
+from uavrt.recording import FlightLayout, read_flight
 from uavrt.recording.bearing_files import BearingRow, read_bearing_file
+from uavrt.recording.formats import read_pulse_log
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +46,11 @@ def read_positions(
     FormatError
         It is neither.
     """
+    if antenna == MONOPOLE:
+        log = read_pulse_log(path)
+        return positions_of_powers(
+            log.pulse_poses, tags_of(path), poses_of(path), method=method
+        )[0]
     if Path(path).is_dir():
         found = read_bearings(path, antenna=antenna)
         return positions_of_bearings(found, method=method)
@@ -52,6 +61,52 @@ def read_positions(
         )
         for tag_id in sorted({row.tag_id for row in rows})
     ]
+
+
+def tags_of(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
+    """The tags that a flight directory lists; none for a log."""
+    inside = FlightLayout(Path(path)).database.is_file()
+    return read_flight(path).info.tags if inside else ()
+
+
+def poses_of(path: str | os.PathLike[str]) -> tuple[Pose, ...]:
+    """The vehicle's poses in a flight directory; none for a log."""
+    inside = FlightLayout(Path(path)).database.is_file()
+    return read_flight(path).poses if inside else ()
+
+
+def positions_of_powers(
+    pulse_poses: Sequence[PulsePose],
+    tags: Sequence[Tag],
+    poses: Sequence[Pose],
+    *,
+    method: str = "bayes",
+) -> tuple[list[TagPosition], list[TagSignal]]:
+    """Positions from strength alone, heard with an upright monopole; and the signals.
+
+    Raises
+    ------
+    UsageError
+        The method is not ``bayes``: the others need bearings.
+    """
+    if method != "bayes":
+        raise UsageError(
+            f"{method} needs bearings, and a monopole gives none",
+            remedy="Use the method bayes",
+        )
+    listed = {tag.tag_id: tag for tag in tags}
+    ordered = sorted(pulse_poses, key=lambda one: one.pulse.start_time_ns)
+    found: list[TagPosition] = []
+    signals: list[TagSignal] = []
+    for tag_id in sorted({one.pulse.tag_id for one in ordered}):
+        own = [one for one in ordered if one.pulse.tag_id == tag_id]
+        try:
+            track = power_track(own, listed.get(tag_id), poses)
+            signals.append(signal_of(tag_id, track))
+            found.append(TagPosition(tag_id=tag_id, position=position_of(track)))
+        except UsageError as error:
+            found.append(TagPosition(tag_id=tag_id, position=None, reason=str(error)))
+    return found, signals
 
 
 def positions_of_bearings(

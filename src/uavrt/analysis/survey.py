@@ -8,7 +8,12 @@ from itertools import groupby
 from pathlib import Path
 
 from uavrt.analysis.bearings import TagBearing, bearings_of_flight, bearings_of_pulses
-from uavrt.analysis.positions import TagPosition, positions_of_bearings
+from uavrt.analysis.positions import (
+    TagPosition,
+    positions_of_bearings,
+    positions_of_powers,
+)
+from uavrt.analysis.power_survey import MONOPOLE, TagSignal
 from uavrt.errors import UsageError
 from uavrt.messages import FlightInfo, Health, Pose, PulsePose, SearchReport, StatusText, Tag
 from uavrt.recording import (
@@ -41,6 +46,8 @@ class Survey:
     """Where the vehicle was; of a log without it, where its pulses were heard."""
     bearings: tuple[TagBearing, ...] = ()
     positions: tuple[TagPosition, ...] = ()
+    signals: tuple[TagSignal, ...] = ()
+    """Of a survey with a monopole: strength over the ground and over height."""
     warnings: tuple[str, ...] = ()
     info: FlightInfo | None = None
     health: tuple[Health, ...] = ()
@@ -72,6 +79,10 @@ class Survey:
         """Get one tag's position, or why there is none."""
         return next((one for one in self.positions if one.tag_id == tag_id), None)
 
+    def signal_of(self, tag_id: int) -> TagSignal | None:
+        """Get what one tag's strength says, in a survey with a monopole."""
+        return next((one for one in self.signals if one.tag_id == tag_id), None)
+
     @property
     def span_ns(self) -> tuple[int, int] | None:
         """First and last time of anything in it; None when there is nothing."""
@@ -100,6 +111,18 @@ def read_survey(path: str | os.PathLike[str], *, antenna: str = "RA-23K") -> Sur
     log = read_pulse_log(place)
     pulses = tuple(sorted(log.pulse_poses, key=lambda one: one.pulse.start_time_ns))
     warnings = list(log.warnings)
+    if antenna == MONOPOLE and ORIGINAL_POSES not in warnings:
+        positions, signals = positions_of_powers(pulses, (), ())
+        return Survey(
+            name=place.name,
+            kind=log.kind,
+            antenna=antenna,
+            pulse_poses=pulses,
+            track=_on_earth(one.pose for one in pulses),
+            positions=tuple(positions),
+            signals=tuple(signals),
+            warnings=tuple(warnings),
+        )
     bearings: list[TagBearing] = []
     if ORIGINAL_POSES in warnings:
         warnings.append(NO_BEARINGS_FROM_THESE)
@@ -129,7 +152,15 @@ def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
 
 def _of_flight(directory: Path, flight: Flight, antenna: str) -> Survey:
     warnings: list[str] = []
-    bearings = _attempted(lambda: bearings_of_flight(flight, antenna=antenna), warnings)
+    bearings: list[TagBearing] = []
+    signals: list[TagSignal] = []
+    if antenna == MONOPOLE:
+        positions, signals = positions_of_powers(
+            flight.pulse_poses, flight.info.tags, flight.poses
+        )
+    else:
+        bearings = _attempted(lambda: bearings_of_flight(flight, antenna=antenna), warnings)
+        positions = positions_of_bearings(bearings)
     without = sum(one.pose is None for one in flight.pulse_poses)
     if without:
         warnings.append(f"{without} of {len(flight.pulse_poses)} pulses have no pose.")
@@ -141,7 +172,8 @@ def _of_flight(directory: Path, flight: Flight, antenna: str) -> Survey:
         pulse_poses=flight.pulse_poses,
         track=_on_earth(track),
         bearings=tuple(bearings),
-        positions=tuple(positions_of_bearings(bearings)),
+        positions=tuple(positions),
+        signals=tuple(signals),
         warnings=tuple(warnings),
         info=flight.info,
         health=read_health(directory),

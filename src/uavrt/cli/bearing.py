@@ -30,7 +30,7 @@ def bearing(
         pattern_ml (a posterior with its interval), or for comparison pca, pca_log,
         pca_amplitude, pearson, ls_linear, ls_db, max.
     antenna
-        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2.
+        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package.
     recording
         The SigMF recording that the pulses were found in, received through an antenna switch:
         bearings from the phases between its antennas (pseudo_doppler, two_point_phased).

@@ -33,7 +33,8 @@ def export(
         with the messages of the live topics. Needs the extra uavrt[analysis]. Alone unless
         --format is given too.
     antenna
-        Name of the antenna's pattern, for the bearings.
+        Name of the antenna's pattern, for the bearings; monopole: positions and a map of the
+        strongest signal from strength along the flight.
     output
         Directory to make; by default "export" in the flight directory or beside the log, and
         "bag" in the flight directory for --mcap.

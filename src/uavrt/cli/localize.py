@@ -17,7 +17,7 @@ def localize(
     antenna: str = "RA-23K",
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Estimate where each tag is, from its bearings.
+    """Estimate where each tag is, from its bearings, or with a monopole from its strength.
 
     Parameters
     ----------
@@ -27,7 +27,8 @@ def localize(
         bayes (a region with its probability); or mle, rmr, mest as the original system computes
         them; or rmr_ahead, mest_lenth as they were meant.
     antenna
-        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2.
+        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package;
+        monopole: no bearings, positions from strength along the flight.
     as_json
         Print a list of objects.
     """
@@ -58,6 +59,7 @@ def _record(one: "TagPosition") -> dict[str, Any]:
         "semi_minor95_m": None if ellipse is None else ellipse.semi_minor_m,
         "orientation_deg": None if ellipse is None else ellipse.orientation_deg,
         "bearings": found.stations,
+        "powers": found.pulses,
         "outlier_probabilities": found.outlier_probabilities,
         "at_edge": found.at_edge,
     }
@@ -70,7 +72,10 @@ def _sentence(one: "TagPosition") -> str:
     text = f"tag {one.tag_id}: {found.latitude_deg:.5f}, {found.longitude_deg:.5f}"
     if found.radius50_m is not None and found.radius95_m is not None:
         text += f", within {found.radius50_m:.0f} m (50 %), {found.radius95_m:.0f} m (95 %)"
-    text += f", from {found.stations} bearing(s)"
+    if found.stations:
+        text += f", from {found.stations} bearing(s)"
+    else:
+        text += f", from the strength of {found.pulses} pulses"
     if found.at_edge:
         text += "; it may be farther out"
     return text

@@ -22,7 +22,8 @@ def report(
     flight
         A flight directory, or a pulse log in any format that is known.
     antenna
-        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2.
+        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package;
+        monopole: no bearings, positions from strength along the flight.
     html
         Write report.html.
     pdf

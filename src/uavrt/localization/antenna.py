@@ -136,6 +136,7 @@ _OWN = {
             h_plane_db=tuple(float(level) for level in np.linspace(0.0, -1.32, 13)),
         ),
         AntennaPattern(name="isotropic", e_plane_db=(0.0, 0.0)),
+        AntennaPattern(name="monopole", e_plane_db=(0.0, 0.0)),  # upright; see monopole_gain_db
     )
 }
 PATTERNS = Registry("uavrt.antennas", _OWN, AntennaPattern)

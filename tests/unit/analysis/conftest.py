@@ -57,9 +57,14 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
     """Write a flight directory; tags beyond `heard` are listed and never heard."""
 
     def write(
-        *, tags: int = 2, heard: int = 1, poses: bool = True, name: str = "flight_log_x"
+        *,
+        tags: int = 2,
+        heard: int = 1,
+        poses: bool = True,
+        name: str = "flight_log_x",
+        scenario: Scenario | None = None,
     ) -> Path:
-        scenario = survey_scenario(tags)
+        scenario = scenario or survey_scenario(tags)
         end_ns = scenario.start_time_ns + round(scenario.duration_s * 1e9)
         directory = tmp_path_factory.mktemp("flights") / name
         recorder = FlightRecorder.create(

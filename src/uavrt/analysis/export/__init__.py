@@ -13,6 +13,7 @@ from uavrt.analysis.export.gpx import gpx_text
 from uavrt.analysis.export.kmz import kmz_bytes
 from uavrt.analysis.survey import Survey
 from uavrt.errors import RecordingError
+from uavrt.localization import PositionGrid, SignalSurface
 from uavrt.recording.formats import write_bearing_file, write_position_file
 from uavrt.recording.formats.whole_file import write_whole
 
@@ -93,7 +94,23 @@ def _geotiff(survey: Survey, directory: Path) -> list[Path]:
         if one.position is not None and one.position.grid is not None:
             text = f"probability of tag {one.tag_id} in each cell, uavrt, {survey.name}"
             files[f"heat_tag_{one.tag_id}.tif"] = geotiff_bytes(one.position.grid, text)
+    for signal in survey.signals:
+        if signal.surface is not None:
+            text = f"SNR of tag {signal.tag_id} [dB], strongest is not the tag, uavrt"
+            grid = as_grid(signal.surface)
+            files[f"signal_tag_{signal.tag_id}.tif"] = geotiff_bytes(grid, text)
     return _written(directory, files)
+
+
+def as_grid(surface: SignalSurface) -> PositionGrid:
+    """A signal map in the shape of a heat map: SNR in place of probability, NaN unknown."""
+    return PositionGrid(
+        latitude_deg=surface.latitude_deg,
+        longitude_deg=surface.longitude_deg,
+        east_m=surface.east_m,
+        north_m=surface.north_m,
+        probability=surface.snr_db,
+    )
 
 
 def _written(directory: Path, files: Mapping[str, str | bytes]) -> list[Path]:

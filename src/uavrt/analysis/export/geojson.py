@@ -22,6 +22,7 @@ _PLACES = 8
 def geojson_text(survey: Survey) -> str:
     """Write track, pulses, bearings with wedges, positions with regions."""
     features = [*_track(survey), *_pulses(survey), *_bearings(survey), *_positions(survey)]
+    features += _strongest(survey)
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False)
 
 
@@ -86,6 +87,7 @@ def position_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
             "radius50_m": known(position.radius50_m),
             "radius95_m": known(position.radius95_m),
             "bearings": position.stations,
+            "powers": position.pulses,
             "may_be_farther_out": position.at_edge,
         }
         found.append(((position.longitude_deg, position.latitude_deg), properties))
@@ -144,6 +146,22 @@ def _bearings(survey: Survey) -> list[dict[str, Any]]:
         if area is not None:
             properties = {"layer": "bearing 90 %", **properties}
             features.append(_feature("Polygon", [_ring(area)], properties))
+    return features
+
+
+def _strongest(survey: Survey) -> list[dict[str, Any]]:
+    features = []
+    for one in survey.signals:
+        if one.strongest is not None:
+            found = one.strongest
+            properties = {
+                "layer": "strongest signal",
+                "tag_id": one.tag_id,
+                "snr_db": known(found.snr_db),
+                "the_tag_is_about_so_far_away_m": known(round(found.ring_radius_m, 1)),
+            }
+            place = (found.longitude_deg, found.latitude_deg)
+            features.append(_feature("Point", _rounded(place), properties))
     return features
 
 

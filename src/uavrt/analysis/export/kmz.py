@@ -9,11 +9,11 @@ import zipfile
 from xml.etree import ElementTree as ET
 
 from uavrt.analysis.export.geojson import bearing_properties
-from uavrt.analysis.export.png import disc, heat, png_bytes
+from uavrt.analysis.export.png import disc, heat, png_bytes, signal
 from uavrt.analysis.shapes import Point, ray, ray_length_m, region95, wedge
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
-from uavrt.localization import PositionGrid, TangentPlane
+from uavrt.localization import PositionGrid, SignalSurface, TangentPlane
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 _STYLES = {
@@ -83,8 +83,26 @@ def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, byt
             file = f"files/heat_{tag_id}.png"
             files[file] = png_bytes(heat(position.grid.probability[::-1]))
             _overlay(folder, f"{name} probability", file, position.grid)
+    _signal(folder, survey, tag_id, files)
     _bearings(folder, survey, tag_id)
     _pulses(folder, survey, tag_id)
+
+
+def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
+    """The loudest place and the colours around it, which nobody is to take for the tag."""
+    found = survey.signal_of(tag_id)
+    if found is None:
+        return
+    if found.strongest is not None:
+        loudest = found.strongest
+        mark = _placemark(folder, "strongest signal", "pulse")
+        told = f"{loudest.snr_db:.0f} dB; the tag is about {loudest.ring_radius_m:.0f} m away"
+        _text(mark, "description", told, before="styleUrl")
+        _geometry(mark, "Point", [(loudest.longitude_deg, loudest.latitude_deg)])
+    if found.surface is not None:
+        file = f"files/signal_{tag_id}.png"
+        files[file] = png_bytes(signal(found.surface.snr_db[::-1]))
+        _overlay(folder, "signal strength", file, found.surface)
 
 
 def _described(survey: Survey, tag_id: int) -> str:
@@ -95,6 +113,8 @@ def _described(survey: Survey, tag_id: int) -> str:
     text = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
     if position.radius95_m is not None:
         text += f", within {position.radius95_m:.0f} m with 95 %"
+    if position.pulses:
+        return text + f"; from the strength of {position.pulses} pulses"
     return text + f"; from {position.stations} bearings"
 
 
@@ -131,7 +151,9 @@ def _pulses(folder: ET.Element, survey: Survey, tag_id: int) -> None:
         _geometry(mark, "Point", [(one.pose.longitude_deg, one.pose.latitude_deg)])
 
 
-def _overlay(folder: ET.Element, name: str, file: str, grid: PositionGrid) -> None:
+def _overlay(
+    folder: ET.Element, name: str, file: str, grid: PositionGrid | SignalSurface
+) -> None:
     overlay = ET.SubElement(folder, "GroundOverlay")
     _text(overlay, "name", name)
     _text(ET.SubElement(overlay, "Icon"), "href", file)
@@ -141,7 +163,7 @@ def _overlay(folder: ET.Element, name: str, file: str, grid: PositionGrid) -> No
         _text(box, key, f"{value:.8f}")
 
 
-def bounds(grid: PositionGrid) -> tuple[float, float, float, float]:
+def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, float]:
     """West, south, east, north edge of a heat map [deg], at its middle lines.
 
     The cells are squares of the tangent plane; 3 km from the origin at 60° latitude degrees

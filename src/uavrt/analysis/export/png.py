@@ -56,6 +56,25 @@ def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
     return pixels
 
 
+def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Color a signal map: blue is weak, yellow strong, clear where nothing is known.
+
+    Parameters
+    ----------
+    snr_db : (rows, columns) float64 array
+        The first row is the top; NaN is unknown.
+    """
+    known = np.isfinite(snr_db)
+    low, high = (snr_db[known].min(), snr_db[known].max()) if known.any() else (0.0, 1.0)
+    share = np.where(known, (snr_db - low) / max(float(high - low), 1e-9), 0.0)
+    pixels = np.zeros((*share.shape, 4), np.uint8)
+    pixels[..., 0] = (70 + 180 * share**1.5).astype(np.uint8)
+    pixels[..., 1] = (20 + 210 * share).astype(np.uint8)
+    pixels[..., 2] = (120 * (1.0 - share) + 30).astype(np.uint8)
+    pixels[..., 3] = np.where(known, 150, 0).astype(np.uint8)
+    return pixels
+
+
 def _chunk(kind: bytes, content: bytes) -> bytes:
     checksum = zlib.crc32(kind + content)
     return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", checksum)

@@ -79,7 +79,11 @@ class _Book:
         color = tag_color(survey.tag_ids, tag_id)
         figure.text(_LEFT, _TOP, title, size=14, weight="bold", va="top", color=color)
         maps.draw_tag_map(_part(figure, 0.53, 0.38), survey, tag_id)
-        roses.draw_roses(_part(figure, 0.27, 0.25), survey, tag_id)
+        signal = survey.signal_of(tag_id)
+        if signal is not None:
+            maps.draw_heights(_part(figure, 0.27, 0.25), signal)
+        else:
+            roses.draw_roses(_part(figure, 0.27, 0.25), survey, tag_id)
         times.draw_times(_part(figure, _BOTTOM, 0.20), survey, [tag_id])
         self.save(figure)
         count = len(survey.bearings_of(tag_id))

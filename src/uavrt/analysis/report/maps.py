@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.analysis.power_survey import TagSignal
 from uavrt.analysis.report.style import INK, SNR_COLORS, SOFT, message, tag_color
 from uavrt.analysis.shapes import Point, ray, ray_length_m, region95, wedge
 from uavrt.analysis.survey import Survey, thinned
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 _LEAST_HALF_M = 120.0
 _NICE = (1, 2, 5)
+STRONGEST = "strongest signal; the tag is on a ring around it"
 
 
 class LocalMap:
@@ -115,7 +117,10 @@ def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
     _track(chart, survey)
     color = tag_color(survey.tag_ids, tag_id)
     found = survey.position_of(tag_id)
-    if found is not None and found.position is not None:
+    signal = survey.signal_of(tag_id)
+    if signal is not None:
+        _signal(target, chart, signal)
+    elif found is not None and found.position is not None:
         _heat(chart, found.position)
     _bearings(chart, survey, tag_id, color, wedges=True)
     east, north = chart.line(
@@ -133,7 +138,7 @@ def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
         linewidths=0,
         rasterized=len(pulses) > 2000,
     )
-    if known.any():
+    if known.any() and signal is None:
         target.colorbar(dots, ax=axes, label="SNR [dB]", shrink=0.6)
     _position(chart, survey, tag_id, color)
     _legend(axes)
@@ -204,6 +209,42 @@ def _heat(chart: LocalMap, position: Position) -> None:
     chart.axes.contourf(
         x, y, share, levels=[0.02, 0.1, 0.25, 0.5, 0.75, 1.01], cmap="Reds", alpha=0.35
     )
+
+
+def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
+    """Colour the ground by SNR, and mark where it was loudest with the ring of the tag."""
+    surface = signal.surface
+    if surface is not None:
+        plane = TangentPlane(
+            latitude_deg=surface.latitude_deg, longitude_deg=surface.longitude_deg
+        )
+        east, north = np.meshgrid(surface.east_m, surface.north_m)
+        x, y = chart.plane.to_local(*plane.to_geodetic(east, north))
+        drawn = chart.axes.pcolormesh(
+            x, y, surface.snr_db, cmap=SNR_COLORS, alpha=0.75, zorder=1, rasterized=True
+        )
+        target.colorbar(drawn, ax=chart.axes, label="SNR [dB]", shrink=0.6)
+    loudest = signal.strongest
+    if loudest is not None:
+        x, y = chart.line([(loudest.longitude_deg, loudest.latitude_deg)])
+        chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=STRONGEST)
+        angle = np.linspace(0.0, 2.0 * np.pi, 90)
+        ring = loudest.ring_radius_m
+        chart.axes.plot(
+            x[0] + ring * np.sin(angle), y[0] + ring * np.cos(angle), color=INK, lw=0.8, ls=":"
+        )
+
+
+def draw_heights(target: "FigureBase", signal: TagSignal) -> None:
+    """Draw SNR over the height of the drone: all pulses, and the median of each 10 m."""
+    axes = target.subplots()
+    track = signal.track
+    axes.plot(track.snr_db, track.height_m, ".", color=SOFT, ms=3, alpha=0.6)
+    middle = [(band.low_m + band.high_m) / 2.0 for band in signal.heights]
+    axes.plot([band.median_db for band in signal.heights], middle, "o-", color=INK, ms=4)
+    axes.set_xlabel("SNR [dB]")
+    axes.set_ylabel("height above the start [m]")
+    axes.grid(visible=True)
 
 
 def nice_below(value: float) -> float:

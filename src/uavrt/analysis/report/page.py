@@ -99,8 +99,14 @@ def _tag_section(survey: Survey, tag_id: int) -> str:
     if placed:
         figure = new_figure(7.6, 5.6)
         maps.draw_tag_map(figure, survey, tag_id)
-        caption = "Pulses by SNR where they were heard; red: probability of the tag's place."
+        signal = survey.signal_of(tag_id)
+        caption = words.MAP_CAPTION if signal is None else words.SIGNAL_CAPTION
         parts.append(_picture(svg_data(figure), f"Map of {name}", caption))
+        if signal is not None:
+            figure = new_figure(7.6, 2.8)
+            maps.draw_heights(figure, signal)
+            alternative = f"SNR of {name} over height"
+            parts.append(_picture(svg_data(figure), alternative, words.HEIGHT_CAPTION))
     bearings = survey.bearings_of(tag_id)
     for first in range(0, len(bearings), roses.COLUMNS):
         figure = new_figure(7.6, 3.7)

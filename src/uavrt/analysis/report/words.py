@@ -31,6 +31,20 @@ METHODS = (
     "outlier; the star is the most probable place, the line around it holds the tag with "
     "95 %. The form of the problem is Lenth's [2]; his estimators are in `uavrt localize`.",
 )
+POWER_METHOD = (
+    "Positions. Strength along the flight, heard with an upright monopole that hears nothing "
+    "straight below it: level, path loss exponent, size and duration of the fading are unknown "
+    "and integrated out; pulses that must have come and were not heard count as weak. The star "
+    "is the mean of the probability. The strongest signal is not the tag: at a height h and an "
+    "exponent of 2.5 it lies 0.9 h away from it."
+)
+MAP_CAPTION = "Pulses by SNR where they were heard; red: probability of the tag's place."
+SIGNAL_CAPTION = (
+    "Colours: SNR, interpolated between the pulses. Cross: strongest signal; the dotted ring "
+    "around it is where a tag would be that is heard so by a monopole. Star: the estimate; the "
+    "line around it holds the tag with 95 %."
+)
+HEIGHT_CAPTION = "SNR of each pulse over the drone's height; line: median of each 10 m."
 SOURCES = (
     "[1] M. W. Shafer, G. Vega, K. Rothfus, P. Flikkema: UAV wildlife radiotelemetry: System "
     "and methods of localization. Methods in Ecology and Evolution 10 (2019). The estimator "
@@ -138,6 +152,8 @@ def events(survey: Survey) -> list[tuple[str, str]]:
 
 def methods(survey: Survey) -> list[str]:
     """How all this was computed."""
+    if survey.signals:
+        return [*METHODS[:2], POWER_METHOD]
     return [text.format(antenna=survey.antenna) for text in METHODS]
 
 
@@ -179,7 +195,16 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
         point = _POINTS[round(direction / 45.0) % 8]
         distance = math.hypot(float(east), float(north))
         parts.append(f"{distance:.0f} m from the start of the track towards {point}")
-    parts.append(f"from {_count(position.stations, 'bearing')}")
+    signal = survey.signal_of(tag_id)
+    if signal is None:
+        parts.append(f"from {_count(position.stations, 'bearing')}")
+    else:
+        parts.append(f"from the strength of {_count(position.pulses, 'pulse')}")
+        if signal.strongest is not None:
+            loudest = signal.strongest
+            parts.append(
+                f"strongest signal at {loudest.latitude_deg:.5f}, {loudest.longitude_deg:.5f}"
+            )
     if position.at_edge:
         parts.append("it may be farther out")
     if position.stations == 1:

@@ -1,0 +1,186 @@
+"""Surveys with a monopole: where a tag is from its strength alone, and where it was loudest.
+
+Without a directional antenna there are no bearings. The pulses that were heard along the
+flight, and those that must have come and were not heard, give a position; the loudest place is
+named for what it is (`uavrt.localization.strongest`).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization import (
+    Position,
+    PowerTrack,
+    SignalSurface,
+    StrongestSignal,
+    estimate_position,
+    signal_surface,
+    strongest_signal,
+)
+from uavrt.messages import Pose, PulsePose, Tag
+
+MONOPOLE = "monopole"
+"""Name of the antenna that makes a flight a power survey."""
+MISS_THRESHOLD_DB = 13.0
+"""SNR from which a pulse that a detector was following is not missed (DESIGN.md §5)."""
+HEIGHT_BAND_M = 10.0
+"""Of a signal's change with height."""
+_LEAST_HEIGHT_M = 2.0
+"""The antenna over the tag: a drone that stands still hears with its feet."""
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeightBand:
+    """How strong a tag was at some heights."""
+
+    low_m: float
+    """Above the start."""
+    high_m: float
+    pulses: int
+    median_db: float
+    best_db: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TagSignal:
+    """What the strength of one tag says by itself."""
+
+    tag_id: int
+    track: PowerTrack
+    strongest: StrongestSignal | None
+    surface: SignalSurface | None
+    """Colours of the ground; None when the flight covers no area."""
+    heights: tuple[HeightBand, ...]
+    """In steps of 10 m, those with three pulses or more."""
+
+
+def power_track(
+    pulse_poses: Sequence[PulsePose], tag: Tag | None, poses: Sequence[Pose]
+) -> PowerTrack:
+    """Collect a tag's pulses along the flight, missed ones included.
+
+    Parameters
+    ----------
+    pulse_poses : sequence of PulsePose
+        Of one tag, in order of time; those without pose or strength are passed over.
+    tag : Tag, optional
+        With it, pulses that must have come between two heard ones count as missed.
+    poses : sequence of Pose
+        Of the vehicle, in order of time: where the missed ones would have been heard.
+
+    Raises
+    ------
+    UsageError
+        Fewer than three pulses were heard at a known place.
+    """
+    heard = [one for one in pulse_poses if one.pose and math.isfinite(one.pulse.snr_db)]
+    if len(heard) < 3:
+        raise UsageError(
+            f"heard {len(heard)} times at a known place", remedy="Three pulses are the least"
+        )
+    rows = [_row(one.pose, one.pulse.snr_db) for one in heard if one.pose is not None]
+    times = [one.pulse.start_time_ns for one in heard]
+    missed = _missed_times_ns(times, [one.pulse.rate for one in heard], tag)
+    if missed and len(poses) > 1:
+        rows += _between(poses, missed)
+        times += missed
+    order = np.argsort(times, kind="stable")
+    latitude, longitude, height, snr = np.array(rows)[order].T
+    return PowerTrack(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=np.maximum(height, _LEAST_HEIGHT_M),
+        snr_db=snr,
+        threshold_db=MISS_THRESHOLD_DB,
+    )
+
+
+def signal_of(tag_id: int, track: PowerTrack) -> TagSignal:
+    """Draw what a track says of strength alone."""
+    try:
+        surface = signal_surface(track)
+    except UsageError:
+        surface = None
+    return TagSignal(
+        tag_id=tag_id,
+        track=track,
+        strongest=strongest_signal(track),
+        surface=surface,
+        heights=tuple(_heights(track)),
+    )
+
+
+def position_of(track: PowerTrack) -> Position:
+    """Where the tag is by its strength along the flight, with its uncertainty.
+
+    Raises
+    ------
+    UsageError
+        The track has too little.
+    """
+    return estimate_position(None, track)
+
+
+def _row(pose: Pose, snr_db: float) -> tuple[float, float, float, float]:
+    return (pose.latitude_deg, pose.longitude_deg, pose.altitude_relative_m, snr_db)
+
+
+def _missed_times_ns(
+    times_ns: Sequence[int], rates: Sequence[int], tag: Tag | None
+) -> list[int]:
+    """When pulses must have come between two heard ones that are whole intervals apart."""
+    missed: list[int] = []
+    if tag is None:
+        return missed
+    for (before, after), rate in zip(pairwise(times_ns), rates, strict=False):
+        number = min(max(rate, 1), len(tag.pulse_intervals_s))
+        interval_ns = tag.pulse_intervals_s[number - 1] * 1e9
+        count = round((after - before) / interval_ns)
+        tolerance_ns = 1e9 * tag.interval_uncertainty_s * count + 0.1 * interval_ns
+        if count > 1 and abs(after - before - count * interval_ns) <= tolerance_ns:
+            step = (after - before) / count
+            missed += [before + round(step * index) for index in range(1, count)]
+    return missed
+
+
+def _between(
+    poses: Sequence[Pose], times_ns: Sequence[int]
+) -> list[tuple[float, float, float, float]]:
+    """Places of the vehicle at some times, as rows without a strength."""
+    known = np.array([pose.time_ns for pose in poses], np.float64)
+    columns = [
+        np.interp(np.array(times_ns, np.float64), known, values)
+        for values in (
+            [pose.latitude_deg for pose in poses],
+            np.unwrap([pose.longitude_deg for pose in poses], period=360.0),
+            [pose.altitude_relative_m for pose in poses],
+        )
+    ]
+    return [(float(a), float(b), float(c), math.nan) for a, b, c in zip(*columns, strict=True)]
+
+
+def _heights(track: PowerTrack) -> list[HeightBand]:
+    heard = ~np.isnan(track.snr_db)
+    band = np.floor(track.height_m[heard] / HEIGHT_BAND_M).astype(int)
+    found = []
+    for number in np.unique(band):
+        snr = track.snr_db[heard][band == number]
+        if len(snr) >= 3:
+            found.append(
+                HeightBand(
+                    low_m=float(number * HEIGHT_BAND_M),
+                    high_m=float((number + 1) * HEIGHT_BAND_M),
+                    pulses=len(snr),
+                    median_db=float(np.median(snr)),
+                    best_db=float(snr.max()),
+                )
+            )
+    return found

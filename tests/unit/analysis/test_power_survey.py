@@ -1,0 +1,177 @@
+"""Surveys with a monopole: positions from strength, and a strongest signal that says it is not
+the tag."""
+
+import json
+import math
+import struct
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uavrt.analysis.export import export_survey
+from uavrt.analysis.positions import read_positions
+from uavrt.analysis.power_survey import power_track
+from uavrt.analysis.report import html_page, pdf_document, words
+from uavrt.analysis.survey import Survey, read_survey
+from uavrt.cli.app import app
+from uavrt.errors import UsageError
+from uavrt.localization import TangentPlane
+from uavrt.recording import read_flight
+from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
+from uavrt.simulation.antenna import Antenna
+
+WriteFlight = Callable[..., Path]
+TAG_NORTH_M, TAG_EAST_M = 140.0, 95.0
+
+
+def lawnmower() -> Scenario:
+    """Five lines over 250 m at 40 m, and up to 75 m over the start at the end."""
+    legs = [Leg(duration_s=8.0, height_m=40.0)]
+    for number, east in enumerate((0.0, 60.0, 120.0, 180.0, 240.0)):
+        legs.append(Leg(duration_s=12.0, east_m=east))
+        legs.append(Leg(duration_s=40.0, north_m=250.0 if number % 2 == 0 else 0.0))
+    legs += [Leg(duration_s=50.0, north_m=0.0, east_m=0.0), Leg(duration_s=30.0, height_m=75.0)]
+    return Scenario(
+        name="power survey",
+        seed=11,
+        duration_s=float(sum(leg.duration_s for leg in legs)),
+        flight=Flight(leg=tuple(legs)),
+        antenna=Antenna(pattern="monopole", gain_dbi=2.0, polarization="any"),
+        tag=(
+            SimulatedTag(
+                tag_id=2,
+                name="frog",
+                frequency_hz=148.71e6,
+                pulse_width_s=0.02,
+                pulse_intervals_s=(1.254,),
+                interval_uncertainty_s=0.02,
+                north_m=TAG_NORTH_M,
+                east_m=TAG_EAST_M,
+                height_m=0.5,
+                erp_dbm=-52.0,
+            ),
+        ),
+    )
+
+
+@pytest.fixture(scope="module")
+def flight(write_flight: WriteFlight) -> Path:
+    return write_flight(scenario=lawnmower(), tags=1, name="flight_log_power")
+
+
+@pytest.fixture(scope="module")
+def survey(flight: Path) -> Survey:
+    return read_survey(flight, antenna="monopole")
+
+
+def miss_m(latitude_deg: float, longitude_deg: float) -> float:
+    home = lawnmower().home
+    plane = TangentPlane(latitude_deg=home.latitude_deg, longitude_deg=home.longitude_deg)
+    east, north = plane.to_local(latitude_deg, longitude_deg)
+    return math.hypot(float(east) - TAG_EAST_M, float(north) - TAG_NORTH_M)
+
+
+def test_the_tag_is_found_and_the_strongest_signal_is_on_its_ring(survey: Survey) -> None:
+    assert survey.bearings == ()
+    found = survey.position_of(2)
+    assert found is not None
+    assert found.position is not None
+    assert found.position.radius95_m is not None
+    error = miss_m(found.position.latitude_deg, found.position.longitude_deg)
+    assert error < min(25.0, found.position.radius95_m)
+    signal = survey.signal_of(2)
+    assert signal is not None
+    assert signal.strongest is not None
+    loudest = signal.strongest
+    assert miss_m(loudest.latitude_deg, loudest.longitude_deg) > error
+    assert loudest.ring_radius_m == pytest.approx(40.0 * math.sqrt(0.8), rel=0.1)
+    assert signal.surface is not None
+    assert np.nanmax(signal.surface.snr_db) <= loudest.snr_db + 1e-9
+    assert [band.low_m for band in signal.heights][-1] == 70.0
+
+
+def test_pulses_that_must_have_come_count_as_missed(flight: Path) -> None:
+    read = read_flight(flight)
+    (tag,) = read.info.tags
+    every = power_track(read.pulse_poses, tag, read.poses)
+    thinned = [one for number, one in enumerate(read.pulse_poses) if number % 3]
+    track = power_track(thinned, tag, read.poses)
+    missed = np.isnan(track.snr_db)
+    assert not np.isnan(every.snr_db).any()
+    # The first and the last are not between two that were heard.
+    assert missed.sum() == pytest.approx(len(every.snr_db) / 3, abs=2)
+    assert np.allclose(track.latitude_deg, every.latitude_deg[-len(track.snr_db) :], atol=1e-5)
+    without = power_track(thinned, None, read.poses)
+    assert len(without.snr_db) == len(thinned)
+    with pytest.raises(UsageError, match="2 times"):
+        power_track(thinned[:2], tag, read.poses)
+
+
+def test_the_report_names_the_strongest_signal_and_does_not_take_it_for_the_tag(
+    survey: Survey,
+) -> None:
+    page = html_page(survey)
+    assert page.count("data:image/svg+xml") == 5  # overview, map, heights, times, noise
+    (finding,) = words.findings(survey)
+    assert "strongest signal at" in finding.detail
+    assert "from the strength of" in finding.detail
+    assert "The strongest signal is not the tag" in page
+    assert "principal components" in page  # the sources stay
+    assert pdf_document(survey).startswith(b"%PDF-")
+
+
+def test_the_exports_hold_the_signal_map_and_its_loudest_place(
+    survey: Survey, tmp_path: Path
+) -> None:
+    written = {path.name: path for path in export_survey(survey, tmp_path)}
+    tiff = written["signal_tag_2.tif"].read_bytes()
+    assert tiff[:4] == b"II*\0"
+    (entries,) = struct.unpack_from("<H", tiff, 8)
+    tags = {
+        struct.unpack_from("<H", tiff, 10 + 12 * k)[0]: struct.unpack_from(
+            "<HII", tiff, 12 + 12 * k
+        )
+        for k in range(entries)
+    }
+    columns, rows, start = (tags[tag][2] for tag in (256, 257, 273))
+    pixels = np.frombuffer(tiff, "<f4", rows * columns, start)
+    signal = survey.signal_of(2)
+    assert signal is not None
+    assert signal.surface is not None
+    assert np.nanmax(pixels) == pytest.approx(np.nanmax(signal.surface.snr_db), abs=1e-3)
+    content = json.loads(written["flight.geojson"].read_text())
+    layers = [one["properties"]["layer"] for one in content["features"]]
+    assert layers.count("strongest signal") == 1
+    assert "bearing" not in layers
+    with zipfile.ZipFile(BytesIO(written["flight.kmz"].read_bytes())) as archive:
+        assert "files/signal_2.png" in archive.namelist()
+        assert b"the tag is about" in archive.read("doc.kml")
+
+
+def test_the_command_line_finds_the_tag_by_strength(
+    flight: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        app(["localize", str(flight), "--antenna", "monopole", "--json"])
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["bearings"] == 0
+    assert found["powers"] > 200
+    assert miss_m(found["latitude_deg"], found["longitude_deg"]) < 25.0
+    with pytest.raises(UsageError, match="needs bearings"):
+        read_positions(flight, method="mle", antenna="monopole")
+
+
+def test_a_tag_that_was_hardly_heard_says_so(flight: Path) -> None:
+    read = read_flight(flight)
+    short = replace(read, pulse_poses=read.pulse_poses[:2])
+    from uavrt.analysis.positions import positions_of_powers
+
+    positions, signals = positions_of_powers(short.pulse_poses, short.info.tags, short.poses)
+    assert signals == []
+    assert positions[0].position is None
+    assert "2 times" in (positions[0].reason or "")
