@@ -41,9 +41,8 @@ class Grid:
         Channel samples that the band's filter looks to each side.
     offsets_hz : ndarray of float64, shape (rows,)
         Row frequencies relative to the centre of the channel.
-    filter : ndarray of complex64, shape (parts × `_OUTPUTS_PER_ROW`, stride), or None
-        What `stride` samples add to the outputs that start with them, and to those that
-        started with the stretches before, as one matrix product (overlap-add).
+    filter : ndarray of complex64, shape (samples, outputs), or None
+        Several outputs of the narrow band's filter as one matrix product.
     length : int
         Narrow-band samples of a window.
     matrix : ndarray of complex64, shape (length, rows), or None
@@ -167,7 +166,7 @@ class Spectrogram:
         self._band = np.zeros(0, np.complex64)
         self.consumed = 0
         """Narrow-band samples made so far."""
-        self._turns = np.zeros(0, np.complex64)
+        self._turns = np.zeros((0, 1), np.complex64)
         """How far each row of outputs is turned against the first."""
 
     def needed(self) -> int:
@@ -189,30 +188,21 @@ class Spectrogram:
         grid = self._grid
         if grid.filter is None:
             return samples
-        stride = grid.filter.shape[1]
-        needed = stride - grid.decimation + 2 * grid.reach + 1
-        count = max(0, (len(samples) - needed) // stride + 1)
-        parts = len(grid.filter) // _OUTPUTS_PER_ROW
-        rows = np.zeros((count + parts - 1, stride), np.complex64)
-        flat = rows.reshape(-1)
-        some = min(len(samples), len(flat))
-        flat[:some] = samples[:some]
-        band = np.empty((count, _OUTPUTS_PER_ROW), np.complex64)
+        length, outputs = grid.filter.shape
+        stride = outputs * grid.decimation
+        count = max(0, (len(samples) - length) // stride + 1)
+        band = np.empty((count, outputs), np.complex64)
         chunk = max(1, _SINGLE_THREAD_PRODUCT // grid.filter.size)
         for first in range(0, count, chunk):
-            size = min(chunk, count - first)
-            product = grid.filter @ rows[first : first + size + parts - 1].T
-            sums = product[:_OUTPUTS_PER_ROW, :size]
-            for part in range(1, parts):
-                begin = part * _OUTPUTS_PER_ROW
-                sums += product[begin : begin + _OUTPUTS_PER_ROW, part : part + size]
-            if grid.turn_hz:
-                sums *= self._turned(self.consumed // _OUTPUTS_PER_ROW + first, size)
-            band[first : first + size] = sums.T
+            last = min(first + chunk, count)
+            pieces = _windows(samples, first * stride, (last - first, length), stride)
+            np.matmul(np.ascontiguousarray(pieces), grid.filter, out=band[first:last])
+        if grid.turn_hz:
+            band *= self._turned(self.consumed // outputs, count)
         return band.reshape(-1)
 
     def _turned(self, row: int, count: int) -> NDArray[np.complex64]:
-        """Put the tag at zero: what each row of outputs is multiplied by, shape (count,).
+        """Put the tag at zero: what each row of outputs is multiplied by, shape (count, 1).
 
         The turn within a row of outputs is in the filter.
         """
@@ -220,7 +210,7 @@ class Spectrogram:
         turns = grid.turn_hz * _OUTPUTS_PER_ROW * grid.decimation / grid.sample_rate_hz
         if count > len(self._turns):
             phases = np.modf(np.arange(count) * turns)[0]
-            self._turns = np.exp(-2j * np.pi * phases).astype(np.complex64)
+            self._turns = np.exp(-2j * np.pi * phases).astype(np.complex64)[:, np.newaxis]
         start = np.complex64(cmath.exp(-2j * math.pi * math.modf(row * turns)[0]))
         return np.asarray(self._turns[:count] * start)
 
@@ -274,14 +264,18 @@ def make_grid(
             pass_hz=half_width_hz + 0.5 / pulse_width_s,
         )
         side = len(taps) // 2
-        bank = _overlap_add(taps, decimation)
+        bank = np.zeros(
+            ((_OUTPUTS_PER_ROW - 1) * decimation + len(taps), _OUTPUTS_PER_ROW), np.complex64
+        )
+        for output in range(_OUTPUTS_PER_ROW):
+            bank[output * decimation : output * decimation + len(taps), output] = taps
     scale = decimation / math.sqrt(length * decimation)
     symmetric = bank is not None and len(offsets) == 2 * reach + 1
     matrix, halves = None, None
     if bank is not None and symmetric:
         shift = 2.0 * math.pi * offset_hz * decimation / sample_rate_hz
         turn = np.exp(-1j * shift * np.arange(_OUTPUTS_PER_ROW)).astype(np.complex64)
-        bank *= np.tile(turn, len(bank) // _OUTPUTS_PER_ROW)[:, np.newaxis]
+        bank *= turn
         halves = half_transforms(length, reach + 1, scale)
     else:
         n = (np.arange(length) * decimation)[:, np.newaxis]
@@ -351,22 +345,6 @@ def _band_filter(
     return np.asarray(taps * np.exp(-2j * np.pi * offset_hz / sample_rate_hz * n))
 
 
-def _overlap_add(taps: NDArray[np.complex128], decimation: int) -> NDArray[np.complex64]:
-    """Matrix from as many samples as a row of outputs spans to all outputs that they touch.
-
-    Row ``part × outputs + output`` is what the samples add to that output of the row that
-    began `part` rows before. The product has no overlapping operands, which would have to be
-    copied, and takes as many multiplications (reference/perf.md §2a has the prototype).
-    """
-    stride = _OUTPUTS_PER_ROW * decimation
-    reaching = (_OUTPUTS_PER_ROW - 1) * decimation + len(taps)
-    parts = max(2, math.ceil(reaching / stride))
-    toeplitz = np.zeros((parts * stride, _OUTPUTS_PER_ROW), np.complex64)
-    for output in range(_OUTPUTS_PER_ROW):
-        toeplitz[output * decimation : output * decimation + len(taps), output] = taps
-    return np.ascontiguousarray(np.concatenate(np.split(toeplitz, parts), axis=1).T)
-
-
 def _windows(
     samples: NDArray[np.complex64], first: int, shape: tuple[int, int], step: int
 ) -> NDArray[np.complex64]:
@@ -393,11 +371,17 @@ def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float3
     ndarray of float32, shape (columns - 2 * reach, rows)
         By doubling: the work grows with the logarithm of `reach`.
     """
+    columns, rows = power.shape
+    side_by_side = power.T.flags.c_contiguous
+    # As one long row: what runs from a row's end into the next is cut off with the margins.
+    result = power.T.reshape(-1) if side_by_side else power
     width = 2 * reach + 1
     covered = 1
-    result = power
     while covered < width:
         shift = min(covered, width - covered)
         result = np.maximum(result[:-shift], result[shift:])
         covered += shift
-    return result
+    if not side_by_side:
+        return result
+    shape = (columns - 2 * reach, rows)
+    return np.ndarray(shape, np.float32, result, 0, (4, 4 * columns))

@@ -6,6 +6,8 @@ false alarm (reference/detector.md §8 D1). Here each row looks after itself.
 """
 
 import math
+from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +39,20 @@ def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Fixed-point step of the truncated mean, and the share of the cells that were kept."""
-    kept = power < (TRUNCATION * noise)
-    count = np.count_nonzero(kept, axis=0).astype(np.float32)
-    total = np.einsum("ij,ij->j", power, kept.astype(np.float32))
-    mean = total / np.maximum(count, 1.0) / np.float32(_KAPPA)
-    return np.where(count > 0, mean, noise).astype(np.float32), count / np.float32(len(power))
+    kept = (power < np.float32(TRUNCATION) * noise).astype(np.float32)
+    ones = np.ones(len(power), np.float32)
+    # Products with ones add columns several times faster than sums along an axis.
+    count = ones @ kept
+    np.multiply(kept, power, out=kept)
+    mean = (ones @ kept) / (np.maximum(count, np.float32(1.0)) * np.float32(_KAPPA))
+    return np.where(count > 0, mean, noise), count / np.float32(len(power))
+
+
+@lru_cache(maxsize=64)
+def _neighbours(rows: int, reach: int, mode: Literal["wrap", "reflect"]) -> NDArray[np.intp]:
+    """Which rows lie around each, shape (rows, 2 × reach + 1)."""
+    padded = np.pad(np.arange(rows), reach, mode=mode)
+    return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).copy()
 
 
 class RowNoise:
@@ -144,16 +155,16 @@ class RowNoise:
         self._settled_s = self._seen_s
         reach = self._reach(len(self._long))
         # A mirror, not the edge itself repeated: that would be its own median.
-        mode = "wrap" if self._circular else "reflect"
-        padded = np.pad(self._long, reach, mode=mode)  # type: ignore[call-overload]
-        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
-        smooth = np.median(windows, axis=1).astype(np.float32)
+        mode: Literal["wrap", "reflect"] = "wrap" if self._circular else "reflect"
+        windows = self._long.take(_neighbours(len(self._long), reach, mode))
+        windows.partition(reach, axis=1)
+        smooth = windows[:, reach]
         alone = 1.13 / math.sqrt(
             max(self._independent_per_s * min(self._seen_s, 2.0 * LONG_S), 1.0)
         )
         # A row 2.5 standard deviations above its neighbours is a line, not a fluctuation.
         line = self._long > smooth * np.float32(1.0 + 2.5 * alone)
-        self._level = np.where(line, self._long, smooth).astype(np.float32)
+        self._level = np.where(line, self._long, smooth)
 
     def _reach(self, rows: int) -> int:
         """Rows on each side that the median takes in."""

@@ -164,18 +164,19 @@ class RateSearch:
             # The very first columns have no past: zeros stand for it.
             tail = np.zeros((self._rows, reach), np.float32)
         block = np.concatenate((tail, power.T), axis=1)
-        if block.shape[1] <= 2 * reach:
+        columns = block.shape[1]
+        if columns <= 2 * reach:
             self._tail = block
             return []
         largest = sliding_maximum(block.T, reach).T
-        self._tail = block[:, block.shape[1] - 2 * reach :].copy()
+        self._tail = block[:, columns - 2 * reach :].copy()
         first = self.columns
         self._append(largest)
         if self.columns > self._first_columns:
             self.threshold = self._steady_threshold
         if self.dense:
             return self._search_dense(noise)
-        self._note_anchors(first, block[:, reach : block.shape[1] - reach], largest, noise)
+        self._note_anchors(first, block[:, reach : columns - reach], largest, noise)
         return self._search_anchors(noise)
 
     def _note_anchors(
@@ -187,19 +188,20 @@ class RateSearch:
     ) -> None:
         """Add the cells that may be anchors; shapes (rows, columns) and (rows,)."""
         needed = np.float32(self.threshold / self.k) * noise
-        peaks = (middle >= needed[:, np.newaxis]).reshape(-1).nonzero()[0]
-        if not len(peaks):
+        # In one dimension: for two NumPy walks through all cells, at 40 times the price.
+        cells = (middle >= needed[:, np.newaxis]).reshape(-1).nonzero()[0]
+        if not len(cells):
             return
-        width = middle.shape[1]
-        row = peaks // width
-        column = peaks - row * width
+        row, column = np.divmod(cells, middle.shape[1])
         power = middle[row, column]
-        order = np.flatnonzero(power == largest.reshape(-1)[peaks])
-        order = order[column[order].argsort(kind="stable")]
-        self._anchors = np.concatenate(
-            (self._anchors, np.stack((column[order] + first, row[order]))), axis=1
-        )
-        self._anchor_power = np.concatenate((self._anchor_power, power[order]))
+        peaks = (power == largest[row, column]).nonzero()[0]
+        peaks = peaks[column[peaks].argsort(kind="stable")]
+        found = np.empty((2, len(peaks)), np.intp)
+        column.take(peaks, out=found[0])
+        row.take(peaks, out=found[1])
+        found[0] += first
+        self._anchors = np.concatenate((self._anchors, found), axis=1)
+        self._anchor_power = np.concatenate((self._anchor_power, power[peaks]))
 
     def finish(self, noise: NDArray[np.float32]) -> list[Candidate]:
         """Test the hypotheses still open, as if only silence followed."""
