@@ -17,6 +17,7 @@ STRICT: dict[str, Any] = {
 """How `uavrt.config.loader` has pydantic read each table; a plain dict, so that this module
 costs the drone nothing (reference/style.md §B.3)."""
 
+Shape = Literal["workers", "stages", "one"]
 RadioKind = Literal["airspy", "airspyhf", "rtlsdr", "hackrf", "soapy"]
 RADIO_GROUP = "uavrt.radios"
 """Entry points of this group add kinds of radio (docs/how-to/extend.md)."""
@@ -45,6 +46,8 @@ class RadioSettings:
     """Serial number of the device, when there are several."""
     center_frequency_hz: Annotated[float, Interval(ge=20e6, le=1e9)] | None = None
     """Radio frequency; left out: the tuner chooses it from the tags."""
+    retry_s: Annotated[float, Interval(ge=0.1, le=60.0)] = 3.0
+    """Between attempts to open a radio that has failed twice within ten seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,6 +126,9 @@ class DetectionSettings:
     """Half-width of the search around each tag's nominal frequency."""
     workers: Annotated[int, Interval(ge=0, le=64)] = 0
     """Detector processes; 0: one for each spare core."""
+    shape: Shape = "workers"
+    """Which stage runs in which process: ``workers`` (a receiver and several detectors),
+    ``one`` (all in one process, for a single core), ``stages`` (each on its own)."""
     k: Annotated[int, Interval(ge=0, le=100)] = 0
     """Pulses summed for one decision, for all tags; 0: as each tag says."""
     false_alarm_probability: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.0

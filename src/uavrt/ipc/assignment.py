@@ -21,4 +21,5 @@ class Assignment:
     worker_of_tag: dict[int, int] = field(default_factory=dict)
     """Tag id to detector worker, for the receiver."""
     sample_fds: tuple[int, ...] = ()
-    """Datagram sockets: one for each worker in the receiver, its own in a detector."""
+    """Datagram sockets: the one where it receives samples, if it does, then one for each
+    process that it sends samples to."""

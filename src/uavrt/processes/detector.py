@@ -12,6 +12,7 @@ from uavrt.detection import PulseDetector
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.samples import ChannelReceiver
 from uavrt.messages import ChannelBlock, Pulse, Tag
+from uavrt.processes.latencies import Latencies
 
 SELECT_S = 0.2
 LIVE_NS = 1_500_000_000
@@ -132,38 +133,76 @@ def main() -> None:
         assignment = frame.assignment
         receiver = ChannelReceiver(socket.socket(fileno=assignment.sample_fds[0]))
         bank = DetectorBank(assignment.tags, assignment.settings.detection.frequency_window_hz)
+        searcher = Searcher(frame, bank)
         while frame.running:
             select.select([receiver.fileno(), frame.link.fileno()], [], [], SELECT_S)
             frame.receive()
-            detect_all(frame, receiver, bank)
-            tell_health(frame, bank)
-        detect_all(frame, receiver, bank)
-        for pulse in bank.flush():
-            frame.send("pulse", pulse)
-        frame.report("stopped", counters=bank.counters, last=True)
+            detect_all(searcher, receiver)
+            searcher.tell_health()
+        detect_all(searcher, receiver)
+        searcher.finish()
+        frame.report("stopped", counters=searcher.counters, last=True)
 
 
-def tell_health(frame: ProcessFrame, bank: DetectorBank) -> None:
-    """Send the health if it is due."""
-    if not bank.complete:
-        status = "waiting for samples"
-    elif frame.clock.now_ns() - bank.last_sample_ns > LIVE_NS:
-        status = "catching up"
-    else:
-        status = "detecting"
-    frame.report(status, counters=bank.counters)
+class Searcher:
+    """Gives blocks to a bank of detectors, and sends what it finds.
+
+    Parameters
+    ----------
+    frame : ProcessFrame
+        The process.
+    bank : DetectorBank
+        The detectors of its tags.
+    """
+
+    samples_dropped = 0
+    """It takes what it gets."""
+
+    def __init__(self, frame: ProcessFrame, bank: DetectorBank) -> None:
+        self._frame = frame
+        self._bank = bank
+        self._latencies = Latencies()
+
+    def send(self, block: ChannelBlock) -> None:
+        """Search the next block of a channel."""
+        for pulse in self._bank.process(block):
+            self._frame.send("pulse", pulse)
+        now_ns = self._frame.clock.now_ns()
+        self._latencies.add((now_ns - self._bank.last_sample_ns) * 1e-9, now_ns * 1e-9)
+
+    def flush(self) -> None:
+        """Send what was searched and not found."""
+        for detector in self._bank.all():
+            for report in detector.search_reports():
+                self._frame.send("search_report", report)
+
+    def finish(self) -> None:
+        """Send what the samples so far still hold."""
+        for pulse in self._bank.flush():
+            self._frame.send("pulse", pulse)
+
+    def tell_health(self) -> None:
+        """Send the health if it is due."""
+        if not self._bank.complete:
+            status = "waiting for samples"
+        elif self._frame.clock.now_ns() - self._bank.last_sample_ns > LIVE_NS:
+            status = "catching up"
+        else:
+            status = "detecting"
+        self._frame.report(status, counters=self.counters)
+
+    def counters(self) -> dict[str, float]:
+        """Count, and say how old the samples were when they had been searched."""
+        return self._bank.counters() | self._latencies.counters()
 
 
-def detect_all(frame: ProcessFrame, receiver: ChannelReceiver, bank: DetectorBank) -> None:
+def detect_all(searcher: Searcher, receiver: ChannelReceiver) -> None:
     """Process every block that waits and send what was found."""
     while (block := receiver.receive()) is not None:
-        for pulse in bank.process(block):
-            frame.send("pulse", pulse)
+        searcher.send(block)
         # After a restart seconds of samples may wait here; it must not seem dead meanwhile.
-        tell_health(frame, bank)
-    for detector in bank.all():
-        for report in detector.search_reports():
-            frame.send("search_report", report)
+        searcher.tell_health()
+    searcher.flush()
 
 
 if __name__ == "__main__":

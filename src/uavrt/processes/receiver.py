@@ -5,9 +5,10 @@ serve its tags. If asked, records the decimated band at the same time.
 """
 
 import socket
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 from uavrt.clock import monotonic_s
 from uavrt.config.settings import Settings
@@ -16,7 +17,7 @@ from uavrt.errors import RecordingError, UavrtError
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.samples import ChannelSender
 from uavrt.log import get_logger
-from uavrt.messages import FlightInfo, IQBlock
+from uavrt.messages import ChannelBlock, FlightInfo, IQBlock
 from uavrt.processes.capture import Capture
 from uavrt.radio import SampleSource, open_radio
 from uavrt.radio.channel_output import ChannelOutput
@@ -27,9 +28,20 @@ from uavrt.recording.layout import FlightLayout
 log = get_logger()
 
 READ_TIMEOUT_S = 0.5
-RETRY_S = 3.0
-"""Between attempts to open a radio that has failed twice within `RETRY_WINDOW_S`."""
 RETRY_WINDOW_S = 10.0
+"""A radio that fails twice within this time is tried every `RadioSettings.retry_s`."""
+
+
+class ChannelSink(Protocol):
+    """Where channels go: a socket to a detector, or a detector in this process."""
+
+    samples_dropped: int
+
+    def send(self, block: ChannelBlock) -> None:
+        """Take the next block of a channel."""
+
+    def flush(self) -> None:
+        """Try again what could not be done yet."""
 
 
 class Receiver:
@@ -41,19 +53,26 @@ class Receiver:
         The process.
     flight : FlightInfo
         The flight in progress: frequency, rate and tags.
+    sinks : sequence of ChannelSink, optional
+        One for each worker; sockets of the assignment unless given.
     """
 
     status: str | None = None
     """It is never over by itself."""
 
-    def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
+    def __init__(
+        self,
+        frame: ProcessFrame,
+        flight: FlightInfo,
+        sinks: Sequence[ChannelSink] | None = None,
+    ) -> None:
         assignment = frame.assignment
         self._front_end = FrontEnd(
             sample_rate_hz=flight.sample_rate_hz,
             center_frequency_hz=flight.center_frequency_hz,
             frequencies_hz=[tag.frequency_hz for tag in flight.tags],
         )
-        self._senders = [
+        self._sinks: Sequence[ChannelSink] = sinks or [
             ChannelSender(socket.socket(fileno=fd)) for fd in assignment.sample_fds
         ]
         self._workers_of_channel: dict[int, set[int]] = {}
@@ -65,6 +84,7 @@ class Receiver:
         self._output = self._open_output(frame, flight)
         self._check = SampleCheck("the radio")
         self.radio = assignment.settings.radio
+        self.center_frequency_hz = flight.center_frequency_hz
         self.failures = 0
         self.samples = 0
         self.samples_lost = 0
@@ -121,9 +141,12 @@ class Receiver:
             self._recorder.put(band)
         if self._output is not None:
             self._output.process(band)
+        self._pass_on(band)
+
+    def _pass_on(self, band: IQBlock) -> None:
         for channel in self._front_end.channelize(band):
             for worker in self._workers_of_channel[channel.channel]:
-                self._senders[worker].send(channel)
+                self._sinks[worker].send(channel)
 
     def forget(self, *, failed: bool = True) -> None:
         """Start the filters anew: what comes next does not continue what was."""
@@ -135,8 +158,8 @@ class Receiver:
 
     def flush(self) -> None:
         """Try again to send what the detectors have not taken yet."""
-        for sender in self._senders:
-            sender.flush()
+        for sink in self._sinks:
+            sink.flush()
 
     def close(self) -> None:
         """Finish the recording."""
@@ -154,7 +177,7 @@ class Receiver:
             # float64 holds a time of today to 0.3 µs.
             "first_sample_ns": float(self.first_sample_ns),
             "last_sample_ns": float(self.last_sample_ns),
-            "channel_samples_dropped": sum(s.samples_dropped for s in self._senders),
+            "channel_samples_dropped": sum(s.samples_dropped for s in self._sinks),
         }
         if self._recorder is not None:
             counters["recording_samples"] = self._recorder.written_samples
@@ -173,22 +196,26 @@ def new_recording_name(directory: Path) -> Path:
 
 
 def main() -> None:
-    """Receive until told to end; a radio that fails is opened again and again."""
+    """Receive until told to end."""
+    run(Receiver)
+
+
+def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
+    """Be a receiver of this kind; a radio that fails is opened again and again."""
     with ProcessFrame.start() as frame:
         flight = frame.assignment.flight
         if flight is None:
             raise UavrtError("the receiver was started without a flight")
-        kind = Receiver if flight.capture_s is None else Capture
-        receiver: Receiver | Capture = kind(frame, flight)
+        receiver: Receiver | Capture
+        receiver = kind(frame, flight) if flight.capture_s is None else Capture(frame, flight)
         last_failure_s, reason_told = -RETRY_WINDOW_S, ""
         try:
             while frame.running:
                 try:
                     receive(frame, receiver, flight)
                 except (UavrtError, EOFError) as error:
-                    delay_s = (
-                        RETRY_S if monotonic_s() - last_failure_s < RETRY_WINDOW_S else 0.0
-                    )
+                    again = monotonic_s() - last_failure_s < RETRY_WINDOW_S
+                    delay_s = receiver.radio.retry_s if again else 0.0
                     last_failure_s = monotonic_s()
                     receiver.forget()
                     reason = str(error) or "the stream ended"

@@ -37,8 +37,9 @@ from uavrt.supervisor.operations import Operations
 from uavrt.supervisor.output import OutputLog, warning_text
 from uavrt.supervisor.progress import FlightProgress
 from uavrt.supervisor.radio_check import ask_radio
+from uavrt.supervisor.shapes import rows_for
 from uavrt.supervisor.systemd import SystemdNotifier
-from uavrt.supervisor.table import SUPERVISOR_TOPICS, consumers_of, rows_for
+from uavrt.supervisor.table import SUPERVISOR_TOPICS, consumers_of
 from uavrt.supervisor.tuning import ask_tuner
 from uavrt.supervisor.usage import own_usage
 

@@ -68,7 +68,7 @@ class Fleet:
         self._tell = tell
         self._on_line, self._on_output, self._wake = on_line, on_output, wake
         self._instances: dict[str, Instance] = {}
-        self._sample_sockets: list[tuple[socket.socket, socket.socket]] = []
+        self._roads: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
 
     @property
     def instances(self) -> Iterable[Instance]:
@@ -125,6 +125,8 @@ class Fleet:
                 yield self._instance(name, row, worker)
 
     def _worker_count(self) -> int:
+        if not any(row.per_worker for row in self._rows):
+            return 1
         return max(1, min(self._workers, len(self._mission.tags)))
 
     def _start(self, instance: Instance) -> None:
@@ -203,10 +205,11 @@ class Fleet:
         for row in reversed(self._rows):
             if not row.runs(SystemState.HAS_TAGS):
                 await self._stop_row(row)
-        for sockets in self._sample_sockets:
-            for sock in sockets:
-                sock.close()
-        self._sample_sockets = []
+        for road in self._roads.values():
+            for sockets in road:
+                for sock in sockets:
+                    sock.close()
+        self._roads = {}
 
     async def stop_all(self) -> None:
         """Stop everything, in reverse order."""
@@ -233,15 +236,26 @@ class Fleet:
     # --------------------------------------------------------------- assignment
 
     def make_sample_roads(self) -> None:
-        """Make the sockets of a new flight, from the receiver to each detector."""
-        self._sample_sockets = [make_sample_sockets() for _ in range(self._worker_count())]
+        """Make the sockets of a new flight, to each instance of a row that gets samples."""
+        targets = {row.samples_to for row in self._rows}
+        self._roads = {
+            row.name: [
+                make_sample_sockets()
+                for _ in range(self._worker_count() if row.per_worker else 1)
+            ]
+            for row in self._rows
+            if row.name in targets
+        }
 
     def _fds_of(self, instance: Instance) -> tuple[int, ...]:
-        if instance.row.name == "receiver":
-            return tuple(sender.fileno() for sender, _ in self._sample_sockets)
-        if instance.row.per_worker:
-            return (self._sample_sockets[instance.worker][1].fileno(),)
-        return ()
+        """Get the end where it receives, if it does, then those by which it sends."""
+        row = instance.row
+        fds = []
+        if row.name in self._roads:
+            fds.append(self._roads[row.name][instance.worker][1].fileno())
+        if row.samples_to is not None:
+            fds += [sender.fileno() for sender, _ in self._roads.get(row.samples_to, ())]
+        return tuple(fds)
 
     def _assignment(self, instance: Instance) -> Assignment:
         mission = self._mission

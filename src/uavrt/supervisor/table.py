@@ -62,6 +62,8 @@ class ProcessRow:
     lossless for others; for a mere onlooker."""
     per_worker: bool = False
     """One instance for each detector worker."""
+    samples_to: str | None = None
+    """Row that gets samples from it, each instance by a socket of its own."""
     silence_limit_s: float = 5.0
     """Alive but silent for longer counts as dead. Every process speaks once a second."""
     start_limit_s: float = 20.0
@@ -170,6 +172,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
         module="uavrt.processes.receiver",
         meaning="radio samples to channels; also records the band",
         runs=while_receiving,
+        samples_to="detector",
         consumes=("settings",),
         produces=("health", "status_text"),
         cpu_budget_percent=3.5,
@@ -181,11 +184,6 @@ PROCESSES: tuple[ProcessRow, ...] = (
 
 SUPERVISOR_TOPICS = ("command", "health", "status_text")
 """Topics that the supervisor itself reads."""
-
-
-def rows_for(settings: Settings) -> tuple[ProcessRow, ...]:
-    """Get the rows that these settings ask for."""
-    return tuple(row for row in PROCESSES if row.configured(settings))
 
 
 def consumers_of(

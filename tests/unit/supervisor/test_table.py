@@ -1,9 +1,18 @@
 import importlib
 
-from uavrt.config.settings import BearingSettings, Ros2Settings, Settings
+import pytest
+
+from uavrt.config.settings import (
+    BearingSettings,
+    DetectionSettings,
+    Ros2Settings,
+    Settings,
+    Shape,
+)
 from uavrt.ipc import TOPICS
 from uavrt.messages import SystemState
-from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of, rows_for
+from uavrt.supervisor.shapes import SHAPES, rows_for
+from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of
 
 PUBLISHED_BY_SUPERVISOR = {
     "operation",
@@ -70,3 +79,24 @@ def test_the_gateway_to_ros_2_runs_only_where_it_is_asked_for() -> None:
     assert set(rows_for(asked)) == set(PROCESSES)
     left_out = {row.name for row in set(PROCESSES) - set(rows_for(Settings()))}
     assert left_out == {"ros2", "estimator"}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_in_every_shape_all_produced_records_are_consumed_and_samples_have_a_road(
+    shape: Shape,
+) -> None:
+    rows = rows_for(Settings(detection=DetectionSettings(shape=shape)))
+    names = [row.name for row in rows]
+    produced = {topic for row in rows for topic in row.produces}
+    assert {"pulse", "search_report", "pulse_pose", "poses", "command"} <= produced
+    for row in rows:
+        assert callable(importlib.import_module(row.module).main)
+        for topic in row.produces:
+            assert topic in SUPERVISOR_TOPICS or consumers_of(topic, rows)
+        if row.samples_to is not None:
+            # Consumers stand before producers, here as everywhere.
+            assert names.index(row.samples_to) < names.index(row.name)
+
+
+def test_the_shape_that_flies_is_the_table() -> None:
+    assert SHAPES[DetectionSettings().shape] is PROCESSES

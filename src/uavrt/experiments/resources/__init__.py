@@ -2,6 +2,6 @@
 
 from uavrt.experiments.resources.flight import Reading, SteadyFlight
 from uavrt.experiments.resources.report import ResourceReport
-from uavrt.experiments.resources.run import Plan, run_resources
+from uavrt.experiments.resources.run import Plan, run_resources, run_shapes
 
-__all__ = ["Plan", "Reading", "ResourceReport", "SteadyFlight", "run_resources"]
+__all__ = ["Plan", "Reading", "ResourceReport", "SteadyFlight", "run_resources", "run_shapes"]

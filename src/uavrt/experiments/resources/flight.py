@@ -12,7 +12,7 @@ from typing import Self
 import msgspec
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config.settings import DetectionSettings, RadioSettings
+from uavrt.config.settings import DetectionSettings, RadioSettings, Shape
 from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
 from uavrt.errors import UavrtError
 from uavrt.messages import Command, CommandReply, Health, SystemState, SystemStatus, Tag
@@ -47,11 +47,20 @@ class SteadyFlight:
         Detector processes; 0: as many as the settings' default gives.
     flights : Path, optional
         Where flight directories are made; else beside the rest, and removed.
+    shape : str
+        Which stage runs in which process; see `uavrt.supervisor.shapes`.
     """
 
-    def __init__(self, tags: int, *, workers: int = 0, flights: Path | None = None) -> None:
+    def __init__(
+        self,
+        tags: int,
+        *,
+        workers: int = 0,
+        flights: Path | None = None,
+        shape: Shape = "workers",
+    ) -> None:
         self.tags = steady_tags(tags, CENTER_HZ)
-        self._workers = workers
+        self._detection = DetectionSettings(workers=workers, shape=shape)
         self._flights = flights
         self._stack = ExitStack()
         self._requests = 0
@@ -79,7 +88,7 @@ class SteadyFlight:
                 ),
                 center_frequency_hz=CENTER_HZ,
             ),
-            detection=DetectionSettings(workers=self._workers),
+            detection=self._detection,
         )
         self._program(
             work,
@@ -128,15 +137,15 @@ class SteadyFlight:
         return monotonic_s() - started_s
 
     def _detecting(self) -> bool:
-        detectors = {
-            name: health for name, health in self.health.items() if name.startswith("detector")
-        }
-        serving = sum(health.counters.get("detectors", 0.0) for health in detectors.values())
-        return (
-            bool(detectors)
-            and serving == len(self.tags)
-            and all(health.status == "detecting" for health in detectors.values())
+        searching = self.searching()
+        serving = sum(health.counters["detectors"] for health in searching)
+        return serving == len(self.tags) and all(
+            health.status in ("detecting", "receiving") for health in searching
         )
+
+    def searching(self) -> list[Health]:
+        """Get what the processes with detectors said last."""
+        return [health for health in self.health.values() if "detectors" in health.counters]
 
     def stop(self) -> float:
         """Stop detecting; get the time until the last pulse is safe [s]."""
@@ -204,11 +213,10 @@ class SteadyFlight:
 
     def lost_samples(self) -> float:
         """Samples lost anywhere between the radio's program and the detectors."""
-        detectors = [name for name in self.health if name.startswith("detector")]
-        return (
-            self.counter("receiver", "samples_lost")
-            + self.counter("receiver", "channel_samples_dropped")
-            + sum(self.counter(name, "samples_lost") for name in detectors)
+        return sum(
+            self.counter(name, counter)
+            for name in self.health
+            for counter in ("samples_lost", "channel_samples_dropped")
         )
 
     def readings(self) -> list[Reading]:

@@ -4,10 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from uavrt.clock import Clock, monotonic_s
+from uavrt.config.settings import Shape
 from uavrt.errors import UavrtError
 from uavrt.experiments.resources.flight import SteadyFlight
 from uavrt.experiments.resources.report import Load, Moment, ResourceReport, by_process
+from uavrt.experiments.resources.shapes import ShapeFlight, ShapesReport
 from uavrt.experiments.resources.thesis import MINUTES
+from uavrt.supervisor.shapes import SHAPES
 
 THESIS_MINUTES = float(MINUTES[-1])
 STRETCH = 0.5
@@ -82,6 +85,65 @@ def _moment(flight: SteadyFlight, start_s: float, end_s: float, began_s: float) 
     )
 
 
+def run_shapes(
+    *, tags: int, seconds: float, workers: int = 0, say: Say = lambda _line: None
+) -> ShapesReport:
+    """Fly the same load in each shape of the table of processes.
+
+    Parameters
+    ----------
+    tags : int
+        How many.
+    seconds : float
+        How long each is measured.
+    workers : int
+        Detectors of the shape that flies; 0: as many as the settings' default gives.
+    say : callable
+        Takes a line of progress.
+
+    Raises
+    ------
+    UavrtError
+        One of them did not start, or found nothing.
+    """
+    found = []
+    for shape in SHAPES:
+        found.append(_shape(shape, tags, seconds, workers))
+        say(f"{shape}: {found[-1].cpu_percent:.1f} % of a core")
+    return ShapesReport(tags=tags, seconds=seconds, shapes=tuple(found))
+
+
+def _shape(shape: Shape, tags: int, seconds: float, workers: int) -> ShapeFlight:
+    with SteadyFlight(tags, shape=shape, workers=workers) as flight:
+        flight.upload()
+        start_s = flight.start()
+        flight.wait(
+            lambda: flight.counter("recorder", "pulses_recorded") > 0, "the first pulses"
+        )
+        began_s = monotonic_s()
+        moment = _moment(flight, began_s, began_s + seconds, began_s)
+        latencies_ms = [health.counters["latency_p99_ms"] for health in flight.searching()]
+        medians_ms = [health.counters["latency_p50_ms"] for health in flight.searching()]
+        ours = [name for name in moment.cpu_percent if name != RADIO]
+        return ShapeFlight(
+            shape=shape,
+            processes=len(ours),
+            start_s=start_s,
+            cpu_percent=sum(moment.cpu_percent[name] for name in ours),
+            chain_cpu_percent=sum(moment.cpu_percent[name] for name in ours if _chain(name)),
+            pss_mb=sum(moment.pss_mb[name] for name in ours),
+            latency_p50_ms=max(medians_ms),
+            latency_p99_ms=max(latencies_ms),
+            lost_samples=flight.lost_samples(),
+            pulses=flight.counter("recorder", "pulses_recorded"),
+        )
+
+
+def _chain(process: str) -> bool:
+    """Whether a process is between radio and pulses: there the shapes differ."""
+    return process.partition("-")[0] in ("receiver", "channelizer", "detector")
+
+
 def _fly_until(flight: SteadyFlight, end_s: float) -> None:
     while (left_s := end_s - monotonic_s()) > 0:
         flight.listen(min(0.5, left_s))
@@ -98,9 +160,7 @@ def _load(tags: int, seconds: float) -> Load:
         began_s = monotonic_s()
         moment = _moment(flight, began_s + 0.4 * seconds, began_s + seconds, began_s)
         newest_ns = min(
-            health.counters.get("last_sample_ns", 0.0)
-            for name, health in flight.health.items()
-            if name.startswith("detector")
+            health.counters.get("last_sample_ns", 0.0) for health in flight.searching()
         )
         return Load(
             tags=tags,

@@ -1,0 +1,45 @@
+"""The whole chain in one process: radio samples in, pulses out. For a computer with one core.
+
+The same receiver and the same detectors as in processes of their own, without sockets between
+them (`uavrt.supervisor.shapes`).
+"""
+
+from collections.abc import Mapping
+
+from uavrt.ipc import ProcessFrame
+from uavrt.messages import FlightInfo, IQBlock
+from uavrt.processes.detector import DetectorBank, Searcher
+from uavrt.processes.receiver import Receiver, run
+
+
+class Chain(Receiver):
+    """A receiver whose channels go to detectors in the same process."""
+
+    def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
+        settings = frame.assignment.settings.detection
+        bank = DetectorBank(frame.assignment.tags, settings.frequency_window_hz)
+        self._searcher = Searcher(frame, bank)
+        super().__init__(frame, flight, [self._searcher])
+
+    def process(self, block: IQBlock) -> None:
+        """Decimate, record, channelize and search one block."""
+        super().process(block)
+        self.flush()
+
+    def close(self) -> None:
+        """Finish the search and the recording."""
+        self._searcher.finish()
+        super().close()
+
+    def counters(self) -> Mapping[str, float]:
+        """Count what came and what was found."""
+        return {**self._searcher.counters(), **super().counters()}
+
+
+def main() -> None:
+    """Receive and detect until told to end."""
+    run(Chain)
+
+
+if __name__ == "__main__":
+    main()

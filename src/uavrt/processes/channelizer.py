@@ -1,0 +1,118 @@
+"""The second stage in a process of its own: the decimated band to the channels of the tags.
+
+For the comparison of shapes (`uavrt.supervisor.shapes`). Its first socket brings the band from
+the decimator, the others lead to the detectors.
+"""
+
+import select
+import socket
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from uavrt.dsp import FrontEnd
+from uavrt.errors import UavrtError
+from uavrt.ipc import ProcessFrame
+from uavrt.ipc.samples import ChannelReceiver, ChannelSender
+from uavrt.messages import ChannelBlock, FlightInfo, IQBlock
+
+SELECT_S = 0.2
+GATHER_S = 0.002
+"""For the rest of a radio block, whose first datagram has woken us."""
+BAND_SAMPLES = 32_768
+"""Of a radio block of 87 ms."""
+
+
+class BandSplitter:
+    """Channelizes what comes by one socket and sends it by others.
+
+    Parameters
+    ----------
+    frame : ProcessFrame
+        The process.
+    flight : FlightInfo
+        The flight in progress: frequency, rate and tags.
+    """
+
+    def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
+        assignment = frame.assignment
+        band_fd, *channel_fds = assignment.sample_fds
+        self.band = ChannelReceiver(socket.socket(fileno=band_fd))
+        self._senders = [ChannelSender(socket.socket(fileno=fd)) for fd in channel_fds]
+        self._front_end = FrontEnd(
+            sample_rate_hz=flight.sample_rate_hz,
+            center_frequency_hz=flight.center_frequency_hz,
+            frequencies_hz=[tag.frequency_hz for tag in flight.tags],
+        )
+        self._workers: dict[int, set[int]] = {}
+        for tag in flight.tags:
+            channel = self._front_end.channel_of(tag.frequency_hz)
+            self._workers.setdefault(channel, set()).add(assignment.worker_of_tag[tag.tag_id])
+        self.samples = self.samples_lost = 0
+
+    def work(self) -> None:
+        """Channelize all that waits."""
+        for sender in self._senders:
+            sender.flush()
+        for band in self._bands():
+            self.samples += len(band.samples)
+            self.samples_lost += band.lost_before
+            for channel in self._front_end.channelize(band):
+                for worker in self._workers[channel.channel]:
+                    self._senders[worker].send(channel)
+
+    def _bands(self) -> Iterator[IQBlock]:
+        """Join what waits as far as it is one piece: a radio block comes in four datagrams."""
+        parts: list[ChannelBlock] = []
+        size = 0
+        while (block := self.band.receive()) is not None:
+            follows = parts and block.sample_index == parts[0].sample_index + size
+            if parts and (not follows or size >= BAND_SAMPLES):
+                yield _joined(parts)
+                parts, size = [], 0
+            parts.append(block)
+            size += len(block.samples)
+        if parts:
+            yield _joined(parts)
+
+    def counters(self) -> dict[str, float]:
+        """Count what came and what was lost."""
+        return {
+            "band_samples": self.samples,
+            "samples_lost": self.samples_lost,
+            "channel_samples_dropped": sum(s.samples_dropped for s in self._senders),
+        }
+
+
+def _joined(parts: list[ChannelBlock]) -> IQBlock:
+    first = parts[0]
+    return IQBlock(
+        samples=np.concatenate([part.samples for part in parts]),
+        sample_index=first.sample_index,
+        time_ns=first.time_ns,
+        sample_rate_hz=first.sample_rate_hz,
+        lost_before=first.lost_before,
+    )
+
+
+def main() -> None:
+    """Channelize until told to end; then finish what is already here."""
+    with ProcessFrame.start() as frame:
+        flight = frame.assignment.flight
+        if flight is None:
+            raise UavrtError("the channelizer was started without a flight")
+        splitter = BandSplitter(frame, flight)
+        while frame.running:
+            select.select([splitter.band.fileno(), frame.link.fileno()], [], [], SELECT_S)
+            time.sleep(GATHER_S)
+            frame.receive()
+            splitter.work()
+            status = "channelizing" if splitter.samples else "waiting for samples"
+            frame.report(status, counters=splitter.counters)
+        splitter.work()
+        frame.report("stopped", counters=splitter.counters, last=True)
+
+
+if __name__ == "__main__":
+    main()

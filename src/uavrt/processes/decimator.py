@@ -1,0 +1,36 @@
+"""The first stage in a process of its own: radio samples to the decimated band.
+
+For the comparison of shapes (`uavrt.supervisor.shapes`): the receiver does this and the next
+stage in one process.
+"""
+
+from uavrt.messages import ChannelBlock, IQBlock
+from uavrt.processes.receiver import Receiver, run
+
+
+class BandReceiver(Receiver):
+    """A receiver that leaves the channels to another process."""
+
+    def _pass_on(self, band: IQBlock) -> None:
+        """Send the band as if it were one channel."""
+        if band.samples.size:
+            self._sinks[0].send(
+                ChannelBlock(
+                    channel=0,
+                    center_frequency_hz=self.center_frequency_hz,
+                    samples=band.samples,
+                    sample_index=band.sample_index,
+                    time_ns=band.time_ns,
+                    sample_rate_hz=band.sample_rate_hz,
+                    lost_before=band.lost_before,
+                )
+            )
+
+
+def main() -> None:
+    """Receive until told to end."""
+    run(BandReceiver)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+"""How old samples are when they have been searched: the median and the slowest hundredth."""
+
+WINDOW_S = 30.0
+STEP_MS = 1.0
+MOST_MS = 10_000
+
+
+class Latencies:
+    """Counts latencies in steps of a millisecond, over the last half to whole minute."""
+
+    def __init__(self) -> None:
+        self._past = [0] * (MOST_MS + 1)
+        self._present = [0] * (MOST_MS + 1)
+        self._until_s = 0.0
+
+    def add(self, latency_s: float, now_s: float) -> None:
+        """Count one, measured at a time in seconds of any clock."""
+        if now_s >= self._until_s:
+            self._until_s = now_s + WINDOW_S
+            self._past, self._present = self._present, [0] * (MOST_MS + 1)
+        step = int(latency_s * 1e3 / STEP_MS)
+        self._present[min(max(step, 0), MOST_MS)] += 1
+
+    def percentile_ms(self, percent: float) -> float | None:
+        """Get the latency that so many per cent do not exceed; None without any."""
+        counts = [a + b for a, b in zip(self._past, self._present, strict=True)]
+        left = sum(counts) * percent / 100.0
+        if not left:
+            return None
+        for step, count in enumerate(counts):
+            left -= count
+            if left <= 0.0:
+                return (step + 1) * STEP_MS
+        return MOST_MS * STEP_MS
+
+    def counters(self) -> dict[str, float]:
+        """Get both figures, rounded up to a millisecond."""
+        median_ms, slow_ms = self.percentile_ms(50.0), self.percentile_ms(99.0)
+        if median_ms is None or slow_ms is None:
+            return {}
+        return {"latency_p50_ms": median_ms, "latency_p99_ms": slow_ms}
