@@ -6,7 +6,8 @@ from uavrt.config.settings import BearingSettings, Settings
 from uavrt.ipc import TOPICS
 from uavrt.messages import LiveBearing
 from uavrt.processes.estimator import PERIOD_NS, REPEATS_NS, Outgoing
-from uavrt.supervisor.table import PROCESSES, consumers_of, rows_for
+from uavrt.supervisor.shapes import rows_for
+from uavrt.supervisor.table import PROCESSES, consumers_of
 
 SECOND = 1_000_000_000
 

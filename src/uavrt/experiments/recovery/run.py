@@ -27,7 +27,8 @@ from uavrt.simulation import Scenario, demo_scenario
 from uavrt.simulation.flight import Flight, Leg
 from uavrt.supervisor.launcher import PING_S, SILENCE_S
 from uavrt.supervisor.restarts import SETTLED_S
-from uavrt.supervisor.table import PROCESSES, rows_for
+from uavrt.supervisor.shapes import rows_for
+from uavrt.supervisor.table import PROCESSES
 from uavrt.supervisor.usage import descendants_of, is_alive
 
 SIGKILL_LIMIT_S = 2.0
