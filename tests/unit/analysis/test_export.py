@@ -159,6 +159,31 @@ def test_kmz_opens_without_network_and_carries_what_it_names(
     assert np.asarray(picture)[..., 3].max() > 150
 
 
+def test_another_library_reads_the_gpx_as_it_was_meant(survey: Survey, tmp_path: Path) -> None:
+    import gpxpy
+
+    text = exported(survey, tmp_path)["flight.gpx"].decode()
+    read = gpxpy.parse(text)
+    assert read.version == "1.1"
+    found = survey.position_of(2)
+    assert found is not None
+    assert found.position is not None
+    (waypoint,) = read.waypoints
+    assert waypoint.latitude == pytest.approx(found.position.latitude_deg, abs=1e-7)
+    assert waypoint.longitude == pytest.approx(found.position.longitude_deg, abs=1e-7)
+    (track,) = read.tracks
+    points = [point for segment in track.segments for point in segment.points]
+    assert len(points) > 200
+    assert points[0].latitude == pytest.approx(survey.track[0].latitude_deg, abs=1e-7)
+    bounds = read.get_time_bounds()
+    assert bounds.start_time is not None
+    assert bounds.end_time is not None
+    lasted_s = (bounds.end_time - bounds.start_time).total_seconds()
+    assert lasted_s == pytest.approx(
+        (survey.track[-1].time_ns - survey.track[0].time_ns) / 1e9, abs=1.5
+    )
+
+
 def test_geopackage_has_its_identity_its_tables_and_geometries_that_can_be_read(
     survey: Survey, tmp_path: Path
 ) -> None:

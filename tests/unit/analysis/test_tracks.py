@@ -1,5 +1,6 @@
 """Poses from logs of PX4 and ArduPilot, telemetry, NMEA and GPX, and the clocks' offset."""
 
+import math
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,6 +20,8 @@ from uavrt.analysis.tracks import (
     read_track,
     read_ulog,
 )
+from uavrt.analysis.tracks.declination import declination_deg
+from uavrt.analysis.tracks.points import MAGNETIC
 from uavrt.clock import iso_utc
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization.angles import difference_deg
@@ -133,6 +136,52 @@ def write_nmea(poses: list[Pose], path: Path) -> Path:
             lines.append(f"${body}*{total:02X}")
     path.write_text("\r\n".join(lines) + "\r\n$GPRMC,garbage*00\r\n")
     return path
+
+
+def as_magnetic(path: Path, declination_deg: float, variation: str) -> Path:
+    """Rewrite the true headings of an NMEA file as a compass would have told them."""
+    lines = []
+    for line in path.read_text().splitlines():
+        if "HDT" in line:
+            heading = (float(line.split(",")[1]) - declination_deg) % 360.0
+            line = f"$HCHDG,{heading:.2f},,,{variation}"
+        lines.append(line)
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.parametrize("variation", ["10.0,E", ","])
+def test_magnetic_headings_become_true_by_the_sentence_or_by_the_model(
+    flight: Flight, tmp_path: Path, variation: str
+) -> None:
+    """At Flagstaff, 10.0° in 2023 (World Magnetic Model 2020)."""
+    poses = list(flight.poses)
+    first = poses[0]
+    model = declination_deg(
+        first.latitude_deg, first.longitude_deg, first.altitude_amsl_m, first.time_ns
+    )
+    assert model == pytest.approx(10.0, abs=0.5)
+    path = write_nmea(poses, tmp_path / "track.nmea")
+    true = read_nmea(path)
+    told = 10.0 if "E" in variation else model
+    found = read_nmea(as_magnetic(path, told, variation))
+    assert found.warnings == (MAGNETIC,)
+    assert true.warnings == ()
+    for one, other in zip(true.attitudes, found.attitudes, strict=True):
+        difference = yaw_deg(one.quaternion_wxyz) - yaw_deg(other.quaternion_wxyz)
+        assert abs(math.remainder(difference, 360.0)) < 0.05
+
+
+def test_true_headings_go_before_magnetic_ones(flight: Flight, tmp_path: Path) -> None:
+    path = write_nmea(list(flight.poses), tmp_path / "track.nmea")
+    both = path.read_text() + "\n$HCHDM,12.0,M\n"
+    (tmp_path / "both.nmea").write_text(both)
+    assert read_nmea(tmp_path / "both.nmea").attitudes == read_nmea(path).attitudes
+
+
+def test_a_date_without_a_magnetic_model_is_refused() -> None:
+    with pytest.raises(FormatError, match="1999-06-15"):
+        declination_deg(47.0, 8.0, 400.0, 929_404_800_000_000_000)
 
 
 def write_gpx(poses: list[Pose], path: Path) -> Path:

@@ -1,7 +1,8 @@
 """Tracks of points: NMEA 0183 sentences, and GPX.
 
-NMEA: RMC (date, time, place), GGA (time, place, altitude) and HDT (true heading), checksums
-checked where they are there. GPX 1.0 and 1.1: ``trkpt`` with time and elevation.
+NMEA: RMC (date, time, place), GGA (time, place, altitude), HDT (true heading), HDG and HDM
+(magnetic heading, made true), checksums checked where they are there. GPX 1.0 and 1.1:
+``trkpt`` with time and elevation.
 """
 
 import math
@@ -9,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+from uavrt.analysis.tracks.declination import declination_deg
 from uavrt.analysis.tracks.track import (
     COURSE,
     VehicleTrack,
@@ -24,6 +26,10 @@ from uavrt.messages import AttitudeSample, PositionSample
 from uavrt.pose import from_euler_deg
 from uavrt.recording.formats.text import read_lines
 
+MAGNETIC = (
+    "The headings of this track are magnetic; the declination was added, from the sentences or "
+    "from the World Magnetic Model. Bearings are no better than the compass's calibration."
+)
 _DAY_NS = 86_400_000_000_000
 
 
@@ -39,6 +45,7 @@ def read_nmea(path: Path) -> VehicleTrack:
     time_ns: int | None = None
     places: dict[int, PositionSample] = {}
     turns: list[AttitudeSample] = []
+    magnetic: list[AttitudeSample] = []
     for line in read_lines(path):
         fields = _sentence(line)
         try:
@@ -60,9 +67,33 @@ def read_nmea(path: Path) -> VehicleTrack:
             elif fields[0].endswith("HDT") and time_ns is not None:
                 turned = attitude(time_ns, from_euler_deg(float(fields[1]), 0.0, 0.0))
                 turns += [] if turned is None else [turned]
+            elif fields[0].endswith(("HDG", "HDM")) and time_ns in places:
+                heading = _true_heading_deg(fields, places[time_ns])
+                turned = attitude(time_ns, from_euler_deg(heading, 0.0, 0.0))
+                magnetic += [] if turned is None else [turned]
         except (ValueError, IndexError):
             continue
-    return _track("NMEA", list(places.values()), turns, path)
+    warnings = (MAGNETIC,) if magnetic and not turns else ()
+    return _track("NMEA", list(places.values()), turns or magnetic, path, warnings)
+
+
+def _true_heading_deg(fields: list[str], place: PositionSample) -> float:
+    """Heading of HDG or HDM with deviation and variation added, east positive.
+
+    Where the sentence has no variation, it is the World Magnetic Model's.
+    """
+    heading = float(fields[1])
+    if fields[0].endswith("HDG") and len(fields) > 5:
+        heading += _eastward(fields[2], fields[3])
+        if fields[4]:
+            return heading + _eastward(fields[4], fields[5])
+    return heading + declination_deg(
+        place.latitude_deg, place.longitude_deg, place.altitude_amsl_m, place.time_ns
+    )
+
+
+def _eastward(angle: str, direction: str) -> float:
+    return (float(angle) if angle else 0.0) * (-1.0 if direction == "W" else 1.0)
 
 
 def read_gpx(path: Path) -> VehicleTrack:
@@ -99,7 +130,11 @@ def read_gpx(path: Path) -> VehicleTrack:
 
 
 def _track(
-    kind: str, places: list[PositionSample], turns: list[AttitudeSample], path: Path
+    kind: str,
+    places: list[PositionSample],
+    turns: list[AttitudeSample],
+    path: Path,
+    warnings: tuple[str, ...] = (),
 ) -> VehicleTrack:
     if not places:
         raise FormatError(f"{path} has no point with time and place", remedy="Give a track")
@@ -110,7 +145,7 @@ def _track(
             kind=kind,
             attitudes=attitudes,
             positions=positions,
-            warnings=() if turns else (COURSE,),
+            warnings=warnings if turns else (COURSE,),
         )
     )
 
