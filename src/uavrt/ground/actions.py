@@ -11,8 +11,14 @@ ACTIONS = {
     "stop": "Stop",
     "capture": "Capture raw",
     "mark": "Mark",
+    "save_logs": "Save logs",
+    "clean_logs": "Clean logs",
+    "radio_status": "Radio status",
+    "parameters": "Parameters",
 }
-"""The buttons of a flight, in their order."""
+"""The buttons of a flight, in their order; behind "mark" those of the drone's upkeep."""
+ALWAYS = ("radio_status", "parameters")
+"""What the drone answers in every state."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +65,8 @@ def _reason(action: str, now: Situation) -> str | None:
         return "The drone is not heard: check its power and the radio"
     if now.busy is not None:
         return f"Wait: {now.busy.text}"
+    if action in ALWAYS:
+        return None
     detecting = now.state is SystemState.DETECTING
     capturing = now.state is SystemState.CAPTURING
     match action:
@@ -67,7 +75,9 @@ def _reason(action: str, now: Situation) -> str | None:
             return "Nothing runs" if idle else None
         case "send_tags" if now.tags == 0:
             return "No tags: type them in under Set-up"
-        case "start" if now.state is SystemState.RECEIVING_TAGS:
+        case "start" | "capture" | "save_logs" | "clean_logs" if (
+            now.state is SystemState.RECEIVING_TAGS
+        ):
             return "Tags are being sent"
         case "start" if now.state is SystemState.IDLE:
             return "Send the tags first"

@@ -65,6 +65,7 @@ class Api:
             ("/choices", "GET", self.choices),
             ("/connection", "POST", self.connect),
             ("/commands/{name}", "POST", self.command),
+            ("/parameters", "GET", self.parameters),
             ("/readout", "GET", self.readout),
             ("/log", "GET", self.log),
             ("/flights", "GET", self.flights),
@@ -163,6 +164,10 @@ class Api:
             "stop": session.commands.stop,
             "capture": session.commands.capture,
             "mark": lambda: session.commands.mark(text),
+            "save_logs": session.commands.save_logs,
+            "clean_logs": session.commands.clean_logs,
+            "radio_status": session.commands.radio_status,
+            "set_parameter": lambda: session.commands.set_parameter(body),
         }
         name = request.path_params["name"]
         if name not in commands:
@@ -171,6 +176,10 @@ class Api:
             return {"accepted": True, "message": await commands[name]()}
         except (CommandRefused, LinkError) as error:
             return _Answer(409, {"accepted": False, "message": str(error)})
+
+    async def parameters(self, request: Request) -> Any:
+        """The drone's parameters."""
+        return await self._session.commands.parameters()
 
     async def readout(self, request: Request) -> Any:
         """A place in every way of writing: ``?latitude_deg=…&longitude_deg=…``."""

@@ -6,15 +6,25 @@ Each command raises what the drone or the link answers, and gives the text for t
 import contextlib
 from collections.abc import AsyncIterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from math import isfinite
+from typing import TYPE_CHECKING, Any
 
-from uavrt import tunnel
-from uavrt.errors import LinkError, UavrtError
+from uavrt.errors import FormatError, LinkError, UavrtError
 from uavrt.ground.actions import ACTIONS, Busy, action_states
 from uavrt.ground.link import GroundLink
 
 if TYPE_CHECKING:
     from uavrt.ground.session import GroundSession
+
+
+def _parameter(wish: Any) -> tuple[str, float]:
+    """Read a parameter's name and value; raises `FormatError`."""
+    name, value = (wish.get("name"), wish.get("value")) if isinstance(wish, dict) else ("", 0)
+    if not isinstance(name, str) or not name.isascii() or not 0 < len(name) <= 16:
+        raise FormatError("name must be a parameter's")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise FormatError("value must be a number")
+    return name, float(value)
 
 
 class Commands:
@@ -71,11 +81,40 @@ class Commands:
         settings = self._session.store.settings
         async with self._working("capture", "asking for a raw capture"):
             frequency = settings.center_frequency_mhz
-            message = tunnel.RawCapture(
+            message = await link.capture(
+                center_frequency_hz=None if frequency is None else frequency * 1e6,
                 gain=settings.gain or 0,
-                frequency_hz=None if frequency is None else round(frequency * 1e6),
             )
-            return (await link.command(message.encode())).message or "capturing"
+            return message or "capturing"
+
+    async def save_logs(self) -> str:
+        """Copy the drone's flights to the drive that is plugged into it."""
+        link = self._allowed("save_logs")
+        async with self._working("save_logs", "asking to save the flights"):
+            return await link.save_logs() or "saving"
+
+    async def clean_logs(self) -> str:
+        """Remove the drone's flights."""
+        link = self._allowed("clean_logs")
+        async with self._working("clean_logs", "asking to remove the flights"):
+            return await link.clean_logs() or "removing"
+
+    async def radio_status(self) -> str:
+        """Ask whether the drone's radio is there."""
+        link = self._allowed("radio_status")
+        async with self._working("radio_status", "asking the radio"):
+            return await link.radio_status() or "the radio is there"
+
+    async def parameters(self) -> dict[str, float]:
+        """Get the drone's parameters."""
+        return await self._allowed("parameters").parameters.list_all()
+
+    async def set_parameter(self, wish: Any) -> str:
+        """Set a parameter of the drone: ``{"name": …, "value": …}``."""
+        name, value = _parameter(wish)
+        link = self._allowed("parameters")
+        async with self._working("parameters", f"setting {name}"):
+            return f"{name} = {await link.parameters.set(name, value):g}"
 
     async def mark(self, text: str = "") -> str:
         """Write a remark with the time and the drone's place into the flight."""

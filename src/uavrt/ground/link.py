@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 
 from uavrt import tunnel
 from uavrt.errors import CommandRefused, LinkError
+from uavrt.ground.drone_parameters import DroneParameters
 from uavrt.ground.protocol import (
     DRONE_COMPONENT,
     Acknowledged,
@@ -121,6 +122,8 @@ class GroundLink:
         self._events: deque[GroundEvent] = deque(maxlen=EVENTS)
         self._event_there = asyncio.Event()
         self._drone_there = asyncio.Event()
+        self.parameters = DroneParameters(self.protocol, self.send, ack_wait_s)
+        """The drone's parameters."""
         self._waiting: tuple[int, int, asyncio.Future[Acknowledged]] | None = None
         self._busy = asyncio.Lock()
 
@@ -297,6 +300,7 @@ class GroundLink:
             return
         if self._on_frame is not None:
             self._on_frame(frame)
+        self.parameters.take(frame)
         for event in self.protocol.receive(frame, self._clock_ns()):
             self._deliver(event)
         self.protocol.stored()

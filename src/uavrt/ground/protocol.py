@@ -2,7 +2,6 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from uavrt import tunnel
@@ -15,6 +14,7 @@ from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.statustext import TextAssembler
 from uavrt.messages import LiveBearing, PulsePose, SearchReport, StatusText, SystemState, Tag
 from uavrt.tunnel import CommandId, Generation
+from uavrt.tunnel.gate import Sealer
 from uavrt.tunnel.heartbeat import STATES
 from uavrt.tunnel.live_bearing import BEARING_TYPE, decode_bearing
 from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE
@@ -86,8 +86,8 @@ class GroundProtocol:
         Our own numbers; 255/190 is what the original's drone side insists on.
     receipts : Receipts, optional
         What to acknowledge; None for a station that does not.
-    sealer : callable, optional
-        Seals what is sent, see `uavrt.tunnel.gate.Sealer`.
+    sealer : Sealer, optional
+        Seals what is sent.
     generation : {"G0", "G1", "G2v1", "G2"}
         What the drone speaks.
     """
@@ -97,7 +97,7 @@ class GroundProtocol:
         system_id: int = 255,
         component_id: int = 190,
         receipts: Receipts | None = None,
-        sealer: Callable[[bytes, int], bytes] | None = None,
+        sealer: Sealer | None = None,
         generation: Generation = "G1",
     ) -> None:
         self.own = Peer(system_id, component_id)
@@ -159,6 +159,19 @@ class GroundProtocol:
             target_system=self.drone.system_id,
             target_component=self.drone.component_id,
             payload_type=payload_type,
+            payload_length=len(payload),
+            payload=payload,
+        )
+
+    def sealed_parameter(self, name: str, value: float) -> dialect.Tunnel | None:
+        """Write the wish to set a parameter to a drone with a key; None without one."""
+        if self._sealer is None or self.drone is None:
+            return None
+        payload = self._sealer.parameter(name, value)
+        return dialect.Tunnel(
+            target_system=self.drone.system_id,
+            target_component=self.drone.component_id,
+            payload_type=SEALED_TYPE,
             payload_length=len(payload),
             payload=payload,
         )

@@ -10,12 +10,12 @@ from typing import Any
 
 from uavrt.clock import monotonic_s
 from uavrt.config.settings import Settings
-from uavrt.errors import ConfigError, LinkError, UavrtError
+from uavrt.errors import ConfigError, LinkError, TunnelError, UavrtError
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.link import SupervisorGone
 from uavrt.log import get_logger
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
-from uavrt.mavlink.dialect import RadioStatus
+from uavrt.mavlink.dialect import MavParamType, ParamSet, RadioStatus
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.metadata import component_metadata
@@ -49,7 +49,7 @@ from uavrt.tunnel.exchange import Answer, Exchange
 from uavrt.tunnel.gate import Gate
 from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
 from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE
-from uavrt.tunnel.seal import PLAIN_INSIDE
+from uavrt.tunnel.seal import PARAMETER_INSIDE, PLAIN_INSIDE, parameter_of
 
 log = get_logger()
 
@@ -304,6 +304,9 @@ class ConnectionProcess:
             if kind == PLAIN_INSIDE:
                 self._take_command(payload, peer, sealed=True)
                 return
+            if kind == PARAMETER_INSIDE:
+                self._take_parameter(payload, peer)
+                return
         elif payload_type != RECEIPT_TYPE or self._gate.locked:
             return
         place = (peer.system_id, peer.component_id)
@@ -314,6 +317,23 @@ class ConnectionProcess:
     def _parameter_request(self, message: Requests, peer: Peer) -> None:
         refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=False)
         self._parameters.receive(message, peer, refusal, self._exchange.next_request_id())
+
+    def _take_parameter(self, inside: bytes, peer: Peer) -> None:
+        """Take the sealed wish to set a parameter."""
+        try:
+            name, value = parameter_of(inside)
+        except TunnelError as error:
+            log.warning("bad parameter", reason=error.message)
+            return
+        wish = ParamSet(
+            target_system=0,
+            target_component=0,
+            param_id=name,
+            param_value=value,
+            param_type=MavParamType.REAL32,
+        )
+        refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=True)
+        self._parameters.receive(wish, peer, refusal, self._exchange.next_request_id())
 
     def _radio_status(self, status: RadioStatus) -> None:
         now_ns = self._frame.clock.now_ns()

@@ -5,11 +5,13 @@ from uavrt.errors import TunnelError
 from uavrt.log import get_logger
 from uavrt.tunnel.private import RECEIPT_TYPE
 from uavrt.tunnel.seal import (
+    PARAMETER_INSIDE,
     PLAIN_INSIDE,
     RECEIPT_INSIDE,
     Key,
     Place,
     SealKeeper,
+    parameter_inside,
     read_key,
     seal,
 )
@@ -83,6 +85,14 @@ class Sealer:
 
     def __call__(self, payload: bytes, payload_type: int) -> bytes:
         """Seal a payload of type 0 or a receipt."""
+        return self._seal(
+            payload, RECEIPT_INSIDE if payload_type == RECEIPT_TYPE else PLAIN_INSIDE
+        )
+
+    def parameter(self, name: str, value: float) -> bytes:
+        """Seal the wish to set a parameter."""
+        return self._seal(parameter_inside(name, value), PARAMETER_INSIDE)
+
+    def _seal(self, inside: bytes, kind: int) -> bytes:
         self._last_us = max(self._last_us + 1, wall_ns() // 1000)
-        kind = RECEIPT_INSIDE if payload_type == RECEIPT_TYPE else PLAIN_INSIDE
-        return seal(payload, kind, self._key, self._own, self._last_us)
+        return seal(inside, kind, self._key, self._own, self._last_us)

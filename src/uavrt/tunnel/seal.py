@@ -5,7 +5,8 @@ the proof is inside the payload, in our own payload type 60002::
 
     offset  type   field
     0       u8     version, 1
-    1       u8     0: what is inside has payload type 0; 1: it is a receipt
+    1       u8     0: what is inside has payload type 0; 1: it is a receipt; 2: a parameter's
+                   name, char[16], and wanted value, f32
     2       u16    zero
     4       u64    time of the sender [µs since 1970], strictly rising
     12      u8[8]  keyed BLAKE2b of the sender's system and component id, bytes 0 to 12, inside
@@ -25,10 +26,11 @@ from uavrt.errors import ConfigError, TunnelError
 
 SEALED_SIZE = 20
 MAX_INSIDE = 108
-PLAIN_INSIDE, RECEIPT_INSIDE = 0, 1
+PLAIN_INSIDE, RECEIPT_INSIDE, PARAMETER_INSIDE = 0, 1, 2
 LEAST_KEY = 16
 BEHIND_US = 60_000_000
 _HEAD = struct.Struct("<BBHQ")
+_PARAMETER = struct.Struct("<16sf")
 _VERSION = 1
 
 Place = tuple[int, int]
@@ -74,6 +76,19 @@ def seal(inside: bytes, kind: int, key: Key, sender: Place, time_us: int) -> byt
     return head + _mac(key, sender, head, inside) + inside
 
 
+def parameter_inside(name: str, value: float) -> bytes:
+    """Write what is inside for a parameter."""
+    return _PARAMETER.pack(name.encode("ascii"), value)
+
+
+def parameter_of(inside: bytes) -> tuple[str, float]:
+    """Read a parameter's name and wanted value; raises `TunnelError`."""
+    if len(inside) != _PARAMETER.size:
+        raise TunnelError(f"a parameter has 20 bytes, not {len(inside)}", inside)
+    name, value = _PARAMETER.unpack(inside)
+    return name.split(b"\0", 1)[0].decode("ascii", "replace"), value
+
+
 class SealKeeper:
     """Opens sealed payloads: right, new, and from whom they say.
 
@@ -99,7 +114,7 @@ class SealKeeper:
             raise TunnelError("a sealed message has at least 20 bytes", payload)
         head, mac, inside = payload[:12], payload[12:20], payload[20:]
         version, kind, _, time_us = _HEAD.unpack(head)
-        if version != _VERSION or kind not in (PLAIN_INSIDE, RECEIPT_INSIDE):
+        if version != _VERSION or kind > PARAMETER_INSIDE:
             raise TunnelError("a sealed message of another version", payload)
         if not hmac.compare_digest(mac, _mac(self._key, sender, head, inside)):
             raise TunnelError("the seal is wrong: another key, or forged", payload)

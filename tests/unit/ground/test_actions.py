@@ -2,10 +2,11 @@
 
 from itertools import product
 
-from uavrt.ground.actions import ACTIONS, Busy, Situation, action_states
+from uavrt.ground.actions import ACTIONS, ALWAYS, Busy, Situation, action_states
 from uavrt.messages import SystemState
 from uavrt.supervisor.transitions import Refused, outcome
 
+UPKEEP = {"save_logs", "clean_logs", *ALWAYS}
 BUSY = Busy(action="start", text="starting")
 
 
@@ -54,16 +55,28 @@ def test_a_button_is_off_exactly_when_it_says_why() -> None:
 
 
 def test_what_is_offered_is_never_refused_by_the_drones_table() -> None:
-    first = {"send_tags": "start_tags", "start": "start_detection", "stop": "stop_detection"}
+    first = {
+        "send_tags": "start_tags",
+        "start": "start_detection",
+        "stop": "stop_detection",
+        "capture": "raw_capture",
+        "save_logs": "save_logs",
+        "clean_logs": "clean_logs",
+        "radio_status": "radio_status",
+        "parameters": "set_parameter",
+    }
     for state, tags, sent in product(SystemState, (0, 2), (True, False)):
         for action in enabled(state=state, tags=tags, tags_sent=sent) & set(first):
             assert not isinstance(outcome(state, first[action]), Refused)  # type: ignore[arg-type]
 
 
 def test_the_buttons_of_a_flight_follow_its_state() -> None:
-    assert enabled(state=SystemState.IDLE, tags_sent=False) == {"send_tags", "capture"}
-    assert enabled() == {"send_tags", "start", "capture"}
-    assert enabled(state=SystemState.DETECTING, flight_open=True) == {"stop", "mark"}
+    assert enabled(state=SystemState.IDLE, tags_sent=False) == {
+        *("send_tags", "capture"),
+        *UPKEEP,
+    }
+    assert enabled() == {"send_tags", "start", "capture", *UPKEEP}
+    assert enabled(state=SystemState.DETECTING, flight_open=True) == {"stop", "mark", *ALWAYS}
     assert enabled(drone_present=False) == set()
     assert enabled(busy=BUSY) == set()
 
