@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from uavrt.config.settings import RadioSettings
+from uavrt.config.settings import MavlinkSettings, RadioSettings
 from uavrt.messages import SystemStatus
 from uavrt.recording import read_flight
 from uavrt.supervisor.usage import children_of
@@ -150,3 +150,38 @@ def test_a_missing_radio_is_reported_and_the_system_goes_on(
     assert process(status, "connection").ok
     log = (drone.directory / "supervisor.log").read_text()
     assert "no-such-radio-program" in log
+
+
+def test_without_autopilot_and_ground_it_detects_and_records_and_needs_no_helper(
+    drone_bay: Any, thesis_scenario: Any
+) -> None:
+    """Cart, bench and field-monitor use; and the death of each helper in it."""
+    tags = msgspec.json.encode(thesis_scenario.tags).decode()
+    drone = drone_bay.launch(thesis_scenario, tags, mavlink=MavlinkSettings(address=""))
+    status = until_status(drone, lambda s: samples_of(s) > 0, 30.0)
+    pids = {p.process: p.pid for p in status.processes}
+    nursery = int(process(status, "supervisor").counters["nursery_pid"])
+    # The helper of the supervisor: nobody ends by its death, and it comes back.
+    os.kill(nursery, signal.SIGKILL)
+    status = until_status(
+        drone,
+        lambda s: process(s, "supervisor").counters["nursery_pid"] not in (0.0, nursery),
+        30.0,
+    )
+    assert {p.process: p.pid for p in status.processes} == pids
+    # The helper of the receiver is the radio's program: it ends with it.
+    (radio,) = children_of(process(status, "receiver").pid)
+    os.kill(process(status, "receiver").pid, signal.SIGKILL)
+    status = until_status(
+        drone,
+        lambda s: (
+            process(s, "recorder").counters.get("pulses_recorded", 0) >= 1
+            and process(s, "receiver").restarts == 1
+        ),
+        60.0,
+    )
+    assert not alive(radio)
+    drone.supervisor.stop()
+    flight = read_flight(status.flight_directory or "")
+    assert flight.pulse_poses
+    assert all(item.pose is None for item in flight.pulse_poses)

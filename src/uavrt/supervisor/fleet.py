@@ -68,6 +68,8 @@ class Fleet:
         self._tell = tell
         self._on_line, self._on_output, self._wake = on_line, on_output, wake
         self._instances: dict[str, Instance] = {}
+        self._strangers = set(children_of(os.getpid()))
+        """Children of this program that were here before; they are no orphans of ours."""
         self._roads: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
 
     @property
@@ -192,7 +194,7 @@ class Fleet:
         known = {i.child.pid for i in self._instances.values() if i.child is not None}
         if self._launcher.pid is not None:
             known.add(self._launcher.pid)
-        for pid in set(children_of(os.getpid())) - known:
+        for pid in set(children_of(os.getpid())) - known - self._strangers:
             with contextlib.suppress(ProcessLookupError, ChildProcessError, PermissionError):
                 log.warning("ending an orphan", pid=pid)
                 os.kill(pid, signal.SIGKILL)

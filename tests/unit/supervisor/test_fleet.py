@@ -1,0 +1,268 @@
+"""Processes that fail in their own ways, under the fleet: real children, no radio."""
+
+import asyncio
+import ctypes
+import os
+import signal
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from uavrt.config.settings import RecordingSettings, Settings
+from uavrt.ipc.parent import adopt_orphans
+from uavrt.supervisor.fleet import Fleet
+from uavrt.supervisor.instance import Instance
+from uavrt.supervisor.launcher import Launcher
+from uavrt.supervisor.memory import StateStore
+from uavrt.supervisor.mission import Mission
+from uavrt.supervisor.output import OutputLog, warning_text
+from uavrt.supervisor.restarts import DEGRADED_AFTER
+from uavrt.supervisor.table import ProcessRow, always
+from uavrt.supervisor.usage import children_of, is_alive
+
+PR_SET_CHILD_SUBREAPER = 36
+FAILING = """
+import sys
+from uavrt.log import configure_logging, get_logger
+
+def main():
+    configure_logging("failing")
+    get_logger().info("starting")
+    get_logger().error("the antenna has fallen off", where="field")
+    sys.exit(3)
+"""
+SILENT = """
+import time
+from uavrt.ipc import ProcessFrame
+
+def main():
+    with ProcessFrame.start() as frame:
+        frame.report("speaking for the last time")
+        while True:
+            time.sleep(60.0)
+"""
+MUTE = "import time\ndef main():\n    time.sleep(600.0)\n"
+DEAF = """
+import signal, subprocess, sys, time
+from uavrt.ipc import ProcessFrame
+
+def main():
+    with ProcessFrame.start() as frame:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+        while True:
+            frame.report("deaf")
+            time.sleep(0.05)
+"""
+MAIN = "\nif __name__ == '__main__':\n    main()\n"
+ROW = ProcessRow(
+    name="process",
+    module="",
+    meaning="a stand-in",
+    runs=always,
+    consumes=(),
+    produces=("health", "status_text"),
+    cpu_budget_percent=5.0,
+    memory_limit_mb=100.0,
+)
+
+
+class Yard:
+    """A fleet of one process, and all it says."""
+
+    def __init__(self, directory: Path, row: ProcessRow) -> None:
+        self.texts: list[tuple[int, str]] = []
+        self.records: list[bytes] = []
+        self.output = OutputLog(directory)
+        self.wake = asyncio.Event()
+        settings = Settings(recording=RecordingSettings(directory=str(directory)))
+        mission = Mission(
+            settings,
+            StateStore(directory),
+            tell=self._tell,
+            on_start=lambda flight: None,
+            on_stop=lambda: None,
+        )
+        # A nursery that never comes: processes are executed.
+        launcher = Launcher()
+        launcher.tend = lambda: None  # type: ignore[method-assign]
+        self.fleet = Fleet(
+            [row],
+            mission,
+            launcher=launcher,
+            workers=1,
+            tell=self._tell,
+            on_line=lambda _instance, line: self.records.append(line),
+            on_output=self._on_output,
+            wake=self.wake.set,
+        )
+        self.instance = self.fleet.instance_of(row)
+
+    def _tell(self, severity: int, text: str) -> None:
+        self.texts.append((severity, text))
+
+    def _on_output(self, instance: Instance, line: bytes) -> None:
+        self.output.write(instance.name, line)
+        text = warning_text(instance.name, line)
+        if text is not None:
+            instance.last_words = text.text
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        """Let the fleet work until something is so."""
+        deadline_s = time.monotonic() + 60.0
+        while not condition():
+            assert time.monotonic() < deadline_s, self.texts
+            self.fleet.ensure()
+            await asyncio.sleep(0.02)
+
+
+@contextmanager
+def importable(directory: Path, text: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    (directory / "stand_in_process.py").write_text(text + MAIN)
+    path = [str(directory), *filter(None, [os.environ.get("PYTHONPATH")])]
+    with monkeypatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join(path))
+        yield "stand_in_process"
+
+
+Run = Callable[[str, ProcessRow, Callable[[Yard], Awaitable[None]]], None]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Run]:
+    """Run a scene with a process of this text, and end what it left."""
+
+    def play(text: str, row: ProcessRow, scene: Callable[[Yard], Awaitable[None]]) -> None:
+        async def whole() -> None:
+            yard = Yard(tmp_path, replace(row, module=module))
+            try:
+                await scene(yard)
+            finally:
+                await yard.fleet.stop_all()
+
+        with importable(tmp_path, text, monkeypatch) as module:
+            asyncio.run(whole())
+
+    adopt_orphans()
+    yield play
+    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
+
+
+def test_a_process_that_keeps_ending_is_degraded_and_the_ground_reads_why(
+    run: Run, tmp_path: Path
+) -> None:
+    async def scene(yard: Yard) -> None:
+        await yard.until(lambda: yard.instance.restarts.in_a_row >= DEGRADED_AFTER)
+        severity, text = yard.texts[-1]
+        assert severity == 3
+        assert text.startswith(f"process degraded: ended {DEGRADED_AFTER} times in a row")
+        assert "ended (exit 3)" in text
+        assert "the antenna has fallen off where=field" in text
+        assert yard.instance.status().status.startswith("degraded: ended (exit 3)")
+        assert not yard.instance.status().ok
+        # Each end before that was told as well.
+        assert len(yard.texts) == DEGRADED_AFTER
+        # It is still tried.
+        await yard.until(lambda: yard.instance.restarts.total > DEGRADED_AFTER)
+
+    run(FAILING, ROW, scene)
+    # All that it printed is kept, each line with its time.
+    lines = (tmp_path / "system_log/process.log").read_text().splitlines()
+    assert sum('"starting"' in line for line in lines) > DEGRADED_AFTER
+    assert all(line[:2] == "20" and line[19] == "Z" for line in lines)
+
+
+def test_a_process_that_falls_silent_is_killed_and_comes_back(run: Run) -> None:
+    async def scene(yard: Yard) -> None:
+        await yard.until(lambda: yard.records)
+        assert yard.instance.child is not None
+        first = yard.instance.child.pid
+        await yard.until(lambda: yard.instance.child and yard.instance.child.pid != first)
+        assert not is_alive(first)
+        severity, text = yard.texts[0]
+        assert severity == 4
+        assert text.startswith("process was killed (SIGKILL): silent for ")
+
+    run(SILENT, replace(ROW, silence_limit_s=0.3), scene)
+
+
+def test_a_stopped_process_is_killed_without_being_asked_to_end(run: Run) -> None:
+    async def scene(yard: Yard) -> None:
+        await yard.until(lambda: yard.records)
+        assert yard.instance.child is not None
+        first = yard.instance.child.pid
+        os.kill(first, signal.SIGSTOP)
+        await yard.until(lambda: yard.instance.child and yard.instance.child.pid != first)
+        assert not is_alive(first)
+
+    run(DEAF, replace(ROW, silence_limit_s=0.5), scene)
+
+
+def test_a_process_that_never_says_a_word_is_killed_too(run: Run) -> None:
+    async def scene(yard: Yard) -> None:
+        await yard.until(lambda: yard.instance.restarts.total)
+        assert "SIGKILL" in yard.texts[0][1]
+
+    run(MUTE, replace(ROW, start_limit_s=0.5), scene)
+
+
+def test_what_does_not_heed_sigterm_is_killed_with_all_it_started(run: Run) -> None:
+    async def scene(yard: Yard) -> None:
+        await yard.until(lambda: yard.records)
+        assert yard.instance.child is not None
+        pid = yard.instance.child.pid
+        await yard.until(lambda: children_of(pid))
+        grandchildren = children_of(pid)
+        await yard.fleet.stop_all()
+        assert yard.texts == [(4, "process did not stop: killed")]
+        assert not is_alive(pid)
+        await yard.until(lambda: not any(map(is_alive, grandchildren)))
+
+    run(DEAF, replace(ROW, stop_timeout_s=0.3), scene)
+
+
+def test_more_memory_than_the_row_allows_is_told(run: Run) -> None:
+    async def scene(yard: Yard) -> None:
+        await yard.until(lambda: yard.records)
+        yard.instance.status()  # measures
+        text = yard.instance.over_budget(time.monotonic())
+        assert text is not None
+        assert text.startswith("process uses ")
+        assert text.endswith("MB (1 MB): more than its budget")
+
+    run(DEAF, replace(ROW, memory_limit_mb=1.0, stop_timeout_s=0.3), scene)
+
+
+@pytest.mark.parametrize(
+    ("level", "severity"), [("warning", 4), ("error", 3), ("critical", 2), ("info", None)]
+)
+def test_warnings_and_worse_become_texts_for_the_ground(
+    level: str, severity: int | None
+) -> None:
+    line = f'{{"event": "disk slow", "level": "{level}", "process": "recorder", "ms": 900}}'
+    text = warning_text("recorder", line.encode())
+    assert (text.severity if text else None) == severity
+    if text is not None:
+        assert text.text == "recorder: disk slow ms=900"
+
+
+def test_a_traceback_is_no_text_but_is_kept(tmp_path: Path) -> None:
+    assert warning_text("recorder", b"Traceback (most recent call last):") is None
+    output = OutputLog(tmp_path)
+    output.write("recorder", b"Traceback (most recent call last):")
+    flight = tmp_path / "flight"
+    output.open_flight(flight)
+    output.write("recorder", b"in flight")
+    output.write("receiver", b'{"event": "radio says", "line": "gain 21", "level": "info"}')
+    output.close_flight()
+    output.write("recorder", b"after it")
+    ground = (tmp_path / "system_log/recorder.log").read_text()
+    assert "Traceback" in ground
+    assert "after it" in ground
+    assert "in flight" in (flight / "process_log/recorder.log").read_text()
+    assert "gain 21" in (flight / "airspy_csdr_netcat_log/radio.log").read_text()
+    assert output.lost_lines == 0
