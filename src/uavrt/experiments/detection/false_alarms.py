@@ -13,7 +13,7 @@ from uavrt.experiments.detection.campaign import Case, Experiment
 from uavrt.experiments.detection.interference import coloured_noise
 from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import THESIS_TAG, noise
-from uavrt.experiments.detection.statistics import poisson_interval
+from uavrt.experiments.detection.statistics import count_interval
 from uavrt.experiments.detection.trials import RATE_HZ, WHOLE_CHANNEL_HZ, detect
 from uavrt.messages import Pulse, Tag
 
@@ -75,7 +75,7 @@ def false_alarm_row(
     intervals = sum(o.intervals for o in outcomes)
     groups = sum(o.groups for o in outcomes)
     expected = intervals * probability
-    low, high = poisson_interval(groups)
+    low, high = count_interval([o.groups for o in outcomes])
     return Row(
         experiment=experiment,
         quantity="false alarms / nominal",
@@ -98,7 +98,7 @@ def confirmed_row(
     """Groups confirmed falsely, in a decision interval."""
     intervals = sum(o.intervals for o in outcomes)
     confirmed = sum(o.confirmed for o in outcomes)
-    low, high = poisson_interval(confirmed)
+    low, high = count_interval([o.confirmed for o in outcomes])
     return Row(
         experiment=experiment,
         quantity="falsely confirmed groups per decision, %",

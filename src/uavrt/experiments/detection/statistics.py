@@ -31,6 +31,20 @@ def poisson_interval(count: int) -> tuple[float, float]:
     return max(0.0, low), high
 
 
+def count_interval(counts: Sequence[int]) -> tuple[float, float]:
+    """95 % interval of the mean of a sum of counts that may come in clusters.
+
+    One track begun by noise and confirmed makes several groups: where the counts of equal
+    stretches spread more than Poisson's, his interval is widened in proportion (quasi-Poisson).
+    """
+    total = sum(counts)
+    low, high = poisson_interval(total)
+    if len(counts) < 2 or not total:
+        return low, high
+    wider = math.sqrt(max(1.0, float(np.var(counts, ddof=1)) / (total / len(counts))))
+    return max(0.0, total - wider * (total - low)), total + wider * (high - total)
+
+
 def mean_interval(values: Sequence[float]) -> tuple[float, float]:
     """95 % interval of a mean; infinitely wide for one value."""
     mean = float(np.mean(values))

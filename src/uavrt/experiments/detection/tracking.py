@@ -11,8 +11,8 @@ from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.sensitivity import points_of
 from uavrt.experiments.detection.signals import THESIS_TAG
 from uavrt.experiments.detection.statistics import (
+    count_interval,
     level_for,
-    poisson_interval,
     quantile,
     share_by_flight,
 )
@@ -85,7 +85,7 @@ def count_row(
 ) -> Row:
     """Something that should not happen, in a flight."""
     total, flights = sum(counts), len(counts)
-    low, high = poisson_interval(total)
+    low, high = count_interval(counts)
     return Row(
         experiment=experiment,
         quantity=quantity,
