@@ -14,12 +14,12 @@ which is a change of sign in odd channels.
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.fft
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import bank_taps, compatible_bank_taps
+from uavrt.dsp.fourier import transform_columns
 from uavrt.errors import UsageError
 
 MATRIX_CHANNELS = 32
@@ -185,5 +185,5 @@ class Channelizer:
             product: NDArray[np.complex64] = self._matrix @ folded.T
             return product
         # Transformed along columns, the result comes out as channels by outputs at no cost.
-        spectrum: NDArray[np.complex64] = scipy.fft.fft(folded.T, axis=0, workers=1)
+        spectrum = transform_columns(folded.T)
         return spectrum if self._all else spectrum[self._selection]

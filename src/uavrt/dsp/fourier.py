@@ -1,0 +1,81 @@
+"""Many short Fourier transforms at once, without what else SciPy imports.
+
+SciPy's pocketfft takes eight complex64 transforms at a time in one vector; NumPy's copy of it
+takes them one by one (100 points, 655 times: 0.17 against 1.5 ms). But ``import scipy.fft``
+imports scipy.special and a second OpenBLAS: 28 MB and 0.1 s, for one function of an extension
+module of 1 MB. That module is loaded by itself; where it is not found, scipy.fft is.
+"""
+
+import importlib.util
+from collections.abc import Callable
+from functools import lru_cache
+from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Transform = Callable[[NDArray[np.complex64]], NDArray[np.complex64]]
+
+
+def transform_columns(values: NDArray[np.complex64]) -> NDArray[np.complex64]:
+    """Fourier transform of each column.
+
+    Parameters
+    ----------
+    values : ndarray of complex64, shape (n, columns)
+        Of any memory order; columns that lie side by side are not copied first.
+
+    Returns
+    -------
+    ndarray of complex64, shape (n, columns)
+    """
+    return column_transform()(values)
+
+
+@lru_cache(maxsize=1)
+def column_transform() -> Transform:
+    """Find the fastest that there is."""
+    try:
+        module = _load(_extension())
+        return lambda values: module.c2c(values, (0,), True, 0, None, 1)
+    except (ImportError, AttributeError, TypeError, OSError):
+        return public_transform()
+
+
+def public_transform() -> Transform:
+    """The same by SciPy's documented function."""
+    import scipy.fft
+
+    return lambda values: scipy.fft.fft(values, axis=0, workers=1)
+
+
+def _extension() -> ModuleSpec:
+    """Where SciPy keeps its pocketfft.
+
+    Raises
+    ------
+    ImportError
+        Not where it has been since SciPy 1.4.
+    """
+    package = importlib.util.find_spec("scipy")
+    for folder in (package.submodule_search_locations or ()) if package else ():
+        for suffix in EXTENSION_SUFFIXES:
+            path = Path(folder) / "fft" / "_pocketfft" / f"pypocketfft{suffix}"
+            if path.exists():
+                found = importlib.util.spec_from_file_location("pypocketfft", path)
+                if found is not None and found.loader is not None:
+                    return found
+    raise ImportError("no pypocketfft in SciPy")
+
+
+def _load(spec: ModuleSpec) -> Any:
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    # One transform now: should its arguments have changed, this is the time to know.
+    probe = module.c2c(np.ones((4, 2), np.complex64).copy(), (0,), True, 0, None, 1)
+    if probe.dtype != np.complex64 or not np.allclose(probe[:, 0], (4.0, 0.0, 0.0, 0.0)):
+        raise ImportError("SciPy's pypocketfft computes something else")
+    return module
