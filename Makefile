@@ -9,7 +9,7 @@ PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: demo test check lint types contracts bench browser screenshots docs clean setup
+.PHONY: demo test check lint types contracts bench browser screenshots video docs clean setup
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
@@ -35,6 +35,9 @@ browser:                ## Chromium, which the tests of the page drive
 
 screenshots: $(STAMP) browser  ## pictures of the page, by its test, into docs/images
 	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/test_page.py
+
+video: $(STAMP) browser  ## a captioned film of a flight through the page, uavrt.webm
+	UAVRT_VIDEO=uavrt.webm $(BIN)/pytest tests/flight/test_page.py -k whole_flight --timeout 600
 
 setup: $(STAMP)         ## only the environment
 

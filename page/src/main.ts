@@ -4,7 +4,7 @@ import "maplibre-gl/dist/maplibre-gl.css";
 import { act, buildFly, mapView } from "./fly";
 import { append, by, fill, h, say } from "./dom";
 import { buildFlights, refresh } from "./flights";
-import { fixed, span } from "./format";
+import { dateTime, fixed, span } from "./format";
 import { buildLog, showLog } from "./log";
 import { buildPlots, recolourPlots, showPlots } from "./plots";
 import { buildSetup } from "./setup";
@@ -91,7 +91,7 @@ function drawHeader(): void {
   if (!store.online) say(offline, "The ground station does not answer. What was received is safe; this page goes on by itself.");
   else if (state?.flight.fault) say(offline, state.flight.fault);
   else if (state?.connection.error) say(offline, state.connection.error);
-  else if (store.review) say(offline, `Past flight ${store.review.flight_id}${store.other ? `, dashed beside it ${store.other.summary.flight_id}` : ""}`);
+  else if (store.review) say(offline, `Past flight of ${dateTime(store.review.start_time_ns)}${store.other ? `, dashed beside it that of ${dateTime(store.other.summary.start_time_ns)}` : ""}`);
   offline.className = store.online && store.review && !state?.flight.fault ? "info" : "";
   if (!state) return;
   const mode = state.drone.present ? (STATES[state.drone.state ?? ""] ?? "Drone heard") : "No drone";

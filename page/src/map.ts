@@ -14,7 +14,6 @@ import workerUrl from "maplibre-gl/dist/maplibre-gl-worker.mjs?worker&url";
 import { PMTiles, Protocol } from "pmtiles";
 import { tagColour } from "./colour";
 import {
-  type Feature,
   clusterFeatures,
   collection,
   point,
@@ -77,6 +76,7 @@ export class MapView {
   private drone: Marker;
   private droneShown = false;
   private framed: string | null = null;
+  private placedIn: string | null = null;
   private basemap: MapFile | null = null;
   private graticule: Graticule;
   private heat = document.createElement("canvas");
@@ -183,11 +183,8 @@ export class MapView {
     const bearings = store.bearings.filter(
       (one) => shown(one.tag_id) && one.start_time_ns <= store.until,
     );
-    // In a replay, a position stands only when all its turns have been flown.
-    const last = Math.max(...store.bearings.map((one) => one.end_time_ns), 0);
-    // One bearing gives a wedge, not a place.
-    const placed = store.positions.filter((one) => one.stations > 1 && shown(one.tag_id));
-    const positions = store.until >= last ? placed : [];
+    const positions = store.placed().filter((one) => shown(one.tag_id));
+    this.reframe(positions);
     this.source("wedges").setData(collection(bearings.flatMap((one) => wedgeOf(one, positions))));
     this.source("rays").setData(collection(bearings.map((one) => rayOf(one, positions))));
     this.source("regions").setData(collection(positions.flatMap(regionsOf)));
@@ -302,16 +299,21 @@ export class MapView {
     const here = this.place();
     if (here) places.push(here.at);
     if (!places.length) return;
-    const lons = places.map((one) => one[0]);
-    const lats = places.map((one) => one[1]);
+    const [lons, lats] = [places.map((one) => one[0]), places.map((one) => one[1])];
     this.map.fitBounds(
-      [
-        [min(lons), min(lats)],
-        [max(lons), max(lats)],
-      ],
+      [min(lons), min(lats), max(lons), max(lats)],
       // The box with the coordinates covers the top.
-      { padding: { top: 165, left: 60, right: 95, bottom: 55 }, maxZoom: 18, duration: 0 },
+      { padding: { top: 200, left: 60, right: 95, bottom: 95 }, maxZoom: 18, duration: 0 },
     );
+  }
+
+  /** Positions of a past flight come after its pulses: show them too, once. */
+  private reframe(positions: PositionRecord[]): void {
+    const id = store.flightId();
+    if (!store.review || this.framed !== id || this.placedIn === id || !positions.length) return;
+    this.placedIn = id;
+    const view = this.map.getBounds();
+    if (!positions.every((one) => view.contains([one.longitude_deg, one.latitude_deg]))) this.fit();
   }
 
   private frame(): void {
@@ -349,8 +351,8 @@ export class MapView {
       if (tag[place] !== store.selected || !Number.isFinite(lat[place]!)) continue;
       if (best < 0 || snr[place]! > snr[best]!) best = place;
     }
-    const features: Feature[] = best < 0 ? [] : [point([lon[best]!, lat[best]!], { label: "strongest signal" })];
-    this.source("strongest").setData(collection(features));
+    const label = "strongest signal";
+    this.source("strongest").setData(collection(best < 0 ? [] : [point([lon[best]!, lat[best]!], { label })]));
   }
 
   private drawHeat(position: PositionRecord | null): void {

@@ -21,6 +21,7 @@ const plots: { kind: string; plot: uPlot; holder: HTMLElement }[] = [];
 export function buildPlots(): void {
   fill(
     by("view-plots"),
+    h("div", { class: "plot-tags", role: "group", "aria-label": "Tag", id: "plot-tags" }),
     h(
       "div",
       { class: "plots" },
@@ -36,14 +37,14 @@ export function buildPlots(): void {
       figure("frequency", "Frequency away from the tag's nominal one, Hz"),
       waterfallFigure(),
     ),
-    h("div", { class: "plot-tags", role: "group", "aria-label": "Tag", id: "plot-tags" }),
   );
   void get<Choices>("/choices").then((choices) => {
     antennas = choices.antennas;
     draw();
   });
   store.on(["pulses", "reset", "selection", "estimates", "settings", "tags"], draw);
-  new ResizeObserver(resize).observe(by("view-plots"));
+  const watch = new ResizeObserver(resize);
+  for (const id of ["snr", "fold", "frequency"]) watch.observe(by(`plot-${id}`));
 }
 
 /** Nothing is drawn while nobody looks. */
@@ -222,7 +223,7 @@ function plot(kind: string, x: number[], y: (number | null)[]): void {
       cursor: { drag: { x: true, y: false } },
       scales: { x: { time: true } },
       axes: [
-        { ...axis, values: (_: uPlot, ticks: number[]) => ticks.map(utc), space: 80 },
+        { ...axis, values: (_: uPlot, ticks: number[]) => ticks.map(utc), space: 80, size: 28 },
         { ...axis, size: 52, space: 18 },
       ],
       series: [

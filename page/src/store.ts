@@ -170,6 +170,12 @@ class Store {
     return low;
   }
 
+  /** Positions that stand: one bearing gives a wedge, and in a replay all turns must be flown. */
+  placed(): PositionRecord[] {
+    const last = Math.max(...this.bearings.map((one) => one.end_time_ns), 0);
+    return this.until >= last ? this.positions.filter((one) => one.stations > 1) : [];
+  }
+
   // ---------------------------------------------------------------- past flights
 
   async open(flightId: string): Promise<void> {

@@ -47,7 +47,7 @@ export function walkBox(): HTMLElement {
 export function drawWalk(): void {
   const box = by("walk");
   const id = store.selected;
-  const fix = store.positions.find((one) => one.tag_id === id && one.stations >= 2);
+  const fix = store.placed().find((one) => one.tag_id === id);
   if (id === null || (!fix && !store.pulses.count)) {
     box.hidden = true;
     return;
@@ -70,13 +70,15 @@ export function drawWalk(): void {
     return;
   }
   box.hidden = false;
-  const turns = store.bearings.filter((one) => one.tag_id === id && one.accepted);
+  const turns = store.bearings.filter(
+    (one) => one.tag_id === id && one.accepted && one.start_time_ns <= store.until,
+  );
   const last = turns.at(-1);
   say(by("walk-title"), `Tag ${store.tagName(id)}: strongest signal`);
   say(
     by("walk-sure"),
     last
-      ? `bearing ${Math.round(last.bearing_deg)}° ${compass(last.bearing_deg)}; turn at another place to cross it`
+      ? `bearing ${Math.round(last.bearing_deg)}° ${compass(last.bearing_deg)}: now turn elsewhere`
       : "turn on the spot for a bearing",
   );
   const key = best.join();
@@ -85,7 +87,7 @@ export function drawWalk(): void {
   } else {
     void get<Readout>(`/readout?latitude_deg=${best[1]}&longitude_deg=${best[0]}`).then((readout) => {
       strongest = { key, readout };
-      say(by("walk-place"), readout[format] ?? readout.decimal);
+      drawWalk(); // meanwhile there may be a position, or another tag
     }, () => undefined); // the server is away: the page asks again when it is back
   }
   say(by("walk-way"), wayTo(best));

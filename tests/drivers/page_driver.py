@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from film import Film
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
@@ -31,6 +32,7 @@ ARGUMENTS = (
     "--disable-component-update",
     "--disable-sync",
 )
+VIDEO = os.environ.get("UAVRT_VIDEO")
 SCREENSHOTS = os.environ.get("UAVRT_SCREENSHOTS")
 WAIT_MS = 30_000
 
@@ -100,6 +102,7 @@ class Watched:
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.on("dialog", self._dialog)
         self.page.goto(address)
+        self._film: Film | None = None
 
     def _dialog(self, dialog: Any) -> None:
         if dialog.type == "prompt":
@@ -107,6 +110,21 @@ class Watched:
         else:
             self.errors.append(f"dialog: {dialog.message}")
             dialog.dismiss()
+
+    def film(self) -> None:
+        """Begin to film, when a film is wanted: ``make video``."""
+        if VIDEO:
+            self._film = Film(self.page)
+
+    def caption(self, text: str, seconds: float = 4.0) -> None:
+        """Say in the film what is seen; nothing without a film."""
+        if self._film is not None:
+            self._film.caption(text, seconds)
+
+    def save_film(self, browser: Browser) -> None:
+        """Write the film, if there is one."""
+        if self._film is not None and VIDEO:
+            self._film.save(browser, Path(VIDEO))
 
     def picture(self, name: str) -> None:
         if SCREENSHOTS:

@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from page_driver import SCREENSHOTS, WAIT_MS, Ground, Watched, type_tags, write_map
+from page_driver import SCREENSHOTS, VIDEO, WAIT_MS, Ground, Watched, type_tags, write_map
 from playwright.sync_api import Browser, expect
 
 from uavrt.demo.programs import free_udp_port
@@ -21,7 +21,7 @@ from uavrt.mavlink.frame import FrameWriter
 from uavrt.recording import read_flight
 from uavrt.simulation import demo_scenario
 
-FLIGHT_S = 100.0 if SCREENSHOTS else 60.0
+FLIGHT_S = 100.0 if SCREENSHOTS or VIDEO else 60.0
 
 pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(300)]
 
@@ -34,11 +34,14 @@ def test_a_whole_flight_is_flown_through_the_page(
     page = watched.page
     scenario = demo_scenario(FLIGHT_S, 1)
 
+    watched.film()
+    watched.caption("uavrt ground: the whole ground station is this page. No internet.")
     # Set-up: the mistake is told at its field, and saved is only what is right.
     type_tags(page, scenario)
     first = page.locator('input[data-row="0"][data-key="frequency_mhz"]')
     right = first.input_value()
     first.fill("148612000")
+    watched.caption("Tags, in MHz and ms as their sheets say; mistakes are told.", 3)
     page.click("#tag-save")
     expect(page.locator("#tag-table .fault").first).to_contain_text("looks like Hz")
     expect(first).to_have_attribute("aria-invalid", "true")
@@ -51,6 +54,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     page.click("#tab-fly")
     expect(page.locator("#act-start")).to_have_attribute("aria-disabled", "true")
 
+    watched.caption("Radio, autopilot and animals are simulated; the rest is real.")
     drone = drone_bay.launch(scenario)
     page.click("#tab-setup")
     page.fill("#link-address", f"udpin://127.0.0.1:{drone.ground_port}")
@@ -59,8 +63,10 @@ def test_a_whole_flight_is_flown_through_the_page(
     watched.picture("setup")
 
     page.click("#tab-fly")
+    watched.caption("1. Send the tags. Each message is acknowledged.")
     page.click("#act-send_tags")
     expect(page.locator("#act-send_tags")).to_contain_text("Tags sent", timeout=WAIT_MS)
+    watched.caption("2. Start. The drone takes off and turns on the spot.")
     page.click("#act-start")
     expect(page.locator("#chip-state")).to_have_text("Detecting", timeout=WAIT_MS)
 
@@ -70,10 +76,13 @@ def test_a_whole_flight_is_flown_through_the_page(
         expect(card).to_have_attribute("data-fresh", "live", timeout=WAIT_MS)
     drawn = "() => window.uavrt.map().querySourceFeatures('pulses').length > 5"
     page.wait_for_function(drawn, timeout=WAIT_MS)
+    watched.caption("Pulses appear where the drone was, coloured by strength.", 5)
     page.wait_for_selector(".rose", timeout=WAIT_MS)
+    watched.caption("3. From the third pulse of a turn: a rose and a bearing.", 5)
     page.click("#act-mark")
     page.wait_for_function("() => window.uavrt.store.positions.length > 0", timeout=WAIT_MS)
     expect(page.locator("#walk-place")).to_contain_text("35.1")
+    watched.caption("Where to go, in digits to be read aloud.", 5)
     page.click('[data-format="mgrs"]')
     expect(page.locator("#walk-place")).to_contain_text("12S VD")
     page.click('[data-format="decimal"]')
@@ -87,6 +96,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     second.page.wait_for_selector(".rose", timeout=WAIT_MS)
 
     # The server is killed and comes back: the page goes on by itself, nothing is missing.
+    watched.caption("The ground station is killed in flight …", 3)
     ground.kill()
     expect(page.locator("#banner")).to_contain_text("does not answer")
     ground = start_ground(tmp_path, ground.port)
@@ -94,6 +104,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     expect(page.locator("#chip-state")).to_have_text("Detecting", timeout=WAIT_MS)
     page.wait_for_function(f"() => window.uavrt.store.pulses.count > {before}", timeout=WAIT_MS)
 
+    watched.caption("… and started again: the page goes on, no pulse is missing.", 5)
     page.wait_for_function(
         "() => window.uavrt.store.bearings.some((one) => one.turn >= 1)",
         timeout=WAIT_MS + 1000 * FLIGHT_S,
@@ -107,6 +118,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     watched.picture("plots")
 
     page.click("#tab-fly")
+    watched.caption("4. Stop.", 2)
     page.click("#act-stop")
     expect(page.locator("#chip-state")).to_have_text("Ready", timeout=WAIT_MS)
     page.click("#tab-log")
@@ -116,6 +128,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     watched.picture("log")
 
     # The flight is a flight: listed, exported, looked at again.
+    watched.caption("5. The flight is kept: replay, report, files for other programs.")
     page.click("#tab-flights")
     row = page.locator("tr[data-flight]")
     expect(row).to_have_count(1)
@@ -137,6 +150,9 @@ def test_a_whole_flight_is_flown_through_the_page(
     shown = page.evaluate("() => [window.uavrt.store.shown(), window.uavrt.store.pulses.count]")
     assert 0 < shown[0] < shown[1]
     watched.picture("replay")
+    watched.caption("Every moment can be looked at again.")
+    watched.caption("", 1)
+    watched.save_film(browser)
     page.click("#replay-live")
     expect(page.locator("#banner")).to_be_hidden()
 

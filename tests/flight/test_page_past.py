@@ -131,6 +131,8 @@ def test_flights_are_fetched_compared_and_exported(
             "() => window.uavrt.map().querySourceFeatures('other-fixes').length > 0",
             timeout=WAIT_MS,
         )
+        # The digits are the position's, not those of the strongest pulse.
+        expect(page.locator("#walk-place")).to_contain_text("46.502", timeout=WAIT_MS)
         watched.picture("compare-map")
         page.click("#replay-live")
 
