@@ -60,13 +60,16 @@ class Cleaner:
 
     def _cancel_lines(self, buffer: SampleBuffer, first: int, last: int) -> None:
         """Subtract carriers from [first, last)."""
-        first = max(first, buffer.start)
-        new = buffer.view(first, last)
-        before = buffer.view(max(buffer.start, first - self._lines.needed), first)
         self._stretches += 1
         # One that is there may drift: 2 Hz/s in 2.5 s is more than an amplitude's fit can take.
         often = bool(self._lines.frequencies_hz) or self._stretches == 2
-        if often or self._stretches % _LINES_EVERY == 0:
+        look = often or self._stretches % _LINES_EVERY == 0
+        if not look and self._lines.idle:
+            return
+        first = max(first, buffer.start)
+        new = buffer.view(first, last)
+        before = buffer.view(max(buffer.start, first - self._lines.needed), first)
+        if look:
             self._lines.find(before, new)
         self._lines.subtract(before, new)
 

@@ -160,9 +160,12 @@ class PulseDetector:
         list of Pulse
             Pulses found since the last call, in the order of finding.
         """
-        samples = np.ascontiguousarray(samples, np.complex64)
-        if not len(samples) or not self._admit(samples, time_ns):
-            return self._reporter.drain()
+        if not self._stale_blocks and self._buffer.extend(samples, time_ns):
+            self.counters.samples += len(samples)
+        else:
+            samples = np.ascontiguousarray(samples, np.complex64)
+            if not len(samples) or not self._admit(samples, time_ns):
+                return self._reporter.drain()
         needed = self._batch + self._cleaner.margin
         if self._buffer.end - self._clean < needed:
             return []

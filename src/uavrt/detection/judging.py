@@ -49,12 +49,18 @@ class Judge:
         offset = float(grid.offsets_hz[candidate.row])
         known = [m for group in taken for m in group]
         known += [s.measured for t in tracks if t.confirmed for s in t.slots]
+        if not known:
+            return False
+        starts = [grid.start(column) for column in candidate.columns]
+        earliest, latest = starts[0] - near, starts[-1] + near
         for measured in known:
+            at = measured.start
+            # Times first: most of a track's pulses are none of the candidate's.
+            if not earliest < at < latest or all(abs(start - at) >= near for start in starts):
+                continue
             apart = abs(measured.offset_hz - offset) / bin_hz
             leak = measured.power / max(1.0, math.pi * apart / 2.0) ** 2
-            if (apart < 1.5 or leak > 0.2 * candidate.strength) and any(
-                abs(grid.start(column) - measured.start) < near for column in candidate.columns
-            ):
+            if apart < 1.5 or leak > 0.2 * candidate.strength:
                 return True
         return False
 

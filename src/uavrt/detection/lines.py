@@ -43,6 +43,11 @@ class LineCanceller:
         """Carriers being subtracted, relative to the channel's centre."""
 
     @property
+    def idle(self) -> bool:
+        """Whether there is nothing to subtract, nor was in the last samples."""
+        return not self.frequencies_hz and self._past is None
+
+    @property
     def needed(self) -> int:
         """Samples before the new ones that `find` and `subtract` look at."""
         return max(self._length, round(FIT_S * self._rate))

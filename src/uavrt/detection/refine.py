@@ -8,6 +8,7 @@ frequency (Newton). Cramér–Rao bound of the frequency: sqrt(6 / ENR) / (2 pi 
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +116,8 @@ class Refiner:
         rate = self._grid.sample_rate_hz
         count = max(3, 2 * math.ceil(half_band_hz / (0.15 * self._bin_hz)) + 1)
         frequencies = offset_hz + np.linspace(-half_band_hz, half_band_hz, count)
-        turn = np.exp((-2j * np.pi / rate) * frequencies[:, np.newaxis] * np.arange(length))
+        turn = _turns(rate, half_band_hz, count, -(-length // 64) * 64)[:, :length]
+        turn = turn * np.exp((-2j * np.pi / rate * offset_hz) * np.arange(length))
         power = self._filtered(first, length, turn)
         if math.isfinite(spread):
             away = (
@@ -260,3 +262,14 @@ class Refiner:
         rate = self._grid.sample_rate_hz
         offset = float(np.fft.fftfreq(size, 1.0 / rate)[at])
         return offset, float(power[at]) / (window * pulse.noise)
+
+
+@lru_cache(maxsize=64)
+def _turns(
+    rate_hz: float, half_band_hz: float, count: int, length: int
+) -> NDArray[np.complex128]:
+    """How waves of frequencies around zero turn, shape (count, length): the same every time."""
+    frequencies = np.linspace(-half_band_hz, half_band_hz, count)
+    return np.asarray(
+        np.exp((-2j * np.pi / rate_hz) * frequencies[:, np.newaxis] * np.arange(length))
+    )

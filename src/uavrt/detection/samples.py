@@ -91,6 +91,23 @@ class SampleBuffer:
         """Samples of indices [first, last), all of which must be kept."""
         return self._data[first - self.start : last - self.start]
 
+    def extend(self, samples: NDArray[np.complex64], time_ns: int) -> bool:
+        """Add a block that continues the last one; False, and nothing done, if it does not.
+
+        Blocks come a thousand times a second for a hundred tags, and nearly all of them here.
+        """
+        count, used = len(samples), self.end - self.start
+        if not count or not self._stamp_index or used + count > len(self._data):
+            return False
+        due_ns = self._stamp_ns[-1] + (self.end - self._stamp_index[-1]) * self._ns_per_sample
+        if not -self._tolerance_ns < time_ns - due_ns < self._tolerance_ns:
+            return False
+        self._stamp_index.append(self.end)
+        self._stamp_ns.append(time_ns)
+        self._data[used : used + count] = samples
+        self.end += count
+        return True
+
     def append(self, samples: NDArray[np.complex64], time_ns: int) -> None:
         """Add samples whose first has the given time."""
         self._stamp_index.append(self.end)
@@ -190,7 +207,9 @@ def blank_impulses(
         Samples blanked.
     """
     parts = samples.view(np.float32)
-    largest = max(float(parts.max(initial=0.0)), -float(parts.min(initial=0.0)))
+    if not len(parts):
+        return 0
+    largest = max(float(np.maximum.reduce(parts)), -float(np.minimum.reduce(parts)))
     if 2.0 * largest**2 < 24.0 * floor:
         return 0
     power = samples.real**2 + samples.imag**2
