@@ -13,8 +13,11 @@ from uavrt.cli.run_ground import run_both, with_local_link
 from uavrt.config import load_settings, read_tags
 from uavrt.config.settings import Settings
 from uavrt.mavlink import parse_address
+from uavrt.mavlink.signing import read_signing_key
 from uavrt.monitor.reader import status_socket_path
 from uavrt.recording import require_writable
+from uavrt.tunnel.exchange import Exchange
+from uavrt.tunnel.seal import read_key
 
 DEFAULT_CONFIG = Path("uavrt.toml")
 
@@ -60,8 +63,7 @@ def run(
         settings = replace(
             settings, recording=replace(settings.recording, directory=str(flight_dir))
         )
-    if settings.mavlink.address:
-        parse_address(settings.mavlink.address)
+    check_link(settings)
     require_writable(Path(settings.recording.directory))
     settings = replace(settings, status_socket=str(status_socket_path(settings)))
     page_address = ""
@@ -81,6 +83,18 @@ def run(
         )
     # The supervisor takes this process's place: what read the settings leaves the memory.
     os.execv(sys.executable, command)
+
+
+def check_link(settings: Settings) -> None:
+    """Raise `ConfigError` for what the connection could not begin with."""
+    mavlink = settings.mavlink
+    if mavlink.address:
+        parse_address(mavlink.address)
+    if mavlink.key_file is not None:
+        read_key(mavlink.key_file)
+    if mavlink.signing_key_file is not None:
+        read_signing_key(mavlink.signing_key_file)
+    Exchange(mavlink.tunnel_generation, experimental=mavlink.tunnel_experimental)
 
 
 def settings_from(config: Path) -> Settings:

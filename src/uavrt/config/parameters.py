@@ -168,6 +168,19 @@ PARAMETERS: dict[str, Parameter] = {
             short="Record the band",
             meaning="Also record the decimated band while detecting, 5.4 GB an hour.",
         ),
+        Parameter(
+            name="REC_CAPTURE_S",
+            table="recording",
+            field="capture_s",
+            kind="real",
+            low=0.1,
+            high=3600,
+            default=8,
+            decimals=1,
+            unit="s",
+            short="Length of a raw capture",
+            meaning="How long the band is recorded on command, unless it is stopped.",
+        ),
     )
 }
 

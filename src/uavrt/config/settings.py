@@ -86,8 +86,8 @@ class MavlinkSettings:
     """With a signing key: whose unsigned frames are taken all the same; the autopilot's are its
     telemetry only."""
     tunnel_generation: Literal["auto", "G0", "G1", "G2v1", "G2"] = "auto"
-    """Wire format towards the ground; auto answers in the format the ground used. The original's
-    numbered versions must be named: G2v1 is version 1, G2 the one of tunnel_version."""
+    """Wire format towards the ground; auto answers in the format the ground used. The numbered
+    versions of the original must be named: G2v1 is version 1, G2 that of tunnel_version."""
     tunnel_version: Annotated[int, Interval(ge=4, le=7)] = 7
     """Number told with G2; the ground station must expect exactly this one."""
     tunnel_experimental: bool = False

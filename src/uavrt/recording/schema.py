@@ -250,6 +250,8 @@ def command_row(command: Command, reply: CommandReply | None, time_ns: int) -> R
         "tag_id": None if command.tag is None else command.tag.tag_id,
         "center_frequency_hz": command.center_frequency_hz,
         "gain": command.gain,
+        "parameter": command.parameter,
+        "value": command.value,
     }
     given = {key: value for key, value in detail.items() if value is not None}
     return (

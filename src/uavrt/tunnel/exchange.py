@@ -276,6 +276,7 @@ class Exchange:
             case numbered.RawCaptureG2():
                 return self._capture(question, message.gain, message.frequency_hz)
             case numbered.SetLogLevel():
+                self.counters["log_levels"] += 1
                 return self._answer(question, True, "all levels are recorded")
             case numbered.BareG2(command=command):
                 return self._ask(question, COMMAND_NAMES[command])

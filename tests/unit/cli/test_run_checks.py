@@ -1,0 +1,45 @@
+"""What ``uavrt run`` finds wrong with the link before anything flies."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from uavrt.cli.run import check_link
+from uavrt.config.settings import MavlinkSettings, Settings
+from uavrt.errors import ConfigError
+
+
+def settings(**mavlink: Any) -> Settings:
+    return replace(Settings(), mavlink=MavlinkSettings(**mavlink))
+
+
+@pytest.mark.parametrize(
+    ("mavlink", "words"),
+    [
+        ({"address": "udp:14540"}, "no MAVLink address"),
+        ({"key_file": "/nowhere/key"}, "no key file"),
+        ({"signing_key_file": "/nowhere/key"}, "no signing key"),
+        ({"tunnel_generation": "G2"}, "inferred, not seen"),
+    ],
+)
+def test_a_link_that_cannot_begin_is_refused_on_the_ground(
+    mavlink: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ConfigError, match=words) as caught:
+        check_link(settings(**mavlink))
+    assert caught.value.remedy
+
+
+def test_a_link_with_both_keys_and_an_experimental_generation_may_begin(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    key.write_text("5a" * 32)
+    check_link(
+        settings(
+            key_file=str(key),
+            signing_key_file=str(key),
+            tunnel_generation="G2",
+            tunnel_experimental=True,
+        )
+    )
