@@ -2,6 +2,8 @@
 
 import json
 import os
+import shutil
+import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-import uavrt.cli.one_thread  # noqa: F401  before numpy is imported
+import uavrt
+import uavrt.cli.one_thread  # before numpy is imported
 from uavrt.errors import UsageError
 
 if TYPE_CHECKING:
@@ -55,7 +58,6 @@ def detection(
     json_summary
         Print one JSON object as the last line instead of the table.
     """
-    from uavrt import __version__
     from uavrt.experiments.detection import run_experiments
     from uavrt.experiments.detection.plots import draw_all, require_matplotlib
     from uavrt.experiments.detection.tables import (
@@ -81,7 +83,7 @@ def detection(
             workers=workers or os.cpu_count() or 1,
             on_progress=on_progress,
         )
-    origin = Origin(version=__version__, seed=seed, trials=trials)
+    origin = Origin(version=_version(), seed=seed, trials=trials)
     new = Results(rows=tuple(rows), origins={e.name: origin for e in chosen})
     results = earlier.merged(new)
     paths = write_results(output_dir, results)
@@ -93,6 +95,16 @@ def detection(
         _show(new)
         print("Written: " + ", ".join(str(path) for path in paths))
     sys.exit(1 if any(row.contradicted for row in new.rows) else 0)
+
+
+def _version() -> str:
+    """Version, and the commit when it runs from a clone."""
+    root = Path(uavrt.__file__).parents[2]
+    command = ("git", "-C", str(root), "describe", "--always", "--dirty")
+    if not (root / ".git").exists() or shutil.which("git") is None:
+        return uavrt.__version__
+    told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=10.0)
+    return f"{uavrt.__version__} ({told.stdout.strip()})" if told.stdout else uavrt.__version__
 
 
 def _chosen(only: str | None) -> "list[Experiment]":

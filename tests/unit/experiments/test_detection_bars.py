@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from uavrt import __version__
 from uavrt.cli.experiment_detection import detection
 from uavrt.errors import ConfigError, UsageError
 from uavrt.experiments.detection import (
@@ -161,6 +162,7 @@ def test_the_command_writes_table_and_curve_and_keeps_earlier_rows(
     assert (tmp_path / "pd.png").read_bytes().startswith(b"\x89PNG")
     first = read_results(tmp_path / "results.json")
     assert {row.experiment for row in first.rows} == {"E2"}
+    assert first.origins["E2"].version.startswith(__version__)
     assert f"| {first.rows[0].quantity} | {first.rows[0].case} |" in (
         tmp_path / "results.md"
     ).read_text(encoding="utf-8")

@@ -1,5 +1,6 @@
 """E9: lost, repeated, reordered frames, odd clocks; the first pulses of a stream."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -88,7 +89,7 @@ def slew(rng: np.random.Generator, frames: Frames) -> Frames:
 
 
 def _jumped(pulse: TruePulse) -> float:
-    edge = round(_HOLE_AT_S * RATE_HZ / FRAME + 0.5) * FRAME / RATE_HZ
+    edge = math.ceil(_HOLE_AT_S * RATE_HZ / FRAME) * FRAME / RATE_HZ
     return pulse.start_s + (_JUMP_S if pulse.start_s >= edge else 0.0)
 
 
