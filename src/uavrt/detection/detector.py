@@ -27,6 +27,8 @@ from uavrt.messages import Pulse, SearchReport, Tag
 
 BATCH_S = 0.35
 """Samples gathered before the search goes on: latency against NumPy's price of a call."""
+REORDER_S = 0.1
+"""So long the search waits for a block that another has overtaken: one block of a flight."""
 _MAXIMUM_TRACKS = 12
 
 
@@ -167,9 +169,7 @@ class PulseDetector:
             if not len(samples) or not self._admit(samples, time_ns):
                 return self._reporter.drain()
         needed = self._batch + self._cleaner.margin
-        if self._buffer.end - self._clean < needed:
-            return []
-        while self._buffer.end - self._clean >= needed:
+        while self._buffer.end - self._clean >= needed and not self._may_be_filled(needed):
             self._advance(self._clean + self._batch)
         return self._reporter.drain()
 
@@ -238,6 +238,14 @@ class PulseDetector:
         counters.samples += len(samples)
         buffer.append(samples, time_ns)
         return True
+
+    def _may_be_filled(self, needed: int) -> bool:
+        """Whether the stretch to be searched has a hole so new that its block may yet come."""
+        if not self._buffer.holes:
+            return False
+        low, high = self._buffer.holes[-1]
+        patience = round(REORDER_S * self.sample_rate_hz)
+        return low < self._clean + needed and self._buffer.end - high < patience
 
     # --- the search -------------------------------------------------------------------------
 

@@ -33,6 +33,8 @@ _INTERVAL_WALK = 1.5e-4
 """Standard deviation of the interval's change from pulse to pulse, relative."""
 _CLOCK_ERROR = 3.0e-4
 """Relative error of the sample clock that the interval's uncertainty must cover."""
+MOST_DRIFT_HZ = 15.0
+"""A crystal that warms up changes by some hertz from pulse to pulse; more is noise."""
 _PHASE_WALK_S = 0.3e-3
 
 SlotState = Literal["open", "accepted", "reported", "missed"]
@@ -60,6 +62,8 @@ class Track:
     rate: int
     offset_hz: float
     score: float
+    drift_hz: float = 0.0
+    """Change of the frequency from pulse to pulse."""
     time_s: float = 0.0
     interval_s: float = 0.0
     variance: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
@@ -188,6 +192,7 @@ class Track:
         """Take what was found at the next expected pulse."""
         self._predict()
         self.number += 1
+        self.offset_hz += self.drift_hz
         slot.number = self.number
         self.tested += 1
         self.slots.append(slot)
@@ -200,10 +205,10 @@ class Track:
         if slot.state == "accepted":
             self.since_accepted = 0
             self._correct(slot.time_s, power)
-            gain = 0.5 if power > 30.0 else 0.25
-            self.offset_hz += gain * (slot.measured.offset_hz - self.offset_hz)
+            self._correct_frequency(slot.measured)
         else:
             self.since_accepted += 1
+            self.drift_hz *= 0.8
             if self.confirmed and power > 4.0:
                 # Too weak to report, good enough to keep the phase from wandering.
                 self._correct(slot.time_s, power * 0.3)
@@ -214,6 +219,7 @@ class Track:
         """Pass over an expected pulse that cannot be looked at: its samples are lost."""
         self._predict()
         self.number += 1
+        self.offset_hz += self.drift_hz
         self.since_accepted += 1
         if self.since_accepted > COAST_PULSES:
             self.dead = True
@@ -252,6 +258,14 @@ class Track:
             if total >= limit:
                 weak.state = "accepted"
                 self.last_accepted_s = max(self.last_accepted_s, weak.time_s)
+
+    def _correct_frequency(self, pulse: Measured) -> None:
+        """Follow frequency and drift (alpha-beta filter, critically damped)."""
+        alpha = 0.5 if pulse.power > 30.0 else 0.3
+        miss = pulse.offset_hz - self.offset_hz
+        self.offset_hz += alpha * miss
+        self.drift_hz += alpha**2 / (2.0 - alpha) * miss
+        self.drift_hz = max(-MOST_DRIFT_HZ, min(MOST_DRIFT_HZ, self.drift_hz))
 
     def _timing_variance(self, power: float) -> float:
         own = 0.08 * self.tag.pulse_width_s * math.sqrt(20.0 / max(power, 4.0))

@@ -1,0 +1,101 @@
+"""A tag followed through drift, reordered blocks and its own strength."""
+
+import numpy as np
+import pytest
+
+from uavrt.detection import PulseDetector
+from uavrt.detection.grid import make_grid
+from uavrt.detection.refine import Measured, Refiner
+from uavrt.detection.samples import SampleBuffer
+from uavrt.experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    TruePulse,
+    add_pulse,
+    make_samples,
+    noise,
+    pulse_train,
+)
+from uavrt.experiments.detection.trials import compare, detect
+
+RATE_HZ = 3750.0
+
+
+@pytest.mark.parametrize("drift_hz_per_s", [10.0, -10.0])
+def test_a_frequency_that_drifts_ten_hertz_a_second_is_followed(drift_hz_per_s: float) -> None:
+    rng = np.random.default_rng(900)
+    truth = pulse_train(
+        rng,
+        duration_s=100.0,
+        interval_s=1.254,
+        offset_hz=-50.0 * drift_hz_per_s,
+        enr_db=16.0,
+        jitter_s=0.005,
+        drift_hz_per_s=drift_hz_per_s,
+    )
+    pulses, _ = detect(make_samples(rng, truth, duration_s=100.0), THESIS_TAG)
+    result = compare(pulses, truth, THESIS_TAG)
+    assert result.confirmed >= 0.97 * len(truth)
+    assert result.false_confirmed == 0
+
+
+def test_a_block_that_another_overtakes_costs_no_pulse() -> None:
+    rng = np.random.default_rng(901)
+    truth = pulse_train(
+        rng, duration_s=60.0, interval_s=1.254, offset_hz=90.0, enr_db=17.0, jitter_s=0.005
+    )
+    samples = make_samples(rng, truth, duration_s=60.0)
+    firsts = list(range(0, len(samples), 327))
+    for at in range(3, len(firsts) - 1, 5):
+        firsts[at], firsts[at + 1] = firsts[at + 1], firsts[at]
+    detector = PulseDetector(
+        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
+    )
+    pulses = []
+    for first in firsts:
+        time_ns = START_NS + round(first / RATE_HZ * 1e9)
+        pulses += detector.process(samples[first : first + 327], time_ns)
+    pulses += detector.flush()
+    assert compare(pulses, truth, THESIS_TAG).matched == len(truth) == len(pulses)
+    assert detector.counters.samples_lost == 0
+
+
+def test_of_a_thousand_strong_pulses_none_is_taken_for_an_impulse() -> None:
+    # By its noise one in sixty of 20 dB has a quarter of more than nine standard deviations.
+    grid = make_grid(
+        sample_rate_hz=RATE_HZ, pulse_width_s=0.02, offset_hz=0.0, half_width_hz=500.0
+    )
+    rng = np.random.default_rng(902)
+    taken = 0
+    for trial in range(1000):
+        buffer = SampleBuffer(sample_rate_hz=RATE_HZ, keep=4000, tolerance_s=0.0025)
+        samples = noise(rng, 400)
+        true = TruePulse(start_s=150 / RATE_HZ, offset_hz=100.0, enr_db=12.0 + trial % 20)
+        add_pulse(samples, true, sample_rate_hz=RATE_HZ, width_s=0.02, phase=0.0)
+        buffer.append(samples, START_NS)
+        refiner = Refiner(grid, buffer)
+        refiner.upto = 400
+        pulse = Measured(
+            start=150.0,
+            offset_hz=100.0,
+            power=10.0 ** (true.enr_db / 10.0) + 1.0,
+            noise=1.0,
+            contrast=10.0,
+        )
+        taken += refiner.is_impulse(pulse, 1.0)
+    assert taken <= 1
+
+
+def test_a_place_of_noise_does_not_bend_the_interval_of_its_group() -> None:
+    # Two strong pulses make a group; the third place is the best noise before them.
+    for seed in range(10):
+        rng = np.random.default_rng((903, seed))
+        first_s = 0.3 + 0.09 * seed
+        truth = pulse_train(
+            rng, duration_s=7.0, interval_s=1.243, offset_hz=100.0, enr_db=20.0, first_s=first_s
+        )
+        pulses, detector = detect(
+            make_samples(rng, truth, duration_s=7.0), THESIS_TAG, frequency_window_hz=500.0
+        )
+        assert compare(pulses, truth, THESIS_TAG).matched == len(truth)
+        assert detector.counters.tracks <= 2
