@@ -17,6 +17,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.viewcode",
     "numpydoc",
+    "notebook",  # docs/_ext: notebooks with their stored outputs, without Jupyter
     "mathml",  # docs/_ext: equations as MathML, because MathJax is fetched from a host
     "settings",  # docs/_ext: uavrt.toml from the code
     "ros_graph",  # docs/_ext: the ROS 2 topics from the code
