@@ -68,11 +68,18 @@ class Refiner:
         n = np.arange(grid.window) - (grid.window - 1) / 2.0
         self._moments = np.stack((np.ones_like(n), n, n * n)).astype(np.complex128)
         self._bin_hz = grid.sample_rate_hz / grid.window
+        offsets = grid.offsets_hz
+        self._lowest_hz = float(offsets[0])
+        self._row_hz = float(offsets[1] - offsets[0]) if len(offsets) > 1 else 1.0
 
     def noise_at(self, offset_hz: float, noise: NDArray[np.float32]) -> float:
         """Noise power of one sample at a frequency."""
-        offsets = self._grid.offsets_hz
-        return float(np.interp(offset_hz, offsets, noise))
+        # Rows lie equally far apart; numpy.interp, which must search for them, takes ten times.
+        at = (offset_hz - self._lowest_hz) / self._row_hz
+        below = min(max(int(at), 0), len(noise) - 2) if len(noise) > 1 else 0
+        share = min(max(at - below, 0.0), 1.0)
+        low = float(noise[below])
+        return low + share * (float(noise[below + 1]) - low) if share else low
 
     def search(
         self,
@@ -113,19 +120,21 @@ class Refiner:
         first = np.floor(starts).astype(np.int64) - lead
         if int(first.min()) < buffer.start or int(first.max()) + length > self.upto:
             return None
-        rate = self._grid.sample_rate_hz
         count = max(3, 2 * math.ceil(half_band_hz / (0.15 * self._bin_hz)) + 1)
-        frequencies = offset_hz + np.linspace(-half_band_hz, half_band_hz, count)
-        turn = _turns(rate, half_band_hz, count, -(-length // 64) * 64)[:, :length]
-        turn = turn * np.exp((-2j * np.pi / rate * offset_hz) * np.arange(length))
-        power = self._filtered(first, length, turn)
+        # Tables of a whole number of 64 samples: few lengths, used again and again.
+        frequencies, turns = _turns(
+            self._grid.sample_rate_hz, half_band_hz, count, -(-length // 64) * 64
+        )
+        turns = turns[:, :length]
+        power = self._filtered(first, length, offset_hz, turns)
+        level = window * self.noise_at(offset_hz, noise)
         if math.isfinite(spread):
             away = (
                 first[:, np.newaxis] + np.arange(power.shape[2]) - starts[:, np.newaxis]
             ) / spread
-            power -= (0.5 * window * self.noise_at(offset_hz, noise)) * away[:, np.newaxis] ** 2
+            power -= (0.5 * level) * away[:, np.newaxis] ** 2
             np.maximum(power, 0.0, out=power)
-        best = power.max(axis=2) / (window * self.noise_at(offset_hz, noise))
+        best = power.max(axis=2) / level
         # The root keeps one strong pulse from choosing alone for all.
         common = int(np.sqrt(best).sum(axis=0).argmax())
         at = power[:, common].argmax(axis=1)
@@ -135,22 +144,28 @@ class Refiner:
             moved = first + np.where(at == 0, -lead, np.where(edge, lead, 0))
             if int(moved.min()) >= buffer.start and int(moved.max()) + length <= self.upto:
                 first = moved
-                at = self._filtered(first, length, turn[common : common + 1])[:, 0].argmax(
-                    axis=1
-                )
+                some = turns[common : common + 1]
+                at = self._filtered(first, length, offset_hz, some)[:, 0].argmax(axis=1)
+        frequency = offset_hz + float(frequencies[common])
         return [
-            self._polish(int(first[index] + at[index]), float(frequencies[common]), noise)
+            self._polish(int(first[index] + at[index]), frequency, noise)
             for index in range(len(starts))
         ]
 
     def _filtered(
-        self, first: NDArray[np.int64], length: int, turn: NDArray[np.complex128]
+        self,
+        first: NDArray[np.int64],
+        length: int,
+        offset_hz: float,
+        turns: NDArray[np.complex128],
     ) -> NDArray[np.float64]:
-        """Matched-filter power, shape (pulses, frequencies, starts)."""
+        """Matched-filter power at frequencies around one, shape (pulses, turns, starts)."""
         window = self._window
         stretch = np.stack([self._buffer.view(int(a), int(a) + length) for a in first])
-        sums = np.zeros((len(first), len(turn), length + 1), np.complex128)
-        np.cumsum(stretch[:, np.newaxis, :] * turn[np.newaxis], axis=2, out=sums[..., 1:])
+        radian = -2j * np.pi / self._grid.sample_rate_hz * offset_hz
+        still = stretch * np.exp(radian * np.arange(length))
+        sums = np.zeros((len(first), len(turns), length + 1), np.complex128)
+        np.cumsum(still[:, np.newaxis, :] * turns[np.newaxis], axis=2, out=sums[..., 1:])
         filtered = sums[..., window:] - sums[..., :-window]
         return np.asarray(filtered.real**2 + filtered.imag**2)
 
@@ -267,9 +282,8 @@ class Refiner:
 @lru_cache(maxsize=64)
 def _turns(
     rate_hz: float, half_band_hz: float, count: int, length: int
-) -> NDArray[np.complex128]:
-    """How waves of frequencies around zero turn, shape (count, length): the same every time."""
+) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Frequencies around zero, and how waves of them turn, shape (count, length)."""
     frequencies = np.linspace(-half_band_hz, half_band_hz, count)
-    return np.asarray(
-        np.exp((-2j * np.pi / rate_hz) * frequencies[:, np.newaxis] * np.arange(length))
-    )
+    radians = (-2j * np.pi / rate_hz) * frequencies[:, np.newaxis] * np.arange(length)
+    return frequencies, np.exp(radians)
