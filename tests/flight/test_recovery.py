@@ -38,5 +38,6 @@ def test_resources_are_measured_for_every_process_and_no_sample_is_lost() -> Non
     for moment in report.moments:
         assert names <= moment.cpu_percent.keys()
         assert all(moment.pss_mb[name] > 1.0 for name in names)
+    assert report.growth.keys() >= {*names, "all but the radio"}
     assert report.most_tags == 8
     assert report.loads[0].cpu_percent > 0.0

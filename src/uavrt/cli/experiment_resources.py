@@ -10,6 +10,8 @@ from uavrt.experiments.resources import Plan, run_resources, run_shapes
 from uavrt.experiments.resources.run import THESIS_MINUTES
 from uavrt.supervisor.shapes import SHAPES
 
+WIDTH = 150
+
 
 def resources(
     *,
@@ -47,7 +49,7 @@ def resources(
     if json_summary:
         print(json.dumps(report.as_dict()))
     else:
-        Console().print(report.table())
+        _output().print(report.table())
 
 
 def _shapes(minutes: float, tags: int, console: Console, json_summary: bool) -> None:
@@ -59,4 +61,10 @@ def _shapes(minutes: float, tags: int, console: Console, json_summary: bool) -> 
     if json_summary:
         print(json.dumps(report.as_dict()))
     else:
-        Console().print(report.table())
+        _output().print(report.table())
+
+
+def _output() -> Console:
+    """Standard output; wide when it is no terminal, for tables of thirteen columns."""
+    console = Console()
+    return console if console.is_terminal else Console(width=WIDTH)

@@ -12,6 +12,8 @@ from uavrt.experiments.resources import thesis
 from uavrt.experiments.resources.flight import Reading
 
 GROWTH_LIMIT = 0.01
+RADIO = "radio (stand-in)"
+TOGETHER = "all but the radio"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,9 +56,14 @@ class ResourceReport:
 
     @property
     def growth(self) -> dict[str, float]:
-        """Growth of each process's memory between the first moment and the last, relative."""
+        """Growth of each process's memory between the first moment and the last, relative.
+
+        Forked processes share pages until one of them writes: what one of them gains so is no
+        leak. The sum of all, without the radio's stand-in, tells leaks.
+        """
         first, last = self.moments[0].pss_mb, self.moments[-1].pss_mb
-        return {name: last[name] / first[name] - 1.0 for name in last if first.get(name)}
+        growth = {name: last[name] / first[name] - 1.0 for name in last if first.get(name)}
+        return growth | {TOGETHER: ours(last) / ours(first) - 1.0}
 
     @property
     def most_tags(self) -> int | None:
@@ -91,14 +98,14 @@ class ResourceReport:
 
     def table(self) -> RenderableType:
         """For people: ours, then the thesis's."""
-        ours = {
+        here = {
             name: [m.cpu_percent[name] for m in self.moments]
             for name in self.moments[0].cpu_percent
         }
         minutes = [m.minute for m in self.moments]
         parts: list[RenderableType] = [
-            cpu_table(f"CPU, per cent of a core, {self.tags} tag(s), here", minutes, ours),
-            histogram("Mean CPU here", ours),
+            cpu_table(f"CPU, per cent of a core, {self.tags} tag(s), here", minutes, here),
+            histogram("Mean CPU here", here),
             self._memory_table(),
             f"samples lost: {self.lost_samples:.0f}",
             cpu_table("Thesis, Table 5.2: UDOO X86", thesis.MINUTES, thesis.UDOO_CPU),
@@ -115,6 +122,7 @@ class ResourceReport:
         for title in ("process", "first MB", "last MB", "growth", ""):
             table.add_column(title, justify="left" if title == "process" else "right")
         first, last = self.moments[0].pss_mb, self.moments[-1].pss_mb
+        first, last = (pss | {TOGETHER: ours(pss)} for pss in (first, last))
         for name, growth in self.growth.items():
             table.add_row(
                 name,
@@ -186,6 +194,11 @@ def histogram(title: str, rows: Mapping[str, Sequence[float]]) -> Table:
     for name, mean in means.items():
         table.add_row(name, f"{mean:.2f} %", "█" * max(1, round(50 * mean / most)))
     return table
+
+
+def ours(values: Mapping[str, float]) -> float:
+    """Sum over all processes but the radio's stand-in."""
+    return sum(value for name, value in values.items() if name != RADIO)
 
 
 def by_process(readings: Sequence[Reading], what: str) -> dict[str, float]:

@@ -7,7 +7,14 @@ from uavrt.clock import Clock, monotonic_s
 from uavrt.config.settings import Shape
 from uavrt.errors import UavrtError
 from uavrt.experiments.resources.flight import SteadyFlight
-from uavrt.experiments.resources.report import Load, Moment, ResourceReport, by_process
+from uavrt.experiments.resources.report import (
+    RADIO,
+    Load,
+    Moment,
+    ResourceReport,
+    by_process,
+    ours,
+)
 from uavrt.experiments.resources.shapes import ShapeFlight, ShapesReport
 from uavrt.experiments.resources.thesis import MINUTES
 from uavrt.supervisor.shapes import SHAPES
@@ -16,7 +23,6 @@ THESIS_MINUTES = float(MINUTES[-1])
 STRETCH = 0.5
 """Part of the time since the last moment over which the CPU share is taken; the first stretch
 also leaves out the start."""
-RADIO = "radio (stand-in)"
 
 Say = Callable[[str], None]
 
@@ -124,14 +130,14 @@ def _shape(shape: Shape, tags: int, seconds: float, workers: int) -> ShapeFlight
         moment = _moment(flight, began_s, began_s + seconds, began_s)
         latencies_ms = [health.counters["latency_p99_ms"] for health in flight.searching()]
         medians_ms = [health.counters["latency_p50_ms"] for health in flight.searching()]
-        ours = [name for name in moment.cpu_percent if name != RADIO]
+        names = [name for name in moment.cpu_percent if name != RADIO]
         return ShapeFlight(
             shape=shape,
-            processes=len(ours),
+            processes=len(names),
             start_s=start_s,
-            cpu_percent=sum(moment.cpu_percent[name] for name in ours),
-            chain_cpu_percent=sum(moment.cpu_percent[name] for name in ours if _chain(name)),
-            pss_mb=sum(moment.pss_mb[name] for name in ours),
+            cpu_percent=ours(moment.cpu_percent),
+            chain_cpu_percent=sum(moment.cpu_percent[name] for name in names if _chain(name)),
+            pss_mb=ours(moment.pss_mb),
             latency_p50_ms=max(medians_ms),
             latency_p99_ms=max(latencies_ms),
             lost_samples=flight.lost_samples(),
@@ -164,7 +170,7 @@ def _load(tags: int, seconds: float) -> Load:
         )
         return Load(
             tags=tags,
-            cpu_percent=sum(v for k, v in moment.cpu_percent.items() if k != RADIO),
+            cpu_percent=ours(moment.cpu_percent),
             # The health is up to a second old; so much is no sign of being late.
             behind_s=max(0.0, (clock.now_ns() - newest_ns) * 1e-9 - 1.0),
             lost_samples=flight.lost_samples(),
