@@ -71,9 +71,10 @@ class MavlinkSettings:
     """Attitudes asked of the autopilot each second."""
     position_rate_hz: Annotated[float, Interval(gt=0.0, le=250.0)] = 10.0
     """Positions asked of the autopilot each second."""
-    parameter_encoding: Literal["auto", "bytewise", "c_cast"] = "auto"
+    parameter_encoding: Literal["auto", "bytewise", "c_cast", "float"] = "auto"
     """How whole numbers travel in parameters; auto: as the autopilot does it (PX4 bytewise,
-    ArduPilot as floats), which is what ground stations expect."""
+    ArduPilot cast), which is what most ground stations expect; float: all parameters are of
+    type float, which everyone reads alike, MAVProxy beside a PX4, too."""
     commanders: tuple[Annotated[int, Interval(ge=1, le=255)], ...] = ()
     """System ids of the ground stations that may command; empty: all."""
     key_file: str | None = None

@@ -36,7 +36,7 @@ REBOOT_FALL_MS = 1000
 """A fall of the boot time that no reordering on a link explains."""
 
 
-ParameterEncoding = Literal["auto", "bytewise", "c_cast"]
+ParameterEncoding = Literal["auto", "bytewise", "c_cast", "float"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,8 +71,9 @@ class Component:
         191, MAV_COMP_ID_ONBOARD_COMPUTER.
     attitude_rate_hz, position_rate_hz : float
         What is asked of the autopilot.
-    parameter_encoding : {"auto", "bytewise", "c_cast"}
-        How whole numbers travel in parameters; auto: as the autopilot does it.
+    parameter_encoding : {"auto", "bytewise", "c_cast", "float"}
+        How whole numbers travel in parameters; auto, and float, where there are none: as the
+        autopilot does it.
     healthy : callable
         Says whether to send the heartbeat: a faulted component must fall silent.
     """
@@ -121,7 +122,7 @@ class Component:
     @property
     def parameters_bytewise(self) -> bool:
         """Whether whole numbers travel as bytes in parameters, not as floats."""
-        if self._encoding != "auto":
+        if self._encoding in ("bytewise", "c_cast"):
             return self._encoding == "bytewise"
         return self.discovery.autopilot_kind != dialect.MavAutopilot.ARDUPILOTMEGA
 

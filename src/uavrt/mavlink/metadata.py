@@ -29,9 +29,12 @@ class Metadata:
     crc: int
 
 
-def component_metadata(parameters: Iterable[Parameter] = PARAMETERS.values()) -> Metadata:
-    """Write the files for our parameters."""
-    listing = _json({"version": 1, "parameters": [_described(row) for row in parameters]})
+def component_metadata(
+    parameters: Iterable[Parameter] = PARAMETERS.values(), *, floats: bool = False
+) -> Metadata:
+    """Write the files for our parameters; with `floats` all of them are of that type."""
+    described = [_described(row, floats) for row in parameters]
+    listing = _json({"version": 1, "parameters": described})
     general = _json(
         {
             "version": 1,
@@ -51,11 +54,11 @@ def component_metadata(parameters: Iterable[Parameter] = PARAMETERS.values()) ->
     )
 
 
-def _described(row: Parameter) -> dict[str, Any]:
+def _described(row: Parameter, floats: bool) -> dict[str, Any]:
     low = row.low if row.absent is None else min(row.low, row.absent)
     entry: dict[str, Any] = {
         "name": row.name,
-        "type": "Float" if row.kind == "real" else "Int32",
+        "type": "Float" if floats or row.kind == "real" else "Int32",
         "group": row.name.partition("_")[0],
         "category": "Standard",
         "shortDesc": row.short,

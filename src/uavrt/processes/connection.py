@@ -116,7 +116,9 @@ class ConnectionProcess:
         self._link.tunnel.changed = self._outlet.sender.link_changed
         if frame.assignment.flight is not None:
             self._outlet.flight(frame.assignment.flight.directory, resumed=True)
-        self._link.component.metadata = metadata = component_metadata()
+        self._link.component.metadata = metadata = component_metadata(
+            floats=mavlink.parameter_encoding == "float"
+        )
         tree = FileTree(settings.recording.directory, metadata.files)
         self._files = FileServer(tree, self._link.tunnel.wake, self._disk)
         for number in range(1 + len(mavlink.direct_links)):

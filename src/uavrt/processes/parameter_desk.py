@@ -44,8 +44,9 @@ class ParameterDesk:
         tell: Callable[[StatusText], None],
     ) -> None:
         self._settings = settings
+        floats = settings.mavlink.parameter_encoding == "float"
         types = {
-            name: MavParamType.REAL32 if row.kind == "real" else MavParamType.INT32
+            name: MavParamType.REAL32 if floats or row.kind == "real" else MavParamType.INT32
             for name, row in PARAMETERS.items()
         }
         self._server = ParameterServer(

@@ -3,7 +3,12 @@
 import asyncio
 import contextlib
 import json
+import os
+import re
 import struct
+import subprocess
+import sys
+import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -19,8 +24,9 @@ from mavsdk.plugins.param import ParamError, ProtocolVersion
 
 from uavrt.clock import Clock
 from uavrt.config.parameters import PARAMETERS, parameter_values
-from uavrt.config.settings import RecordingSettings, Settings
+from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
+from uavrt.mavlink.component import ParameterEncoding
 from uavrt.mavlink.dialect import MavParamType
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.ftp_files import FileTree
@@ -41,7 +47,11 @@ class ParameterDrone:
     """The connection process's parameters with the supervisor's mission behind them."""
 
     def __init__(
-        self, clock: Clock, directory: Path, send: Callable[[Message], None] | None = None
+        self,
+        clock: Clock,
+        directory: Path,
+        send: Callable[[Message], None] | None = None,
+        encoding: ParameterEncoding = "auto",
     ) -> None:
         self.texts: list[StatusText] = []
         self.replies: list[CommandReply] = []
@@ -57,13 +67,17 @@ class ParameterDrone:
                 parameters=self._request,
             ),
             clock.now_ns,
+            parameter_encoding=encoding,
         )
         metadata = component_metadata()
         self.connection.component.metadata = metadata
         wake = self.connection.tunnel.wake
         self._files = FileServer(FileTree(directory, metadata.files), wake)
         self.connection.tunnel.add_source(self._files, Priority.FILE)
-        settings = Settings(recording=RecordingSettings(directory=str(directory)))
+        settings = Settings(
+            recording=RecordingSettings(directory=str(directory)),
+            mavlink=MavlinkSettings(parameter_encoding=encoding),
+        )
         self.mission = Mission(
             settings,
             StateStore(directory),
@@ -249,3 +263,59 @@ def test_a_whole_number_comes_back_in_either_encoding(value: int, bytewise: bool
 @pytest.mark.parametrize("kind", [MavParamType.INT64, MavParamType.REAL64, 77])
 def test_a_type_that_does_not_fit_the_field_is_no_value(kind: int) -> None:
     assert decode_value(1.0, kind, bytewise=True) is None
+
+
+MAVPROXY_COMMANDS = """\
+module load param
+vehicle 1:191
+param fetch
+param set RADIO_GAIN 15
+param set DET_FALSE_ALARM 0.005
+param show RADIO_GAIN
+"""
+
+
+@pytest.mark.parametrize(("flavour", "encoding"), [("px4", "float"), ("ardupilot", "auto")])
+def test_mavproxy_shows_and_sets_our_parameters(
+    world: World, tmp_path: Path, flavour: str, encoding: ParameterEncoding
+) -> None:
+    pytest.importorskip("MAVProxy", reason="the extra peer MAVProxy is not installed")
+    drone = world.drone = ParameterDrone(world.clock, tmp_path, encoding=encoding)
+
+    def client() -> str:
+        program = subprocess.Popen(
+            [
+                sys.executable,
+                *("-m", "MAVProxy.mavproxy", "--default-modules=link"),
+                f"--master=udpin:127.0.0.1:{world.ground_port}",
+                f"--state-basedir={tmp_path}",
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=tmp_path,
+            env=os.environ | {"MAVLINK20": "1", "HOME": str(tmp_path)},
+        )
+        assert program.stdin is not None
+        time.sleep(3.0)
+        for line in MAVPROXY_COMMANDS.splitlines():
+            program.stdin.write(line + "\n")
+            program.stdin.flush()
+            time.sleep(1.5)
+        deadline_s = time.monotonic() + 30.0
+        while drone.values["DET_FALSE_ALARM"] == 0.0 and time.monotonic() < deadline_s:
+            time.sleep(0.2)
+        time.sleep(1.0)
+        program.terminate()
+        said, _ = program.communicate(timeout=10)
+        return said
+
+    async def main() -> None:
+        async with world.flying(flavour=flavour):
+            said = await asyncio.to_thread(client)
+            assert drone.mission.settings.radio.gain == 15, said
+            assert drone.mission.settings.detection.false_alarm_probability == 0.005, said
+            assert re.search(r"RADIO_GAIN\s+15", said), said
+
+    asyncio.run(main())
