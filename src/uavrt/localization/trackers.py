@@ -5,7 +5,7 @@ worth half the flight time (reference/localization.md §0.1, no. 5). One tracker
 tags differ in frequency, so that pulses need no association.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.random import Generator
@@ -19,6 +19,7 @@ from uavrt.localization.level_belief import LevelBelief, Listening
 _Floats = NDArray[np.float64]
 
 _EXPONENTS = (2.0, 2.7, 3.4)
+RESTING, BROWSING, TRAVELLING = range(3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +33,9 @@ class TrackEstimate:
     radius95_m: float
     level_db: float
     """SNR that it would have at 100 m."""
+    east_m_s: float = 0.0
+    """How fast it goes; 0 in the mean of all hypotheses when it rests."""
+    north_m_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +51,9 @@ class TagPrior:
     pattern: AntennaPattern | None = None
     """None is an upright monopole."""
     walking_m_per_root_s: float = 1.0
-    """A walking animal's random walk in each direction, after a second."""
+    """A browsing animal's random walk in each direction, after a second."""
+    travelling_m_s: float = 1.0
+    """Usual speed of an animal that goes somewhere; 0: it never does."""
 
 
 def _estimate(
@@ -134,7 +140,10 @@ class _Particles:
 
     east_m: _Floats
     north_m: _Floats
-    walking: NDArray[np.bool_]
+    east_m_s: _Floats
+    """Velocity of those that travel, 0 for the others."""
+    north_m_s: _Floats
+    mode: NDArray[np.int8]
     exponent: _Floats
     level: LevelBelief
     log_weight: _Floats = field(default_factory=lambda: np.zeros(0))
@@ -143,7 +152,9 @@ class _Particles:
         return _Particles(
             east_m=self.east_m[index],
             north_m=self.north_m[index],
-            walking=self.walking[index],
+            east_m_s=self.east_m_s[index],
+            north_m_s=self.north_m_s[index],
+            mode=self.mode[index],
             exponent=self.exponent[index],
             level=LevelBelief(
                 mean_db=self.level.mean_db[index], variance_db2=self.level.variance_db2[index]
@@ -153,7 +164,10 @@ class _Particles:
 
 
 class ParticleTracker:
-    """Ten thousand hypotheses of a tag that rests or walks, each with its own strength.
+    """Ten thousand hypotheses of a tag that rests, browses or travels, each with its strength.
+
+    Three motions that go over into each other (interacting multiple models): resting, a random
+    walk, and a nearly constant velocity.
 
     Parameters
     ----------
@@ -166,7 +180,9 @@ class ParticleTracker:
     """
 
     _SWITCHING_PER_S = 0.005
-    """An animal begins or ends walking every three minutes or so."""
+    """An animal changes what it does every three minutes or so."""
+    _TURNING_M_S_PER_ROOT_S = 0.08
+    """Change of a traveller's velocity in each direction, after a second: 5° at 1 m/s."""
     _LOST_NATS = 12.0
     """A pulse this much less probable than chance alone explains: hypotheses are renewed."""
 
@@ -178,10 +194,14 @@ class ParticleTracker:
 
     def _fresh(self, count: int) -> _Particles:
         area, rng = self._prior.area, self._rng
+        mode = self._modes(count)
+        velocity = self._velocities(mode)
         return _Particles(
             east_m=rng.uniform(area.west_m, area.east_m, count),
             north_m=rng.uniform(area.south_m, area.north_m, count),
-            walking=rng.random(count) < 0.5,
+            east_m_s=velocity[0],
+            north_m_s=velocity[1],
+            mode=mode,
             exponent=np.clip(rng.normal(2.5, 0.5, count), 1.8, 4.0),
             level=LevelBelief(
                 mean_db=np.full(count, self._prior.level_db),
@@ -189,6 +209,18 @@ class ParticleTracker:
             ),
             log_weight=np.zeros(count),
         )
+
+    def _modes(self, count: int) -> NDArray[np.int8]:
+        """Half rest; the others browse or travel."""
+        drawn = self._rng.random(count)
+        straight = 0.75 if self._prior.travelling_m_s > 0.0 else 2.0
+        mode = np.where(drawn < 0.5, RESTING, np.where(drawn < straight, BROWSING, TRAVELLING))
+        return mode.astype(np.int8)
+
+    def _velocities(self, mode: NDArray[np.int8]) -> _Floats:
+        """(2, count) any direction for those that travel, speeds about the usual one."""
+        sigma = self._prior.travelling_m_s * np.sqrt(2.0 / np.pi)
+        return np.asarray(self._rng.normal(0.0, sigma, (2, len(mode))) * (mode == TRAVELLING))
 
     def advance_to(self, time_s: float) -> None:
         """Let the tag rest or walk until a time, which must not go back."""
@@ -198,10 +230,20 @@ class ParticleTracker:
             return
         state, rng = self._state, self._rng
         switching = rng.random(self._count) < 1.0 - np.exp(-self._SWITCHING_PER_S * step)
-        state.walking = state.walking ^ switching
-        sigma = np.where(state.walking, self._prior.walking_m_per_root_s * np.sqrt(step), 0.0)
-        state.east_m = state.east_m + sigma * rng.normal(size=self._count)
-        state.north_m = state.north_m + sigma * rng.normal(size=self._count)
+        if switching.any():
+            mode = self._modes(self._count)
+            velocity = self._velocities(mode)
+            state.mode = np.where(switching, mode, state.mode)
+            state.east_m_s = np.where(switching, velocity[0], state.east_m_s)
+            state.north_m_s = np.where(switching, velocity[1], state.north_m_s)
+        walk = self._prior.walking_m_per_root_s * np.sqrt(step)
+        sigma = np.where(state.mode == BROWSING, walk, 0.0)
+        turning = self._TURNING_M_S_PER_ROOT_S * np.sqrt(step) * (state.mode == TRAVELLING)
+        for place, speed in (("east_m", "east_m_s"), ("north_m", "north_m_s")):
+            velocity = getattr(state, speed)
+            moved = velocity * step + sigma * rng.normal(size=self._count)
+            setattr(state, place, getattr(state, place) + moved)
+            setattr(state, speed, velocity + turning * rng.normal(size=self._count))
 
     def listen(self, heard: Listening) -> None:
         """Take in a pulse, or that none was heard."""
@@ -221,8 +263,13 @@ class ParticleTracker:
 
     def estimate(self) -> TrackEstimate:
         """Say where the tag is, as far as is known."""
-        state = self._state
-        return _estimate(state.east_m, state.north_m, state.level.mean_db, self._weights())
+        state, weight = self._state, self._weights()
+        found = _estimate(state.east_m, state.north_m, state.level.mean_db, weight)
+        return replace(
+            found,
+            east_m_s=float(weight @ state.east_m_s),
+            north_m_s=float(weight @ state.north_m_s),
+        )
 
     def _weights(self) -> _Floats:
         weight = np.exp(self._state.log_weight - self._state.log_weight.max())
@@ -256,6 +303,10 @@ class ParticleTracker:
             shrink = np.sqrt(1.0 - bandwidth**2 * 0.25)
             smooth = self._rng.normal(0.0, 0.5 * bandwidth * sigma, count)
             setattr(chosen, axis, mean + shrink * (getattr(chosen, axis) - mean) + smooth)
+        moving = chosen.mode == TRAVELLING
+        for axis in ("east_m_s", "north_m_s"):
+            jitter = self._rng.normal(0.0, 0.02, count) * moving
+            setattr(chosen, axis, getattr(chosen, axis) + jitter)
         chosen.exponent = np.clip(
             chosen.exponent + self._rng.normal(0.0, 0.03, count), 1.8, 4.0
         )
@@ -269,7 +320,9 @@ class ParticleTracker:
         self._state = _Particles(
             east_m=np.concatenate([kept.east_m, fresh.east_m]),
             north_m=np.concatenate([kept.north_m, fresh.north_m]),
-            walking=np.concatenate([kept.walking, fresh.walking]),
+            east_m_s=np.concatenate([kept.east_m_s, fresh.east_m_s]),
+            north_m_s=np.concatenate([kept.north_m_s, fresh.north_m_s]),
+            mode=np.concatenate([kept.mode, fresh.mode]),
             exponent=np.concatenate([kept.exponent, fresh.exponent]),
             level=LevelBelief(
                 mean_db=np.concatenate([kept.level.mean_db, fresh.level.mean_db]),
