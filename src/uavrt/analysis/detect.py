@@ -70,6 +70,8 @@ class DetectionChain:
             )
         self.invalid_samples = 0
         """Samples of a channel that were not numbers and were replaced by zero."""
+        self._suspect_s = 0.0
+        """So much longer a value that was no number may come out of the channels' filters."""
         self._excluded_hz = tuple(excluded_hz)
         self._on_channel = on_channel
         modes = {} if operating_modes is None else operating_modes
@@ -79,6 +81,7 @@ class DetectionChain:
             frequencies_hz=[tag.frequency_hz for tag in tags],
         )
         plan = self._front_end.plan
+        self._memory_s = 2.0 * plan.latency_s
         centers_hz = dict(zip(plan.channels_in_use, plan.channel_centers_hz, strict=True))
         self._detectors: dict[int, list[PulseDetector]] = {}
         for tag, channel in zip(tags, plan.frequency_channels, strict=True):
@@ -98,19 +101,30 @@ class DetectionChain:
         # A value that is no number runs through the filters, and stops here: the detectors'
         # noise levels would never get rid of it.
         with np.errstate(invalid="ignore", over="ignore"):
-            channels = self._front_end.process(block)
+            band = self._front_end.decimate(block)
+            values = np.ascontiguousarray(band.samples).view(np.float32)
+            # One product of the whole band costs less than a look at each of 64 channels.
+            if not np.isfinite(np.dot(values, values)):
+                self._suspect_s = self._memory_s + len(values) / band.sample_rate_hz
+            channels = self._front_end.channelize(band)
+        suspect = self._suspect_s > 0.0
+        self._suspect_s -= len(band.samples) / band.sample_rate_hz
         for channel in channels:
-            samples = channel.samples
-            good = np.isfinite(samples)
-            if not good.all():
-                self.invalid_samples += int(np.count_nonzero(~good))
-                samples = np.where(good, samples, np.complex64(0.0))
-                channel = replace(channel, samples=samples)
+            if suspect:
+                channel = self._finite(channel)
             if self._on_channel is not None:
                 self._on_channel(channel)
             for detector in self._detectors[channel.channel]:
-                found += detector.process(samples, channel.time_ns)
+                found += detector.process(channel.samples, channel.time_ns)
         return self._reported(found)
+
+    def _finite(self, channel: ChannelBlock) -> ChannelBlock:
+        """Put zeros for what is no number."""
+        good = np.isfinite(channel.samples)
+        if good.all():
+            return channel
+        self.invalid_samples += int(np.count_nonzero(~good))
+        return replace(channel, samples=np.where(good, channel.samples, np.complex64(0.0)))
 
     def flush(self) -> list[Pulse]:
         """End the stream: get the pulses of all groups that are complete."""
