@@ -1,8 +1,8 @@
 """The only reader of clocks.
 
 Time in uavrt is one ``int``: nanoseconds UTC. It is the monotonic clock plus one offset that is
-fixed when the supervisor starts and handed to every process, so a step of the wall clock
-(GNSS fix, NTP, a user) in flight moves nothing (DESIGN.md §2.4).
+fixed when a flight starts and handed to every process, so a step of the wall clock (GNSS fix,
+NTP, a user) in flight moves nothing (DESIGN.md §2.4).
 """
 
 import time
@@ -19,7 +19,7 @@ class Clock:
     Parameters
     ----------
     offset_ns : int
-        UTC minus CLOCK_MONOTONIC [ns], fixed for the life of the system.
+        UTC minus CLOCK_MONOTONIC [ns], fixed for a flight.
     """
 
     offset_ns: int

@@ -294,7 +294,8 @@ class FlightInfo:
     directory: str
     start_time_ns: int
     clock_offset_ns: int
-    """UTC minus CLOCK_MONOTONIC, fixed at the supervisor's start."""
+    """UTC minus CLOCK_MONOTONIC, fixed at the flight's start: its time, whatever is done to the
+    wall clock later."""
     center_frequency_hz: float
     sample_rate_hz: float
     tags: tuple[Tag, ...]

@@ -6,6 +6,9 @@ The bar of DESIGN.md §5: 0.5° rms, 1.5° at most, over turns at 30°/s.
 import asyncio
 import math
 import os
+import sqlite3
+import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +29,20 @@ SITE = """
 import os, sys, time
 _real, _real_ns = time.time, time.time_ns
 def _step():
-    return 3600 if os.path.exists(os.environ["STEP_FILE"]) else 0
-if not any("simulation" in argument for argument in sys.orig_argv):
+    with open(os.environ["STEP_FILE"]) as file:
+        return int(file.read() or 0)
+if not any(argument.startswith("uavrt.simulation") for argument in sys.orig_argv):
     time.time = lambda: _real() + _step()
     time.time_ns = lambda: _real_ns() + _step() * 1_000_000_000
 """
+
+
+BEFORE_S = -7200
+
+
+def status_texts(directory: Path) -> list[tuple[int, str]]:
+    with closing(sqlite3.connect(directory / "flight.sqlite")) as database:
+        return database.execute("SELECT severity, text FROM status_texts").fetchall()
 
 
 def turning_scenario(duration_s: float) -> Scenario:
@@ -64,7 +76,7 @@ def turning_scenario(duration_s: float) -> Scenario:
 
 def yaw_error_deg(scenario: Scenario, item: PulsePose) -> float:
     assert item.pose is not None
-    middle_ns = (item.pulse.start_time_ns + item.pulse.end_time_ns) // 2
+    middle_ns = (item.pulse.start_time_ns + item.pulse.end_time_ns) // 2 - BEFORE_S * 10**9
     truth = euler_deg(scenario.vehicle_pose(middle_ns).quaternion_wxyz)[2]
     told = euler_deg(item.pose.quaternion_wxyz)[2]
     return (told - truth + 180.0) % 360.0 - 180.0
@@ -75,11 +87,13 @@ def yaw_error_deg(scenario: Scenario, item: PulsePose) -> float:
 def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_step(
     drone_bay: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    # A wall clock that is set forward by an hour in flight, in a zone 14 hours ahead.
+    # The wall clock is corrected after the start of uavrt, and by an hour more in flight; the
+    # zone is 14 hours ahead.
     site = tmp_path / "site"
     site.mkdir()
     (site / "sitecustomize.py").write_text(SITE)
     step = tmp_path / "step"
+    step.write_text("0")
     monkeypatch.setenv("STEP_FILE", str(step))
     monkeypatch.setenv("PYTHONPATH", f"{site}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
     monkeypatch.setenv("TZ", "Pacific/Kiritimati")
@@ -91,16 +105,20 @@ def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_s
         if isinstance(event, PulsePose):
             received.append(event)
 
+    started_s: list[float] = []
+
     async def fly() -> None:
         link = GroundLink(Clock.start().now_ns, on_event=take)
         task = asyncio.create_task(link.run(f"udpin://127.0.0.1:{drone.ground_port}"))
         await link.wait_for_drone(30.0)
         await link.upload_tags(drone.scenario.tags)
+        step.write_text(str(BEFORE_S))
+        started_s.append(time.time())
         await link.start_detection()
         async with asyncio.timeout(60.0):
             while len(received) < 12:  # noqa: ASYNC110
                 await asyncio.sleep(0.1)
-            step.touch()
+            step.write_text(str(BEFORE_S + 3600))
             while len(received) < 24:  # noqa: ASYNC110
                 await asyncio.sleep(0.1)
         assert link.link is not None
@@ -125,6 +143,9 @@ def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_s
     assert rms <= 0.5
     assert max(map(abs, errors)) <= 1.5
     # The flight's own times are those of the samples, an hour notwithstanding.
+    assert abs(flight.info.start_time_ns / 1e9 - BEFORE_S - started_s[0]) < 10.0
+    (noted,) = [text for _, text in status_texts(directory) if "Wall clock" in text]
+    assert "corrected by +3600." in noted
     lengths_s = (flight.pulse_poses[-1].pulse.end_time_ns - flight.info.start_time_ns) / 1e9
     assert 0.0 < lengths_s < 100.0
     log = (drone.directory / "autopilot.log").read_text()

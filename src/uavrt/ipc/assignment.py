@@ -16,6 +16,8 @@ class Assignment:
     clock_offset_ns: int
     flight: FlightInfo | None
     """The flight in progress, if any."""
+    last_flights: tuple[str, ...] = ()
+    """Directories of the flights before, whose pulses may not all have reached the ground."""
     tags: tuple[Tag, ...] = ()
     """The tags this process serves: all, or a worker's share."""
     worker_of_tag: dict[int, int] = field(default_factory=dict)

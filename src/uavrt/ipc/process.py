@@ -21,7 +21,7 @@ from uavrt.ipc.assignment import Assignment
 from uavrt.ipc.link import ChildLink, SupervisorGone
 from uavrt.ipc.parent import die_with_parent
 from uavrt.log import configure_logging, get_logger
-from uavrt.messages import Health, StatusText
+from uavrt.messages import FlightInfo, Health, StatusText
 
 HEALTH_PERIOD_S = 1.0
 
@@ -41,6 +41,8 @@ class ProcessFrame:
         self.link = link
         self.assignment = assignment
         self.clock = Clock(assignment.clock_offset_ns)
+        """The flight's clock: another one from each flight's start on. It may step then, so
+        what is to be done later must not be timed by it."""
         self.running = True
         self.counters: dict[str, float] = {}
         self._next_health_s = 0.0
@@ -74,8 +76,12 @@ class ProcessFrame:
         self.link.put(topic, record)
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
-        """Get the records that have arrived."""
-        return self.link.receive(timeout_s)
+        """Get the records that have arrived; a flight that has begun brings its clock."""
+        records = self.link.receive(timeout_s)
+        for _, record in records:
+            if isinstance(record, FlightInfo):
+                self.clock = Clock(record.clock_offset_ns)
+        return records
 
     def tell(self, severity: int, text: str) -> None:
         """Send a text to the operator."""

@@ -57,7 +57,7 @@ class PoseRing:
         self.refused_samples = 0
         """Attitudes that are no rotation, positions that are no numbers."""
         self.resets = 0
-        """How often time fell (autopilot reboot) and everything before was forgotten."""
+        """How often everything before was forgotten: time fell, or a flight brought a clock."""
 
     def add_attitude(self, sample: AttitudeSample) -> None:
         """Take an attitude; one that is no rotation is refused and counted."""
@@ -84,7 +84,7 @@ class PoseRing:
         self._add(self._positions, sample)
 
     def clear(self) -> None:
-        """Forget all samples; what came before an autopilot's reboot is another time."""
+        """Forget all samples: after an autopilot's reboot, or by another clock."""
         self._attitudes.clear()
         self._positions.clear()
         self.resets += 1

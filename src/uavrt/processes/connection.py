@@ -6,6 +6,7 @@ on disk. Turns tunnel payloads into commands and the supervisor's replies into a
 
 import asyncio
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 from uavrt.clock import monotonic_s
@@ -61,6 +62,8 @@ POSES_PER_RECORD = 10
 LINK_RETRY_S = 3.0
 PEERS = ("autopilot", "ground station")
 MESSAGES_KEPT = 200
+SAME_CLOCK_NS = 1_000_000
+"""At 30°/s a pose is 0.03° off after a millisecond: those that are known may stay."""
 
 
 class ConnectionProcess:
@@ -70,6 +73,9 @@ class ConnectionProcess:
         settings = frame.assignment.settings
         mavlink = settings.mavlink
         self._frame = frame
+        self._base = frame.clock
+        """What everything here is timed by; a flight's clock differs by `_shift_ns`."""
+        self._shift_ns = 0
         self._addresses = {
             number: address
             for number, address in enumerate((mavlink.address, *mavlink.direct_links))
@@ -114,6 +120,8 @@ class ConnectionProcess:
         self._outlet = PulseOutlet(self._exchange.pulse, self._note_delivered, self._disk)
         self._link.tunnel.add_source(self._outlet.sender, Priority.PULSE)
         self._link.tunnel.changed = self._outlet.sender.link_changed
+        for directory in frame.assignment.last_flights:
+            self._outlet.flight(directory, resumed=True)
         if frame.assignment.flight is not None:
             self._outlet.flight(frame.assignment.flight.directory, resumed=True)
         self._link.component.metadata = metadata = component_metadata(
@@ -182,7 +190,7 @@ class ConnectionProcess:
     def _take(self, record: Any) -> None:
         match record:
             case Pulse():
-                self._status.detector_alive(record.tag_id, self._frame.clock.now_ns())
+                self._status.detector_alive(record.tag_id, self._base.now_ns())
                 self._attacher.add(record, self._frame.clock.now_ns())
             case PulsePose():
                 pulse_pose = self._delivery.recorded(record)
@@ -195,6 +203,7 @@ class ConnectionProcess:
             case Operation():
                 self._answer(self._exchange.progress(record))
             case FlightInfo():
+                self._use_clock(record.clock_offset_ns)
                 self._outlet.flight(record.directory)
             case CommandReply():
                 self._answer(self._exchange.reply(record))
@@ -202,16 +211,23 @@ class ConnectionProcess:
             case Settings():
                 self._parameters.changed(record)
             case StatusText() if self._addresses:
-                self._status.text(record, self._frame.clock.now_ns())
+                self._status.text(record, self._base.now_ns())
             case SystemStatus():
                 self._state = record.state
                 self._status.tags(len(record.tags))
             case SearchReport() if self._addresses:
-                self._status.search_report(record, self._frame.clock.now_ns())
+                self._status.search_report(record, self._base.now_ns())
+
+    def _use_clock(self, offset_ns: int) -> None:
+        """Give poses the time of the flight that begins, from here on."""
+        before_ns, self._shift_ns = self._shift_ns, offset_ns - self._base.offset_ns
+        self._status.shift_ns = self._shift_ns
+        if abs(self._shift_ns - before_ns) > SAME_CLOCK_NS:
+            self._ring.clear()
 
     def _tick(self) -> None:
-        now_ns = self._frame.clock.now_ns()
-        self._pass_on(self._attacher.ready(now_ns))
+        now_ns = self._base.now_ns()
+        self._pass_on(self._attacher.ready(self._frame.clock.now_ns()))
         for pulse_pose in self._delivery.overdue(monotonic_s()):
             self._send_pulse(pulse_pose)
         self._outlet.sender.station_present(self._link.station_present, now_ns)
@@ -261,11 +277,11 @@ class ConnectionProcess:
     # ------------------------------------------------------------ from the link
 
     def _attitude(self, sample: AttitudeSample) -> None:
-        self._ring.add_attitude(sample)
+        self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self._shift_ns))
 
     def _position(self, sample: PositionSample) -> None:
         """Take a position; record the poses that are known now."""
-        self._ring.add_position(sample)
+        self._ring.add_position(replace(sample, time_ns=sample.time_ns + self._shift_ns))
         newest_ns = self._ring.newest_ns
         if newest_ns is None:
             return
@@ -297,7 +313,7 @@ class ConnectionProcess:
             self._answer(result)
 
     def _private(self, payload_type: int, payload: bytes, peer: Peer) -> None:
-        now_ns = self._frame.clock.now_ns()
+        now_ns = self._base.now_ns()
         if payload_type == SEALED_TYPE:
             opened = self._gate.open(payload, (peer.system_id, peer.component_id), now_ns)
             if opened is None:
@@ -338,17 +354,18 @@ class ConnectionProcess:
         self._parameters.receive(wish, peer, refusal, self._exchange.next_request_id())
 
     def _radio_status(self, status: RadioStatus) -> None:
-        now_ns = self._frame.clock.now_ns()
+        now_ns = self._base.now_ns()
         self._link.tunnel.rate_of(self._link.heard_on).radio_status(status.txbuf, now_ns)
 
     def _ftp(self, payload: bytes, peer: Peer) -> None:
-        now_ns = self._frame.clock.now_ns()
+        now_ns = self._base.now_ns()
         trip_s = self._files.receive(payload, peer, now_ns)
         if trip_s is not None:
             self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, now_ns)
 
     def _note_delivered(self, delivered: Delivered) -> None:
-        self._frame.send("delivered", delivered)
+        time_ns = delivered.time_ns + self._shift_ns
+        self._frame.send("delivered", replace(delivered, time_ns=time_ns))
 
     # -------------------------------------------------------------- to the link
 

@@ -96,6 +96,7 @@ class Estimation:
             case FlightInfo() if topic == "flight":
                 self._stage.forget()
                 self._outgoing.clear()
+                self._next_ns = 0  # by another clock
 
     def tick(self) -> None:
         """Estimate if there is something new, and send what is due."""

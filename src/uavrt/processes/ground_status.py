@@ -60,6 +60,8 @@ class GroundStatus:
         self._limiter = TextLimiter()
         self._next_ns: dict[str, int] = {}
         self._tags = 1
+        self.shift_ns = 0
+        """From the clock of our timers to that of the flight."""
         self._busy = _busy_ticks()
 
     @property
@@ -97,7 +99,7 @@ class GroundStatus:
         """A tag's detector has said something."""
         period_ns = max(ALIVE_NS, ALIVE_PER_TAG_NS * self._tags)
         if self._due(f"alive {tag_id}", period_ns, now_ns):
-            self._send(self._exchange.detector_heartbeat(tag_id, now_ns))
+            self._send(self._exchange.detector_heartbeat(tag_id, now_ns + self.shift_ns))
 
     def _due(self, name: str, period_ns: int, now_ns: int) -> bool:
         if now_ns < self._next_ns.get(name, 0):

@@ -43,14 +43,18 @@ class Recorder:
         self._commands: dict[int, Command] = {}
         self._fault = ""
         self._start_ns = AFTER_ALL_NS
-        self._ended: deque[Path] = deque(maxlen=ENDED_FLIGHTS)
+        last = map(Path, frame.assignment.last_flights)
+        self._ended: deque[Path] = deque(last, maxlen=ENDED_FLIGHTS)
+        self._newest_ns = 0
 
     def open(self, info: FlightInfo) -> None:
         """Open a flight, new or begun before a restart."""
         if self._flight is not None and self._flight.layout.root == Path(info.directory):
             return
         self.close()
-        self._start_ns = info.start_time_ns
+        # A wall clock set back between flights: then any key may be of an earlier one.
+        back = info.start_time_ns < self._newest_ns
+        self._start_ns = AFTER_ALL_NS if back else info.start_time_ns
         try:
             self._flight = FlightRecorder.open(info, self._frame.assignment.settings)
         except RecordingError as error:
@@ -65,6 +69,7 @@ class Recorder:
         except RecordingError as error:
             self._complain(error)
         self._ended.append(self._flight.layout.root)
+        self._newest_ns = max(self._newest_ns, self._frame.clock.now_ns())
         self._flight = None
         self._start_ns = AFTER_ALL_NS
 

@@ -8,6 +8,7 @@ import os
 import time
 from typing import TYPE_CHECKING
 
+from uavrt.clock import monotonic_s
 from uavrt.errors import ConfigError, LinkError
 from uavrt.ipc import ProcessFrame
 from uavrt.log import get_logger
@@ -61,8 +62,8 @@ def join(frame: ProcessFrame) -> "Participant | None":
 
 def wait(frame: ProcessFrame, reason: str, seconds: float) -> None:
     """Do nothing for a while but take in records and give signs of life."""
-    end_ns = frame.clock.now_ns() + round(seconds * 1e9)
-    while frame.running and frame.clock.now_ns() < end_ns:
+    end_s = monotonic_s() + seconds
+    while frame.running and monotonic_s() < end_s:
         frame.receive(timeout_s=0.5)
         frame.report(reason, ok=False)
 
@@ -71,7 +72,11 @@ def serve(frame: ProcessFrame, participant: "Participant") -> None:
     """Pass records to ROS 2 and commands from there."""
     assignment = frame.assignment
     gateway = Gateway(
-        participant, assignment.settings, frame.send, frame.clock.now_ns, assignment.flight
+        participant,
+        assignment.settings,
+        frame.send,
+        lambda: frame.clock.now_ns(),
+        assignment.flight,
     )
 
     def counters() -> dict[str, float]:

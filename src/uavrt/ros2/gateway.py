@@ -137,7 +137,10 @@ class Gateway:
                 self.log(record.severity, record.text)
 
     def take_flight(self, flight: FlightInfo | None) -> None:
-        """Show that a flight has started, or (None) ended."""
+        """Show that a flight has started, or (None) ended; it may bring another clock."""
+        self._status_heard_ns = self._now_ns()
+        self._next_status_ns = self._next_pose_ns = 0
+        self._next_heartbeat_ns.clear()
         started, self._flight = flight is not None and self._flight is None, flight
         if started and flight is not None:
             self._show_start(flight)

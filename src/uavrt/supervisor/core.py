@@ -42,6 +42,7 @@ from uavrt.supervisor.systemd import SystemdNotifier
 from uavrt.supervisor.table import SUPERVISOR_TOPICS, consumers_of
 from uavrt.supervisor.tuning import ask_tuner
 from uavrt.supervisor.usage import own_usage
+from uavrt.supervisor.wall_clock import WallClockWatch
 
 log = get_logger()
 
@@ -83,6 +84,7 @@ class Supervisor:
         self._consumers = {name: consumers_of(name, self._rows) for name in TOPICS}
         self._on_record = on_record
         self._wake = asyncio.Event()
+        self._wall_clock = WallClockWatch()
         self._to_pump: dict[str, Instance] = {}
         self._stopping = False
         self._end_task: asyncio.Future[None] | None = None
@@ -149,6 +151,7 @@ class Supervisor:
                 next_status_s = now_s + status_period_s
                 self._publish("system_status", self.status())
                 self._warn_of_budgets(now_s)
+                self._watch_wall_clock()
                 self._end_capture_when_over()
                 systemd.alive(self.mission.state.value)
             if now_s >= next_disk_s:
@@ -189,6 +192,7 @@ class Supervisor:
     # ---------------------------------------------------------------- flight
 
     def _flight_started(self, flight: FlightInfo) -> None:
+        self._wall_clock.flight_started()
         self._fleet.make_sample_roads()
         self._output.open_flight(Path(flight.directory))
         self._disk.flying(Path(flight.directory))
@@ -236,6 +240,14 @@ class Supervisor:
         self._publish("command_reply", reply)
 
     # -------------------------------------------------------------- watching
+
+    def _watch_wall_clock(self) -> None:
+        """Note in the flight that the wall clock was corrected; the flight's is not."""
+        if self.mission.flight is None:
+            return
+        text = self._wall_clock.check(self.clock.wall_correction_ns())
+        if text is not None:
+            self._tell(5, text)
 
     def _warn_of_budgets(self, now_s: float) -> None:
         for instance in self._fleet.instances:

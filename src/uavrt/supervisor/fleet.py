@@ -270,6 +270,7 @@ class Fleet:
             settings=settings,
             clock_offset_ns=mission.clock.offset_ns,
             flight=flight,
+            last_flights=(*mission.last_flights,),
             tags=shares[instance.worker] if instance.row.per_worker else tags,
             worker_of_tag={
                 tag.tag_id: worker for worker, share in enumerate(shares) for tag in share

@@ -35,6 +35,7 @@ class SavedState:
     state: SystemState
     tags: tuple[Tag, ...]
     flight: FlightInfo | None
+    last_flights: tuple[str, ...] = ()
     gain: int | None = None
     """As an operator has set it, in place of the settings' one."""
 

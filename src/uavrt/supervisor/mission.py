@@ -1,6 +1,7 @@
 """What the operator has asked for: state, tags, flight. It knows no processes."""
 
 import shutil
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -21,6 +22,8 @@ from uavrt.supervisor.tuning import Tuning, ask_tuner
 log = get_logger()
 
 REPLIES_KEPT = 64
+LAST_FLIGHTS = 3
+"""As many as the connection and the recorder look after besides the present one."""
 RESUME_WITHIN_S = 900.0
 """After a restart of the computer, detection goes on by itself only if the flight was written
 to so lately: a battery change or a brown-out in the air, but not last week's flight."""
@@ -70,6 +73,8 @@ class Mission:
         self._ask_tuner = tuner
         self.tags: dict[int, Tag] = {}
         self.flight: FlightInfo | None = None
+        self.last_flights: deque[str] = deque(maxlen=LAST_FLIGHTS)
+        """Directories of flights that have ended, the newest last."""
         self.ending = False
         """The flight's last pulses are on their way; a new one cannot begin yet."""
         self._gain: int | None = None
@@ -94,12 +99,16 @@ class Mission:
             self._use_gain(saved.gain)
         self.state = SystemState.HAS_TAGS if self.tags else SystemState.IDLE
         flight = saved.flight
+        same_boot = saved.boot_id == boot_id()
+        self.last_flights.extend(d for d in saved.last_flights if same_boot or _recent(d))
         if saved.state is SystemState.DETECTING and flight is not None:
-            if saved.boot_id == boot_id():
+            if same_boot:
                 self.clock = Clock(saved.clock_offset_ns)
                 self._continue(flight)
-            elif _recent(flight):
+            elif _recent(flight.directory):
                 self._try_new_flight(flight.center_frequency_hz)
+        if flight is not None and flight != self.flight and _recent(flight.directory):
+            self.last_flights.append(flight.directory)
         self._save()
         log.info("resumed", state=self.state.value, tags=len(self.tags))
         return self.state is SystemState.DETECTING
@@ -133,6 +142,7 @@ class Mission:
                 state=self.state,
                 tags=(*self.tags.values(),),
                 flight=self.flight,
+                last_flights=(*self.last_flights,),
                 gain=self._gain,
             )
         )
@@ -256,6 +266,7 @@ class Mission:
                 [tag.frequency_hz for tag in self.tags.values()], radio.sample_rate_hz
             )
             center_hz, warnings = tuning.center_frequency_hz, tuning.warnings
+        self.clock = Clock.start()
         self.flight = new_flight(
             self.settings,
             tags_with_overrides(self.settings, self.tags.values()),
@@ -288,6 +299,7 @@ class Mission:
             free_mb = shutil.disk_usage(recording.directory).free / 1e6
             if free_mb < recording.minimum_free_mb:
                 raise UavrtError(f"disk nearly full: {free_mb:.0f} MB free; clean the logs")
+        self.clock = Clock.start()
         self.flight = new_flight(
             self.settings,
             (),
@@ -306,13 +318,15 @@ class Mission:
     def flight_ended(self) -> FlightInfo | None:
         """Take note that the last pulse is on its way; get the flight that was."""
         flight, self.flight = self.flight, None
+        if flight is not None:
+            self.last_flights.append(flight.directory)
         self.ending = False
         self._save()
         return flight
 
 
-def _recent(flight: FlightInfo) -> bool:
-    written_ns = last_written_ns(Path(flight.directory))
+def _recent(directory: str) -> bool:
+    written_ns = last_written_ns(Path(directory))
     # A computer without a battery-backed clock may wake up in the past: that is recent too.
     return written_ns is not None and wall_ns() - written_ns < RESUME_WITHIN_S * 1e9
 

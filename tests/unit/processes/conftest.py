@@ -5,6 +5,7 @@ import contextlib
 import math
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from uavrt.ipc import Assignment, ProcessFrame, decode_record, encode_record
 from uavrt.ipc.link import ChildLink, LineBuffer
 from uavrt.messages import Command, CommandReply, FlightInfo, Health, Pose, Pulse, PulsePose
 from uavrt.processes.connection import ConnectionProcess
+from uavrt.recording import FlightRecorder
 from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
 
 
@@ -204,6 +206,30 @@ class Bay:
         finally:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
+
+    def vehicle(self, time_ns: int) -> Pose:
+        """The vehicle's true pose at a time of the clock that it was started with."""
+        return turning(time_ns)
+
+    def recorded_flight(self, directory: Path, numbers: range) -> Path:
+        """A flight that has ended, with pulses that nobody has."""
+        info = FlightInfo(
+            directory=str(directory),
+            start_time_ns=self.clock.now_ns(),
+            clock_offset_ns=self.clock.offset_ns,
+            center_frequency_hz=148.7e6,
+            sample_rate_hz=3e6,
+            tags=(),
+        )
+        recorder = FlightRecorder.create(info)
+        pulses = [make_pulse(n, self.clock.now_ns() - 10**9 * (100 - n)) for n in numbers]
+        recorder.write_pulse_poses([PulsePose(pulse=pulse, pose=None) for pulse in pulses])
+        recorder.close()
+        return directory
+
+    def last_flights(self, *directories: Path) -> None:
+        """Have the process told of flights that have ended."""
+        self.assignment = replace(self.assignment, last_flights=(*map(str, directories),))
 
     def counter(self, name: str) -> float:
         assert self.process is not None

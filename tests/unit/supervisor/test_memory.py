@@ -1,5 +1,7 @@
 """What survives the supervisor, and what does not."""
 
+import time
+from collections import deque
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from uavrt.errors import ConfigError
 from uavrt.messages import Command, FlightInfo, SystemState, Tag
 from uavrt.supervisor.memory import STATE_NAME, SavedState, StateStore
 from uavrt.supervisor.mission import Mission
+from uavrt.supervisor.wall_clock import NOTED_S, WallClockWatch
 
 TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
 
@@ -91,6 +94,61 @@ def test_after_an_end_in_good_order_everything_begins_afresh(tmp_path: Path) -> 
     assert not after.tags
 
 
+def test_each_flight_has_the_wall_clocks_time_at_its_start_and_keeps_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mission = new_mission(tmp_path)
+    upload(mission, *START[:3])
+    corrected_ns = 3600 * 10**9  # by GPS, after uavrt had started
+    real = time.time_ns
+    monkeypatch.setattr(time, "time_ns", lambda: real() + corrected_ns)
+    first = mission.begin_flight(None)
+    assert abs(first.start_time_ns - real() - corrected_ns) < 10**9
+    assert mission.clock.offset_ns == first.clock_offset_ns
+    monkeypatch.setattr(time, "time_ns", real)
+    assert abs(mission.clock.wall_correction_ns() + corrected_ns) < 10**9
+    mission.flight_ended()
+    second = mission.begin_flight(None)
+    assert abs(second.start_time_ns - real()) < 10**9
+
+
+def test_the_last_flights_outlive_the_supervisor_while_their_pulses_may_be_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mission = new_mission(tmp_path)
+    upload(mission, *START[:3])
+    flown = []
+    for number in range(5):
+        monkeypatch.setattr("uavrt.supervisor.mission.Clock.start", lambda n=number: Clock(n))
+        flown.append(mission.begin_flight(148.7e6).directory)
+        mission.flight_ended()
+    assert list(mission.last_flights) == flown[-3:]
+    after = new_mission(tmp_path)
+    after.resume()
+    assert list(after.last_flights) == flown[-3:]
+    monkeypatch.setattr("uavrt.supervisor.mission.boot_id", lambda: "the next boot")
+    monkeypatch.setattr("uavrt.supervisor.mission.wall_ns", lambda: wall_ns() + 7 * 10**14)
+    next_week = new_mission(tmp_path)
+    next_week.resume()
+    assert not next_week.last_flights
+
+
+@given(st.lists(st.floats(-7200.0, 7200.0), max_size=30))
+def test_every_correction_of_the_wall_clock_is_noted_once(corrections_s: list[float]) -> None:
+    watch = WallClockWatch()
+    noted_s = 0.0
+    for correction_s in corrections_s:
+        for repeat in range(3):
+            text = watch.check(round(correction_s * 1e9))
+            new = repeat == 0 and abs(round(correction_s * 1e9) / 1e9 - noted_s) >= NOTED_S
+            assert (text is not None) == new
+            if new:
+                noted_s = round(correction_s * 1e9) / 1e9
+                assert f"{noted_s:+.3f} s from it" in str(text)
+    watch.flight_started()
+    assert watch.check(0) is None
+
+
 def rebooted(
     directory: Path, monkeypatch: pytest.MonkeyPatch, *, off_s: float
 ) -> tuple[FlightInfo, Mission]:
@@ -109,12 +167,12 @@ def test_after_a_brown_out_a_new_flight_begins_on_a_new_clock(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flight, after = rebooted(tmp_path, monkeypatch, off_s=40.0)
-    own_clock = after.clock
     assert after.resume()
     assert after.flight is not None
     assert after.flight.directory != flight.directory
     assert after.flight.center_frequency_hz == flight.center_frequency_hz
-    assert after.clock == own_clock
+    assert after.clock.offset_ns == after.flight.clock_offset_ns
+    assert after.last_flights == deque([flight.directory])  # it may have more for the ground
 
 
 def test_last_weeks_flight_does_not_start_the_radio(
