@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -63,10 +63,16 @@ def _with_bars(axes: "Axes", rows: Sequence[Row], label: str, **style: object) -
     axes.errorbar(at, figures, np.maximum(ends, 0.0), capsize=3, label=label, **style)  # type: ignore[arg-type]
 
 
-def _finish(axes: "Axes", title: str, x: str, y: str) -> bool:
+def _finish(
+    axes: "Axes",
+    title: str,
+    x: str,
+    y: str,
+    where: Literal["best", "center left"] = "best",
+) -> bool:
     axes.set(xlabel=x, ylabel=y, title=title)
     axes.grid(alpha=0.3)
-    axes.legend(fontsize="small")
+    axes.legend(fontsize="small", loc=where)
     return True
 
 
@@ -92,7 +98,7 @@ def draw_pd(figure: "Figure", rows: Sequence[Row]) -> bool:
     axes.set_xlim(0.0, 14.0)
     n = ours[0].n
     title = f"Thesis's tag, K = 3, pf 1 %, whole channel, n = {n} for each point"
-    return _finish(axes, title, "ENR of a pulse [dB]", "Pd of a decision")
+    return _finish(axes, title, "ENR of a pulse [dB]", "Pd of a decision", "center left")
 
 
 def draw_summed(figure: "Figure", rows: Sequence[Row]) -> bool:
