@@ -13,7 +13,7 @@ from uavrt.mavlink.address import Address
 from uavrt.mavlink.component import Component, Handlers, ParameterEncoding
 from uavrt.mavlink.dialect import MavComponent
 from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.frame import Frame, FrameWriter
+from uavrt.mavlink.frame import SIGNATURE_SIZE, Frame, FrameWriter
 from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.routes import Routes
@@ -100,6 +100,7 @@ class Connection:
                 clock_ns,
                 gap_s=gap_s,
                 straight=way.number != AUTOPILOT_LINK,
+                frame_extra_bytes=0 if signing is None else SIGNATURE_SIZE,
             )
             for way in self._ways
         ]

@@ -119,6 +119,8 @@ class PacedQueue:
         self._sources: dict[Priority, Source] = {}
         self._free_ns: int | None = None
         self.rate = rate or LinkRate()
+        self.frame_extra_bytes = 0
+        """What each frame has besides, as a signature's 13."""
         self.counters = PacingCounters()
 
     def __len__(self) -> int:
@@ -165,7 +167,7 @@ class PacedQueue:
         due_ns = now_ns if self._free_ns is None else max(self._free_ns, now_ns - self._gap_ns)
         self._free_ns = max(due_ns + self._gap_ns, now_ns + self._floor_ns)
         self.counters.released += 1
-        self.rate.spend(_size(item), now_ns)
+        self.rate.spend(_size(item) + self.frame_extra_bytes, now_ns)
         return item
 
     def _from_sources(self, now_ns: int) -> Item | None:

@@ -52,6 +52,8 @@ class PacedSender:
         Time between two messages, at least 0.012 s.
     straight : bool
         No autopilot is on the way: quick, and with the shortest gap.
+    frame_extra_bytes : int
+        What each frame has besides, as a signature.
     """
 
     def __init__(
@@ -62,6 +64,7 @@ class PacedSender:
         *,
         gap_s: float = 0.020,
         straight: bool = False,
+        frame_extra_bytes: int = 0,
     ) -> None:
         self._send = send
         self._target = target
@@ -70,6 +73,7 @@ class PacedSender:
             self._queue = PacedQueue(STRAIGHT_GAP_S, LinkRate(STRAIGHT), straight=True)
         else:
             self._queue = PacedQueue(gap_s)
+        self._queue.frame_extra_bytes = frame_extra_bytes
         self._loop: asyncio.AbstractEventLoop | None = None
         self._timer: asyncio.TimerHandle | None = None
 
