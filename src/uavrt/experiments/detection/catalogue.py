@@ -4,10 +4,11 @@ from uavrt.experiments.detection.accuracy import E5, E6, E7
 from uavrt.experiments.detection.campaign import Experiment
 from uavrt.experiments.detection.company import E12, E13
 from uavrt.experiments.detection.false_alarms import E1
+from uavrt.experiments.detection.integration import E3
 from uavrt.experiments.detection.jamming import E10, E11
 from uavrt.experiments.detection.losses import E9
 from uavrt.experiments.detection.promptness import E16
-from uavrt.experiments.detection.sensitivity import E2, E3
+from uavrt.experiments.detection.sensitivity import E2
 from uavrt.experiments.detection.tracking import E4, E8
 
 EXPERIMENTS: dict[str, Experiment] = {

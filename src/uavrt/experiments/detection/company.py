@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from uavrt.detection import PulseDetector
 from uavrt.experiments.detection.campaign import Case, Experiment
 from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import (
@@ -18,7 +19,14 @@ from uavrt.experiments.detection.signals import (
 )
 from uavrt.experiments.detection.statistics import share_by_flight, wilson_interval
 from uavrt.experiments.detection.tracking import count_row
-from uavrt.experiments.detection.trials import RATE_HZ, Samples, compare, detect
+from uavrt.experiments.detection.trials import (
+    RATE_HZ,
+    WHOLE_CHANNEL_HZ,
+    Samples,
+    blocks_of,
+    compare,
+    detect,
+)
 from uavrt.messages import Pulse
 
 _OWN_HZ = 333.0
@@ -118,9 +126,6 @@ def _is_of(pulse: Pulse, truth: Sequence[TruePulse], center_hz: float) -> bool:
 
 def _detect_listing(samples: Samples, center_hz: float) -> tuple[list[Pulse], list[float]]:
     """Pulses, and the frequencies of the other signals before the stream's end."""
-    from uavrt.detection import PulseDetector
-    from uavrt.experiments.detection.trials import WHOLE_CHANNEL_HZ, blocks_of
-
     detector = PulseDetector(
         replace(THESIS_TAG, frequency_hz=center_hz + _OWN_HZ),
         sample_rate_hz=RATE_HZ,
@@ -200,7 +205,7 @@ def _neighbour_case(
     )
 
 
-_TENFOLD = (0.0, 10.0, 20.0)
+_STRONGER_DB = (0.0, 10.0, 20.0)
 
 E12 = Experiment(
     name="E12",
@@ -215,7 +220,7 @@ E12 = Experiment(
             _neighbour_case(
                 f"0 to +20 dB, {apart:g} Hz away, {'same' if same else 'other'} interval",
                 Neighbour(
-                    apart_hz=apart, levels_db=_TENFOLD, interval_s=1.254 if same else 1.4
+                    apart_hz=apart, levels_db=_STRONGER_DB, interval_s=1.254 if same else 1.4
                 ),
                 rounds=4,
                 listed=same,
@@ -225,7 +230,7 @@ E12 = Experiment(
         ),
         _neighbour_case(
             "0 to +20 dB, 50 Hz away, same interval",
-            Neighbour(apart_hz=50.0, levels_db=_TENFOLD),
+            Neighbour(apart_hz=50.0, levels_db=_STRONGER_DB),
             rounds=3,
             barred=False,
         ),

@@ -1,6 +1,6 @@
 """E10, E11: carriers and impulses, alone and beside a tag."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from uavrt.experiments.detection.tracking import count_row, flight_rows
 from uavrt.experiments.detection.trials import Comparison, Flight
 
 Samples = NDArray[np.complex64]
+Interfere = Callable[[np.random.Generator, int, int], Samples]
+"""Makes so many samples of interference of a numbered kind."""
 _LEVELS_DB = (10.0, 20.0, 40.0, 60.0)
 """Of a carrier, in a bin of 50 Hz."""
 _TAG_HZ = 350.0
@@ -33,7 +35,7 @@ def _alarm_case(
     name: str,
     kinds: int,
     published: float | None,
-    interfere: "Interfere",
+    interfere: Interfere,
     confirmed_bar: float | None,
     rounds: int = 6,
 ) -> Case:
@@ -83,7 +85,7 @@ def _beside_case(
     kinds: int,
     least: float,
     published: float | None,
-    interfere: "Interfere",
+    interfere: Interfere,
     rounds: int = 4,
 ) -> Case:
     """A tag beside interference of several kinds in turn."""
@@ -114,15 +116,7 @@ def _beside_case(
     )
 
 
-class Interfere:
-    """Makes interference of a numbered kind."""
-
-    def __call__(self, rng: np.random.Generator, count: int, kind: int) -> Samples:
-        """Samples of a kind, shape (count,)."""
-        raise NotImplementedError
-
-
-class Carrier(Interfere):
+class Carrier:
     """A carrier at each of the levels.
 
     Parameters
@@ -163,7 +157,7 @@ class Carrier(Interfere):
         )
 
 
-class Impulses(Interfere):
+class Impulses:
     """Impulses at each level, of each length.
 
     Parameters

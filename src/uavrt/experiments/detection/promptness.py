@@ -10,8 +10,8 @@ import numpy as np
 from uavrt.detection import PulseDetector
 from uavrt.experiments.detection import original
 from uavrt.experiments.detection.campaign import Case, Experiment
+from uavrt.experiments.detection.integration import long_tag
 from uavrt.experiments.detection.result import Row
-from uavrt.experiments.detection.sensitivity import long_tag
 from uavrt.experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
