@@ -43,9 +43,14 @@ function mix(from: string, to: string, part: number): string {
   return `rgb(${parts.join(",")})`;
 }
 
-/** Lines of different tags: Okabe and Ito's, told apart by the colour-blind. */
-const TAG_COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
+/**
+ * Lines of different tags: Okabe and Ito's, told apart by the colour-blind; lighter ones of the
+ * same hues on a dark ground, where their blue has a contrast of 3 only.
+ */
+const TAG_COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b07c00", "#56b4e9"];
+const TAG_COLOURS_DARK = ["#4fb0ee", "#f5854a", "#33c79b", "#e5a0c8", "#f0bd3a", "#b3c7ff"];
 
 export function tagColour(order: number): string {
-  return TAG_COLOURS[((order % TAG_COLOURS.length) + TAG_COLOURS.length) % TAG_COLOURS.length]!;
+  const colours = document.documentElement.dataset.theme === "dark" ? TAG_COLOURS_DARK : TAG_COLOURS;
+  return colours[((order % colours.length) + colours.length) % colours.length]!;
 }

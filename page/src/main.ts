@@ -131,6 +131,7 @@ function setTheme(chosen: string): void {
   say(by("theme"), chosen === "dark" ? "Light" : "Dark");
   mapView().recolour();
   recolourPlots();
+  store.emit("selection"); // the tags' colours are others
 }
 
 function toggleVoice(): void {

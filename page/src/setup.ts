@@ -2,6 +2,7 @@
 
 import { ApiError, get, send } from "./api";
 import { by, fill, h, say } from "./dom";
+import { droneSection } from "./drone";
 import { toast } from "./notice";
 import { store } from "./store";
 import type { Choices, FieldFault, Settings, TagRow } from "./types";
@@ -58,6 +59,7 @@ export function buildSetup(): void {
         h("div", { id: "tag-table", class: "table-wrap" }),
         h("p", { id: "tag-fault", class: "fault-line", role: "alert" }),
       ),
+      droneSection(),
     ),
   );
   store.on(["tags"], () => {

@@ -128,6 +128,7 @@ class Watched:
 
     def picture(self, name: str) -> None:
         if SCREENSHOTS:
+            self.caption("", 0.0)
             self.page.wait_for_timeout(600)
             path = Path(SCREENSHOTS) / f"ground-{name}.png"
             self.page.screenshot(path=path)

@@ -15,6 +15,7 @@ import pytest
 from page_driver import SCREENSHOTS, VIDEO, WAIT_MS, Ground, Watched, type_tags, write_map
 from playwright.sync_api import Browser, expect
 
+from uavrt.config.settings import RecordingSettings
 from uavrt.demo.programs import free_udp_port
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
@@ -55,7 +56,10 @@ def test_a_whole_flight_is_flown_through_the_page(
     expect(page.locator("#act-start")).to_have_attribute("aria-disabled", "true")
 
     watched.caption("Radio, autopilot and animals are simulated; the rest is real.")
-    drone = drone_bay.launch(scenario)
+    recording = RecordingSettings(
+        directory=str(tmp_path / "drone1" / "flights"), capture_s=1.0, minimum_free_mb=1.0
+    )
+    drone = drone_bay.launch(scenario, recording=recording)
     page.click("#tab-setup")
     page.fill("#link-address", f"udpin://127.0.0.1:{drone.ground_port}")
     page.click("#link-connect")
@@ -121,6 +125,19 @@ def test_a_whole_flight_is_flown_through_the_page(
     watched.caption("4. Stop.", 2)
     page.click("#act-stop")
     expect(page.locator("#chip-state")).to_have_text("Ready", timeout=WAIT_MS)
+
+    # Samples as they are, and the drone's own settings.
+    page.click("#act-capture")
+    expect(page.locator("#chip-state")).to_have_text("Capturing", timeout=WAIT_MS)
+    expect(page.locator("#chip-state")).to_have_text("Ready", timeout=WAIT_MS)
+    assert list(tmp_path.glob("drone1/flights/*/iq/*.sigmf-meta"))
+    page.click("#tab-setup")
+    page.click("#parameters-read")
+    gain = page.locator('[data-parameter="RADIO_GAIN"]')
+    gain.fill("12")
+    gain.press("Enter")
+    expect(page.locator("#drone-note")).to_have_text("RADIO_GAIN = 12", timeout=WAIT_MS)
+    watched.picture("drone")
     page.click("#tab-log")
     page.fill("#log-text", "nest seen")
     expect(page.locator(".log-line")).to_have_count(1)
@@ -130,8 +147,9 @@ def test_a_whole_flight_is_flown_through_the_page(
     # The flight is a flight: listed, exported, looked at again.
     watched.caption("5. The flight is kept: replay, report, files for other programs.")
     page.click("#tab-flights")
-    row = page.locator("tr[data-flight]")
-    expect(row).to_have_count(1)
+    # The newer one holds the capture, without pulses.
+    expect(page.locator("tr[data-flight]")).to_have_count(2)
+    row = page.locator("tr[data-flight]").last
     watched.picture("flights")
     with page.expect_download() as download:
         row.locator("text=GEOJSON").click()
@@ -157,7 +175,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     expect(page.locator("#banner")).to_be_hidden()
 
     # All that was shown is on the disk, and nobody else was asked for anything.
-    (directory,) = (tmp_path / "ground").glob("flight_log_*")
+    directory = min((tmp_path / "ground").glob("flight_log_*"))
     recorded = read_flight(directory)
     assert len(recorded.pulse_poses) == shown[1]
     assert any("nest seen" in text for _, text in recorded.notes)

@@ -220,3 +220,31 @@ def test_a_vector_map_of_the_folder_is_drawn(
     assert watched.hosts - {"blob", "data"} == {urlsplit(ground.address).netloc}
     assert watched.errors == []
     watched.close()
+
+
+def test_a_slow_computer_pans_coarsely_and_shows_the_rest_sharp(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    ground = start_ground(tmp_path)
+    watched = Watched(browser, ground.address)
+    page = watched.page
+    page.wait_for_function("() => window.uavrt.map().loaded()", timeout=WAIT_MS)
+    full, least = page.evaluate(
+        """async () => {
+          const map = window.uavrt.map();
+          const full = map.getPixelRatio();
+          let least = full;
+          for (let step = 0; step < 40; step += 1) {
+            map.panBy([3, 0], { duration: 0 });
+            const until = performance.now() + 40;
+            while (performance.now() < until);
+            await new Promise(requestAnimationFrame);
+            least = Math.min(least, map.getPixelRatio());
+          }
+          return [full, least];
+        }"""
+    )
+    assert least < full
+    page.wait_for_function(f"() => window.uavrt.map().getPixelRatio() === {full}")
+    assert watched.errors == []
+    watched.close()

@@ -1,0 +1,106 @@
+/** The drone's upkeep: its radio, its parameters, its flights. */
+
+import { ApiError, get, send } from "./api";
+import { by, fill, h, say } from "./dom";
+import { toast } from "./notice";
+import { store } from "./store";
+
+const UPKEEP = ["radio_status", "save_logs", "clean_logs"];
+/** Asked a second time, because it cannot be undone. */
+const FINAL: Record<string, string> = { clean_logs: "Remove all flights from the drone?" };
+const CONFIRM_MS = 5000;
+
+export function droneSection(): HTMLElement {
+  const buttons = UPKEEP.map((name) => h("button", { id: `act-${name}`, onclick: () => void press(name) }));
+  store.on(["state", "online"], drawButtons);
+  return h(
+    "section",
+    { class: "block wide", "aria-labelledby": "h-drone" },
+    h(
+      "div",
+      { class: "toolbar" },
+      h("h2", { id: "h-drone" }, "The drone"),
+      ...buttons,
+      h("button", { id: "parameters-read", onclick: () => void read() }, "Parameters"),
+      h("span", { id: "drone-note", class: "note", role: "status" }),
+    ),
+    h("div", { id: "parameters", class: "parameters" }),
+  );
+}
+
+function drawButtons(): void {
+  const actions = store.state?.actions ?? {};
+  for (const name of UPKEEP) {
+    const button = by(`act-${name}`);
+    const action = actions[name];
+    button.setAttribute("aria-disabled", String(!action?.enabled));
+    button.title = action?.reason ?? "";
+    if (!button.dataset.asking) say(button, action?.label ?? name);
+  }
+}
+
+async function press(name: string): Promise<void> {
+  const button = by(`act-${name}`);
+  const action = store.state?.actions[name];
+  if (!action?.enabled) {
+    say(by("drone-note"), action?.reason ?? "Not now");
+    return;
+  }
+  if (FINAL[name] && !button.dataset.asking) {
+    button.dataset.asking = "yes";
+    say(button, FINAL[name]);
+    setTimeout(() => {
+      delete button.dataset.asking;
+      drawButtons();
+    }, CONFIRM_MS);
+    return;
+  }
+  delete button.dataset.asking;
+  await ask(name, {});
+  drawButtons();
+}
+
+async function ask(name: string, body: unknown): Promise<boolean> {
+  try {
+    const answer = await send<{ message: string }>("POST", `/commands/${name}`, body);
+    say(by("drone-note"), answer.message);
+    return true;
+  } catch (error) {
+    const words = error instanceof ApiError ? error.message : "the server is not reached";
+    say(by("drone-note"), words);
+    toast(words, 4);
+    return false;
+  }
+}
+
+async function read(): Promise<void> {
+  const note = by("drone-note");
+  say(note, "Asking the drone …");
+  try {
+    const found = await get<Record<string, number>>("/parameters");
+    const names = Object.keys(found).sort();
+    fill(by("parameters"), ...names.map((name) => row(name, found[name]!)));
+    say(note, `${names.length} parameters`);
+  } catch (error) {
+    say(note, error instanceof ApiError ? error.message : "the server is not reached");
+  }
+}
+
+function row(name: string, value: number): HTMLElement {
+  // The wire carries 32-bit floats: seven digits are all there is.
+  const input = h("input", { value: String(Number(value.toPrecision(7))), inputmode: "decimal", "data-parameter": name });
+  const set = async () => {
+    const wanted = Number(input.value.replace(",", "."));
+    if (input.value.trim() === "" || !Number.isFinite(wanted)) {
+      say(by("drone-note"), `${name} must be a number`);
+      input.setAttribute("aria-invalid", "true");
+      return;
+    }
+    const done = await ask("set_parameter", { name, value: wanted });
+    input.setAttribute("aria-invalid", String(!done));
+  };
+  input.addEventListener("keydown", (event) => {
+    if (event.key === "Enter") void set();
+  });
+  return h("label", { class: "parameter" }, h("span", {}, name), input, h("button", { onclick: () => void set() }, "Set"));
+}
