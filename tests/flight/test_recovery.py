@@ -31,7 +31,7 @@ def test_every_process_the_supervisor_and_the_power_may_go_and_no_pulse_is_lost(
 
 
 def test_resources_are_measured_for_every_process_and_no_sample_is_lost() -> None:
-    report = run_resources(ResourcePlan(minutes=0.25, tags=4, loads=(8,), load_s=6.0))
+    report = run_resources(ResourcePlan(minutes=0.1, tags=4, loads=(8,), load_s=4.0))
     assert report.lost_samples == 0
     assert len(report.moments) == 7
     names = {"supervisor", "receiver", "detector-1", "connection", "recorder"}

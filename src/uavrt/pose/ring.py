@@ -13,7 +13,7 @@ from uavrt.errors import PoseUnavailable
 from uavrt.messages import AttitudeSample, Pose, PositionSample
 from uavrt.pose.mounting import Mounting
 from uavrt.pose.rotation import Quaternion, normalised, slerp
-from uavrt.pose.series import S, Series
+from uavrt.pose.series import Four, S, Series
 from uavrt.units import ns_from_s, wrap_degrees_180
 
 CAPACITY = 6_000
@@ -47,8 +47,8 @@ class PoseRing:
         self, antenna: AntennaSettings | None = None, *, capacity: int = CAPACITY
     ) -> None:
         self._mounting = Mounting.from_settings(antenna or AntennaSettings())
-        self._attitudes: Series[AttitudeSample] = Series(capacity)
-        self._positions: Series[PositionSample] = Series(capacity)
+        self._attitudes = Series(capacity, lambda sample: sample.quaternion_wxyz, _attitude)
+        self._positions = Series(capacity, _numbers, _position)
         self._max_gap_ns = ns_from_s(MAX_GAP_S)
         self._rate_baseline_ns = ns_from_s(_RATE_BASELINE_S)
         self._max_extrapolation_ns = ns_from_s(MAX_EXTRAPOLATION_S)
@@ -195,3 +195,27 @@ class PoseRing:
 
 def _linear(before: float, after: float, fraction: float) -> float:
     return before + fraction * (after - before)
+
+
+def _attitude(time_ns: int, numbers: Four) -> AttitudeSample:
+    return AttitudeSample(time_ns=time_ns, quaternion_wxyz=numbers)
+
+
+def _numbers(sample: PositionSample) -> Four:
+    return (
+        sample.latitude_deg,
+        sample.longitude_deg,
+        sample.altitude_amsl_m,
+        sample.altitude_relative_m,
+    )
+
+
+def _position(time_ns: int, numbers: Four) -> PositionSample:
+    latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m = numbers
+    return PositionSample(
+        time_ns=time_ns,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_amsl_m=altitude_amsl_m,
+        altitude_relative_m=altitude_relative_m,
+    )

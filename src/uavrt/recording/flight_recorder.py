@@ -52,6 +52,8 @@ _POISON = (sqlite3.IntegrityError, sqlite3.DataError, sqlite3.InterfaceError, Ov
 _UNWRITABLE = (*_POISON, sqlite3.ProgrammingError, UnicodeEncodeError)
 
 Statement = tuple[str, schema.Row]
+CACHE_KIB = 256
+"""Of SQLite's pages, in place of 2000: rows are appended, and the process shall not grow."""
 
 
 class FlightRecorder:
@@ -274,6 +276,7 @@ class FlightRecorder:
             try:
                 database.execute("PRAGMA journal_mode=WAL")
                 database.execute("PRAGMA synchronous=NORMAL")
+                database.execute(f"PRAGMA cache_size=-{CACHE_KIB}")
                 database.executescript(schema.TABLES)
                 database.execute(f"PRAGMA user_version={schema.VERSION}")
             except sqlite3.Error:

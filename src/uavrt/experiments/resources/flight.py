@@ -37,7 +37,8 @@ class Reading:
 
 
 class SteadyFlight:
-    """The real drone side on this machine, with stand-ins for radio and autopilot.
+    """The real drone side on this machine and a ground station, with a simulated radio and
+    autopilot.
 
     Parameters
     ----------
@@ -97,6 +98,13 @@ class SteadyFlight:
             *("--scenario", str(paths.scenario)),
             *("--companion", f"127.0.0.1:{companion_port}"),
             *("--ground", f"127.0.0.1:{ground_port}"),
+        )
+        # It takes the pulses, as in the field; without it they would gather in memory.
+        self._program(
+            work,
+            "ground",
+            *("uavrt.cli", "ground", "--headless", "--json"),
+            *("--mavlink", f"udpin://127.0.0.1:{ground_port}", "-o", str(work / "ground")),
         )
         encoded = msgspec.json.encode(settings).decode()
         self.supervisor = self._program(work, "supervisor", "uavrt.supervisor", encoded)
