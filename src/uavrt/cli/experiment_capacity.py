@@ -70,6 +70,7 @@ def capacity(
     if picture is not None:
         _draw(rows, picture)
     good = all(row.reproduced for row in rows) and all(r.received == r.sent for r in ours)
+    good = good and all(row.received == row.sent for row in real if row.ours)
     sys.exit(0 if good else 1)
 
 
@@ -93,8 +94,9 @@ def _show(rows: list[CapacityRow], ours: list[CapacityRow], real: list[LinkRow])
         names = ("sent", "gap ms", "received", "not taken", "damaged", "by the autopilot")
         table = Table(*names, title="through the link")
         for item in real:
-            counts = (item.sent, item.gap_ms, item.received, item.not_taken, item.damaged)
-            table.add_row(*map(str, (*counts, item.between)))
+            gap = f"{item.gap_ms}, our sender" if item.ours else str(item.gap_ms)
+            counts = (item.received, item.not_taken, item.damaged, item.between)
+            table.add_row(str(item.sent), gap, *map(str, counts))
         console.print(table)
 
 

@@ -57,6 +57,7 @@ class GroundStatus:
         self._root = root
         self._disk = disk
         self._space_mib = (UNKNOWN_U32, UNKNOWN_U32)
+        self._asking = False
         self._limiter = TextLimiter()
         self._next_ns: dict[str, int] = {}
         self._tags = 1
@@ -80,8 +81,11 @@ class GroundStatus:
             for step in self._exchange.progress_again():
                 self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.asker))
         if self._due("computer", COMPUTER_NS, now_ns):
-            self._disk(partial(_disk_mib, self._root), self._take_space)
-            self._sender.send_message(self._computer_status())
+            if self._asking:  # the disk stalls: tell what was known
+                self._sender.send_message(self._computer_status())
+            self._asking = True
+            if not self._disk(partial(_disk_mib, self._root), self._take_space):
+                self._asking = False
 
     def text(self, text: StatusText, now_ns: int) -> None:
         """Send a text for the operator, unless there are too many."""
@@ -112,7 +116,9 @@ class GroundStatus:
             self._sender.send_tunnel(payload, Priority.STATUS)
 
     def _take_space(self, space_mib: tuple[int, int]) -> None:
+        self._asking = False
         self._space_mib = space_mib
+        self._sender.send_message(self._computer_status())
 
     def _computer_status(self) -> OnboardComputerStatus:
         """Load, memory and space of this computer; the rest is unknown."""

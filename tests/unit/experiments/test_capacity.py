@@ -61,10 +61,11 @@ def test_through_links_every_loss_is_the_autopilots() -> None:
         finally:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
-        together, apart = rows
+        together, apart, ours = rows
         assert together.received < 20
         assert together.between == 60 - together.received
         assert apart.received == 60
+        assert (ours.ours, ours.received, ours.between) == (True, 60, 0)
         assert autopilot.counters()["dropped_to_ground"] == together.between
 
     asyncio.run(main())

@@ -6,17 +6,20 @@ which is what lies between: the autopilot, if the links are good.
 """
 
 import asyncio
+import time
 from dataclasses import dataclass
 
 from uavrt.errors import LinkError
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import Frame, FrameWriter
 from uavrt.mavlink.link import Link
+from uavrt.mavlink.pacing import PacedQueue, Priority
 from uavrt.mavlink.transport import open_link
 
 PAYLOAD_TYPE = 60_010
 GROUND = (255, 190)
 QUIET_S = 1.0
+OUR_GAP_MS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,12 +28,15 @@ class LinkRow:
 
     sent: int
     gap_ms: int
+    """Between two messages; our own sender's, where `ours` says so."""
     received: int
     not_taken: int
     """Refused by our own socket or port."""
     damaged: int
     between: int
     """Lost between the links: by the autopilot."""
+    ours: bool = False
+    """Sent as in a flight: all there at once, paced by `PacedQueue`."""
 
 
 async def run_links(
@@ -64,6 +70,10 @@ async def run_links(
             for gap_ms in gaps_ms:
                 got.clear()
                 rows.append(await _series(up, down, writer, got, count, gap_ms))
+        for count in counts:
+            got.clear()
+            paced = PacedQueue()
+            rows.append(await _series(up, down, writer, got, count, OUR_GAP_MS, paced))
         return rows
     except TimeoutError:
         raise LinkError(
@@ -77,26 +87,34 @@ async def run_links(
 
 
 async def _series(
-    up: Link, down: Link, writer: FrameWriter, got: set[int], count: int, gap_ms: int
+    up: Link,
+    down: Link,
+    writer: FrameWriter,
+    got: set[int],
+    count: int,
+    gap_ms: int,
+    paced: PacedQueue | None = None,
 ) -> LinkRow:
     loop = asyncio.get_running_loop()
     refused, damaged = up.counters.dropped, down.counters.bad_crc
     start_s = loop.time()
     for number in range(count):
         payload = number.to_bytes(4, "little") + bytes(range(1, 125))
-        up.send(
-            writer.encode(
-                dialect.Tunnel(
-                    target_system=GROUND[0],
-                    target_component=GROUND[1],
-                    payload_type=PAYLOAD_TYPE,
-                    payload_length=len(payload),
-                    payload=payload,
-                )
-            )
+        message = dialect.Tunnel(
+            target_system=GROUND[0],
+            target_component=GROUND[1],
+            payload_type=PAYLOAD_TYPE,
+            payload_length=len(payload),
+            payload=payload,
         )
+        if paced is not None:
+            paced.put(message, Priority.STATUS)
+            while (wait_ns := paced.wait_ns(time.monotonic_ns())) != 0:  # noqa: ASYNC110
+                await asyncio.sleep((wait_ns or 0) / 1e9)
+            paced.take(time.monotonic_ns())
+        up.send(writer.encode(message))
         wait_s = start_s + (number + 1) * gap_ms / 1e3 - loop.time()
-        if wait_s > 0.0:
+        if paced is None and wait_s > 0.0:
             await asyncio.sleep(wait_s)
     await asyncio.sleep(QUIET_S)
     not_taken = up.counters.dropped - refused
@@ -108,6 +126,7 @@ async def _series(
         not_taken=not_taken,
         damaged=bad,
         between=count - len(got) - not_taken - bad,
+        ours=paced is not None,
     )
 
 

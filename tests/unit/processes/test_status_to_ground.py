@@ -1,0 +1,80 @@
+"""What the drone tells of itself, over the real way: connection, autopilot, ground station."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from uavrt.ground.link import DetectorAlive, DroneHeartbeat
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import Frame
+from uavrt.messages import SearchReport, StatusText, SystemState, SystemStatus, Tag
+
+Bay = Any  # tests/unit/processes/conftest.py
+Until = Callable[..., Awaitable[None]]
+
+TAGS = tuple(
+    Tag(
+        tag_id=number,
+        frequency_hz=148.7e6 + 10_000.0 * number,
+        pulse_width_s=0.02,
+        pulse_intervals_s=(1.254,),
+    )
+    for number in (2, 4)
+)
+LONG = "Detector 1 gave up on tag 4: " + "its channel has been overloaded " * 5
+
+
+def test_state_tags_searches_texts_and_the_computers_load_reach_the_ground(
+    bay: Bay, until: Until
+) -> None:
+    loads: list[dialect.OnboardComputerStatus] = []
+
+    def take(frame: Frame) -> None:
+        message = frame.message() if frame.component_id == 191 else None
+        if isinstance(message, dialect.OnboardComputerStatus):
+            loads.append(message)
+
+    async def main() -> None:
+        async with bay.running(), bay.ground_station(on_frame=take) as (_, events):
+
+            def of(kind: type) -> list[Any]:
+                return [event for event in events if isinstance(event, kind)]
+
+            bay.tell("system_status", status(bay.clock.now_ns()))
+            bay.send_pulse(1)  # tag 2 is found
+            bay.tell("search_report", report(4, bay.clock.now_ns()))
+            bay.tell("search_report", report(4, bay.clock.now_ns()))  # too soon for another
+            bay.tell("status_text", StatusText(severity=4, text=LONG))
+            await until(lambda: of(SearchReport) and of(StatusText) and loads)
+            await until(lambda: {alive.tag_id for alive in of(DetectorAlive)} == {2, 4})
+            (search,) = of(SearchReport)
+            assert search.tag_id == 4
+            assert search.noise_psd == 2.0**-40
+            assert StatusText(severity=4, text=LONG) in of(StatusText)
+            await until(lambda: of(DroneHeartbeat)[-1].state is SystemState.DETECTING)
+
+    asyncio.run(main())
+    assert loads[0].ram_total > loads[0].ram_usage > 0
+    assert loads[0].storage_total[0] > loads[0].storage_usage[0] >= 0
+    assert loads[0].storage_total[0] != 0xFFFFFFFF
+
+
+def status(time_ns: int) -> SystemStatus:
+    return SystemStatus(
+        time_ns=time_ns,
+        state=SystemState.DETECTING,
+        flight_directory=None,
+        center_frequency_hz=148.7e6,
+        tags=TAGS,
+        processes=(),
+    )
+
+
+def report(tag_id: int, time_ns: int) -> SearchReport:
+    return SearchReport(
+        tag_id=tag_id,
+        time_ns=time_ns,
+        frequency_hz=148.74e6,
+        noise_psd=2.0**-40,
+        best_score=0.5,
+    )
