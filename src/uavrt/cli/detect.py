@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -19,13 +19,15 @@ from uavrt.analysis.detect import DetectionSummary
 from uavrt.analysis.detect import detect as run_detectors
 from uavrt.analysis.redetect import FlightWriter
 from uavrt.analysis.tag_source import TagSource, read_tag_source
-from uavrt.cli.listeners import Listener, Plots, PulseDatagrams, RosPulses
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import ConfigError, RecordingError
 from uavrt.messages import Pulse, Tag
 from uavrt.radio import SampleSource, open_channel, open_recording, open_stream
 from uavrt.radio.udp_address import is_udp_address
 from uavrt.recording import Flight, PulseWriter, pulse_format, read_flight
+
+if TYPE_CHECKING:
+    from uavrt.cli.listeners import Listener
 
 Write = Callable[[Sequence[Pulse]], None]
 
@@ -147,8 +149,12 @@ def _listeners(
     udp_pulses: str | None,
     ros2: str | None,
     frequency_window_hz: float,
-) -> list[Listener]:
+) -> "list[Listener]":
     """Make those who hear of the detection; what cannot work shows before it begins."""
+    if plot is None and udp_pulses is None and ros2 is None:
+        return []
+    from uavrt.cli.listeners import Plots, PulseDatagrams, RosPulses  # 4 MB
+
     found: list[Listener] = []
     if plot is not None:
         found.append(Plots(plot, tags, frequency_window_hz))
@@ -159,7 +165,7 @@ def _listeners(
     return found
 
 
-def _to_all(write: Write, listeners: Sequence[Listener]) -> Write:
+def _to_all(write: Write, listeners: "Sequence[Listener]") -> Write:
     def write_and_tell(pulses: Sequence[Pulse]) -> None:
         write(pulses)
         for listener in listeners:
@@ -168,7 +174,7 @@ def _to_all(write: Write, listeners: Sequence[Listener]) -> Write:
     return write_and_tell
 
 
-def _each(listeners: Sequence[Listener], name: str) -> Callable[[Any], None] | None:
+def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:
     """One call for the same method of all listeners; None when there is nobody."""
     methods = [getattr(listener, name) for listener in listeners]
 

@@ -85,7 +85,8 @@ class PulseDetector:
         if len(tag.pulse_intervals_s) > 1:
             # The other rate is followed from the last pulse heard, maybe two intervals ago.
             span_s += 2.0 * longest
-        keep_s = max(span_s, 1.0) + tag.interval_jitter_s + 1.0
+        # Batch, block, filter and the windows beside a pulse: a group is judged 0.7 s late.
+        keep_s = max(span_s, 1.0) + tag.interval_jitter_s + 0.8
         self._buffer = SampleBuffer(
             sample_rate_hz=self.sample_rate_hz,
             keep=math.ceil((keep_s + tag.pulse_width_s) * self.sample_rate_hz),

@@ -7,6 +7,7 @@ by a transform 25 times as long, and subtracted with an amplitude that may chang
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ class LineCanceller:
     def __init__(self, sample_rate_hz: float) -> None:
         self._rate = sample_rate_hz
         self._length = 1 << round(math.log2(LOOK_S * sample_rate_hz))
-        self._window = np.hanning(self._length).astype(np.float32)
+        self._window = _window(self._length)
         self._block = max(1, round(_BLOCK_S * sample_rate_hz))
         self._past: NDArray[np.complex64] | None = None
         """Newest samples as they were before carriers were taken out; None: as they are."""
@@ -134,3 +135,9 @@ class LineCanceller:
             wave = (fine @ (solve @ still)) * turn
             both = both - wave
         samples[:] = both[len(before) :]
+
+
+@lru_cache(maxsize=8)
+def _window(length: int) -> NDArray[np.float32]:
+    """Hann's window, one for all tags of a length: 16 kB."""
+    return np.hanning(length).astype(np.float32)

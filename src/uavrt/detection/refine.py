@@ -65,8 +65,7 @@ class Refiner:
         self._window = grid.window
         self.upto = 0
         """Index after the last sample that is clean."""
-        n = np.arange(grid.window) - (grid.window - 1) / 2.0
-        self._moments = np.stack((np.ones_like(n), n, n * n)).astype(np.complex128)
+        self._moments = _moments(grid.window)
         self._bin_hz = grid.sample_rate_hz / grid.window
         offsets = grid.offsets_hz
         self._lowest_hz = float(offsets[0])
@@ -287,3 +286,10 @@ def _turns(
     frequencies = np.linspace(-half_band_hz, half_band_hz, count)
     radians = (-2j * np.pi / rate_hz) * frequencies[:, np.newaxis] * np.arange(length)
     return frequencies, np.exp(radians)
+
+
+@lru_cache(maxsize=8)
+def _moments(window: int) -> NDArray[np.complex128]:
+    """Powers 0 to 2 of the samples' distances from the middle, shape (3, window)."""
+    n = np.arange(window) - (window - 1) / 2.0
+    return np.stack((np.ones_like(n), n, n * n)).astype(np.complex128)

@@ -57,7 +57,7 @@ class SampleBuffer:
         self._ns_per_sample = NANOSECONDS_PER_SECOND / sample_rate_hz
         self._keep = keep
         self._tolerance_ns = tolerance_s * NANOSECONDS_PER_SECOND
-        self._data = np.zeros(keep + keep // 4 + 1024, np.complex64)
+        self._data = np.zeros(keep + keep // 5 + 1024, np.complex64)
         self.start = 0
         """Index of the oldest sample kept."""
         self.end = 0
