@@ -45,6 +45,8 @@ $(STAMP): pyproject.toml hatch_build.py src/uavrt/mavlink/dialect.toml src/uavrt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet -e '.[ground,analysis,ros2,dev]'
+	@# GPL, so only ever run as a program by one test, which is left out without it.
+	-$(BIN)/python -m pip install --quiet --no-deps 'MAVProxy==1.8.75'
 	touch $@
 
 clean:

@@ -25,19 +25,19 @@ BAR_PERCENT = 6.0
 
 def run() -> list[Table]:
     """All tables of this section."""
-    runs = [measure() for _ in range(2)]
+    runs = [measure() for _ in range(3)]
     best = min(cpu for cpu, _, _ in runs)
     met = "met" if best <= BAR_PERCENT else "NOT met"
     return [
         Table(
             title="MAVLink connection",
-            header=["CPU % (two runs)", "tunnels in", "poses in", "bar"],
+            header=["CPU % (three runs)", "tunnels in", "poses in", "bar"],
             rows=[
                 [
                     ", ".join(f"{cpu:.2f}" for cpu, _, _ in runs),
                     f"{runs[0][1]:.0f}/s",
                     f"{runs[0][2]:.0f}/s",
-                    f"≤ {BAR_PERCENT:g} %: {met}",
+                    f"≤ {BAR_PERCENT:g} %: {met}, {BAR_PERCENT - best:+.1f} to spare",
                 ]
             ],
             notes=[
