@@ -44,14 +44,28 @@ class Registry(Mapping[str, T], Generic[T]):
             self._loaded[name] = self._load(self._additions()[name])
         return self._loaded[name]
 
+    def add(self, name: str, thing: T) -> None:
+        """Make something known while this program runs.
+
+        Raises
+        ------
+        ConfigError
+            The name is one of ours.
+        """
+        if name in self._own:
+            raise ConfigError(
+                f"{name!r} is a name of uavrt's own", remedy="Choose another name"
+            )
+        self._loaded[name] = thing
+
     def __contains__(self, name: object) -> bool:
-        return name in self._own or name in self._additions()
+        return name in self._own or name in self._loaded or name in self._additions()
 
     def __iter__(self) -> Iterator[str]:
-        return iter([*self._own, *self._additions()])
+        return iter(dict.fromkeys([*self._own, *self._additions(), *self._loaded]))
 
     def __len__(self) -> int:
-        return len(self._own) + len(self._additions())
+        return len(list(iter(self)))
 
     def _additions(self) -> dict[str, EntryPoint]:
         if self._added is None:

@@ -16,9 +16,12 @@ from uavrt.localization import (
     BearingMethod,
     TangentPlane,
     Turn,
+    TurnPulses,
     estimate_bearing,
     find_turns,
+    learn_pattern,
 )
+from uavrt.localization.antenna import pattern_named
 from uavrt.localization.attitude import Headings
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import Flight, FlightLayout, read_flight
@@ -31,6 +34,7 @@ MISS_THRESHOLD_DB = 13.0
 are found with 90 % (DESIGN.md §5), the rest is room for losses."""
 _IN_PLACE_M = 30.0
 _FEWEST_PULSES = 3
+_FEWEST_TURNS = 3
 
 _Floats = NDArray[np.float64]
 
@@ -81,8 +85,25 @@ def bearings_of_flight(
     Turns are found in the vehicle's poses; headings are the antenna's, which the pulses carry.
     Pulses that a known interval says must have come, and that were not heard, count as misses.
     """
+    return [
+        _estimated(pulses, missed, method, antenna) for pulses, missed in heard_in_turns(flight)
+    ]
+
+
+Heard = tuple[Sequence[PulsePose], Sequence[float]]
+"""Pulses of one tag in one turn, and the antenna's headings at those that were missed."""
+
+
+def heard_in_turns(flight: Flight) -> list[Heard]:
+    """What was heard of each tag in each turn in place, in order of time and tag.
+
+    Raises
+    ------
+    UsageError
+        No pulse has a pose.
+    """
     _check_poses(flight.pulse_poses)
-    found = []
+    found: list[Heard] = []
     for turn in _turns_of(flight.poses):
         inside = [one for one in flight.pulse_poses if _during(one, turn)]
         for tag_id in _tag_ids(inside):
@@ -92,8 +113,38 @@ def bearings_of_flight(
             every = [one for one in flight.pulse_poses if one.pulse.tag_id == tag_id]
             tags = {tag.tag_id: tag for tag in flight.info.tags}
             missed = _missed_yaws(every, tags.get(tag_id), turn, flight.poses)
-            found.append(_estimated(pulses, missed, method, antenna))
+            found.append((pulses, missed))
     return found
+
+
+def learnt_antenna(path: str | os.PathLike[str], antenna: str) -> AntennaPattern:
+    """Correct a pattern by the turns of a flight: the antenna as it is on this airframe.
+
+    Raises
+    ------
+    UsageError
+        It is no flight directory, or has fewer than three turns past a tag.
+    """
+    if not FlightLayout(Path(path)).database.is_file():
+        raise UsageError("only a flight directory teaches a pattern", remedy="Name one")
+    turns = [_turn_pulses(*one) for one in heard_in_turns(read_flight(path))]
+    if len(turns) < _FEWEST_TURNS:
+        raise UsageError(
+            f"{len(turns)} turns past a tag do not teach a pattern",
+            remedy=f"Turn in place {_FEWEST_TURNS} times or more, or hear more tags",
+        )
+    return learn_pattern(turns, pattern_named(antenna), threshold_db=MISS_THRESHOLD_DB)
+
+
+def _turn_pulses(pulses: Sequence[PulsePose], missed_yaw_deg: Sequence[float]) -> TurnPulses:
+    poses = [one.pose for one in pulses if one.pose is not None]
+    snr = np.array([one.pulse.snr_db for one in pulses])
+    return TurnPulses(
+        yaw_deg=np.concatenate([_yaw_deg(poses), missed_yaw_deg]),
+        matched_power=np.concatenate(
+            [1.0 + 10.0 ** (snr / 10.0), np.full(len(missed_yaw_deg), np.nan)]
+        ),
+    )
 
 
 def bearings_of_pulses(

@@ -33,6 +33,7 @@ def attach(
     antenna
         Name of the antenna's pattern, for estimating the offset from powers.
     """
+    from uavrt.analysis.antenna_files import antenna_named
     from uavrt.analysis.tracks import ClockOffset, attach_poses, estimate_offset, read_track
     from uavrt.config.settings import AntennaSettings
     from uavrt.recording import PulseWriter, pulse_format
@@ -42,7 +43,7 @@ def attach(
     for warning in way.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
     if clock_offset is None:
-        found = estimate_offset(log.pulse_poses, way, antenna=antenna)
+        found = estimate_offset(log.pulse_poses, way, antenna=antenna_named(antenna))
     else:
         found = ClockOffset(offset_s=clock_offset, found_by="given")
     settings = AntennaSettings(yaw_offset_deg=yaw_offset)

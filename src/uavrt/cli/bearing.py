@@ -17,6 +17,7 @@ def bearing(
     method: str = "pattern_ml",
     antenna: str = "RA-23K",
     recording: Path | None = None,
+    learn: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Estimate the bearing of each tag in each turn in place.
@@ -30,13 +31,17 @@ def bearing(
         pattern_ml (a posterior with its interval), or for comparison pca, pca_log,
         pca_amplitude, pearson, ls_linear, ls_db, max.
     antenna
-        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package.
+        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package;
+        or a CSV file of angles and gains.
     recording
         The SigMF recording that the pulses were found in, received through an antenna switch:
         bearings from the phases between its antennas (pseudo_doppler, two_point_phased).
+    learn
+        Correct the pattern by the turns of this flight, write it to this CSV file, and use it.
     as_json
         Print a list of objects.
     """
+    from uavrt.analysis.antenna_files import antenna_named, write_antenna
     from uavrt.analysis.bearings import read_bearings
     from uavrt.analysis.switched import switched_bearings
     from uavrt.recording.formats import read_pulse_log
@@ -44,6 +49,13 @@ def bearing(
     log = read_pulse_log(pulses)
     for warning in log.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
+    antenna = antenna_named(antenna)
+    if learn is not None:
+        from uavrt.analysis.bearings import learnt_antenna
+
+        pattern = learnt_antenna(pulses, antenna)
+        write_antenna(pattern, learn, f"{antenna} as {pulses.resolve().name} showed it")
+        antenna = antenna_named(str(learn))
     if recording is not None:
         found = switched_bearings(recording, log.pulse_poses)
     else:

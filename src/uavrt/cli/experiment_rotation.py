@@ -80,10 +80,14 @@ def _real(
     antenna: str,
     output: Path | None,
 ) -> None:
+    from uavrt.analysis.antenna_files import antenna_named
     from uavrt.experiments.rotation import real_rotations
 
     found = real_rotations(
-        flight, bearing_deg=bearing, start_heading_deg=start_heading, antenna=antenna
+        flight,
+        bearing_deg=bearing,
+        start_heading_deg=start_heading,
+        antenna=antenna_named(antenna),
     )
     parts = [one.lines() for one in found]
     print("\n".join("\n".join(lines) for lines in parts))

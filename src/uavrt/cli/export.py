@@ -49,6 +49,7 @@ def export(
         print(bag.file)
         if not formats:
             return
+    from uavrt.analysis.antenna_files import antenna_named
     from uavrt.analysis.export import EXPORT_FORMATS, export_survey
     from uavrt.analysis.survey import read_survey
 
@@ -58,7 +59,7 @@ def export(
             f"there is no format {', '.join(unknown)}",
             remedy=f"Known are {', '.join(EXPORT_FORMATS)}",
         )
-    survey = read_survey(flight, antenna=antenna)
+    survey = read_survey(flight, antenna=antenna_named(antenna))
     for warning in survey.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
     beside = flight if flight.is_dir() else flight.parent

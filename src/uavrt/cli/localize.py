@@ -28,13 +28,15 @@ def localize(
         them; or rmr_ahead, mest_lenth as they were meant.
     antenna
         Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package;
+        or a CSV file of angles and gains;
         monopole: no bearings, positions from strength along the flight.
     as_json
         Print a list of objects.
     """
+    from uavrt.analysis.antenna_files import antenna_named
     from uavrt.analysis.positions import read_positions
 
-    found = read_positions(flight, method=method, antenna=antenna)  # type: ignore[arg-type]
+    found = read_positions(flight, method=method, antenna=antenna_named(antenna))  # type: ignore[arg-type]
     if as_json:
         print(json.dumps([_record(one) for one in found if one.position], indent=2))
         return

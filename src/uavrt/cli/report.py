@@ -23,6 +23,7 @@ def report(
         A flight directory, or a pulse log in any format that is known.
     antenna
         Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package;
+        or a CSV file of angles and gains;
         monopole: no bearings, positions from strength along the flight.
     html
         Write report.html.
@@ -31,10 +32,11 @@ def report(
     output
         Directory to write into; by default the flight directory, or beside the log.
     """
+    from uavrt.analysis.antenna_files import antenna_named
     from uavrt.analysis.report import write_report
     from uavrt.analysis.survey import read_survey
 
-    survey = read_survey(flight, antenna=antenna)
+    survey = read_survey(flight, antenna=antenna_named(antenna))
     for warning in survey.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
     name = "report" if flight.is_dir() else f"{flight.stem}_report"

@@ -53,6 +53,12 @@ def survey_scenario(tags: int = 2) -> Scenario:
 
 
 @pytest.fixture(scope="session")
+def scenario_of() -> Callable[[int], Scenario]:
+    """The world of the flights, by its number of tags."""
+    return survey_scenario
+
+
+@pytest.fixture(scope="session")
 def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
     """Write a flight directory; tags beyond `heard` are listed and never heard."""
 
