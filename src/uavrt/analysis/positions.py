@@ -20,7 +20,8 @@ from uavrt.localization import (
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import FlightLayout, read_flight
 from uavrt.recording.bearing_files import BearingRow, read_bearing_file
-from uavrt.recording.formats import read_pulse_log
+from uavrt.recording.formats import read_position_file, read_pulse_log
+from uavrt.recording.formats.text import cells_of, read_lines
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +42,8 @@ def read_positions(
 ) -> list[TagPosition]:
     """Estimate the positions of the tags of a flight directory or a bearings.csv.
 
+    A positions.csv gives those that are in it.
+
     Raises
     ------
     FormatError
@@ -54,6 +57,8 @@ def read_positions(
     if Path(path).is_dir():
         found = read_bearings(path, antenna=antenna)
         return positions_of_bearings(found, method=method)
+    if _holds_positions(path):
+        return _stored_positions(path, method)
     rows = read_bearing_file(path)
     return [
         _positioned(
@@ -61,6 +66,27 @@ def read_positions(
         )
         for tag_id in sorted({row.tag_id for row in rows})
     ]
+
+
+def _holds_positions(path: str | os.PathLike[str]) -> bool:
+    """Whether a file has the columns of a positions.csv: up to 8; a bearings.csv has 10."""
+    if not Path(path).is_file():
+        return False
+    lines = (line for line in read_lines(path) if line.strip() and line[0] != "#")
+    return 4 <= len(cells_of(next(lines, ""))) <= 8
+
+
+def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosition]:
+    """What the original's tools wrote into a positions.csv; of all methods for ``bayes``."""
+    found = []
+    for row in read_position_file(path):
+        for name, place in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):
+            if place is not None and method in ("bayes", name):
+                position = Position(
+                    latitude_deg=place[0], longitude_deg=place[1], method=name, stations=0
+                )
+                found.append(TagPosition(tag_id=row.tag_id, position=position))
+    return found
 
 
 def tags_of(path: str | os.PathLike[str]) -> tuple[Tag, ...]:

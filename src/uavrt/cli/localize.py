@@ -22,7 +22,7 @@ def localize(
     Parameters
     ----------
     flight
-        A flight directory, or a bearings.csv.
+        A flight directory, or a bearings.csv; a positions.csv gives what is in it.
     method
         bayes (a region with its probability); or mle, rmr, mest as the original system computes
         them; or rmr_ahead, mest_lenth as they were meant.
@@ -76,8 +76,10 @@ def _sentence(one: "TagPosition") -> str:
         text += f", within {found.radius50_m:.0f} m (50 %), {found.radius95_m:.0f} m (95 %)"
     if found.stations:
         text += f", from {found.stations} bearing(s)"
-    else:
+    elif found.pulses:
         text += f", from the strength of {found.pulses} pulses"
+    else:
+        text += f", {found.method} as it stands in the file"
     if found.at_edge:
         text += "; it may be farther out"
     return text

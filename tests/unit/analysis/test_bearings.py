@@ -11,6 +11,7 @@ import pytest
 
 from uavrt.analysis.bearings import bearings_of_flight, bearings_of_pulses, read_bearings
 from uavrt.analysis.positions import read_positions
+from uavrt.cli.app import app
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.angles import difference_deg
@@ -111,6 +112,27 @@ def write(pulses: tuple[PulsePose, ...], path: Path) -> Path:
         for pulse in pulses:
             writer.write(pulse)
     return path
+
+
+def test_a_positions_csv_gives_what_is_in_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "positions.csv"
+    path.write_text(
+        "2,bearings.csv,35.1,-111.6,35.2,-111.7,NaN,NaN,\n3,bearings.csv,36.1,-112.6,,,,,\n"
+    )
+    found = read_positions(path)
+    assert [(one.tag_id, one.position.method) for one in found if one.position] == [
+        (2, "mle"),
+        (2, "rmr"),
+        (3, "mle"),
+    ]
+    (only,) = read_positions(path, method="rmr")
+    assert only.position is not None
+    assert only.position.latitude_deg == 35.2
+    with pytest.raises(SystemExit):
+        app(["localize", str(path)])
+    assert "tag 2: 35.10000, -111.60000, mle as it stands" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("offset_deg", [0.0, 90.0])
