@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 
 from uavrt import tunnel
-from uavrt.errors import CommandRefused, LinkError
+from uavrt.errors import CommandRefused, LinkError, UavrtError
 from uavrt.ground.drone_parameters import DroneParameters
 from uavrt.ground.protocol import (
     DRONE_COMPONENT,
@@ -149,7 +149,11 @@ class GroundLink:
         LinkError
             None could be opened.
         """
-        opening = await self._ways.open(addresses)
+        try:
+            opening = await self._ways.open(addresses)
+        except UavrtError:
+            await self._ways.close()
+            raise
         self._serving = True
         try:
             next_heartbeat_ns = 0

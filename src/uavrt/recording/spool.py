@@ -19,8 +19,8 @@ _PULSE_WIDTH = len(schema.PULSE_COLUMNS.split(","))
 _UNDELIVERED = (
     f"SELECT {_PULSE}, {_POSE} FROM pulses JOIN pulse_poses USING (pulse_id) "
     "WHERE NOT EXISTS (SELECT 1 FROM deliveries"
-    " WHERE deliveries.pulse_id = pulses.pulse_id AND deliveries.store = ?) "
-    "ORDER BY pulses.start_time_ns DESC LIMIT ?"
+    " WHERE deliveries.pulse_id = pulses.pulse_id AND (deliveries.store = ?1 OR ?1 = 0)) "
+    "ORDER BY pulses.start_time_ns DESC LIMIT ?2"
 )
 
 
@@ -34,7 +34,8 @@ def undelivered(
     directory : path
         The flight.
     store : int
-        Number of the store; 0: those never sent to plain ground stations.
+        Number of the store; 0: those that nobody was sent or has. What an aware ground station
+        has in its store is not sent to plain ones after a restart: it would be old to them.
     limit : int
         How many at most.
     without : collection of (int, int)

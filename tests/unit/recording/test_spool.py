@@ -31,6 +31,21 @@ def test_recorded_pulses_are_undelivered_until_it_is_noted_for_that_store(
     recorder.close()
 
 
+def test_plain_ground_stations_are_owed_only_what_nobody_has(
+    make_info: Any, make_pulse_pose: Any
+) -> None:
+    info = make_info()
+    recorder = FlightRecorder.create(info)
+    items = [make_pulse_pose(number) for number in range(3)]
+    recorder.write_pulse_poses(items)
+    for store, item in zip((7, 0), items, strict=False):
+        key = (item.pulse.tag_id, item.pulse.start_time_ns)
+        recorder.write_delivered(Delivered(time_ns=1, store=store, pulses=(key,)))
+    recorder.close()
+    assert undelivered(info.directory, 0, 10) == ([items[2]], False)
+    assert undelivered(info.directory, 7, 10) == ([items[2], items[1]], False)
+
+
 def test_a_delivery_is_noted_after_the_flights_end(
     make_info: Any, make_pulse_pose: Any
 ) -> None:
