@@ -7,6 +7,7 @@ import math
 import sqlite3
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -22,7 +23,7 @@ from uavrt.ground.exports import EXPORTS, export
 from uavrt.ground.flight_keeper import FlightKeeper
 from uavrt.ground.flights import Columns, FlightLibrary
 from uavrt.localization import PATTERNS, TangentPlane
-from uavrt.messages import Pose, Pulse, PulsePose, Tag
+from uavrt.messages import LiveBearing, Pose, Pulse, PulsePose, Tag
 from uavrt.recording import read_flight
 
 START_NS = 1_700_000_000_000_000_000
@@ -292,3 +293,43 @@ def test_map_files_are_listed_and_their_tiles_turned_over(tmp_path: Path) -> Non
     assert maps.tile(path, 3, 4, 5) is None
     with pytest.raises(UsageError):
         maps.map_path(tmp_path, "../valley.mbtiles")
+
+
+def test_a_bearing_of_the_drones_own_stands_where_it_knows_of_more_pulses(
+    flown: tuple[FlightLibrary, str],
+) -> None:
+    """A link that lost four of five pulses; the drone's message of the first turn came."""
+    library, flight_id = flown
+    columns = library.columns(flight_id)
+    few = Columns(pulses=columns.pulses[:, ::5], poses=columns.poses)
+    ours = Estimator().estimate(few, AntennaChoice())
+    first = ours.bearings[0]
+    drones = LiveBearing(
+        tag_id=TAG.tag_id,
+        start_time_ns=first["start_time_ns"],
+        end_time_ns=first["end_time_ns"],
+        turned_deg=360.0,
+        latitude_deg=first["latitude_deg"],
+        longitude_deg=first["longitude_deg"],
+        bearing_deg=123.0,
+        sigma_deg=2.0,
+        interval90_deg=(119.7, 126.3),
+        level_db=30.0,
+        pulses=first["pulses"] + 1,
+        accepted=True,
+        ambiguous=False,
+        multipath_suspected=False,
+    )
+    merged = Estimator().estimate(few, AntennaChoice(), [drones])
+    assert [one["from_drone"] for one in merged.bearings] == [True, False]
+    assert merged.bearings[0]["bearing_deg"] == 123.0
+    assert merged.bearings[0]["turn"] == first["turn"]
+    assert merged.bearings[1] == ours.bearings[1]
+    assert merged.positions[0]["stations"] == 2
+    assert merged.positions != ours.positions
+    # With all pulses here, the drone's message tells nothing new.
+    every = Estimator().estimate(columns, AntennaChoice(), [drones])
+    assert every.bearings == estimates(columns).bearings
+    # A tag of which no pulse has come at all still has a bearing.
+    other = Estimator().estimate(few, AntennaChoice(), [replace(drones, tag_id=77)])
+    assert [one["tag_id"] for one in other.bearings] == [TAG.tag_id, TAG.tag_id, 77]
