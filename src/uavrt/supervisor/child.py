@@ -43,6 +43,11 @@ class Child:
         Called with each line it prints.
     on_exit : callable
         Called with the exit code, once.
+
+    Raises
+    ------
+    OSError
+        The system has no room for another process.
     """
 
     def __init__(
@@ -84,6 +89,10 @@ class Child:
                     PARENT_VARIABLE: str(os.getpid()),
                 },
             )
+        except OSError:
+            self._sock.close()
+            os.close(self._stdout)
+            raise
         finally:
             theirs.close()
             os.close(output)

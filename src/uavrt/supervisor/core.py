@@ -48,7 +48,7 @@ log = get_logger()
 
 TICK_S = 0.25
 """Between two looks at silent processes and due restarts; an end wakes the loop at once."""
-GATHER_S = 0.01
+GATHER_S = 0.02
 """A record may wait for others to the same process, which come in bursts with each radio block
 (87 ms); that halves the supervisor's load."""
 STATUS_PERIOD_S = 1.0

@@ -139,17 +139,22 @@ class Fleet:
         instance.health = None
         if "command" in instance.row.produces:
             self._mission.forget_replies()
-        instance.child = Child(
-            name=instance.name,
-            module=instance.row.module,
-            launcher=self._launcher,
-            outbox=instance.outbox,
-            pass_fds=self._fds_of(instance),
-            on_line=lambda line: self._on_line(instance, line),
-            on_output=lambda line: self._on_output(instance, line),
-            on_exit=lambda code: self._on_exit(instance, code),
-        )
         instance.restarts.started(time.monotonic())
+        try:
+            instance.child = Child(
+                name=instance.name,
+                module=instance.row.module,
+                launcher=self._launcher,
+                outbox=instance.outbox,
+                pass_fds=self._fds_of(instance),
+                on_line=lambda line: self._on_line(instance, line),
+                on_output=lambda line: self._on_output(instance, line),
+                on_exit=lambda code: self._on_exit(instance, code),
+            )
+        except OSError as error:
+            # No memory or no process ids left: that may pass, and is no reason to end.
+            self._report_restart(instance, f"could not be started ({error.strerror})")
+            return
         log.info("started", child=instance.name, pid=instance.child.pid)
 
     def _watch(self, instance: Instance, child: Child, now_s: float) -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import ctypes
+import errno
 import os
 import signal
 import time
@@ -221,6 +222,23 @@ def test_what_does_not_heed_sigterm_is_killed_with_all_it_started(run: Run) -> N
         assert yard.texts == [(4, "process did not stop: killed")]
         assert not is_alive(pid)
         await yard.until(lambda: not any(map(is_alive, grandchildren)))
+
+    run(DEAF, replace(ROW, stop_timeout_s=0.3), scene)
+
+
+def test_a_system_without_room_for_a_process_is_asked_again(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def scene(yard: Yard) -> None:
+        with monkeypatch.context() as full:
+            # As fork(2) fails when the limit of process ids is reached.
+            full.setattr(Launcher, "start", refuse)
+            await yard.until(lambda: yard.instance.restarts.in_a_row >= 2)
+        assert "could not be started (Resource temporarily unavailable)" in yard.texts[0][1]
+        await yard.until(lambda: yard.records)
+
+    def refuse(*_: object, **__: object) -> int:
+        raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
     run(DEAF, replace(ROW, stop_timeout_s=0.3), scene)
 
