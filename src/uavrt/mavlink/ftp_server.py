@@ -16,7 +16,7 @@ the reply is made when that is done.
 from collections import OrderedDict, deque
 from collections.abc import Callable
 from functools import partial
-from typing import BinaryIO, TypeVar
+from typing import BinaryIO
 
 from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.discovery import Peer
@@ -29,6 +29,7 @@ from uavrt.mavlink.ftp_state import (
     Disk,
     FilesOnLink,
     Session,
+    T,
     at_once,
     fitting,
     path_of,
@@ -43,8 +44,6 @@ from uavrt.mavlink.ftp_wire import (
 )
 from uavrt.mavlink.message import Message
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
-
-T = TypeVar("T")
 
 MAX_SESSIONS = 8
 IDLE_NS = ns_from_s(300.0)
@@ -213,6 +212,8 @@ class FileServer:
                 self._read(request, peer, now_ns)
             case Opcode.BURST_READ_FILE:
                 self._start_burst(request, peer, now_ns)
+            case Opcode.CALC_FILE_CRC32 if len(self._crcs) >= MAX_SESSIONS:
+                raise FileRefused(FtpError.NO_SESSIONS_AVAILABLE)
             case Opcode.CALC_FILE_CRC32:
                 self._on_disk(
                     peer,

@@ -202,6 +202,18 @@ def test_sessions_of_clients_are_apart_and_bounded(asker: Asker) -> None:
     assert error_of(full) is FtpError.NO_SESSIONS_AVAILABLE
 
 
+def test_checksums_in_the_making_are_bounded(asker: Asker) -> None:
+    path = b"/flight_log_1/flight.sqlite"
+    for number in range(20):
+        packet = FtpPacket(sequence=2 * number, opcode=Opcode.CALC_FILE_CRC32, data=path)
+        asker.server.receive(packet.encode(), CLIENT, 0)
+    replies = asker.replies()
+    assert [r.opcode for r in replies].count(Opcode.ACK) == MAX_SESSIONS
+    refused = [reply for reply in replies if reply.opcode == Opcode.NAK]
+    assert {error_of(reply) for reply in refused} == {FtpError.NO_SESSIONS_AVAILABLE}
+    assert len(replies) == 20
+
+
 def test_the_checksum_is_that_of_the_service(asker: Asker) -> None:
     reply = asker.ask(Opcode.CALC_FILE_CRC32, "/flight_log_1/flight.sqlite")
     assert int.from_bytes(reply.data, "little") == checksum(CONTENT)
