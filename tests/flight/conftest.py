@@ -82,7 +82,12 @@ class DroneBay:
         write_scenario(scenario, paths.scenario)
         companion_port, ground_port = free_udp_port(), free_udp_port()
         settings = drone_settings(scenario, paths, companion_port)
-        settings = replace(settings, **changes)  # type: ignore[arg-type]
+        # A table as such, or made from the one for this place.
+        made = {
+            name: change(getattr(settings, name)) if callable(change) else change
+            for name, change in changes.items()
+        }
+        settings = replace(settings, **made)  # type: ignore[arg-type]
         autopilot = self._program(
             work,
             "autopilot",

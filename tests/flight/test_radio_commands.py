@@ -4,32 +4,41 @@ import asyncio
 import contextlib
 import json
 from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from uavrt import tunnel
 from uavrt.clock import Clock
-from uavrt.config.settings import RecordingSettings
 from uavrt.errors import CommandRefused
 from uavrt.ground.link import GroundLink
-from uavrt.ground.protocol import DroneHeartbeat, GroundEvent
-from uavrt.mavlink import dialect
-from uavrt.messages import StatusText, SystemState
+from uavrt.ground.protocol import DroneHeartbeat, GroundEvent, OperationStep
+from uavrt.mavlink.signing import read_signing_key
+from uavrt.messages import PulsePose, StatusText, SystemState
 from uavrt.simulation.scenario import Scenario
 from uavrt.supervisor.usage import children_of
+from uavrt.tunnel import CommandId
+from uavrt.tunnel.numbered import COMPLETE
+from uavrt.tunnel.seal import read_key
 
 CAPTURE_S = 1.0
 
 
 class Operator:
-    """A ground station of ours, and what it has heard."""
+    """A ground station of ours with both keys and a numbered version, and what it has heard."""
 
-    def __init__(self) -> None:
+    def __init__(self, key: Path) -> None:
         self.heard: list[GroundEvent] = []
-        self.link = GroundLink(Clock.start().now_ns, on_event=self.heard.append)
+        self.link = GroundLink(
+            Clock.start().now_ns,
+            on_event=self.heard.append,
+            generation="G2",
+            key=read_key(key),
+            signing_key=read_signing_key(key),
+        )
 
     @contextlib.asynccontextmanager
     async def connected(self, port: int) -> AsyncIterator[GroundLink]:
@@ -45,6 +54,12 @@ class Operator:
     def state(self) -> SystemState | None:
         states = [event.state for event in self.heard if isinstance(event, DroneHeartbeat)]
         return states[-1] if states else None
+
+    def steps(self, command: CommandId) -> list[int]:
+        """States of a command's operation, each once."""
+        steps = [event for event in self.heard if isinstance(event, OperationStep)]
+        states = [step.state for step in steps if step.command == command]
+        return [state for state, _ in groupby(states)]
 
     def texts(self) -> list[str]:
         return [event.text for event in self.heard if isinstance(event, StatusText)]
@@ -69,49 +84,55 @@ def radio_arguments(pid: int) -> list[list[str]]:
     return found
 
 
-def parameter_set(name: str, value: float) -> dialect.ParamSet:
-    return dialect.ParamSet(
-        target_system=1, target_component=191, param_id=name, param_value=value, param_type=9
-    )
-
-
 @pytest.mark.flight
 @pytest.mark.timeout(240)
-def test_a_raw_capture_and_a_gain_set_in_flight(
+def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
     drone_bay: Any, thesis_scenario: Scenario, tmp_path: Path
 ) -> None:
-    recording = RecordingSettings(
-        directory=str(tmp_path / "drone1" / "flights"),
-        capture_s=CAPTURE_S,
-        minimum_free_mb=1.0,
+    key = tmp_path / "key"
+    key.write_text("5a" * 32)
+    drone = drone_bay.launch(
+        thesis_scenario,
+        autopilot_options=("--flavour", "ardupilot"),
+        recording=lambda usual: replace(usual, capture_s=CAPTURE_S, minimum_free_mb=1.0),
+        mavlink=lambda usual: replace(
+            usual,
+            key_file=str(key),
+            signing_key_file=str(key),
+            tunnel_generation="G2",
+            tunnel_experimental=True,
+        ),
     )
-    drone = drone_bay.launch(thesis_scenario, recording=recording)
-    operator = Operator()
+    operator = Operator(key)
 
     async def main() -> None:
         async with operator.connected(drone.ground_port) as link:
-            capture = tunnel.RawCapture(gain=9, frequency_hz=148_705_000).encode()
-            directory = Path((await link.command(capture)).message)
+            told = await link.capture(center_frequency_hz=148_705_000.0, gain=9)
             with pytest.raises(CommandRefused, match="capturing: wait"):
-                await link.command(tunnel.HeaderMessage(command=tunnel.CommandId.CLEAN_LOGS).encode())
+                await link.clean_logs()
             await until(lambda: any("Raw capture in" in text for text in operator.texts()))
             await until(lambda: operator.state is SystemState.IDLE)
-            check_capture(directory)
-            tags = drone.scenario.tags
-            await link.upload_tags(tags)
+            assert operator.steps(CommandId.RAW_CAPTURE)[-1] == COMPLETE
+            check_capture(Path(drone.settings.recording.directory), told)
+            await link.upload_tags(drone.scenario.tags)
             await link.start_detection(gain=12)
             pid = drone.supervisor.pid
             await until(lambda: any("12" in line for line in radio_arguments(pid)))
-            link.send(parameter_set("RADIO_GAIN", 7.0))
+            await until(lambda: COMPLETE in operator.steps(CommandId.START_DETECTION))
+            assert await link.parameters.set("RADIO_GAIN", 7) == 7
             await until(lambda: any("7" in line for line in radio_arguments(pid)))
-            link.send(parameter_set("RADIO_GAIN", 77.0))
-            await until(lambda: any("cannot be 77" in text for text in operator.texts()))
+            with pytest.raises(CommandRefused, match="stays 7"):
+                await link.parameters.set("RADIO_GAIN", 77)
+            await until(lambda: any(isinstance(event, PulsePose) for event in operator.heard))
             await link.stop_detection()
 
     asyncio.run(main())
+    assert operator.link.refused == {}
 
 
-def check_capture(directory: Path) -> None:
+def check_capture(flights: Path, told: str) -> None:
+    (directory,) = flights.glob("flight_log_*")
+    assert str(directory).endswith(told.removeprefix("…"))  # what fits into the answer
     data = directory / "iq" / "capture_1.sigmf-data"
     meta = json.loads((directory / "iq" / "capture_1.sigmf-meta").read_text())
     rate_hz = meta["global"]["core:sample_rate"]

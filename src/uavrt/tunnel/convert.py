@@ -41,6 +41,9 @@ COMMAND_NAMES: dict[CommandId, CommandName] = {
 }
 COMMAND_IDS: dict[CommandName, CommandId] = {name: c for c, name in COMMAND_NAMES.items()}
 
+ROOM_G1, ROOM_G2 = 115, 107
+"""Bytes of an acknowledgement's text, without the NUL that ends it."""
+
 STATUS_NUMBERS_OF_PULSES: dict[DetectionStatus, int] = {
     "subthreshold": STATUS_SUBTHRESHOLD,
     "detected": STATUS_DETECTED,
@@ -332,11 +335,24 @@ def ack_to_wire(
     result = SUCCESS if accepted else FAILURE
     if generation == "G2":
         return AckG2(
-            acked_command=command, request_id=request_id, result=result, message=message
+            acked_command=command,
+            request_id=request_id,
+            result=result,
+            message=_path_that_fits(message, ROOM_G2),
         )
     if generation == "G0":
         return AckG0(acked_command=command, result=result)
-    return AckG1(acked_command=command, result=result, message=message)
+    return AckG1(
+        acked_command=command, result=result, message=_path_that_fits(message, ROOM_G1)
+    )
+
+
+def _path_that_fits(message: str, room: int) -> str:
+    """Cut a long path at its front: its end names the flight."""
+    if not message.startswith("/") or len(message.encode()) <= room:
+        return message
+    tail = message.encode()[-(room - len("…".encode())) :]
+    return "…" + tail.decode(errors="ignore")
 
 
 def heartbeat_to_wire(state: SystemState, cpu_temperature_c: float | None) -> Heartbeat:

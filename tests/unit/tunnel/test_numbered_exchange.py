@@ -263,6 +263,20 @@ def test_a_payload_of_a_wrong_length_is_refused_under_its_request_id() -> None:
     assert "9 bytes" in answer.message
 
 
+@pytest.mark.parametrize(("generation", "room"), [("G1", 115), ("G2", 107)])
+def test_of_a_long_directory_the_end_is_told(generation: tunnel.Generation, room: int) -> None:
+    path = "/home/pi/" + "ü" * 60 + "/flights/flight_log_2026-11-21_22-05-04"
+    payload = tunnel.ack_to_wire(5, True, path, generation).encode()
+    ack = tunnel.decode(payload, generation)
+    assert isinstance(ack, tunnel.AckG1 | tunnel.AckG2)
+    assert ack.message.startswith("…")
+    assert path.endswith(ack.message[1:])
+    assert room - 1 <= len(ack.message.encode()) <= room
+    short = tunnel.decode(tunnel.ack_to_wire(5, True, "/x", generation).encode(), generation)
+    assert isinstance(short, tunnel.AckG1 | tunnel.AckG2)
+    assert short.message == "/x"
+
+
 @given(st.lists(st.binary(min_size=4, max_size=128), max_size=20))
 def test_no_payload_stops_the_conversation(payloads: list[bytes]) -> None:
     one = drone()
