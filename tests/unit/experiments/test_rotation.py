@@ -9,6 +9,7 @@ from uavrt.experiments.rotation import (
     BEARING_DEG,
     Case,
     cases,
+    polarization_table,
     real_rotations,
     start_sweep,
     wall_survey,
@@ -131,3 +132,18 @@ def test_our_poses_and_the_originals_agree_while_nothing_moves() -> None:
         assert other.pose is not None
         first, second = (yaw_deg(p.quaternion_wxyz) for p in (one.pose, other.pose))
         assert wrapped(first - second) == pytest.approx(0.0, abs=0.1)
+
+
+def test_crossed_polarization_costs_pulses_and_some_degrees_but_not_fifty() -> None:
+    ((mismatch, pulses, error, with_wall, error_at_wall),) = polarization_table([90.0], 7_500.0)
+    assert mismatch == 90.0
+    assert 45 <= pulses <= 61
+    assert error is not None
+    assert abs(error) < 8.0
+    assert with_wall >= pulses - 5
+    assert error_at_wall is not None
+    assert abs(error_at_wall) < 15.0
+    assert (
+        "90°"
+        in words.polarization_lines([(mismatch, pulses, error, with_wall, error_at_wall)])[1]
+    )
