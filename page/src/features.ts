@@ -123,3 +123,19 @@ export function regionsOf(one: PositionRecord): Feature[] {
     },
   }));
 }
+
+/** Where the strongest pulse of a tag was heard, as far as the replay goes. */
+export function strongestPulse(id: number): LonLat | null {
+  const [tag, snr, lat, lon] = (["tag", "snr", "lat", "lon"] as const).map((name) => store.pulses.get(name)) as [
+    Float64Array,
+    Float64Array,
+    Float64Array,
+    Float64Array,
+  ];
+  let best = -1;
+  for (let place = 0; place < store.shown(); place += 1) {
+    if (tag[place] !== id || !Number.isFinite(lat[place]!)) continue;
+    if (best < 0 || snr[place]! > snr[best]!) best = place;
+  }
+  return best < 0 ? null : [lon[best]!, lat[best]!];
+}

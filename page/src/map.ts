@@ -21,13 +21,14 @@ import {
   rayOf,
   regionsOf,
   stationOf,
+  strongestPulse,
   wedgeOf,
 } from "./features";
 import type { LonLat } from "./geo";
 import { Graticule } from "./graticule";
 import { vectorLayers } from "./basemap";
 import { droneElement, fixElement, max, min, rgb, roseElement } from "./markers";
-import { addFlightLayers, blank, dark, ground } from "./maplayers";
+import { WARM, WARM_MS, addFlightLayers, blank, dark, ground } from "./maplayers";
 import { Pace } from "./pace";
 import { store } from "./store";
 import type { MapFile, PositionRecord } from "./types";
@@ -121,7 +122,7 @@ export class MapView {
       this.drawClusters();
     } else if (this.clustered === 0) this.source("bulk").setData(EMPTY);
     this.source("pulses").setData(pulseFeatures(this.clustered, count));
-    this.drawStrongest(count);
+    this.drawStrongest();
   }
 
   /** Draw the many pulses around the view as one for each cell, with count and best SNR. */
@@ -342,17 +343,10 @@ export class MapView {
     this.markers.push(new Marker({ element, anchor }).setLngLat(at).addTo(this.map));
   }
 
-  private drawStrongest(count: number): void {
-    const [lat, lon, snr, tag] = (["lat", "lon", "snr", "tag"] as const).map((name) =>
-      store.pulses.get(name),
-    ) as [Float64Array, Float64Array, Float64Array, Float64Array];
-    let best = -1;
-    for (let place = 0; place < count; place += 1) {
-      if (tag[place] !== store.selected || !Number.isFinite(lat[place]!)) continue;
-      if (best < 0 || snr[place]! > snr[best]!) best = place;
-    }
+  private drawStrongest(): void {
+    const best = store.selected === null ? null : strongestPulse(store.selected);
     const label = "strongest signal";
-    this.source("strongest").setData(collection(best < 0 ? [] : [point([lon[best]!, lat[best]!], { label })]));
+    this.source("strongest").setData(collection(best === null ? [] : [point(best, { label })]));
   }
 
   private drawHeat(position: PositionRecord | null): void {
@@ -388,6 +382,13 @@ export class MapView {
     });
     this.graticule.addTo();
     addFlightLayers(map);
+    for (const [id, feature] of Object.entries(WARM)) this.source(id).setData(feature);
+    map.once("idle", () => this.begin());
+    setTimeout(() => this.begin(), WARM_MS);
+  }
+
+  private begin(): void {
+    if (this.ready) return;
     this.ready = true;
     void this.setBasemap(this.basemap);
     this.drawPulses(true);

@@ -19,6 +19,33 @@ export function ground(): string {
   return dark() ? "#1b2429" : "#eef2f3";
 }
 
+/** A map that is not seen, for example, is not waited for longer. */
+export const WARM_MS = 1500;
+const properties = { snr: 10, count: 2, colour: "#888888", opacity: 0.1, sure: false, share: 50 };
+const line: GeoJSON.Feature = {
+  type: "Feature",
+  properties,
+  geometry: { type: "LineString", coordinates: [[170, -60], [171, -61]] },
+};
+const point: GeoJSON.Feature = { type: "Feature", properties, geometry: { type: "Point", coordinates: [170, -60] } };
+/**
+ * Something of each kind, beyond the edge of the first view: the programs of the graphics are
+ * made while the page opens, which without a graphics processor takes as long as to draw a
+ * flight of 100 000 pulses.
+ */
+export const WARM: Record<string, GeoJSON.Feature> = {
+  track: line,
+  rays: line,
+  regions: line,
+  bulk: point,
+  pulses: point,
+  wedges: {
+    type: "Feature",
+    properties,
+    geometry: { type: "Polygon", coordinates: [[[170, -60], [171, -60], [171, -61], [170, -60]]] },
+  },
+};
+
 /** Lay the layers of a flight over what is there; their sources must exist. */
 export function addFlightLayers(map: MapLibre): void {
   map.addLayer({

@@ -2,6 +2,7 @@
 
 import { get } from "./api";
 import { by, h, say } from "./dom";
+import { strongestPulse } from "./features";
 import { metres } from "./format";
 import { bearingDeg, compass, distanceM, type LonLat } from "./geo";
 import { toast } from "./notice";
@@ -91,21 +92,6 @@ export function drawWalk(): void {
     }, () => undefined); // the server is away: the page asks again when it is back
   }
   say(by("walk-way"), wayTo(best));
-}
-
-function strongestPulse(id: number): LonLat | null {
-  const [tag, snr, lat, lon] = (["tag", "snr", "lat", "lon"] as const).map((name) => store.pulses.get(name)) as [
-    Float64Array,
-    Float64Array,
-    Float64Array,
-    Float64Array,
-  ];
-  let best = -1;
-  for (let place = 0; place < store.shown(); place += 1) {
-    if (tag[place] !== id || !Number.isFinite(lat[place]!)) continue;
-    if (best < 0 || snr[place]! > snr[best]!) best = place;
-  }
-  return best < 0 ? null : [lon[best]!, lat[best]!];
 }
 
 /** From where the drone took off: there the people stand. */

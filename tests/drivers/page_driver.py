@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 
 from film import Film
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 ARGUMENTS = (
@@ -34,7 +34,9 @@ ARGUMENTS = (
 )
 VIDEO = os.environ.get("UAVRT_VIDEO")
 SCREENSHOTS = os.environ.get("UAVRT_SCREENSHOTS")
-WAIT_MS = 30_000
+WAIT_MS = 60_000
+# Machines under load take their time; what is waited for comes at once on others.
+expect.set_options(timeout=WAIT_MS)
 
 
 @contextlib.contextmanager

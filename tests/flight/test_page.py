@@ -22,9 +22,9 @@ from uavrt.mavlink.frame import FrameWriter
 from uavrt.recording import read_flight
 from uavrt.simulation import demo_scenario
 
-FLIGHT_S = 100.0 if SCREENSHOTS or VIDEO else 60.0
+FLIGHT_S = 100.0 if SCREENSHOTS or VIDEO else 50.0
 
-pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(400)]
 
 
 def test_a_whole_flight_is_flown_through_the_page(
