@@ -27,6 +27,8 @@ _TAG_HZ = 350.0
 _TAG_DB = 14.0
 _FALSE_TWICE = 2.0
 """At most so many times the nominal false alarms."""
+_CONFIRMED_IN_300_S = 0.084
+"""None in 300 s (§10 E10), to be measured over hours: twice what E1 allows for noise alone."""
 
 
 def _alarm_case(
@@ -214,7 +216,7 @@ E10 = Experiment(
                 # 100 % of the segments at a nominal 1 %.
                 published=100.0 if name in ("carrier on a bin", "carrier at 0 Hz") else None,
                 interfere=made,
-                confirmed_bar=0.0,
+                confirmed_bar=_CONFIRMED_IN_300_S,
             )
             for name, made in _CARRIERS.items()
         ),

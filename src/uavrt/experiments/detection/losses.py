@@ -28,6 +28,8 @@ Frames = list[tuple[Samples, int]]
 Disturb = Callable[[np.random.Generator, Frames], Frames]
 FRAME = 1024
 """Samples of a datagram of the original's channelizer: 273 ms."""
+FLIGHT_FRAME = 326
+"""Samples of a block of our own channelizer at 3750 S/s: 87 ms."""
 _ENR_DB = 16.0
 _DURATION_S = 180.0
 _HOLE_AT_S = 90.0
@@ -98,6 +100,7 @@ class Disturbed:
     """A flight whose frames do not come as they should."""
 
     disturb: Disturb
+    frame: int = FRAME
     when: Callable[[TruePulse], float] = lambda pulse: pulse.start_s
     """Time of a pulse as the frames tell it [s]."""
 
@@ -105,7 +108,7 @@ class Disturbed:
         """Reports against the truth, lost pulses counted."""
         flight = Flight(enr_db=_ENR_DB, duration_s=_DURATION_S)
         samples, truth = flight.samples(rng)
-        frames = self.disturb(rng, list(blocks_of(samples, block=FRAME)))
+        frames = self.disturb(rng, list(blocks_of(samples, block=self.frame)))
         pulses, _ = detect_blocks(frames, flight.tag)
         stamped = [replace(pulse, start_s=self.when(pulse)) for pulse in truth]
         return compare(pulses, stamped, flight.tag)
@@ -214,7 +217,18 @@ E9 = Experiment(
             published=0.97,
         ),
         _case("5 % repeated", Disturbed(disturb=repeat(0.05)), loss=0.0, published=None),
-        _case("5 % swapped", Disturbed(disturb=reorder(0.05)), loss=0.0, published=None),
+        _case(
+            "5 % of 273 ms swapped",
+            Disturbed(disturb=reorder(0.05)),
+            loss=0.0,
+            published=None,
+        ),
+        _case(
+            "5 % of 87 ms swapped",
+            Disturbed(disturb=reorder(0.05), frame=FLIGHT_FRAME),
+            loss=0.0,
+            published=None,
+        ),
         _case(
             "a stamp of the past", Disturbed(disturb=stamp_backwards), loss=0.0, published=None
         ),
