@@ -31,6 +31,9 @@ _SETTLE_S = 2.0
 _YOUNG_S = 8.0
 _YOUNG_REACH = 24
 """Wider while there is little to average: an error of 5 % doubles the false alarms."""
+_FLAT = 1.2
+"""Spread of the medians over their error up to which a spectrum passes for flat. A tilt that
+this overlooks, 0.4 dB over the band, errs no more than the medians did."""
 _NEIGHBOUR_REACH = 8
 """Rows on each side (two bins) whose median is the broadband noise."""
 
@@ -159,6 +162,10 @@ class RowNoise:
         windows = self._long.take(_neighbours(len(self._long), reach, mode))
         windows.partition(reach, axis=1)
         smooth = windows[:, reach]
+        spread = float(smooth.std()) / max(float(smooth.mean()), 1e-30)
+        if self._seen_s < _YOUNG_S and spread < _FLAT * self.relative_error:
+            # No more structure than chance makes: all rows together know the noise better.
+            smooth = np.full_like(smooth, np.median(self._long))
         alone = 1.13 / math.sqrt(
             max(self._independent_per_s * min(self._seen_s, 2.0 * LONG_S), 1.0)
         )

@@ -13,6 +13,10 @@ from uavrt.detection.thresholds import (
 )
 from uavrt.messages import Tag
 
+_FIRST_SHARE = 0.8
+"""Share of the groups that could have begun in the first decision's stretch that count:
+calibrated. A group near its ends has places before the first sample or after the last."""
+
 
 def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[RateSearch]:
     """One search for each of the tag's rates.
@@ -30,7 +34,7 @@ def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[Rate
         reach_s = jitter_reach(tag.interval_jitter_s, grid.hop_s) * grid.hop_s
         interval_time_s = decision_interval_s(tag, rate)
         first_s = decision_span_s(tag, rate)
-        begun_s = min(first_s - (tag.k - 1) * interval_s, interval_time_s)
+        begun_s = _FIRST_SHARE * min(first_s - (tag.k - 1) * interval_s, interval_time_s)
         steady, first = (
             threshold(
                 k=tag.k,
