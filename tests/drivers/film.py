@@ -86,7 +86,7 @@ class Film:
         self._session.on("Page.screencastFrame", self._take)
         self._session.send(
             "Page.startScreencast",
-            {"format": "jpeg", "quality": 85, "maxWidth": SIZE[0], "maxHeight": SIZE[1]},
+            {"format": "jpeg", "quality": 75, "maxWidth": SIZE[0], "maxHeight": SIZE[1]},
         )
 
     def caption(self, text: str, seconds: float) -> None:

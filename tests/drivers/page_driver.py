@@ -96,6 +96,7 @@ class Watched:
         self._context = browser.new_context(
             viewport={"width": 1024, "height": 600}, accept_downloads=True, **context
         )
+        self._context.set_default_timeout(WAIT_MS)
         self.page: Page = self._context.new_page()
         self.hosts: set[str] = set()
         self.errors: list[str] = []
