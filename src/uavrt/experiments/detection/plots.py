@@ -104,7 +104,7 @@ def draw_pd(figure: "Figure", rows: Sequence[Row]) -> bool:
 def draw_summed(figure: "Figure", rows: Sequence[Row]) -> bool:
     """ENR for Pd .5 by the number of pulses summed."""
     ours = sorted(
-        (r for r in rows if r.experiment == "E3" and r.at is not None),
+        (r for r in rows if r.quantity == "ENR for Pd 0.5, dB" and r.at is not None),
         key=lambda row: row.at or 0.0,
     )
     if not ours:

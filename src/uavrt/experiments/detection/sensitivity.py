@@ -155,6 +155,7 @@ def _headline(shots: Sequence[Shot]) -> list[Row]:
                 original=published,
                 genie=level_of_bound(lambda level: theory.genie(3, level), share),
                 union=level_of_bound(lambda level: theory.union_bound(3, level), share),
+                at=3.0 if share == 0.5 else None,
             )
         )
     return rows
