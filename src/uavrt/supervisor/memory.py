@@ -102,7 +102,7 @@ class StateStore:
             return None
         try:
             return msgspec.json.decode(content, type=SavedState)
-        except msgspec.MsgspecError as error:
+        except (msgspec.MsgspecError, UnicodeDecodeError) as error:
             log.warning("saved state is damaged: not resumed", reason=str(error))
             with suppress(OSError):
                 self._path.replace(self._path.with_suffix(".damaged"))

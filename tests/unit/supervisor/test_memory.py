@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from uavrt.clock import Clock, wall_ns
@@ -195,6 +195,7 @@ def test_a_flight_whose_directory_is_gone_goes_on_in_a_new_one(tmp_path: Path) -
     assert Path(after.flight.directory).is_dir()
 
 
+@example(garbage=b'\x80"', keep=12)  # no UTF-8
 @given(st.binary(max_size=200), st.integers(0, 400))
 @settings(deadline=None)
 def test_a_damaged_file_is_put_aside_and_stops_nothing(
