@@ -9,6 +9,7 @@ original, reference/detector.md §5).
 
 import math
 
+from uavrt.detection.circle import apart_hz
 from uavrt.detection.refine import Measured
 from uavrt.detection.tracks import Track
 
@@ -20,7 +21,7 @@ FoundPulse = tuple[int, float, int, Measured]
 
 
 def continued(
-    tracks: list[Track], pulses: list[FoundPulse], *, rate: int
+    tracks: list[Track], pulses: list[FoundPulse], *, rate: int, sample_rate_hz: float
 ) -> tuple[Track, int] | None:
     """Find what a group goes on with.
 
@@ -31,6 +32,7 @@ def continued(
     pulses : list of FoundPulse
         A group that reached the threshold.
     rate : int
+    sample_rate_hz : float
 
     Returns
     -------
@@ -41,7 +43,8 @@ def continued(
     for track in tracks:
         if track.rate != rate:
             continue
-        if abs(strongest.offset_hz - track.offset_hz) > SAME_FREQUENCY_HZ:
+        miss_hz = apart_hz(strongest.offset_hz, track.offset_hz, sample_rate_hz)
+        if abs(miss_hz) > SAME_FREQUENCY_HZ:
             continue
         for place, time_s, _, _ in pulses:
             for slot in track.slots:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from uavrt.detection.afresh import continued, forget_old
 from uavrt.detection.band import SearchBand
 from uavrt.detection.checks import check_searchable
+from uavrt.detection.circle import apart_hz, in_channel_hz
 from uavrt.detection.cleaning import Cleaner
 from uavrt.detection.following import Follower
 from uavrt.detection.grid import make_grid
@@ -306,7 +307,16 @@ class PulseDetector:
                 (place, self._follower.seconds(m.start), self._buffer.time_ns(m.start), m)
                 for place, m in places
             ]
-            onto = continued(self._tracks, pulses, rate=search.rate) if afresh else None
+            onto = (
+                continued(
+                    self._tracks,
+                    pulses,
+                    rate=search.rate,
+                    sample_rate_hz=self.sample_rate_hz,
+                )
+                if afresh
+                else None
+            )
             if onto is not None:
                 onto[0].join(pulses, onto[1])
                 self._reporter.report(onto[0])
@@ -349,18 +359,25 @@ class PulseDetector:
         if owner is None or owner.number < 2 * self.tag.k - 1 or owner.since_accepted:
             return
         locked = self.locked_frequency_hz is not None
-        if locked and abs(owner.offset_hz - self._home_hz) < 0.5 * LOCK_HALF_WIDTH_HZ:
+        rate_hz, found_hz = self.sample_rate_hz, owner.offset_hz
+        if (
+            locked
+            and abs(apart_hz(found_hz, self._home_hz, rate_hz)) < 0.5 * LOCK_HALF_WIDTH_HZ
+        ):
             return
-        self.locked_frequency_hz = self.center_frequency_hz + owner.offset_hz
+        found_hz = in_channel_hz(found_hz, nominal_hz=self._nominal_hz, sample_rate_hz=rate_hz)
+        self.locked_frequency_hz = self.center_frequency_hz + found_hz
         half_width_hz = min(self.frequency_window_hz, LOCK_HALF_WIDTH_HZ)
         before, epoch_ns = self._band, self._follower.epoch_ns
-        self._look_around(owner.offset_hz, half_width_hz)
+        self._look_around(found_hz, half_width_hz)
         self._follower.epoch_ns = epoch_ns
         self._refiner.upto = self._clean
         self._band = self._make_band()
         self._band.take_over(before, self._clean)
         self._tracks = [
-            t for t in self._tracks if abs(t.offset_hz - owner.offset_hz) < half_width_hz
+            t
+            for t in self._tracks
+            if abs(apart_hz(t.offset_hz, found_hz, rate_hz)) < half_width_hz
         ]
 
     def _now_s(self) -> float:

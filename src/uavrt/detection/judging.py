@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.circle import apart_hz
 from uavrt.detection.grid import Grid
 from uavrt.detection.refine import TRACK_BAND_HZ, Measured, Refiner
 from uavrt.detection.rivals import log_evidence
@@ -58,7 +59,7 @@ class Judge:
             # Times first: most of a track's pulses are none of the candidate's.
             if not earliest < at < latest or all(abs(start - at) >= near for start in starts):
                 continue
-            apart = abs(measured.offset_hz - offset) / bin_hz
+            apart = abs(apart_hz(measured.offset_hz, offset, grid.sample_rate_hz)) / bin_hz
             leak = measured.power / max(1.0, math.pi * apart / 2.0) ** 2
             if apart < 1.5 or leak > 0.2 * candidate.strength:
                 return True
@@ -115,8 +116,7 @@ class Judge:
             return "a pulse of the other rate between"
         for pulse in group:
             offset, power = self._refiner.strongest(pulse)
-            apart = abs(offset - pulse.offset_hz)
-            apart = min(apart, rate_hz - apart)
+            apart = abs(apart_hz(offset, pulse.offset_hz, rate_hz))
             if apart > bin_hz and pulse.power > 4.0:
                 # A rectangular pulse elsewhere leaks at most 1 / (pi df tp)^2; double margin.
                 leak = 4.0 * power / (math.pi * apart / bin_hz) ** 2

@@ -75,6 +75,10 @@ class Refiner:
         """Noise power of one sample at a frequency."""
         # Rows lie equally far apart; numpy.interp, which must search for them, takes ten times.
         at = (offset_hz - self._lowest_hz) / self._row_hz
+        if not 0.0 <= at < len(noise):
+            # Beyond an edge of the channel lies the other, if that is searched.
+            around = at % (self._grid.sample_rate_hz / self._row_hz)
+            at = around if around < len(noise) else at
         below = min(max(int(at), 0), len(noise) - 2) if len(noise) > 1 else 0
         share = min(max(at - below, 0.0), 1.0)
         low = float(noise[below])

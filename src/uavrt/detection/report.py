@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.circle import EDGE_HZ, apart_hz, in_channel_hz
 from uavrt.detection.refine import Measured
 from uavrt.detection.rivals import PATIENCE_INTERVALS
 from uavrt.detection.samples import Counters
@@ -73,10 +74,10 @@ class Reporter:
         ]
         if not alive:
             return None
-        nearest = min(abs(t.offset_hz - nominal_hz) for t in alive)
-        close = [
-            t for t in alive if abs(t.offset_hz - nominal_hz) < nearest + SAME_FREQUENCY_HZ
-        ]
+        rate_hz = self._sample_rate_hz
+        misses = [abs(apart_hz(t.offset_hz, nominal_hz, rate_hz)) for t in alive]
+        most = min(misses) + SAME_FREQUENCY_HZ
+        close = [t for t, miss in zip(alive, misses, strict=True) if miss < most]
         return max(close, key=lambda t: (not t.held, t.last_accepted_s))
 
     def settle(self, tracks: list[Track], nominal_hz: float, now_s: float) -> None:
@@ -136,6 +137,19 @@ class Reporter:
         self._best = 0.0
         del self._reports[:-3600]
 
+    def _place(self, track: Track) -> None:
+        """Give a track its place in the channel, at first and when it has crossed an edge."""
+        place_hz = in_channel_hz(
+            track.steady_hz,
+            nominal_hz=self._tag.frequency_hz - self._center_hz,
+            sample_rate_hz=self._sample_rate_hz,
+            margin_hz=EDGE_HZ if track.placed else 0.0,
+        )
+        track.placed = True
+        # Everything that it measures from now on lies beside it.
+        track.offset_hz += place_hz - track.steady_hz
+        track.steady_hz = place_hz
+
     def _record(self, track: Track, slot: Slot, status: DetectionStatus) -> None:
         tag = self._tag
         width_ns = ns_from_s(tag.pulse_width_s)
@@ -159,11 +173,14 @@ class Reporter:
         ahead = ns_from_s(next_s - track.time_s)
         center = slot.time_ns + ahead
         half_ns = ns_from_s(half_s)
+        rate_hz = self._sample_rate_hz
+        self._place(track)
+        beside_hz = apart_hz(slot.measured.offset_hz, track.steady_hz, rate_hz)
         self._counters.pulses += 1
         self._pulses.append(
             Pulse(
                 tag_id=tag.tag_id,
-                frequency_hz=self._center_hz + slot.measured.offset_hz,
+                frequency_hz=self._center_hz + track.steady_hz + beside_hz,
                 start_time_ns=slot.time_ns,
                 end_time_ns=slot.time_ns + width_ns,
                 snr_db=snr_db(slot.measured),

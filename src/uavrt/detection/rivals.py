@@ -109,7 +109,7 @@ def become(track: Track, rival: Track) -> None:
     track.time_s, track.interval_s = rival.time_s, rival.interval_s
     track.variance, track.number = rival.variance, rival.number
     track.slots = rival.slots
-    track.offset_hz = rival.offset_hz
+    track.offset_hz, track.steady_hz = rival.offset_hz, rival.steady_hz
     track.since_accepted = rival.since_accepted
     track.last_accepted_s = rival.last_accepted_s
     track.sequences = {}

@@ -36,6 +36,8 @@ _CLOCK_ERROR = 3.0e-4
 MOST_DRIFT_HZ = 15.0
 """A crystal that warms up changes by some hertz from pulse to pulse; more is noise."""
 _PHASE_WALK_S = 0.3e-3
+_STEADY_GAIN = 0.1
+"""The scatter of the frequency is a quarter of a single pulse's."""
 
 SlotState = Literal["open", "accepted", "reported", "missed"]
 
@@ -62,6 +64,10 @@ class Track:
     rate: int
     offset_hz: float
     score: float
+    steady_hz: float = 0.0
+    """Average of the frequency over more pulses than `offset_hz` follows it with."""
+    placed: bool = False
+    """Whether its frequency was given a place in the channel."""
     drift_hz: float = 0.0
     """Change of the frequency from pulse to pulse."""
     time_s: float = 0.0
@@ -131,7 +137,7 @@ class Track:
             self.number += 1
         weights = [min(p[3].power, 100.0) for p in pulses]
         total = sum(w * p[3].offset_hz for w, p in zip(weights, pulses, strict=True))
-        self.offset_hz = total / sum(weights)
+        self.offset_hz = self.steady_hz = total / sum(weights)
         if len(tag.pulse_intervals_s) > 1:
             self.certain_s = self.last_accepted_s
         sure = [s for s in self.slots if s.measured.power >= _SURE_POWER]
@@ -262,6 +268,9 @@ class Track:
     def _correct_frequency(self, pulse: Measured) -> None:
         """Follow frequency and drift (alpha-beta filter, critically damped)."""
         alpha = 0.5 if pulse.power > 30.0 else 0.3
+        self.steady_hz += max(1.0 / (self.number + 1), _STEADY_GAIN) * (
+            pulse.offset_hz - self.steady_hz
+        )
         miss = pulse.offset_hz - self.offset_hz
         self.offset_hz += alpha * miss
         self.drift_hz += alpha**2 / (2.0 - alpha) * miss

@@ -251,3 +251,60 @@ def test_a_tag_that_cannot_be_searched_is_refused_with_a_remedy(
     with pytest.raises(ConfigError) as refusal:
         PulseDetector(tag, sample_rate_hz=3750.0, center_frequency_hz=center_hz)  # type: ignore[arg-type]
     assert refusal.value.remedy
+
+
+@pytest.mark.parametrize("window_hz", [1e6, 400.0])
+@pytest.mark.parametrize("offset_hz", [1870.0, -1870.0, 1875.0])
+def test_a_tag_at_the_edge_of_the_channel_is_reported_where_it_is(
+    offset_hz: float, window_hz: float
+) -> None:
+    rng = np.random.default_rng(41)
+    truth = pulse_train(
+        rng, duration_s=30.0, interval_s=1.254, offset_hz=offset_hz, enr_db=16.0
+    )
+    samples = make_samples(rng, truth, duration_s=30.0)
+    tag = replace(THESIS_TAG, frequency_hz=THESIS_TAG.frequency_hz + offset_hz)
+    pulses, _ = detect(
+        samples,
+        tag,
+        center_frequency_hz=THESIS_TAG.frequency_hz,
+        frequency_window_hz=window_hz,
+    )
+    result = compare(pulses, truth, THESIS_TAG)
+    assert result.matched == len(truth)
+    assert result.false == 0
+    assert max(map(abs, result.frequency_errors_hz)) < 15.0
+
+
+@pytest.mark.parametrize("offset_hz", [1870.0, -1870.0])
+@pytest.mark.parametrize("mode", [OperatingMode.SEARCH_SOFT_LOCK, OperatingMode.ALL_NEVER_LOCK])
+def test_a_stranger_at_the_edge_of_the_channel_is_reported_where_it_is(
+    offset_hz: float, mode: OperatingMode
+) -> None:
+    rng = np.random.default_rng(42)
+    truth = pulse_train(
+        rng, duration_s=60.0, interval_s=1.254, offset_hz=offset_hz, enr_db=16.0
+    )
+    samples = make_samples(rng, truth, duration_s=60.0)
+    pulses, _ = detect(samples, THESIS_TAG, frequency_window_hz=1e6, operating_mode=mode)
+    result = compare(pulses, truth, THESIS_TAG)
+    assert result.matched == len(truth)
+    assert result.false == 0
+
+
+def test_a_hard_lock_holds_a_tag_at_the_edge_of_the_channel() -> None:
+    rng = np.random.default_rng(43)
+    truth = pulse_train(rng, duration_s=60.0, interval_s=1.254, offset_hz=-1870.0, enr_db=16.0)
+    samples = make_samples(rng, truth, duration_s=60.0)
+    pulses, detector = detect(
+        samples,
+        THESIS_TAG,
+        frequency_window_hz=1e6,
+        operating_mode=OperatingMode.SEARCH_HARD_LOCK,
+    )
+    result = compare(pulses, truth, THESIS_TAG)
+    assert result.matched == len(truth)
+    assert result.false == 0
+    before_flush_hz = detector.locked_frequency_hz
+    assert before_flush_hz is not None
+    assert abs(before_flush_hz - THESIS_TAG.frequency_hz + 1870.0) < 15.0
