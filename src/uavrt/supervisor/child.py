@@ -11,13 +11,17 @@ from collections.abc import Callable, Sequence
 from uavrt.ipc.link import LINK_VARIABLE, LineBuffer
 from uavrt.ipc.parent import PARENT_VARIABLE
 from uavrt.log import get_logger
+from uavrt.supervisor.intake import Intake
 from uavrt.supervisor.launcher import Launcher
 from uavrt.supervisor.outbox import Outbox
-from uavrt.supervisor.usage import own_usage, usage_of
+from uavrt.supervisor.usage import measure
 
 log = get_logger()
 
 LineHandler = Callable[[bytes], None]
+READ_BYTES = 65_536
+"""At a time. From 128 KiB on glibc would map and unmap memory for each reading, which then
+costs more than what is read."""
 
 
 class Child:
@@ -33,6 +37,8 @@ class Child:
         Python module to run.
     launcher : Launcher
         Starts it.
+    intake : Intake
+        Says when there are records to read.
     outbox : Outbox
         What is to be sent to it; outlives the child.
     pass_fds : sequence of int
@@ -47,7 +53,8 @@ class Child:
     Raises
     ------
     OSError
-        The system has no room for another process.
+        The system has no room for another process. One that could not be watched is left to
+        `Fleet`, as an orphan.
     """
 
     def __init__(
@@ -56,6 +63,7 @@ class Child:
         name: str,
         module: str,
         launcher: Launcher,
+        intake: Intake,
         outbox: Outbox,
         pass_fds: Sequence[int],
         on_line: LineHandler,
@@ -71,6 +79,7 @@ class Child:
         self.cpu_s = self.own_cpu_s = 0.0
         self.own_memory_mb = 0.0
         self._loop = asyncio.get_running_loop()
+        self._intake = intake
         self._outbox = outbox
         self._on_line, self._on_output, self._on_exit = on_line, on_output, on_exit
         self._lines, self._output = LineBuffer(), LineBuffer()
@@ -89,6 +98,7 @@ class Child:
                     PARENT_VARIABLE: str(os.getpid()),
                 },
             )
+            self._pidfd = os.pidfd_open(self.pid)
         except OSError:
             self._sock.close()
             os.close(self._stdout)
@@ -96,9 +106,8 @@ class Child:
         finally:
             theirs.close()
             os.close(output)
-        self._pidfd = os.pidfd_open(self.pid)
         os.set_blocking(self._stdout, False)
-        self._loop.add_reader(self._sock, self._read_records)
+        self._intake.add(self._sock.fileno(), self._read_records)
         self._loop.add_reader(self._stdout, self._read_output)
         self._loop.add_reader(self._pidfd, self._reap)
         self.pump()
@@ -130,10 +139,9 @@ class Child:
         """Measure it; get the resident memory [MB], with that of its children."""
         if self.exit_code is not None:
             return 0.0
-        own = own_usage(self.pid)
+        own, usage = measure(self.pid)
         self.own_cpu_s = max(self.own_cpu_s, own.cpu_s)
         self.own_memory_mb = own.memory_mb
-        usage = usage_of(self.pid)
         self.cpu_s = max(self.cpu_s, usage.cpu_s)
         return usage.memory_mb
 
@@ -146,13 +154,13 @@ class Child:
     def _read_records(self) -> bool:
         """Take in records; False at the end of the stream."""
         try:
-            data = self._sock.recv(262144)
+            data = self._sock.recv(READ_BYTES)
         except BlockingIOError:
             return True
         except ConnectionResetError:
             data = b""
         if not data:
-            self._loop.remove_reader(self._sock)
+            self._intake.remove(self._sock.fileno())
             return False
         self.heard = True
         self.last_heard_s = time.monotonic()
@@ -163,7 +171,7 @@ class Child:
     def _read_output(self) -> bool:
         """Take in printed lines; False at the end of the stream."""
         try:
-            data = os.read(self._stdout, 65536)
+            data = os.read(self._stdout, READ_BYTES)
         except BlockingIOError:
             return True
         if not data:
@@ -191,7 +199,7 @@ class Child:
             pass
         while select.select([self._stdout], [], [], 0)[0] and self._read_output():
             pass
-        self._loop.remove_reader(self._sock)
+        self._intake.remove(self._sock.fileno())
         self._loop.remove_reader(self._stdout)
         self._sock.close()
         os.close(self._stdout)

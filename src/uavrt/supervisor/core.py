@@ -36,7 +36,7 @@ from uavrt.supervisor.mission import Mission
 from uavrt.supervisor.operations import Operations
 from uavrt.supervisor.output import OutputLog, warning_text
 from uavrt.supervisor.progress import FlightProgress
-from uavrt.supervisor.radio_check import ask_radio
+from uavrt.supervisor.radio_check import RadioQuestion
 from uavrt.supervisor.shapes import rows_for
 from uavrt.supervisor.systemd import SystemdNotifier
 from uavrt.supervisor.table import SUPERVISOR_TOPICS, consumers_of
@@ -48,9 +48,6 @@ log = get_logger()
 
 TICK_S = 0.25
 """Between two looks at silent processes and due restarts; an end wakes the loop at once."""
-GATHER_S = 0.02
-"""A record may wait for others to the same process, which come in bursts with each radio block
-(87 ms); that halves the supervisor's load."""
 STATUS_PERIOD_S = 1.0
 DISK_PERIOD_S = 10.0
 WARNING_SEVERITY = 4
@@ -86,6 +83,7 @@ class Supervisor:
         self._wake = asyncio.Event()
         self._wall_clock = WallClockWatch()
         self._to_pump: dict[str, Instance] = {}
+        self._asking_radio = asyncio.Lock()
         self._stopping = False
         self._end_task: asyncio.Future[None] | None = None
         self._output = OutputLog(directory)
@@ -232,12 +230,21 @@ class Supervisor:
             text = "starting" if health is None else health.status
             found = health is not None and health.ok
         else:
-            radio = self.mission.settings.radio
-            found, text = await asyncio.to_thread(ask_radio, radio)
+            found, text = await self._ask_radio()
         reply = CommandReply(
             request_id=command.request_id, name=command.name, accepted=found, message=text
         )
         self._publish("command_reply", reply)
+
+    async def _ask_radio(self) -> tuple[bool, str]:
+        """Ask one question at a time: two programs cannot have the radio."""
+        async with self._asking_radio:
+            try:
+                question = RadioQuestion(self.mission.settings.radio)
+            except OSError as error:
+                return False, f"the radio was not asked ({error.strerror}): try again"
+            with self._fleet.sparing(question.pid):
+                return await asyncio.to_thread(question.answer)
 
     # -------------------------------------------------------------- watching
 
@@ -320,9 +327,9 @@ class Supervisor:
             self._on_record(line)
 
     def _pump_soon(self, instance: Instance) -> None:
-        """Send what has gathered in a moment together: each sending wakes a process."""
+        """Send what one reading has brought together: each sending wakes a process."""
         if not self._to_pump:
-            asyncio.get_running_loop().call_later(GATHER_S, self._pump)
+            asyncio.get_running_loop().call_soon(self._pump)
         self._to_pump[instance.name] = instance
 
     def _pump(self) -> None:

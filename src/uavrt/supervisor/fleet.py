@@ -6,7 +6,7 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from uavrt.config.settings import Settings
 from uavrt.ipc import Assignment, encode_record
@@ -16,6 +16,7 @@ from uavrt.messages import FlightInfo, SystemState, Tag
 from uavrt.supervisor.child import Child
 from uavrt.supervisor.flight import share_tags
 from uavrt.supervisor.instance import Instance
+from uavrt.supervisor.intake import Intake
 from uavrt.supervisor.launcher import Launcher
 from uavrt.supervisor.mission import Mission, Tell
 from uavrt.supervisor.restarts import DEGRADED_AFTER
@@ -67,9 +68,13 @@ class Fleet:
         self._workers = workers
         self._tell = tell
         self._on_line, self._on_output, self._wake = on_line, on_output, wake
+        self._intake = Intake()
         self._instances: dict[str, Instance] = {}
         self._strangers = set(children_of(os.getpid()))
         """Children of this program that were here before; they are no orphans of ours."""
+        self._spared: set[int] = set()
+        self._ending: set[int] = set()
+        """Orphans that were killed and have not gone yet."""
         self._roads: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
 
     @property
@@ -90,8 +95,9 @@ class Fleet:
     # ------------------------------------------------------------------ running
 
     def ensure(self) -> None:
-        """Start what should run and does not; end what is silent."""
+        """Start what should run and does not; end what is silent, or nobody's."""
         self._tend_nursery()
+        self._end_orphans()
         if self._launcher.worth_waiting:
             return
         now_s = time.monotonic()
@@ -108,9 +114,12 @@ class Fleet:
             self._tell(4, f"nursery {reason}: restarting it")
         nursery_fd = self._launcher.fileno()
         if nursery_fd != self._nursery_fd:
+            loop = asyncio.get_running_loop()
+            if self._nursery_fd is not None:
+                # It is closed: its number must not be taken for watched when it is used again.
+                loop.remove_reader(self._nursery_fd)
             self._nursery_fd = nursery_fd
             if nursery_fd is not None and self._launcher.worth_waiting:
-                loop = asyncio.get_running_loop()
                 loop.add_reader(nursery_fd, self._nursery_spoke, nursery_fd)
 
     def _nursery_spoke(self, nursery_fd: int) -> None:
@@ -145,6 +154,7 @@ class Fleet:
                 name=instance.name,
                 module=instance.row.module,
                 launcher=self._launcher,
+                intake=self._intake,
                 outbox=instance.outbox,
                 pass_fds=self._fds_of(instance),
                 on_line=lambda line: self._on_line(instance, line),
@@ -194,16 +204,31 @@ class Fleet:
                 f"now tried every {delay_s:.0f} s. Last: {reason}",
             )
 
+    @contextlib.contextmanager
+    def sparing(self, pid: int) -> Iterator[None]:
+        """Leave a child of this program in peace that is in no row and not the nursery."""
+        self._spared.add(pid)
+        try:
+            yield
+        finally:
+            self._spared.discard(pid)
+
     def _end_orphans(self) -> None:
-        """End what a killed child has left behind, above all a radio program."""
+        """End what a killed child has left behind, above all a radio program.
+
+        One that hangs in the kernel, as over a USB device, ends later: it is not waited for.
+        """
         known = {i.child.pid for i in self._instances.values() if i.child is not None}
         if self._launcher.pid is not None:
             known.add(self._launcher.pid)
-        for pid in set(children_of(os.getpid())) - known - self._strangers:
+        orphans = set(children_of(os.getpid())) - known - self._strangers - self._spared
+        for pid in orphans:
             with contextlib.suppress(ProcessLookupError, ChildProcessError, PermissionError):
-                log.warning("ending an orphan", pid=pid)
-                os.kill(pid, signal.SIGKILL)
-                os.waitpid(pid, 0)
+                if pid not in self._ending:
+                    log.warning("ending an orphan", pid=pid)
+                    os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, os.WNOHANG)
+        self._ending = orphans
 
     # ----------------------------------------------------------------- stopping
 

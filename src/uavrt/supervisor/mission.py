@@ -24,6 +24,8 @@ log = get_logger()
 REPLIES_KEPT = 64
 LAST_FLIGHTS = 3
 """As many as the connection and the recorder look after besides the present one."""
+NOT_WHILE_ENDING = ("start_detection", "raw_capture", "save_logs", "clean_logs")
+"""What must wait until the flight's last pulses are recorded and its files are closed."""
 RESUME_WITHIN_S = 900.0
 """After a restart of the computer, detection goes on by itself only if the flight was written
 to so lately: a battery change or a brown-out in the air, but not last week's flight."""
@@ -163,7 +165,7 @@ class Mission:
         self._replies.clear()
 
     def _decide(self, command: Command) -> CommandReply:
-        if self.ending and command.name in ("start_detection", "raw_capture"):
+        if self.ending and command.name in NOT_WHILE_ENDING:
             return _reply(command, False, "stopping: try again in a moment")
         result = outcome(self.state, command.name)
         if isinstance(result, Refused):

@@ -81,7 +81,12 @@ def serve(sock: socket.socket) -> Birth | None:
 def fork_twice(request: dict[str, Any], fds: list[int]) -> Birth | int:
     """Fork a process that is not our child; get its id here, its task there."""
     reader, writer = os.pipe()
-    midwife = os.fork()
+    try:
+        midwife = os.fork()
+    except OSError:
+        os.close(reader)
+        os.close(writer)
+        raise
     if midwife == 0:
         own_id = os.getpid()
         code = 1

@@ -6,6 +6,7 @@ that begins with ``#`` is spoken by the original's ground station (reference/con
 
 import asyncio
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -23,6 +24,8 @@ log = get_logger()
 MOUNTS = Path("/proc/self/mounts")
 REMOVABLE = ("/media/", "/run/media/")
 """Where desktops and udiskie mount what is plugged in (udisks2)."""
+
+_ESCAPED = re.compile(r"\\([0-7]{3})")
 
 Step = Callable[[int, int, str], None]
 
@@ -145,7 +148,7 @@ def save_directory(settings: RecordingSettings) -> Path:
 def removable_drives(mounts: Iterable[str]) -> list[Path]:
     """Get the mount points of drives that were plugged in (proc(5), which escapes spaces)."""
     points = [line.split(" ")[1] for line in mounts if line.count(" ") >= 3]
-    names = (point.encode().decode("unicode_escape") for point in points)
+    names = (_ESCAPED.sub(lambda octal: chr(int(octal[1], 8)), point) for point in points)
     return [Path(name) for name in names if name.startswith(REMOVABLE)]
 
 

@@ -4,8 +4,11 @@ The module of the radios needs NumPy, and the radio's information program may ha
 """
 
 import json
+import os
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 
 import msgspec
 
@@ -15,22 +18,48 @@ from uavrt.errors import UavrtError
 TIMEOUT_S = 10.0
 
 
-def ask_radio(settings: RadioSettings) -> tuple[bool, str]:
-    """Get whether the radio is there, and what to say of it; takes up to ten seconds."""
-    question = msgspec.json.encode(settings).decode()
-    try:
-        finished = subprocess.run(
+class RadioQuestion:
+    """A question that is on its way.
+
+    Ask it where children are looked after, so that nobody takes it for an orphan, and wait for
+    its answer in a thread.
+
+    Raises
+    ------
+    OSError
+        The system has no room for another process.
+    """
+
+    def __init__(self, settings: RadioSettings) -> None:
+        question = msgspec.json.encode(settings).decode()
+        self._process = subprocess.Popen(
             [sys.executable, "-m", __name__, question],
             stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=TIMEOUT_S,
-            check=False,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            process_group=0,
         )
-        answer = json.loads(finished.stdout)
-    except (OSError, subprocess.TimeoutExpired, ValueError) as error:
-        return False, f"the radio was not asked ({type(error).__name__}): try again"
-    return bool(answer["found"]), str(answer["text"])
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    def answer(self) -> tuple[bool, str]:
+        """Get whether the radio is there, and what to say of it; takes up to ten seconds."""
+        try:
+            output, _ = self._process.communicate(timeout=TIMEOUT_S)
+            answer = json.loads(output)
+        except (OSError, subprocess.TimeoutExpired, ValueError) as error:
+            return False, f"the radio was not asked ({type(error).__name__}): try again"
+        finally:
+            # The radio's program with it: it would keep the radio from the flight.
+            with suppress(ProcessLookupError):
+                os.killpg(self.pid, signal.SIGKILL)
+            self._process.wait()
+            if self._process.stdout is not None:
+                self._process.stdout.close()
+        return bool(answer["found"]), str(answer["text"])
 
 
 def main() -> None:
@@ -40,7 +69,8 @@ def main() -> None:
     settings = msgspec.json.decode(sys.argv[1], type=RadioSettings)
     try:
         said = check_device(settings)
-        answer = {"found": True, "text": said.splitlines()[0] if said else settings.kind}
+        text = f"{settings.kind}: shows itself only in a flight"
+        answer = {"found": True, "text": said.splitlines()[0] if said else text}
     except UavrtError as error:
         answer = {"found": False, "text": str(error)}
     sys.stdout.write(json.dumps(answer))

@@ -5,6 +5,8 @@ import ctypes
 import errno
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
@@ -58,6 +60,13 @@ def main():
         while True:
             frame.report("deaf")
             time.sleep(0.05)
+"""
+SLEEP = "import time; time.sleep(600)"
+LEAVE = f"""
+import subprocess, sys
+left = subprocess.Popen([sys.executable, "-c", {SLEEP!r}], stdout=subprocess.DEVNULL)
+left.returncode = 0
+print(left.pid)
 """
 MAIN = "\nif __name__ == '__main__':\n    main()\n"
 ROW = ProcessRow(
@@ -222,6 +231,33 @@ def test_what_does_not_heed_sigterm_is_killed_with_all_it_started(run: Run) -> N
         assert yard.texts == [(4, "process did not stop: killed")]
         assert not is_alive(pid)
         await yard.until(lambda: not any(map(is_alive, grandchildren)))
+
+    run(DEAF, replace(ROW, stop_timeout_s=0.3), scene)
+
+
+def start(text: str) -> subprocess.Popen[str]:
+    return subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, text=True)
+
+
+def leave_an_orphan() -> int:
+    """Get the id of a process whose parent has ended, and nobody of the table with it."""
+    with start(LEAVE) as parent:
+        assert parent.stdout is not None
+        return int(parent.stdout.read())
+
+
+def test_an_orphan_is_ended_at_once_and_a_child_that_is_spared_is_not(run: Run) -> None:
+    async def scene(yard: Yard) -> None:
+        await yard.until(lambda: yard.records)
+        spared = start(SLEEP)
+        with yard.fleet.sparing(spared.pid):
+            orphan = leave_an_orphan()
+            await yard.until(lambda: orphan not in children_of(os.getpid()))
+            assert not is_alive(orphan)
+            assert spared.poll() is None
+        await yard.until(lambda: not is_alive(spared.pid))
+        spared.communicate()
+        assert yard.instance.restarts.total == 0
 
     run(DEAF, replace(ROW, stop_timeout_s=0.3), scene)
 

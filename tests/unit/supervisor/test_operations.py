@@ -138,11 +138,22 @@ def test_drives_are_those_mounted_where_desktops_mount_them() -> None:
         "/dev/mmcblk0p2 / ext4 rw 0 0",
         "/dev/sda1 /media/pi/MY\\040STICK vfat rw 0 0",
         "tmpfs /run/user/1000 tmpfs rw 0 0",
-        "/dev/sdb1 /run/media/pi/other exfat rw 0 0",
+        "/dev/sdb1 /run/media/pi/Füchse exfat rw 0 0",
         "broken",
     ]
     found = removable_drives(mounts)
-    assert found == [Path("/media/pi/MY STICK"), Path("/run/media/pi/other")]
+    assert found == [Path("/media/pi/MY STICK"), Path("/run/media/pi/Füchse")]
+
+
+def test_flights_are_left_alone_until_the_last_one_is_closed(tmp_path: Path) -> None:
+    make_flights(tmp_path / "flights")
+    drone = Drone(tmp_path / "flights", tmp_path, capture_s=1.0, minimum_free_mb=0.0)
+    assert drone.say("raw_capture", center_frequency_hz=146.0e6).accepted
+    assert drone.say("stop_detection").accepted
+    for name in ("clean_logs", "save_logs"):
+        reply = drone.say(name)
+        assert (reply.accepted, reply.message) == (False, "stopping: try again in a moment")
+    assert (tmp_path / "flights" / "flight_log_2026-01-01" / "flight.sqlite").is_file()
 
 
 def state_of(drone: Drone) -> SystemState:
