@@ -25,12 +25,13 @@ export async function send<T>(method: "POST" | "PUT" | "DELETE", path: string, b
   return answer<T>(response);
 }
 
-/** Binary columns: the buffer and how many columns it holds. */
-export async function columns(path: string): Promise<[ArrayBuffer, number]> {
-  const response = await fetch(`/api${path}`);
+/** Binary columns in the order of their names, all of one length. */
+export async function columns(path: string, names: readonly string[], more = ""): Promise<Float64Array[]> {
+  const response = await fetch(`/api${path}?names=${names.join(",")}${more}`);
   if (!response.ok) throw new ApiError(await reason(response), response.status);
-  const count = (response.headers.get("X-Columns") ?? "").split(",").length;
-  return [await response.arrayBuffer(), count];
+  const cells = new Float64Array(await response.arrayBuffer());
+  const count = cells.length / names.length;
+  return names.map((_, place) => cells.subarray(place * count, (place + 1) * count));
 }
 
 async function answer<T>(response: Response): Promise<T> {

@@ -66,6 +66,12 @@ export function point(coordinates: LonLat, properties: Record<string, unknown>):
   return { type: "Feature", properties, geometry: { type: "Point", coordinates } };
 }
 
+/** A line, or nothing where it has no length. */
+export function lineOf(coordinates: LonLat[]): GeoJSON.FeatureCollection {
+  const geometry: GeoJSON.LineString = { type: "LineString", coordinates };
+  return collection(coordinates.length > 1 ? [{ type: "Feature", properties: {}, geometry }] : []);
+}
+
 export function collection(features: Feature[]): GeoJSON.FeatureCollection {
   return { type: "FeatureCollection", features };
 }

@@ -16,6 +16,7 @@ import { tagColour } from "./colour";
 import {
   clusterFeatures,
   collection,
+  lineOf,
   point,
   pulseFeatures,
   rayOf,
@@ -73,6 +74,7 @@ export class MapView {
   private ready = false;
   private clustered = 0;
   private drawn: { bounds: LngLatBounds; zoom: number } | null = null;
+  private empty = new Set(SOURCES);
   private markers: Marker[] = [];
   private drone: Marker;
   private droneShown = false;
@@ -120,8 +122,8 @@ export class MapView {
     if (count >= CLUSTER_FROM && (this.clustered === 0 || count - this.clustered > RECENT)) {
       this.clustered = count;
       this.drawClusters();
-    } else if (this.clustered === 0) this.source("bulk").setData(EMPTY);
-    this.source("pulses").setData(pulseFeatures(this.clustered, count));
+    } else if (this.clustered === 0) this.put("bulk", EMPTY);
+    this.put("pulses", pulseFeatures(this.clustered, count));
     this.drawStrongest();
   }
 
@@ -132,7 +134,7 @@ export class MapView {
     const size = zoom >= FINE_ZOOM ? FINE_CELL_PX : CELL_PX;
     const bounds = this.map.getBounds();
     this.drawn = { bounds, zoom };
-    this.source("bulk").setData(clusterFeatures(this.clustered, bounds, zoom, size));
+    this.put("bulk", clusterFeatures(this.clustered, bounds, zoom, size));
   }
 
   /** Whether the view is still within what was drawn around it, at about its zoom. */
@@ -160,11 +162,7 @@ export class MapView {
     }
     const here = this.place();
     if (here) line.push(here.at);
-    this.source("track").setData({
-      type: "Feature",
-      properties: {},
-      geometry: { type: "LineString", coordinates: line },
-    });
+    this.put("track", lineOf(line));
     if (here) {
       this.drone.setLngLat(here.at).setRotation(here.heading);
       if (!this.droneShown) this.drone.addTo(this.map);
@@ -186,9 +184,9 @@ export class MapView {
     );
     const positions = store.placed().filter((one) => shown(one.tag_id));
     this.reframe(positions);
-    this.source("wedges").setData(collection(bearings.flatMap((one) => wedgeOf(one, positions))));
-    this.source("rays").setData(collection(bearings.map((one) => rayOf(one, positions))));
-    this.source("regions").setData(collection(positions.flatMap(regionsOf)));
+    this.put("wedges", collection(bearings.flatMap((one) => wedgeOf(one, positions))));
+    this.put("rays", collection(bearings.map((one) => rayOf(one, positions))));
+    this.put("regions", collection(positions.flatMap(regionsOf)));
     this.drawHeat(positions.find((one) => one.tag_id === store.selected) ?? null);
     for (const marker of this.markers) marker.remove();
     this.markers = [];
@@ -215,13 +213,9 @@ export class MapView {
       line.push([track.lon[place]!, track.lat[place]!]);
     }
     const placed = (other?.positions ?? []).filter((one) => one.stations > 1 && !store.hidden.has(one.tag_id));
-    this.source("other-track").setData({
-      type: "Feature",
-      properties: {},
-      geometry: { type: "LineString", coordinates: line },
-    });
-    this.source("other-regions").setData(collection(placed.flatMap(regionsOf)));
-    this.source("other-fixes").setData(
+    this.put("other-track", lineOf(line));
+    this.put("other-regions", collection(placed.flatMap(regionsOf)));
+    this.put("other-fixes", 
       collection(
         placed.map((one) =>
           point([one.longitude_deg, one.latitude_deg], { colour: tagColour(store.tagOrder(one.tag_id)) }),
@@ -335,8 +329,13 @@ export class MapView {
     return { at: [track.lon[at]!, track.lat[at]!], heading: track.yaw[at]! };
   }
 
-  private source(id: string): GeoJSONSource {
-    return this.map.getSource(id) as GeoJSONSource;
+  /** Give a source its data; nothing in place of nothing costs a drawing for nothing. */
+  private put(id: string, data: GeoJSON.Feature | GeoJSON.FeatureCollection): void {
+    const empty = data.type === "FeatureCollection" && data.features.length === 0;
+    if (empty && this.empty.has(id)) return;
+    if (empty) this.empty.add(id);
+    else this.empty.delete(id);
+    (this.map.getSource(id) as GeoJSONSource).setData(data);
   }
 
   private mark(element: HTMLElement, at: LonLat, anchor: "center" | "bottom" = "center"): void {
@@ -346,7 +345,7 @@ export class MapView {
   private drawStrongest(): void {
     const best = store.selected === null ? null : strongestPulse(store.selected);
     const label = "strongest signal";
-    this.source("strongest").setData(collection(best === null ? [] : [point(best, { label })]));
+    this.put("strongest", collection(best === null ? [] : [point(best, { label })]));
   }
 
   private drawHeat(position: PositionRecord | null): void {
@@ -382,7 +381,7 @@ export class MapView {
     });
     this.graticule.addTo();
     addFlightLayers(map);
-    for (const [id, feature] of Object.entries(WARM)) this.source(id).setData(feature);
+    for (const [id, feature] of Object.entries(WARM)) this.put(id, feature);
     map.once("idle", () => this.begin());
     setTimeout(() => this.begin(), WARM_MS);
   }

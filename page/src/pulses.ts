@@ -6,19 +6,19 @@ import type { PulseRecord } from "./types";
 const COLUMNS = ["tag", "time", "frequency", "snr", "status", "rate", "lat", "lon", "height", "yaw"] as const;
 export type Column = (typeof COLUMNS)[number];
 
-/** Where the server's columns stand; see X-Columns. */
-const SERVER = {
-  tag_id: 0,
-  start_time_ns: 1,
-  frequency_hz: 2,
-  snr_db: 3,
-  detection_status: 6,
-  rate: 7,
-  latitude_deg: 8,
-  longitude_deg: 9,
-  altitude_relative_m: 10,
-  quaternion_w: 11,
-} as const;
+/** What the server calls them, in the same order. */
+export const PULSE_NAMES = [
+  "tag_id",
+  "start_time_ns",
+  "frequency_hz",
+  "snr_db",
+  "detection_status",
+  "rate",
+  "latitude_deg",
+  "longitude_deg",
+  "altitude_relative_m",
+  "yaw_deg",
+] as const;
 
 export class Pulses {
   count = 0;
@@ -38,40 +38,15 @@ export class Pulses {
     return this.columns[column];
   }
 
-  /** Read the server's binary columns, in order of time. */
-  static from(buffer: ArrayBuffer, columnCount: number): Pulses {
-    const cells = new Float64Array(buffer);
-    const count = cells.length / columnCount;
+  /** Take the server's columns, in order of time. */
+  static from(cells: Float64Array[]): Pulses {
     const pulses = new Pulses();
-    pulses.reserve(count);
-    const at = (name: keyof typeof SERVER) =>
-      cells.subarray(SERVER[name] * count, (SERVER[name] + 1) * count);
-    const time = at("start_time_ns");
-    const order = sortedOrder(time);
-    const pick = (column: Column, source: Float64Array) => {
-      const target = pulses.columns[column];
-      if (order === null) target.set(source);
-      else for (let place = 0; place < count; place += 1) target[place] = source[order[place]!]!;
-    };
-    pick("tag", at("tag_id"));
-    pick("time", time);
-    pick("frequency", at("frequency_hz"));
-    pick("snr", at("snr_db"));
-    pick("status", at("detection_status"));
-    pick("rate", at("rate"));
-    pick("lat", at("latitude_deg"));
-    pick("lon", at("longitude_deg"));
-    pick("height", at("altitude_relative_m"));
-    const first = SERVER.quaternion_w;
-    const [w, x, y, z] = [0, 1, 2, 3].map((place) =>
-      cells.subarray((first + place) * count, (first + place + 1) * count),
-    ) as [Float64Array, Float64Array, Float64Array, Float64Array];
-    const yaw = new Float64Array(count);
-    for (let place = 0; place < count; place += 1) {
-      yaw[place] = yawOf(w[place]!, x[place]!, y[place]!, z[place]!);
-    }
-    pick("yaw", yaw);
-    pulses.count = count;
+    const order = sortedOrder(cells[COLUMNS.indexOf("time")]!);
+    COLUMNS.forEach((name, column) => {
+      const source = cells[column]!;
+      pulses.columns[name] = order === null ? source : Float64Array.from(order, (place) => source[place]!);
+    });
+    pulses.count = pulses.capacity = cells[0]!.length;
     return pulses;
   }
 

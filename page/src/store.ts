@@ -4,8 +4,8 @@
  */
 
 import { columns, get } from "./api";
-import { Pulses } from "./pulses";
-import { emptyTrack, extend, type Track, trackFrom } from "./track";
+import { PULSE_NAMES, Pulses } from "./pulses";
+import { emptyTrack, extend, MOST_POSES, POSE_NAMES, type Track, trackFrom } from "./track";
 import type {
   BearingRecord,
   Download,
@@ -184,7 +184,8 @@ class Store {
     if (ticket !== this.loading) return;
     this.review = summary;
     this.until = Infinity;
-    this.selected = null;
+    // Chosen now and not by the list of tags, which would have all of it drawn once more.
+    this.selected = Number(summary.rows[0]?.id ?? NaN) || null;
     this.hidden.clear();
     this.other = null;
     this.pulses = pulses;
@@ -340,12 +341,7 @@ class Store {
     let track = emptyTrack();
     if (id !== null) {
       try {
-        const [[buffer, width], path] = await Promise.all([
-          columns(`/flights/${id}/columns`),
-          columns(`/flights/${id}/track`),
-        ]);
-        pulses = Pulses.from(buffer, width);
-        track = trackFrom(...path);
+        [pulses, track] = await Promise.all([pulsesOf(`/flights/${id}`), trackOf(`/flights/${id}`)]);
       } catch {
         // The flight is not on the disk yet; its pulses come one by one.
       }
@@ -364,12 +360,16 @@ class Store {
 
 async function flightOf(flightId: string): Promise<Omit<Stored, keyof Estimates>> {
   const path = `/flights/${encodeURIComponent(flightId)}`;
-  const [summary, [pulses, width], track] = await Promise.all([
-    get<Stored["summary"]>(path),
-    columns(`${path}/columns`),
-    columns(`${path}/track`),
-  ]);
-  return { summary, pulses: Pulses.from(pulses, width), track: trackFrom(...track) };
+  const [summary, pulses, track] = await Promise.all([get<Stored["summary"]>(path), pulsesOf(path), trackOf(path)]);
+  return { summary, pulses, track };
+}
+
+async function pulsesOf(path: string): Promise<Pulses> {
+  return Pulses.from(await columns(`${path}/columns`, PULSE_NAMES));
+}
+
+async function trackOf(path: string): Promise<Track> {
+  return trackFrom(await columns(`${path}/track`, POSE_NAMES, `&most=${MOST_POSES}`));
 }
 
 function estimatesOf(flightId: string): Promise<Estimates> {

@@ -16,22 +16,13 @@ export function emptyTrack(): Track {
   return { time: cells(), lat: cells(), lon: cells(), height: cells(), yaw: cells(), count: 0 };
 }
 
-export function trackFrom(buffer: ArrayBuffer, columnCount: number): Track {
-  const cells = new Float64Array(buffer);
-  const count = cells.length / columnCount;
-  const at = (place: number) => cells.slice(place * count, (place + 1) * count);
-  const [w, x, y, z] = [at(4), at(5), at(6), at(7)];
-  const yaw = Float64Array.from(
-    w,
-    (value, place) =>
-      (Math.atan2(
-        2 * (value * z[place]! + x[place]! * y[place]!),
-        1 - 2 * (y[place]! ** 2 + z[place]! ** 2),
-      ) *
-        180) /
-      Math.PI,
-  );
-  return { time: at(0), lat: at(1), lon: at(2), height: at(3), yaw, count };
+/** Of a flight's poses the page asks for so many: three a second of a flight of two hours. */
+export const MOST_POSES = 20_000;
+export const POSE_NAMES = ["time_ns", "latitude_deg", "longitude_deg", "altitude_relative_m", "yaw_deg"] as const;
+
+export function trackFrom(cells: Float64Array[]): Track {
+  const [time, lat, lon, height, yaw] = cells as [Float64Array, Float64Array, Float64Array, Float64Array, Float64Array];
+  return { time, lat, lon, height, yaw, count: time.length };
 }
 
 export function extend(track: Track, pose: PoseRecord): void {

@@ -7,14 +7,13 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError
 from uavrt.ground import maps, tag_table
+from uavrt.ground.column_answers import POSE_COLUMNS, chosen_columns, thinned
 from uavrt.ground.coordinates import readout
 from uavrt.ground.estimates import Estimator
 from uavrt.ground.exports import EXPORTS, export
@@ -24,17 +23,6 @@ from uavrt.ground.ports import serial_ports
 from uavrt.ground.reports import POLICY, Reporter
 from uavrt.ground.session import GroundSession
 from uavrt.localization import PATTERNS
-
-POSE_COLUMNS = (
-    "time_ns",
-    "latitude_deg",
-    "longitude_deg",
-    "altitude_relative_m",
-    "quaternion_w",
-    "quaternion_x",
-    "quaternion_y",
-    "quaternion_z",
-)
 
 
 class Api:
@@ -50,6 +38,7 @@ class Api:
         self._session = session
         self._estimates: dict[tuple[Any, ...], Any] = {}
         self._reporter = Reporter(session.store.directory / "reports")
+        self._prepare()
 
     def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
         """Path below ``/api``, method, handler."""
@@ -197,7 +186,8 @@ class Api:
         return self._session.log.lines()
 
     async def flights(self, request: Request) -> Any:
-        """All flights on this computer, newest first."""
+        """All flights on this computer, newest first; who asks will open one soon."""
+        self._prepare()
         return await asyncio.to_thread(self._session.library.summaries)
 
     async def flight(self, request: Request) -> Any:
@@ -218,16 +208,23 @@ class Api:
         return await asyncio.to_thread(library.records, flight_id, after, limit)
 
     async def columns(self, request: Request) -> Any:
-        """All pulses in columns of little-endian float64; their names in a header."""
+        """All pulses in columns of little-endian float64; their names in a header.
+
+        ``?names=tag_id,yaw_deg`` gives these alone.
+        """
         library, flight_id = self._session.library, _flight_id(request)
-        pulses = await asyncio.to_thread(library.pulses, flight_id)
-        return _binary(pulses, PULSE_COLUMNS)
+        names = request.query_params.get("names")
+        return await asyncio.to_thread(
+            lambda: chosen_columns(library.pulses(flight_id), PULSE_COLUMNS, names)
+        )
 
     async def track(self, request: Request) -> Any:
-        """The vehicle's poses, likewise."""
+        """The vehicle's poses, likewise; ``?most=20000``: not more, evenly taken."""
         library, flight_id = self._session.library, _flight_id(request)
-        poses = await asyncio.to_thread(library.poses, flight_id)
-        return _binary(poses, POSE_COLUMNS)
+        names, most = request.query_params.get("names"), _whole(request, "most", 10**9, 10**9)
+        return await asyncio.to_thread(
+            lambda: chosen_columns(thinned(library.poses(flight_id), most), POSE_COLUMNS, names)
+        )
 
     async def estimates(self, request: Request) -> Any:
         """Bearings and positions of a flight, with the antenna that is set."""
@@ -298,6 +295,10 @@ class Api:
         finally:
             listening.cancel()
             self._session.hub.leave(queue)
+
+    def _prepare(self) -> None:
+        flight = self._session.flight
+        self._session.library.prepare_soon(None if flight.ended else flight.flight_id)
 
     async def _columns(self, request: Request) -> Columns:
         return await asyncio.to_thread(self._session.library.columns, _flight_id(request))
@@ -375,14 +376,6 @@ def _whole(request: Request, name: str, default: int, most: int) -> int:
     if not text.isascii() or not text.isdigit():
         raise FormatError(f"{name} must be a whole number")
     return min(int(text[:12]), most)
-
-
-def _binary(cells: NDArray[np.float64], columns: tuple[str, ...]) -> Response:
-    return Response(
-        cells.astype("<f8", copy=False).tobytes(),
-        media_type="application/octet-stream",
-        headers={"X-Columns": ",".join(columns)},
-    )
 
 
 def _download(content: bytes, name: str, kind: str) -> Response:

@@ -5,8 +5,9 @@ A flight of 100 000 pulses is read in columns, never as objects: 10 MB in place 
 
 import math
 import sqlite3
+import threading
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError, UsageError
+from uavrt.ground.prepared import PreparedColumns
 from uavrt.messages import Tag
 from uavrt.recording import FlightLayout, schema
 
@@ -94,6 +96,10 @@ class FlightLibrary:
     def __init__(self, directory: Path) -> None:
         self.directory = directory
         self._known: dict[str, tuple[tuple[int, int], FlightSummary]] = {}
+        self._prepared = PreparedColumns(directory / "columns")
+        self._preparing = threading.Lock()
+        self._preparer: threading.Thread | None = None
+        self._at_work: str | None = None
 
     def summaries(self) -> list[FlightSummary]:
         """Get all flights, newest first; what cannot be read is left out."""
@@ -171,11 +177,55 @@ class FlightLibrary:
 
     def pulses(self, flight_id: str) -> NDArray[np.float64]:
         """Read the pulses alone, (len(PULSE_COLUMNS), n)."""
-        with self._database(flight_id) as database:
-            return _columns(database, "pulses", _SELECT_PULSES, len(PULSE_COLUMNS))
+        kept = self._kept(flight_id, "pulses")
+        return self._read_pulses(flight_id) if kept is None else kept
 
     def poses(self, flight_id: str) -> NDArray[np.float64]:
         """Read the poses alone, (8, m)."""
+        kept = self._kept(flight_id, "poses")
+        return self._read_poses(flight_id) if kept is None else kept
+
+    def prepare_soon(self, live: str | None = None) -> None:
+        """Do `prepare` on a thread of its own, unless one is at it."""
+        if self._preparer is None or not self._preparer.is_alive():
+            self._preparer = threading.Thread(target=self.prepare, args=(live,), daemon=True)
+            self._preparer.start()
+
+    def prepare(self, live: str | None = None) -> None:
+        """Make the columns of all flights but `live` ready to be read at once.
+
+        Newest first. Without room for them flights are read from their databases as before.
+        """
+        flights = [flight.flight_id for flight in self.summaries()]
+        for flight_id in flights:
+            if flight_id != live:
+                with self._preparing, suppress(FormatError, UsageError, OSError):
+                    self._at_work = flight_id
+                    self._prepare(flight_id)
+        self._at_work = None
+        with suppress(OSError):
+            self._prepared.keep_only(set(flights))
+
+    def _prepare(self, flight_id: str) -> None:
+        stamp = _stamp(FlightLayout(self.path(flight_id)))
+        if self._prepared.has(flight_id, stamp):
+            return
+        pulses, poses = self._read_pulses(flight_id), self._read_poses(flight_id)
+        self._prepared.write(flight_id, stamp, pulses, poses)
+
+    def _kept(self, flight_id: str, name: str) -> NDArray[np.float64] | None:
+        stamp = _stamp(FlightLayout(self.path(flight_id)))
+        found = self._prepared.read(flight_id, stamp, name)
+        if found is None and self._at_work == flight_id:
+            with self._preparing:  # ready in a moment
+                found = self._prepared.read(flight_id, stamp, name)
+        return found
+
+    def _read_pulses(self, flight_id: str) -> NDArray[np.float64]:
+        with self._database(flight_id) as database:
+            return _columns(database, "pulses", _SELECT_PULSES, len(PULSE_COLUMNS))
+
+    def _read_poses(self, flight_id: str) -> NDArray[np.float64]:
         with self._database(flight_id) as database:
             return _columns(database, "poses", _SELECT_POSES, 8)
 

@@ -2,13 +2,19 @@
 
 import asyncio
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
+
+from uavrt.clock import Clock
+from uavrt.ground.flight_keeper import FlightKeeper
+from uavrt.messages import Pose
 
 TAG = {
     "id": "2",
@@ -139,6 +145,34 @@ def test_every_answer_forbids_foreign_code(served: Any) -> None:
 )
 def test_nothing_outside_is_served(served: Any, path: str) -> None:
     assert served.ask("GET", path).status == 404
+
+
+def test_columns_come_by_name_and_poses_as_few_as_wanted(served: Any) -> None:
+    clock = Clock.start()
+    keeper = FlightKeeper(served.directory, clock)
+    flight_id = keeper.begin([])
+    for number in range(100):
+        half = math.radians(30.0 + number) / 2.0
+        pose = Pose(
+            time_ns=clock.now_ns() + number * 10**9,
+            latitude_deg=46.5,
+            longitude_deg=8.0,
+            altitude_amsl_m=1000.0,
+            altitude_relative_m=float(number),
+            quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+        )
+        keeper.add_pose(pose)
+    keeper.close()
+    path = f"/api/flights/{flight_id}/track"
+    every = np.frombuffer(served.ask("GET", path).body).reshape(8, -1)
+    assert every.shape == (8, 100)
+    asked = served.ask("GET", f"{path}?names=altitude_relative_m,yaw_deg&most=30")
+    height, yaw = np.frombuffer(asked.body).reshape(2, -1)
+    np.testing.assert_array_equal(height, np.arange(3.0, 100.0, 4.0))
+    np.testing.assert_allclose(yaw, 30.0 + height)
+    refused = served.ask("GET", f"/api/flights/{flight_id}/columns?names=tag_id,speed")
+    assert refused.status == 404
+    assert "yaw_deg" in refused.json["error"]
 
 
 @pytest.mark.parametrize("body", [b"", b"{", b"[[[[", b"[1, 2]", b'"x"', b"\xff"])
