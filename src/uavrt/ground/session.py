@@ -32,7 +32,7 @@ from uavrt.ground.link import (
 from uavrt.ground.received import open_receipts
 from uavrt.ground.settings import GroundStore
 from uavrt.ground.skew import ClockSkew
-from uavrt.ground.snapshot import pose_record, snapshot
+from uavrt.ground.snapshot import hello, pose_record, snapshot
 from uavrt.ground.tag_table import rows_from_tags
 from uavrt.ground.vehicle import VehicleWatch
 from uavrt.log import get_logger
@@ -191,15 +191,7 @@ class GroundSession:
 
     def hello(self) -> dict[str, Any]:
         """First record of a listener: all that stands."""
-        return {
-            "state": self.snapshot(),
-            "tags": rows_from_tags(self.store.tags),
-            "settings": asdict(self.store.settings),
-            "bearings": self.estimates.bearings,
-            "positions": self.estimates.positions,
-            "log": self.log.lines(),
-            "download": self.downloads.record(),
-        }
+        return hello(self)
 
     def send_state(self) -> None:
         """Show the state to all listeners."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import uavrt
 from uavrt import tunnel
 from uavrt.ground.actions import action_states
+from uavrt.ground.tag_table import rows_from_tags
 from uavrt.messages import Pose
 
 if TYPE_CHECKING:
@@ -54,6 +55,19 @@ def snapshot(session: "GroundSession") -> dict[str, Any]:
         },
         "busy": None if session.busy is None else asdict(session.busy),
         "actions": action_states(situation),
+    }
+
+
+def hello(session: "GroundSession") -> dict[str, Any]:
+    """All that stands, for a listener that has just come."""
+    return {
+        "state": snapshot(session),
+        "tags": rows_from_tags(session.store.tags),
+        "settings": asdict(session.store.settings),
+        "bearings": session.estimates.bearings,
+        "positions": session.estimates.positions,
+        "log": session.log.lines(),
+        "download": session.downloads.record(),
     }
 
 

@@ -11,12 +11,12 @@ from typing import Any
 
 from uavrt.clock import monotonic_s
 from uavrt.config.settings import Settings
-from uavrt.errors import ConfigError, LinkError, TunnelError, UavrtError
+from uavrt.errors import ConfigError, LinkError, UavrtError
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.link import SupervisorGone
 from uavrt.log import get_logger
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
-from uavrt.mavlink.dialect import MavParamType, ParamSet, RadioStatus
+from uavrt.mavlink.dialect import RadioStatus
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.metadata import component_metadata
@@ -50,7 +50,7 @@ from uavrt.tunnel.exchange import Answer, Exchange
 from uavrt.tunnel.gate import Gate
 from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
 from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE
-from uavrt.tunnel.seal import PARAMETER_INSIDE, PLAIN_INSIDE, parameter_of
+from uavrt.tunnel.seal import PARAMETER_INSIDE, PLAIN_INSIDE
 
 log = get_logger()
 
@@ -323,7 +323,9 @@ class ConnectionProcess:
                 self._take_command(payload, peer, sealed=True)
                 return
             if kind == PARAMETER_INSIDE:
-                self._take_parameter(payload, peer)
+                refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=True)
+                number = self._exchange.next_request_id()
+                self._parameters.receive_sealed(payload, peer, refusal, number)
                 return
         elif payload_type != RECEIPT_TYPE or self._gate.locked:
             return
@@ -335,23 +337,6 @@ class ConnectionProcess:
     def _parameter_request(self, message: Requests, peer: Peer) -> None:
         refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=False)
         self._parameters.receive(message, peer, refusal, self._exchange.next_request_id())
-
-    def _take_parameter(self, inside: bytes, peer: Peer) -> None:
-        """Take the sealed wish to set a parameter."""
-        try:
-            name, value = parameter_of(inside)
-        except TunnelError as error:
-            log.warning("bad parameter", reason=error.message)
-            return
-        wish = ParamSet(
-            target_system=0,
-            target_component=0,
-            param_id=name,
-            param_value=value,
-            param_type=MavParamType.REAL32,
-        )
-        refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=True)
-        self._parameters.receive(wish, peer, refusal, self._exchange.next_request_id())
 
     def _radio_status(self, status: RadioStatus) -> None:
         now_ns = self._base.now_ns()

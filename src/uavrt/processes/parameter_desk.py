@@ -9,10 +9,15 @@ from collections.abc import Callable
 
 from uavrt.config.parameters import PARAMETERS, parameter_values
 from uavrt.config.settings import Settings
-from uavrt.mavlink.dialect import MavParamType, ParamValue
+from uavrt.errors import TunnelError
+from uavrt.log import get_logger
+from uavrt.mavlink.dialect import MavParamType, ParamSet, ParamValue
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.parameters import ParameterServer, Requests
 from uavrt.messages import Command, CommandReply, StatusText
+from uavrt.tunnel.seal import parameter_of
+
+log = get_logger()
 
 PENDING = 64
 
@@ -91,6 +96,24 @@ class ParameterDesk:
                     source=f"mavlink {peer}",
                 )
             )
+
+    def receive_sealed(
+        self, inside: bytes, peer: Peer, refusal: str | None, request_id: int
+    ) -> None:
+        """Take the sealed wish to set a parameter; the rest is as for `receive`."""
+        try:
+            name, value = parameter_of(inside)
+        except TunnelError as error:
+            log.warning("bad parameter", reason=error.message)
+            return
+        wish = ParamSet(
+            target_system=0,
+            target_component=0,
+            param_id=name,
+            param_value=value,
+            param_type=MavParamType.REAL32,
+        )
+        self.receive(wish, peer, refusal, request_id)
 
     def reply(self, reply: CommandReply) -> None:
         """Take the supervisor's answer: the asker hears the value in force, and why not.

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from typing import Generic, Literal, TypeVar
 
 from uavrt.tunnel.private import payload_hash
+from uavrt.tunnel.round_trips import FIRST_RTO_S, RoundTrips
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 T = TypeVar("T")
@@ -30,8 +31,6 @@ CAPACITY = 2048
 REFILL_AT = 256
 """Pulses in memory below which those on disk are asked for."""
 REORDERING = 3
-FIRST_RTO_S = 1.0
-MIN_RTO_S = 0.4
 BACKOFF = 1.5
 MAX_BACKOFF = 4.0
 LIVE_S = 2.0
@@ -89,29 +88,6 @@ class Outgoing:
     payload: bytes
     place: Place | None
     """One ground station, or None for all."""
-
-
-class RoundTrips:
-    """Smoothed round trip and time-out, RFC 6298."""
-
-    def __init__(self) -> None:
-        self.smoothed_s: float | None = None
-        self._variation_s = 0.0
-
-    def add(self, trip_s: float) -> None:
-        """Take a round trip of a message that was sent once."""
-        if self.smoothed_s is None:
-            self.smoothed_s, self._variation_s = trip_s, trip_s / 2
-        else:
-            self._variation_s += (abs(trip_s - self.smoothed_s) - self._variation_s) / 4
-            self.smoothed_s += (trip_s - self.smoothed_s) / 8
-
-    @property
-    def timeout_s(self) -> float:
-        """Time after which a message without acknowledgement counts as lost."""
-        if self.smoothed_s is None:
-            return FIRST_RTO_S
-        return max(MIN_RTO_S, self.smoothed_s + 4 * self._variation_s)
 
 
 class ReliableSender(Generic[T]):
