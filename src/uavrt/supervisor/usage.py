@@ -7,6 +7,7 @@ from pathlib import Path
 
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+MOST_BYTES = 16_384
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,9 +21,16 @@ class Usage:
 
 
 def _read(path: str) -> str:
-    """Read a small file; without pathlib, this being done forty times a second."""
-    with open(path, encoding="utf-8", errors="replace") as file:
-        return file.read()
+    """Read a file of ``/proc`` of less than 16 kB.
+
+    Without a file object, which makes three more system calls and takes five times as long:
+    this is done twice a second for each process.
+    """
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        return os.read(descriptor, MOST_BYTES).decode("utf-8", "replace")
+    finally:
+        os.close(descriptor)
 
 
 def children_of(pid: int) -> tuple[int, ...]:
@@ -44,7 +52,7 @@ def is_alive(pid: int) -> bool:
 
 def own_usage(pid: int) -> Usage:
     """Measure a process without its children; zeros when it has gone."""
-    return _usage(pid, last_field=13)
+    return _usages(pid)[0]
 
 
 def descendants_of(pid: int) -> tuple[int, ...]:
@@ -60,26 +68,38 @@ def descendants_of(pid: int) -> tuple[int, ...]:
 
 def usage_of(pid: int) -> Usage:
     """Measure a process and its living descendants; zeros when it has gone."""
-    cpu_s = memory_mb = 0.0
-    for current in (pid, *descendants_of(pid)):
-        usage = _usage(current, last_field=15)
+    return measure(pid)[1]
+
+
+def measure(pid: int) -> tuple[Usage, Usage]:
+    """Measure a process, first alone, then with its descendants; zeros when it has gone."""
+    own, family = _usages(pid)
+    cpu_s, memory_mb = family.cpu_s, family.memory_mb
+    for current in descendants_of(pid):
+        _, usage = _usages(current)
         cpu_s += usage.cpu_s
         memory_mb += usage.memory_mb
-    return Usage(cpu_s, memory_mb)
+    return own, Usage(cpu_s, memory_mb)
 
 
-def _usage(pid: int, *, last_field: int) -> Usage:
-    """Read ``/proc/PID/stat``: after the name, state is field 0; utime, stime and those of the
-    dead children are 11 to 14, rss is 21 (proc(5)).
+def _usages(pid: int) -> tuple[Usage, Usage]:
+    """Read ``/proc/PID/stat``: the process alone, and with its dead children.
+
+    After the name, state is field 0; utime, stime and those of the dead children are 11 to 14,
+    rss is 21 (proc(5)).
     """
     try:
         fields = _read(f"/proc/{pid}/stat").rpartition(") ")[2].split()
     except OSError:
-        return Usage(0.0, 0.0)
+        return Usage(0.0, 0.0), Usage(0.0, 0.0)
     if len(fields) < 22:
-        return Usage(0.0, 0.0)
-    ticks = sum(int(field) for field in fields[11:last_field])
-    return Usage(ticks / _TICKS_PER_S, int(fields[21]) * _PAGE_BYTES / 1e6)
+        return Usage(0.0, 0.0), Usage(0.0, 0.0)
+    own, dead = (sum(map(int, fields[start : start + 2])) for start in (11, 13))
+    memory_mb = int(fields[21]) * _PAGE_BYTES / 1e6
+    return (
+        Usage(own / _TICKS_PER_S, memory_mb),
+        Usage((own + dead) / _TICKS_PER_S, memory_mb),
+    )
 
 
 def own_cpu_s(pid: int) -> float:

@@ -17,7 +17,8 @@ from uavrt.supervisor.core import Supervisor
 
 log = get_logger()
 
-GATHER_S = 0.05
+GATHER_S = 0.1
+"""For people to look at: what comes meanwhile goes together."""
 VIEWER_BUFFER_BYTES = 1_000_000
 
 
