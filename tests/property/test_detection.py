@@ -1,6 +1,7 @@
 """Properties of the detector: what must hold for any blocks, times and amplitudes."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 from hypothesis import given, settings
@@ -43,6 +44,59 @@ def test_the_pulses_do_not_depend_on_how_the_stream_is_cut(cuts: list[int]) -> N
     parts = sorted(p.start_time_ns for p in run(samples, cuts))
     assert len(whole) == len(parts) == len(truth)
     assert all(abs(a - b) < 1_000_000 for a, b in zip(whole, parts, strict=True))
+
+
+@settings(deadline=None, max_examples=8)
+@given(
+    sizes=st.lists(st.integers(1, round(0.1 * RATE_HZ)), min_size=1, max_size=40),
+    tag_id=st.integers(1, 2000),
+)
+def test_a_pulse_is_told_half_a_second_after_its_end_whatever_the_blocks(
+    sizes: list[int], tag_id: int
+) -> None:
+    rng = np.random.default_rng(4)
+    truth = pulse_train(rng, duration_s=8.0, interval_s=1.254, offset_hz=80.0, enr_db=20.0)
+    samples = make_samples(rng, truth, duration_s=8.0)
+    detector = PulseDetector(
+        replace(THESIS_TAG, tag_id=tag_id),
+        sample_rate_hz=RATE_HZ,
+        center_frequency_hz=THESIS_TAG.frequency_hz,
+    )
+    position, told = 0, 0
+    for size in itertools.cycle(sizes):
+        if position >= len(samples):
+            break
+        block = samples[position : position + size]
+        found = detector.process(block, START_NS + round(position / RATE_HZ * 1e9))
+        position += len(block)
+        now_ns = START_NS + round(position / RATE_HZ * 1e9)
+        told += len(found)
+        group_ns = max((p.end_time_ns for p in found), default=now_ns)
+        assert now_ns - group_ns <= 500_000_000
+    assert told >= len(truth) - 1
+
+
+def test_the_tags_of_a_flight_are_not_all_searched_at_the_same_block() -> None:
+    block = noise(np.random.default_rng(5), round(0.0874 * RATE_HZ))
+    detectors = [
+        PulseDetector(
+            replace(THESIS_TAG, tag_id=2 * number),
+            sample_rate_hz=RATE_HZ,
+            center_frequency_hz=THESIS_TAG.frequency_hz,
+        )
+        for number in range(1, 21)
+    ]
+    searched = []
+    for number in range(20):
+        time_ns = START_NS + round(number * len(block) / RATE_HZ * 1e9)
+        before = [detector.searched_samples for detector in detectors]
+        for detector in detectors:
+            detector.process(block, time_ns)
+        after = [detector.searched_samples for detector in detectors]
+        searched.append(sum(a > b for a, b in zip(after, before, strict=True)))
+    # Each tag has one block in five.
+    assert sum(searched) >= 20 * 3
+    assert max(searched) <= 8
 
 
 @settings(deadline=None, max_examples=5)
@@ -132,6 +186,7 @@ def test_pruned_search_finds_the_best_that_testing_every_anchor_finds(
         assert abs(max(c.score for c in found) * threshold - best) < 1e-3
 
 
+@settings(deadline=None)
 @given(
     sample_rate_hz=st.floats(3000.0, 12_000.0),
     width_s=st.floats(0.010, 0.040),

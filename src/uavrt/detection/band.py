@@ -18,6 +18,9 @@ NOISE_STRIDE = 4
 """Of the columns, eight to a pulse, every fourth tells the noise as much as all."""
 _LEARN_BATCHES = 3
 """The noise is followed so many batches at a time: a call costs more than its data."""
+_LEAST_NOISE_S = 0.35
+_LAG_S = 0.07
+"""The newest columns lag a window and a filter behind the samples."""
 _YOUNG_NOISE_S = 2.5
 """Until so much is heard the noise is measured anew from all of it with each batch."""
 
@@ -33,7 +36,7 @@ class SearchBand:
     half_width_hz : float
         Half-width of the band, maybe infinite.
     batch_s : float
-        Samples come in such pieces [s].
+        Samples come in pieces of at most so much [s].
     """
 
     def __init__(
@@ -58,7 +61,7 @@ class SearchBand:
         self._learnt: list[NDArray[np.float32]] = []
         self._column = 0
         self._heard_s = 0.0
-        self._first_noise_s = _needed_noise_s(tag, self._searches, batch_s)
+        self._first_noise_s = _needed_noise_s(tag, self._searches)
 
     @property
     def noise(self) -> NDArray[np.float32]:
@@ -178,7 +181,7 @@ class SearchBand:
         return whole
 
 
-def _needed_noise_s(tag: Tag, searches: list[RateSearch], batch_s: float) -> float:
+def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
     """How soon a group can reach a threshold: before, no noise needs to be known.
 
     A cell adds no more than the limit, so a threshold needs several pulses, the last of them
@@ -189,5 +192,4 @@ def _needed_noise_s(tag: Tag, searches: list[RateSearch], batch_s: float) -> flo
         * (interval_s - tag.interval_uncertainty_s)
         for search, interval_s in zip(searches, tag.pulse_intervals_s, strict=True)
     )
-    # The newest columns lag a window and a filter behind.
-    return min(max(soonest_s, batch_s), _YOUNG_NOISE_S) - 0.2 * batch_s
+    return min(max(soonest_s, _LEAST_NOISE_S), _YOUNG_NOISE_S) - _LAG_S

@@ -7,8 +7,9 @@ import numpy as np
 from uavrt.detection.lines import LineCanceller
 from uavrt.detection.samples import Counters, SampleBuffer, blank_impulses
 
-_LINES_EVERY = 7
-"""Stretches of 0.35 s between two looks for carriers."""
+_LINES_EVERY_S = 2.4
+"""Time between two looks for carriers: one that is there may drift, and 2 Hz/s in 2.5 s is
+more than an amplitude's fit can take."""
 _FLOOR_STRIDE = 4
 _MEDIAN = math.log(2.0)
 """Median of an exponential over its mean."""
@@ -31,7 +32,9 @@ class Cleaner:
         self.flank = max(2, round(0.35 * pulse_width_s * sample_rate_hz))
         """Samples looked at to either side of an impulse."""
         self._short = max(2, round(0.05 * pulse_width_s * sample_rate_hz))
-        self._stretches = 0
+        self._every = round(_LINES_EVERY_S * sample_rate_hz)
+        self._look_at = 0
+        """End of the stretch at which carriers are looked for again."""
         self.floor = 0.0
         """Median power of a sample; zero before the first stretch."""
 
@@ -60,10 +63,7 @@ class Cleaner:
 
     def _cancel_lines(self, buffer: SampleBuffer, first: int, last: int) -> None:
         """Subtract carriers from [first, last)."""
-        self._stretches += 1
-        # One that is there may drift: 2 Hz/s in 2.5 s is more than an amplitude's fit can take.
-        often = bool(self._lines.frequencies_hz) or self._stretches == 2
-        look = often or self._stretches % _LINES_EVERY == 0
+        look = bool(self._lines.frequencies_hz) or last >= self._look_at
         if not look and self._lines.idle:
             return
         first = max(first, buffer.start)
@@ -71,6 +71,8 @@ class Cleaner:
         before = buffer.view(max(buffer.start, first - self._lines.needed), first)
         if look:
             self._lines.find(before, new)
+            if last - buffer.start >= self._lines.needed:
+                self._look_at = last + self._every
         self._lines.subtract(before, new)
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:

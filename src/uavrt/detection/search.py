@@ -25,9 +25,9 @@ the false alarms of noise as much (measured: docs/explanation/detection.md)."""
 _ANCHORS_AT_ONCE = 96
 _CANDIDATES_AT_ONCE = 8
 _DENSE_FROM_K = 9
-_PIECE_S = 0.37
+_PIECE_S = 0.46
 """Most columns taken in at once, in seconds: a ring of cells needs no more beyond its span, and
-a detector's pieces are of 0.35 s."""
+a detector's pieces are of 0.44 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
