@@ -30,6 +30,7 @@ from uavrt.messages import (
 from uavrt.supervisor.disk import DiskGuard
 from uavrt.supervisor.fleet import Fleet
 from uavrt.supervisor.instance import Instance, self_status
+from uavrt.supervisor.last_pulses import LastPulses
 from uavrt.supervisor.launcher import Launcher
 from uavrt.supervisor.memory import StateStore
 from uavrt.supervisor.mission import Mission
@@ -52,8 +53,9 @@ STATUS_PERIOD_S = 1.0
 DISK_PERIOD_S = 10.0
 WARNING_SEVERITY = 4
 """MAV_SEVERITY_WARNING; lower numbers are worse."""
-LAST_POSE_SPARE_S = 0.2
-"""On top of `AntennaSettings.pose_wait_s`, for the last pulses' way to the recorder."""
+LAST_PULSES_S = 1.0
+"""On top of `AntennaSettings.pose_wait_s`: longest wait for the last pulses to be on disk. It
+takes 0.1 s; only what a killed process has lost, or a very slow disk, is waited for so long."""
 
 
 class Supervisor:
@@ -82,6 +84,7 @@ class Supervisor:
         self._on_record = on_record
         self._wake = asyncio.Event()
         self._wall_clock = WallClockWatch()
+        self._last_pulses = LastPulses()
         self._to_pump: dict[str, Instance] = {}
         self._asking_radio = asyncio.Lock()
         self._stopping = False
@@ -190,6 +193,7 @@ class Supervisor:
     # ---------------------------------------------------------------- flight
 
     def _flight_started(self, flight: FlightInfo) -> None:
+        self._last_pulses.flight_started()
         self._wall_clock.flight_started()
         self._fleet.make_sample_roads()
         self._output.open_flight(Path(flight.directory))
@@ -202,11 +206,11 @@ class Supervisor:
         self._end_task = asyncio.ensure_future(self._end_flight())
 
     async def _end_flight(self) -> None:
-        """Stop receiver, then detectors; give the last pulses time; close the flight."""
+        """Stop receiver, then detectors; wait for the last pulses; close the flight."""
         await self._fleet.stop_flight()
-        settings = self.mission.settings
-        if settings.mavlink.address:
-            await asyncio.sleep(settings.antenna.pose_wait_s + LAST_POSE_SPARE_S)
+        limit_s = self.mission.settings.antenna.pose_wait_s + LAST_PULSES_S
+        if not await self._last_pulses.safe_within(limit_s):
+            log.warning("flight closed before its last pulses", left=self._last_pulses.waiting)
         flight = self.mission.flight_ended()
         if flight is not None:
             self._publish("flight_end", flight)
@@ -278,6 +282,7 @@ class Supervisor:
         if name not in instance.row.produces:
             log.warning("unexpected record", child=instance.name, line=repr(line[:80]))
             return
+        self._last_pulses.passed(name)
         self._forward(name, line + b"\n")
         if name in SUPERVISOR_TOPICS:
             try:
