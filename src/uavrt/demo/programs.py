@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from uavrt.blas import blas_environment
 from uavrt.config.settings import (
     AntennaSettings,
     MavlinkSettings,
@@ -123,7 +124,7 @@ class Program:
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+                env=os.environ | blas_environment({}),
                 process_group=0,
             )
         self.pid = self._process.pid

@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 
+from uavrt.blas import blas_environment
 from uavrt.log import get_logger
 from uavrt.supervisor.nursery import NURSERY_VARIABLE
 from uavrt.supervisor.restarts import Restarts
@@ -33,8 +34,8 @@ ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "PYTHONUNBUFFERED": "1",
 }
-"""BLAS is held to one thread: several detectors with several threads each on a few cores fight
-(reference/style.md B.4)."""
+"""BLAS is held to one thread, whatever the caller's environment says: several detectors with
+several threads each on a few cores fight (reference/style.md B.4)."""
 
 
 class Launcher:
@@ -44,6 +45,7 @@ class Launcher:
     """
 
     def __init__(self) -> None:
+        self._environment = blas_environment() | ENVIRONMENT
         self._process: subprocess.Popen[bytes] | None = None
         self._sock: socket.socket | None = None
         self._ready = False
@@ -90,7 +92,7 @@ class Launcher:
                     [sys.executable, "-m", "uavrt.supervisor.nursery"],
                     stdin=subprocess.DEVNULL,
                     pass_fds=(theirs.fileno(),),
-                    env=os.environ | ENVIRONMENT | environment,
+                    env=os.environ | self._environment | environment,
                     process_group=0,
                 )
             except OSError as error:
@@ -184,7 +186,7 @@ class Launcher:
         arguments : sequence of str
             After the module.
         """
-        environment = {**ENVIRONMENT, **environment}
+        environment = {**self._environment, **environment}
         pid = self._fork(module, name, output, fds, environment, arguments)
         if pid is not None:
             return pid

@@ -1,0 +1,38 @@
+"""How NumPy's linear algebra shall run: what the environment must say before NumPy is imported.
+
+Blocks are small. A second thread saves nothing and costs more than all of the detection, for it
+waits in a loop for the next product (reference/perf.md §0: 161 % of a core against 99 %).
+
+OpenBLAS runs its kernels for Haswell, with vectors of 256 bits, on AMD processors that have
+512: told which to take, the products of the detectors and of the decimator take half the time.
+"""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+_SKYLAKE = {"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"}
+"""What OpenBLAS's kernels for Skylake-X need."""
+
+
+def blas_environment(
+    given: Mapping[str, str] = os.environ, cpuinfo: Path = Path("/proc/cpuinfo")
+) -> dict[str, str]:
+    """Say what a process needs on top of its environment; what that says already stands.
+
+    Parameters
+    ----------
+    given : mapping of str to str
+        The environment so far.
+    cpuinfo : Path
+        What Linux says of the processor.
+    """
+    wanted = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
+    try:
+        with cpuinfo.open(encoding="ascii", errors="replace") as lines:
+            flags = next((line for line in lines if line.startswith("flags")), "")
+    except OSError:
+        flags = ""
+    if set(flags.split()) >= _SKYLAKE:
+        wanted["OPENBLAS_CORETYPE"] = "SkylakeX"
+    return {name: value for name, value in wanted.items() if name not in given}
