@@ -1,6 +1,7 @@
 """``uavrt run --ground``: the drone side and the page on one computer."""
 
 import json
+import secrets
 import signal
 import subprocess
 import sys
@@ -34,8 +35,12 @@ def asked(address: str, path: str, until: Callable[[Any], bool]) -> Any:
 def test_the_page_of_the_companion_finds_its_drone_side_and_ends_with_it(
     tmp_path: Path,
 ) -> None:
+    # A drone that takes only what is sealed and signed: the page has the keys from it.
+    for name in ("command.key", "signing.key"):
+        (tmp_path / name).write_text(secrets.token_hex(32))
     (tmp_path / "uavrt.toml").write_text(
-        '[mavlink]\naddress = ""\n[recording]\ndirectory = "flights"\n'
+        '[mavlink]\naddress = ""\nkey_file = "command.key"\n'
+        'signing_key_file = "signing.key"\n[recording]\ndirectory = "flights"\n'
     )
     running = subprocess.Popen(
         [
@@ -53,6 +58,13 @@ def test_the_page_of_the_companion_finds_its_drone_side_and_ends_with_it(
         state = asked(address, "state", lambda one: one["drone"]["state"] == "idle")
         assert state["connection"]["address"].startswith("udpout://127.0.0.1:")
         assert asked(address, "drone/flights", lambda one: isinstance(one, list)) == []
+        wish = urllib.request.Request(
+            f"{address}api/commands/set_parameter",
+            data=json.dumps({"name": "DET_K", "value": 4}).encode(),
+            headers={"Content-Type": "application/json"},
+        )
+        with urllib.request.urlopen(wish, timeout=20) as response:
+            assert json.loads(response.read())["accepted"]
         running.send_signal(signal.SIGTERM)
         assert running.wait(60) == 0
         with pytest.raises(OSError, match="refused"):

@@ -43,6 +43,7 @@ def ground(
     key: Path | None = None,
     command_key: Path | None = None,
     signing_key: Path | None = None,
+    component_id: int = 190,
 ) -> None:
     """Talk to the drone: a page in the browser, or without one as a program for scripts.
 
@@ -87,10 +88,13 @@ def ground(
         Key file that the drone has as mavlink.key_file: commands are sealed with it.
     signing_key
         Key file that the drone has as mavlink.signing_key_file: MAVLink frames are signed.
+    component_id
+        Our MAVLink component id in system 255. Ground stations that listen to one drone at the
+        same time need different ones; QGroundControl has 190, too.
     """
     if start and tags is None:
         raise ConfigError("there is nothing to detect", remedy="Give the tags with --tags FILE")
-    keys = read_link_keys(command_key, signing_key)
+    keys = read_link_keys(command_key, signing_key, component_id)
     show = _print_json if json_lines else _print_text
     tag_list = read_tags(tags) if tags is not None else None
     if not page and (headless or json_lines or start or tags is not None):

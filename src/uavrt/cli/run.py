@@ -75,10 +75,9 @@ def run(
     sys.stdout.flush()
     command = [sys.executable, "-m", "uavrt.supervisor", *arguments]
     if ground:
-        directory = Path(settings.recording.directory)
         sys.exit(
             run_both(
-                command, page_address, directory=directory, port=ground_port, browser=browser
+                command, page_address, settings=settings, port=ground_port, browser=browser
             )
         )
     # The supervisor takes this process's place: what read the settings leaves the memory.

@@ -5,13 +5,15 @@ import socket
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 from uavrt.cli.screen import has_page
 from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError
 
 GROUND_STOP_S = 20.0
+OWN_COMPONENT = 192
+"""MAV_COMP_ID_ONBOARD_COMPUTER2. With the usual 190 the drone side would take this page and a
+ground station at the radio for one and the same, and speak to this one only."""
 
 
 def with_local_link(settings: Settings) -> tuple[Settings, str]:
@@ -25,7 +27,7 @@ def with_local_link(settings: Settings) -> tuple[Settings, str]:
 
 
 def run_both(
-    supervisor: list[str], address: str, *, directory: Path, port: int, browser: bool
+    supervisor: list[str], address: str, *, settings: Settings, port: int, browser: bool
 ) -> int:
     """Run the supervisor and the page until the supervisor ends.
 
@@ -38,8 +40,8 @@ def run_both(
         The supervisor's whole command.
     address : str
         MAVLink address of the drone side for the page.
-    directory : Path
-        Where flights are, those of the drone too: the page shows their samples.
+    settings : Settings
+        Of the drone side. The page has its flights, to show their samples, and its keys.
     port : int
         Of the page.
     browser : bool
@@ -55,11 +57,15 @@ def run_both(
             "the page is not installed on this computer",
             remedy="Run `pip install 'uavrt[ground]'`, or leave --ground out",
         )
+    mavlink, directory = settings.mavlink, settings.recording.directory
+    keys = {"--command-key": mavlink.key_file, "--signing-key": mavlink.signing_key_file}
     drone = subprocess.Popen(supervisor)
     page = subprocess.Popen(
         [
             *(sys.executable, "-m", "uavrt.cli", "ground", "--page"),
-            *("--mavlink", address, "--output", str(directory), "--port", str(port)),
+            *("--mavlink", address, "--output", directory, "--port", str(port)),
+            *("--component-id", str(OWN_COMPONENT)),
+            *(word for key, file in keys.items() if file is not None for word in (key, file)),
             *([] if browser else ["--no-browser"]),
         ]
     )

@@ -1,16 +1,21 @@
-"""The secrets that a ground station shares with its drone."""
+"""By what a drone knows a ground station: its number, and the secrets that they share."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
+from uavrt.errors import ConfigError
+from uavrt.ground.fetch import DRONE_COMPONENT
 from uavrt.mavlink.signing import SigningKey, read_signing_key
 from uavrt.tunnel.seal import Key, read_key
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkKeys:
-    """None, one or both."""
+    """The number, and none, one or both of the secrets."""
 
+    component_id: int = 190
+    """Ours, in system 255; 190 is the usual one. Two stations of one drone need different ones,
+    for it speaks to each by one link only."""
     command: Key | None = None
     """Seals commands inside their payload; also through PX4."""
     signing: SigningKey | None = None
@@ -20,9 +25,17 @@ class LinkKeys:
 NO_KEYS = LinkKeys()
 
 
-def read_link_keys(command: Path | None, signing: Path | None) -> LinkKeys:
-    """Read the keys from their files; raises `ConfigError` for one that is none."""
+def read_link_keys(
+    command: Path | None, signing: Path | None, component_id: int = 190
+) -> LinkKeys:
+    """Read the keys from their files; raises `ConfigError` for what is none."""
+    if not 2 <= component_id <= 255 or component_id == DRONE_COMPONENT:
+        raise ConfigError(
+            f"{component_id} is no component id for a ground station",
+            remedy=f"Take one from 2 to 255, but not the drone side's {DRONE_COMPONENT}",
+        )
     return LinkKeys(
+        component_id=component_id,
         command=None if command is None else read_key(command),
         signing=None if signing is None else read_signing_key(signing),
     )

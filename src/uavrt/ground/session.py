@@ -154,6 +154,7 @@ class GroundSession:
             on_frame=self._take_frame,
             generation=settings.generation,
             receipts=open_receipts(self.store.directory),
+            component_id=self._keys.component_id,
             key=self._keys.command,
             signing_key=self._keys.signing,
         )

@@ -95,6 +95,7 @@ class Station:
                 on_event=self._take,
                 generation=self._settings.generation,
                 receipts=open_receipts(self._settings.directory),
+                component_id=self._settings.keys.component_id,
                 key=self._settings.keys.command,
                 signing_key=self._settings.keys.signing,
             )
