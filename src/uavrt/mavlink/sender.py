@@ -194,11 +194,16 @@ class OnLink:
             links = self._group.links_for(given.place, now_ns)
             for link in links:
                 if link != self._link:
-                    self._views[link]._copies.append(given)
+                    self._views[link]._leave(given)
                     self._group.wake_link(link)
             if self._link in links:
                 return given
         return None
+
+    def _leave(self, given: Payload) -> None:
+        """Take a copy; the oldest makes room."""
+        self._group.copies_dropped += len(self._copies) == COPIES
+        self._copies.append(given)
 
 
 class TunnelSender:
@@ -229,6 +234,7 @@ class TunnelSender:
         self.changed: Callable[[], None] = lambda: None
         """Called when pulses go by another link than before."""
         self.changes = 0
+        self.copies_dropped = self.unsent_dropped = 0
 
     @property
     def link(self) -> int:
@@ -333,10 +339,13 @@ class TunnelSender:
             counts["link_rate_bytes_s"] = every[self.link]["link_rate_bytes_s"]
             counts["link_in_use"] = self.link
             counts["link_changes"] = self.changes
+            counts["tunnel_copies_dropped"] = self.copies_dropped
+        counts["tunnel_unsent_dropped"] = self.unsent_dropped
         return counts
 
     def _put(self, item: Item, priority: Priority) -> None:
         if not self._discovery.known:
+            self.unsent_dropped += len(self._unsent) == UNSENT
             self._unsent.append((item, priority))
             return
         for link in self._links:

@@ -72,8 +72,8 @@ class DiskThread:
         assert self._loop is not None
         while True:
             self._there.acquire()
+            self._since_s = self._loop.time()  # before: `finish` looks at both
             job, then = self._jobs.popleft()
-            self._since_s = self._loop.time()
             try:
                 result = job()
             except BaseException as error:  # noqa: BLE001 - raised where `failure` is read

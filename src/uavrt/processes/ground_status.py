@@ -81,11 +81,7 @@ class GroundStatus:
             for step in self._exchange.progress_again():
                 self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.asker))
         if self._due("computer", COMPUTER_NS, now_ns):
-            if self._asking:  # the disk stalls: tell what was known
-                self._sender.send_message(self._computer_status())
-            self._asking = True
-            if not self._disk(partial(_disk_mib, self._root), self._take_space):
-                self._asking = False
+            self._tell_computer()
 
     def text(self, text: StatusText, now_ns: int) -> None:
         """Send a text for the operator, unless there are too many."""
@@ -114,6 +110,19 @@ class GroundStatus:
     def _send(self, payload: bytes | None) -> None:
         if payload is not None:
             self._sender.send_tunnel(payload, Priority.STATUS)
+
+    def _tell_computer(self) -> None:
+        """Tell the computer's load with the free space; while the disk stalls, the last known.
+
+        Asked again and again it would keep file clients from the disk when it comes back.
+        """
+        asked = not self._asking
+        if asked:
+            self._asking = True
+            asked = self._disk(partial(_disk_mib, self._root), self._take_space)
+            self._asking = self._asking and asked
+        if not asked:
+            self._sender.send_message(self._computer_status())
 
     def _take_space(self, space_mib: tuple[int, int]) -> None:
         self._asking = False

@@ -8,6 +8,7 @@ memory goes on meanwhile.
 from collections import OrderedDict, deque
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
+from pathlib import Path
 
 from uavrt.errors import RecordingError, TunnelError
 from uavrt.log import get_logger
@@ -152,7 +153,7 @@ def _read(
             pulses, rest = undelivered(directory, store, room - len(found), without)
         except RecordingError as error:
             log.debug("spool", reason=str(error))
-            more = True
+            more = more or Path(directory).is_dir()  # else it was removed: nothing comes
             continue
         found += pulses
         more = more or rest

@@ -9,11 +9,14 @@ from typing import Any
 import pytest
 
 from uavrt.ground.fetch import FileClient
-from uavrt.mavlink import dialect
+from uavrt.mavlink import Connection, Handlers, dialect
 from uavrt.mavlink.ftp_files import FileTree
-from uavrt.messages import PulsePose
+from uavrt.messages import PulsePose, SystemState
 from uavrt.processes.disk_thread import MOST_JOBS, DiskThread
+from uavrt.processes.ground_status import GroundStatus
+from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.recording.spool import undelivered
+from uavrt.tunnel.exchange import Exchange
 
 Bay = Any  # tests/unit/processes/conftest.py
 Until = Callable[..., Awaitable[None]]
@@ -108,3 +111,38 @@ def test_a_fault_in_a_job_is_kept_to_be_raised() -> None:
         assert isinstance(disk.failure, ZeroDivisionError)
 
     asyncio.run(main())
+
+
+def test_a_disk_that_stalls_is_asked_for_its_space_once(tmp_path: Path) -> None:
+    asked: list[Callable[[], Any]] = []
+
+    def never(job: Callable[[], Any], then: Callable[[Any], None]) -> bool:
+        asked.append(job)
+        return True
+
+    connection = Connection(
+        Handlers(attitude=print, position=print, tunnel=lambda payload, peer: None), lambda: 0
+    )
+    status = GroundStatus(Exchange(), connection.tunnel, tmp_path, never)
+    for second in range(100):
+        status.tick(SystemState.DETECTING, second * 1_000_000_000)
+    assert len(asked) == 1
+
+
+def test_a_flight_that_was_removed_is_not_looked_for_any_more(tmp_path: Path) -> None:
+    reads: list[Callable[[], Any]] = []
+
+    def disk(job: Callable[[], Any], then: Callable[[Any], None]) -> bool:
+        reads.append(job)
+        then(job())
+        return True
+
+    outlet = PulseOutlet(lambda pulse_pose: b"", lambda delivered: None, disk)
+    outlet.flight(str(tmp_path), resumed=True)
+    for second in range(3):  # its database is still being made
+        outlet.tick(second * 1_000_000_000)
+    assert len(reads) == 3
+    tmp_path.rmdir()
+    for second in range(3, 10):
+        outlet.tick(second * 1_000_000_000)
+    assert len(reads) == 4
