@@ -31,7 +31,8 @@ BATCH_S = 0.44
 a call. Five blocks of 87.4 ms are 0.437 s; a pulse is told 0.04 s after it at the soonest."""
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 REORDER_S = 0.1
-"""So long the search waits for a block that another has overtaken: one block of a flight."""
+"""So long the search waits for a block that another has overtaken: one block of a flight, and
+as long as only one block has come since."""
 _MAXIMUM_TRACKS = 12
 
 
@@ -262,7 +263,9 @@ class PulseDetector:
             return False
         low, high = self._buffer.holes[-1]
         patience = round(REORDER_S * self.sample_rate_hz)
-        return low < self._clean + needed and self._buffer.end - high < patience
+        # One block behind it may be longer than that, and be the one that overtook.
+        young = self._buffer.end - high < patience or self._buffer.newest <= high
+        return young and low < self._clean + needed
 
     # --- the search -------------------------------------------------------------------------
 

@@ -72,6 +72,11 @@ class SampleBuffer:
         """Whether no block has come yet."""
         return not self._stamp_index
 
+    @property
+    def newest(self) -> int:
+        """Index of the newest block's first sample."""
+        return self._stamp_index[-1]
+
     def deviation_ns(self, time_ns: int) -> float:
         """How much later a block is than the samples so far say."""
         ahead = self.end - self._stamp_index[-1]

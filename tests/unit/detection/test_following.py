@@ -39,13 +39,14 @@ def test_a_frequency_that_drifts_ten_hertz_a_second_is_followed(drift_hz_per_s: 
     assert result.false_confirmed == 0
 
 
-def test_a_block_that_another_overtakes_costs_no_pulse() -> None:
+@pytest.mark.parametrize("block", [327, 1024])
+def test_a_block_that_another_overtakes_costs_no_pulse(block: int) -> None:
     rng = np.random.default_rng(901)
     truth = pulse_train(
         rng, duration_s=60.0, interval_s=1.254, offset_hz=90.0, enr_db=17.0, jitter_s=0.005
     )
     samples = make_samples(rng, truth, duration_s=60.0)
-    firsts = list(range(0, len(samples), 327))
+    firsts = list(range(0, len(samples), block))
     for at in range(3, len(firsts) - 1, 5):
         firsts[at], firsts[at + 1] = firsts[at + 1], firsts[at]
     detector = PulseDetector(
@@ -54,7 +55,7 @@ def test_a_block_that_another_overtakes_costs_no_pulse() -> None:
     pulses = []
     for first in firsts:
         time_ns = START_NS + round(first / RATE_HZ * 1e9)
-        pulses += detector.process(samples[first : first + 327], time_ns)
+        pulses += detector.process(samples[first : first + block], time_ns)
     pulses += detector.flush()
     assert compare(pulses, truth, THESIS_TAG).matched == len(truth) == len(pulses)
     assert detector.counters.samples_lost == 0
