@@ -30,7 +30,7 @@ def examine_autopilot(
     baud : int, optional
         Rate of the companion's serial port in flight; None: the address's.
     fix : bool
-        Set what is wrong. Without it nothing is ever changed.
+        Set what is wrong, unless the vehicle is armed. Without it nothing is ever changed.
     """
     place = parse_address(address)
     if port is None and place.device:
@@ -47,6 +47,10 @@ async def _examine(place: Address, port: str | None, baud: int, fix: bool) -> li
         if client.kind not in NAMES:
             text = f"it is neither PX4 nor ArduPilot (MAV_AUTOPILOT {client.kind})"
             remedy = "Let it pass MAVLink on between its ports; see the manual"
+            return [Finding(what=WHAT, ok=False, text=text, remedy=remedy)]
+        if fix and client.armed:
+            text = "the vehicle is armed: nothing was set"
+            remedy = "Disarm it, then run this again; without --fix it only looks"
             return [Finding(what=WHAT, ok=False, text=text, remedy=remedy)]
         px4 = client.kind == MavAutopilot.PX4
         values = await client.read(names_to_read(px4, port))

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Iterable
 from uavrt.errors import LinkError
 from uavrt.mavlink import dialect
 from uavrt.mavlink.address import Address
-from uavrt.mavlink.dialect import MavAutopilot, MavComponent, MavParamType, MavType
+from uavrt.mavlink.dialect import MavAutopilot, MavComponent, MavModeFlag, MavParamType, MavType
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame, FrameWriter
 from uavrt.mavlink.link import Link
@@ -36,11 +36,14 @@ class ParameterClient:
         Whom we talk to.
     kind : int
         MAV_AUTOPILOT of its heartbeat.
+    armed : bool
+        Whether its motors may turn.
     """
 
     def __init__(self) -> None:
         self.autopilot: Peer | None = None
         self.kind = int(MavAutopilot.GENERIC)
+        self.armed = False
         self._link: Link | None = None
         self._writer = FrameWriter(1, OWN_COMPONENT)
         self._there = asyncio.Event()
@@ -155,6 +158,7 @@ class ParameterClient:
         message = frame.message()
         if isinstance(message, dialect.Heartbeat) and self.autopilot in (None, peer):
             self.autopilot, self.kind = peer, message.autopilot
+            self.armed = bool(message.base_mode & MavModeFlag.SAFETY_ARMED)
             self._writer.system_id = peer.system_id
             self._there.set()
         elif isinstance(message, dialect.ParamValue) and peer == self.autopilot:

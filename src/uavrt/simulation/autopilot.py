@@ -72,6 +72,7 @@ class AutopilotSettings:
     ground_loss: float = 0.0
     """Loss of frames of each direction of the ground link."""
     seed: int = 1
+    armed: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Parameters that differ from the maker's."""
 
@@ -349,8 +350,8 @@ class FakeAutopilot:
         return dialect.Heartbeat(
             type=dialect.MavType.QUADROTOR,
             autopilot=dialect.MavAutopilot.PX4 if px4 else dialect.MavAutopilot.ARDUPILOTMEGA,
-            base_mode=dialect.MavModeFlag.SAFETY_ARMED
-            | dialect.MavModeFlag.CUSTOM_MODE_ENABLED,
+            base_mode=dialect.MavModeFlag.CUSTOM_MODE_ENABLED
+            | (dialect.MavModeFlag.SAFETY_ARMED if self._settings.armed else 0),
             custom_mode=0,
             system_status=dialect.MavState.ACTIVE,
             mavlink_version=3,

@@ -86,7 +86,7 @@ class Supervisor:
         self._wall_clock = WallClockWatch()
         self._last_pulses = LastPulses()
         self._to_pump: dict[str, Instance] = {}
-        self._asking_radio = asyncio.Lock()
+        self._radio_question: asyncio.Future[tuple[bool, str]] | None = None
         self._stopping = False
         self._end_task: asyncio.Future[None] | None = None
         self._output = OutputLog(directory)
@@ -234,21 +234,23 @@ class Supervisor:
             text = "starting" if health is None else health.status
             found = health is not None and health.ok
         else:
-            found, text = await self._ask_radio()
+            # Asked again meanwhile, it is the same answer: two programs cannot have the radio.
+            if self._radio_question is None or self._radio_question.done():
+                self._radio_question = asyncio.ensure_future(self._ask_radio())
+            found, text = await self._radio_question
         reply = CommandReply(
             request_id=command.request_id, name=command.name, accepted=found, message=text
         )
         self._publish("command_reply", reply)
 
     async def _ask_radio(self) -> tuple[bool, str]:
-        """Ask one question at a time: two programs cannot have the radio."""
-        async with self._asking_radio:
-            try:
-                question = RadioQuestion(self.mission.settings.radio)
-            except OSError as error:
-                return False, f"the radio was not asked ({error.strerror}): try again"
-            with self._fleet.sparing(question.pid):
-                return await asyncio.to_thread(question.answer)
+        """Ask by a program, and leave it alone until it has answered."""
+        try:
+            question = RadioQuestion(self.mission.settings.radio)
+        except OSError as error:
+            return False, f"the radio was not asked ({error.strerror}): try again"
+        with self._fleet.sparing(question.pid):
+            return await asyncio.to_thread(question.answer)
 
     # -------------------------------------------------------------- watching
 

@@ -15,7 +15,8 @@ import msgspec
 from uavrt.config.settings import RadioSettings
 from uavrt.errors import UavrtError
 
-TIMEOUT_S = 10.0
+TIMEOUT_S = 6.0
+"""The ground station waits 8 s for an answer; radios give theirs within a second or two."""
 
 
 class RadioQuestion:
@@ -46,7 +47,7 @@ class RadioQuestion:
         return self._process.pid
 
     def answer(self) -> tuple[bool, str]:
-        """Get whether the radio is there, and what to say of it; takes up to ten seconds."""
+        """Get whether the radio is there, and what to say of it; takes up to six seconds."""
         try:
             output, _ = self._process.communicate(timeout=TIMEOUT_S)
             answer = json.loads(output)

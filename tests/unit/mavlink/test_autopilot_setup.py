@@ -38,10 +38,10 @@ WRONG_ARDUPILOT = {
 
 @contextmanager
 def autopilot_of(
-    world: World, flavour: str, wrong: Mapping[str, float]
+    world: World, flavour: str, wrong: Mapping[str, float], *, armed: bool = False
 ) -> Iterator[FakeAutopilot]:
     """A simulated autopilot in a thread of its own: the doctor brings its own loop."""
-    settings = replace(world.settings, flavour=flavour, parameters=wrong)
+    settings = replace(world.settings, flavour=flavour, parameters=wrong, armed=armed)
     assert isinstance(settings, AutopilotSettings)
     autopilot = FakeAutopilot(world.vehicle, settings, world.clock)
     loop = asyncio.new_event_loop()
@@ -115,6 +115,17 @@ def test_wrong_parameters_are_named_and_set_only_when_asked(
         autopilot.parameters.restart()
         assert autopilot.parameters.passes_on("companion")
         assert autopilot.parameters.passes_on("ground")
+
+
+def test_nothing_is_set_on_an_armed_vehicle(world: World) -> None:
+    with autopilot_of(world, "px4", WRONG_PX4, armed=True) as autopilot:
+        before = dict(autopilot.parameters.values)
+        (finding,) = examine(world, fix=True)
+        assert not finding.ok
+        assert "armed" in finding.text
+        assert "Disarm it" in finding.remedy
+        assert autopilot.parameters.values == before
+        assert len(examine(world)) > 1  # looking is always allowed
 
 
 def test_an_autopilot_that_is_not_there_is_said_with_what_to_check(

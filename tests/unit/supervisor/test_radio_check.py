@@ -1,13 +1,17 @@
 """The question whether the radio is there, with real programs."""
 
+import asyncio
 import os
 import time
 from pathlib import Path
 
 import pytest
 
-from uavrt.config.settings import RadioSettings
+from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
+from uavrt.ipc import decode_record
+from uavrt.messages import Command, CommandReply
 from uavrt.supervisor import radio_check
+from uavrt.supervisor.core import Supervisor
 from uavrt.supervisor.radio_check import RadioQuestion
 from uavrt.supervisor.usage import descendants_of, is_alive
 
@@ -49,3 +53,32 @@ def test_a_radio_program_that_hangs_is_ended_with_the_question(
     while any(map(is_alive, started)):
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
+
+
+def test_the_operator_asks_twice_and_the_radio_is_asked_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = tmp_path / "asked"
+    program = tmp_path / "airspyhf_info"
+    program.write_text(f"#!/bin/sh\necho x >> {asked}\necho 'AirSpy HF+ S/N: 0x1234'\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    records: list[bytes] = []
+    settings = Settings(
+        radio=RadioSettings(kind="airspyhf"),
+        recording=RecordingSettings(directory=str(tmp_path)),
+    )
+
+    async def main() -> None:
+        supervisor = Supervisor(settings, on_record=records.append)
+        questions = [Command(name="radio_status", request_id=n, source="page") for n in (1, 2)]
+        await asyncio.gather(*map(supervisor._answer_radio_status, questions))
+
+    asyncio.run(main())
+    replies = [decode_record(line.strip())[1] for line in records]
+    text = "AirSpy HF+ S/N: 0x1234"
+    assert replies == [
+        CommandReply(request_id=n, name="radio_status", accepted=True, message=text)
+        for n in (1, 2)
+    ]
+    assert asked.read_text() == "x\n"
