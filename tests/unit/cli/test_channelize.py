@@ -17,6 +17,9 @@ from uavrt.dsp.filters import compatible_bank_taps
 from uavrt.radio.channel_datagram import channel_port, decode_channel_datagram
 from uavrt.radio.udp_address import listen
 
+# All bind the original's ports, as that module's flights do: never two at a time.
+pytestmark = pytest.mark.xdist_group("test_original_halves")
+
 RATE_HZ = 3_000_000
 START_NS = 1_700_000_000_000_000_000
 SECONDS = 1.5
@@ -185,7 +188,6 @@ def test_the_pipe_of_the_thesis_ends_in_the_channels_of_the_original(
     )
 
 
-@pytest.mark.xdist_group("test_original_halves")  # both bind the original's ports
 def test_standard_input_of_three_megasamples_is_decimated_and_split(
     recording: Path, listeners: dict[int, list[socket.socket]]
 ) -> None:
