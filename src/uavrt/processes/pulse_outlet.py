@@ -25,8 +25,9 @@ REFILL = 512
 FLIGHTS = 4
 """Flights whose pulses may still be on their way; as many as the recorder notes."""
 RECENT = 2_000
-"""Deliveries that the recorder may not have noted yet; the rest of a longer delay is sent
-twice."""
+RECENT_NS = ns_from_s(60.0)
+"""Deliveries that the recorder may not have noted yet: so many, and so long. It takes it
+milliseconds; the rest of a longer delay is sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
@@ -59,7 +60,7 @@ class PulseOutlet:
         self._disk = disk
         self._reading = False
         self._flights: deque[str] = deque(maxlen=FLIGHTS)
-        self._recent: OrderedDict[tuple[int, Key], None] = OrderedDict()
+        self._recent: OrderedDict[tuple[int, Key], int] = OrderedDict()
         self._next_refill_ns = 0
         self.bad_receipts = 0
         self.receipts = 0
@@ -118,10 +119,13 @@ class PulseOutlet:
         if not keys:
             return
         for key in keys:
-            self._recent[store, key] = None
-        while len(self._recent) > RECENT:
+            self._recent[store, key] = now_ns
+        while len(self._recent) > RECENT or self._oldest_ns() < now_ns - RECENT_NS:
             self._recent.popitem(last=False)
         self._note(Delivered(time_ns=now_ns, store=store, pulses=tuple(keys)))
+
+    def _oldest_ns(self) -> int:
+        return next(iter(self._recent.values()))
 
     def _refill(self, store: int) -> None:
         """Fetch pulses from the newest flight that has any."""

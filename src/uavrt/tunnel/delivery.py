@@ -5,14 +5,17 @@ away must not silence the ground: after `PATIENCE_S` the pulse goes out all the 
 counted.
 """
 
-from collections import OrderedDict
+from collections import OrderedDict, deque
 
 from uavrt.messages import PulsePose
 
 PATIENCE_S = 1.5
 """A commit takes milliseconds; a restart of the recorder about half a second."""
-REMEMBERED = 20_000
-"""Pulses known to be sent; five hours of a tag a second."""
+REMEMBERED = 500
+"""Pulses let out lately, of which another confirmation is ignored: 20 s of 25 pulses a second,
+in 50 kB. More would fill for hours, and a recorder that comes back confirms each pulse once."""
+MOST_EARLY = 20_000
+"""Pulses sent before they were recorded, while the recorder is away."""
 
 Key = tuple[int, int, int, int, int]
 
@@ -34,7 +37,11 @@ class PulseDelivery:
 
     def __init__(self) -> None:
         self._waiting: OrderedDict[Key, tuple[PulsePose, float]] = OrderedDict()
-        self._sent: OrderedDict[Key, None] = OrderedDict()
+        self._early: OrderedDict[Key, None] = OrderedDict()
+        """Sent, and not yet recorded."""
+        self._recent: deque[Key] = deque()
+        self._let_out = set[Key]()
+        """Those in `_recent`."""
         self.sent_before_recorded = 0
 
     @property
@@ -54,7 +61,8 @@ class PulseDelivery:
         """
         key = key_of(pulse_pose)
         self._waiting.pop(key, None)
-        return None if self._mark_sent(key) else pulse_pose
+        early = self._early.pop(key, key) is None
+        return None if self._mark_sent(key) or early else pulse_pose
 
     def overdue(self, now_s: float) -> list[PulsePose]:
         """Get the pulses that have waited too long for the recorder."""
@@ -65,15 +73,19 @@ class PulseDelivery:
                 break
             del self._waiting[key]
             if not self._mark_sent(key):
+                self._early[key] = None
                 self.sent_before_recorded += 1
                 late.append(pulse_pose)
+        while len(self._early) > MOST_EARLY:
+            self._early.popitem(last=False)
         return late
 
     def _mark_sent(self, key: Key) -> bool:
         """Remember that a pulse goes out; True when it had gone before."""
-        if key in self._sent:
+        if key in self._let_out:
             return True
-        self._sent[key] = None
-        while len(self._sent) > REMEMBERED:
-            self._sent.popitem(last=False)
+        self._let_out.add(key)
+        self._recent.append(key)
+        while len(self._recent) > REMEMBERED:
+            self._let_out.discard(self._recent.popleft())
         return False

@@ -1,8 +1,10 @@
+import tracemalloc
+
 from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.messages import Pulse, PulsePose
-from uavrt.tunnel.delivery import PATIENCE_S, PulseDelivery
+from uavrt.tunnel.delivery import PATIENCE_S, REMEMBERED, PulseDelivery
 
 
 def pulse_pose(number: int) -> PulsePose:
@@ -71,3 +73,32 @@ def test_a_recorder_that_is_away_does_not_silence_the_ground_and_is_counted() ->
     assert delivery.overdue(PATIENCE_S) == [pulse_pose(1)]
     assert delivery.sent_before_recorded == 1
     assert delivery.recorded(pulse_pose(1)) is None
+
+
+def test_all_pulses_of_a_long_outage_of_the_recorder_go_out_once() -> None:
+    delivery = PulseDelivery()
+    pulses = [pulse_pose(number) for number in range(3 * REMEMBERED)]
+    for pulse in pulses:
+        delivery.expect(pulse, now_s=0.0)
+    assert delivery.overdue(PATIENCE_S) == pulses
+    assert [delivery.recorded(pulse) for pulse in pulses] == [None] * len(pulses)
+
+
+def test_what_is_remembered_of_a_flight_does_not_grow_with_it() -> None:
+    delivery = PulseDelivery()
+
+    def fly(numbers: range) -> int:
+        before, _ = tracemalloc.get_traced_memory()
+        for number in numbers:
+            delivery.expect(pulse_pose(number), now_s=0.0)
+            assert delivery.recorded(pulse_pose(number)) is not None
+        return tracemalloc.get_traced_memory()[0] - before
+
+    tracemalloc.start()
+    try:
+        at_first = fly(range(2 * REMEMBERED))
+        later = fly(range(2 * REMEMBERED, 12 * REMEMBERED))
+    finally:
+        tracemalloc.stop()
+    assert at_first < 400 * REMEMBERED
+    assert later < at_first / 3
