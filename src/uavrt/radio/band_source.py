@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from uavrt.clock import Clock, monotonic_s
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
-from uavrt.radio.stream import BLOCK_S, check_rates
+from uavrt.radio.live_source import LiveSource
+from uavrt.radio.stream import BLOCK_S
 from uavrt.radio.times import NominalTimes, TimeKeeper
 from uavrt.radio.udp_address import listen, parse_udp_address
 
@@ -34,7 +35,7 @@ _COUNT_SPACE: Final = socket.CMSG_SPACE(4)
 log = get_logger()
 
 
-class BandDatagramSource:
+class BandDatagramSource(LiveSource):
     """Complex64 samples at a UDP port, in datagrams of any size; a `SampleSource`.
 
     Parameters
@@ -68,15 +69,12 @@ class BandDatagramSource:
         start_time_ns: int | None = None,
         block_s: float = BLOCK_S,
     ) -> None:
-        check_rates(sample_rate_hz, center_frequency_hz)
+        super().__init__(sample_rate_hz, center_frequency_hz)
         self.name = address
-        self.samples_lost = 0
         self.datagrams_lost = 0
         """Dropped by the system because we were too slow, as far as it tells."""
         self.realigned = 0
         """Times that samples began elsewhere in the stream of bytes than before."""
-        self._rate_hz = sample_rate_hz
-        self._center_hz = center_frequency_hz
         self._clock = Clock.start() if clock is None else clock
         self._keeper = TimeKeeper(sample_rate_hz)
         self._nominal = (
@@ -85,7 +83,6 @@ class BandDatagramSource:
         self._want = SAMPLE_BYTES * max(64, round(block_s * sample_rate_hz))
         self._joiner = ByteJoiner()
         self._blocks: list[tuple[NDArray[np.complex64], int]] = []
-        self._index = 0
         self._overflows: dict[socket.socket, int] = {}
         self._sockets = listen(*parse_udp_address(address))
         self._poll = select.poll()
@@ -95,21 +92,6 @@ class BandDatagramSource:
                 sock.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
             except OSError:
                 log.debug("the system does not count dropped datagrams")
-
-    @property
-    def sample_rate_hz(self) -> float:
-        """Nominal sample rate [Hz]."""
-        return self._rate_hz
-
-    @property
-    def center_frequency_hz(self) -> float:
-        """Radio frequency at the middle of the band [Hz]."""
-        return self._center_hz
-
-    @property
-    def total_samples(self) -> int | None:
-        """None: a live stream."""
-        return None
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block; see `SampleSource.read`.
@@ -161,16 +143,7 @@ class BandDatagramSource:
         if lost_before:
             self.samples_lost += lost_before
             log.warning("samples lost", count=lost_before, before_index=self._index)
-        times = self._nominal or self._keeper
-        block = IQBlock(
-            samples=samples,
-            sample_index=self._index,
-            time_ns=times.time_ns(self._index),
-            sample_rate_hz=times.sample_rate_hz,
-            lost_before=lost_before,
-        )
-        self._index += len(samples)
-        return block
+        return self._next(samples, self._nominal or self._keeper, lost_before)
 
 
 class ByteJoiner:

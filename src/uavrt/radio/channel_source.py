@@ -15,7 +15,7 @@ from uavrt.errors import FormatError
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
 from uavrt.radio.channel_datagram import StampStyle, decode_channel_datagram, stamp_style
-from uavrt.radio.stream import check_rates
+from uavrt.radio.live_source import LiveSource
 from uavrt.radio.udp_address import listen, parse_udp_address
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -35,7 +35,7 @@ LONGEST_GAP_S: Final = 3600.0
 log = get_logger()
 
 
-class ChannelDatagramSource:
+class ChannelDatagramSource(LiveSource):
     """A channel's samples at a UDP port; a `SampleSource`.
 
     Parameters
@@ -65,38 +65,19 @@ class ChannelDatagramSource:
         center_frequency_hz: float,
         style: StampStyle | None = None,
     ) -> None:
-        check_rates(sample_rate_hz, center_frequency_hz)
+        super().__init__(sample_rate_hz, center_frequency_hz)
         self.name = address
-        self.samples_lost = 0
         self.late = 0
         """Datagrams dropped because later ones had been used, or twice."""
         self.refused = 0
         """Datagrams that are no frames."""
-        self._rate_hz = sample_rate_hz
-        self._center_hz = center_frequency_hz
         self._style = style
         self._frames = FrameOrder(sample_rate_hz)
-        self._index = 0
         self._arrived_s = monotonic_s()
         self._sockets = listen(*parse_udp_address(address))
         self._poll = select.poll()
         for sock in self._sockets:
             self._poll.register(sock, select.POLLIN)
-
-    @property
-    def sample_rate_hz(self) -> float:
-        """Nominal sample rate [Hz]."""
-        return self._rate_hz
-
-    @property
-    def center_frequency_hz(self) -> float:
-        """Frequency of the channel's centre [Hz]."""
-        return self._center_hz
-
-    @property
-    def total_samples(self) -> int | None:
-        """None: a live stream."""
-        return None
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next frame in order; see `SampleSource.read`."""

@@ -14,7 +14,7 @@ import numpy as np
 from uavrt.errors import FormatError
 from uavrt.messages import IQBlock
 from uavrt.radio.formats import SampleFormat, clean, look_like_floats
-from uavrt.radio.stream import check_rates
+from uavrt.radio.live_source import check_rates
 from uavrt.radio.times import NominalTimes
 
 _MAX_BLOCK: Final = 262_144

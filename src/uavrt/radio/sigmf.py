@@ -15,8 +15,8 @@ from typing import Any
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
 from uavrt.radio.formats import sigmf_format
+from uavrt.radio.live_source import check_rates
 from uavrt.radio.recording import Layout, Segment, cannot_read, file_size, file_start_ns
-from uavrt.radio.stream import check_rates
 from uavrt.radio.times import NominalTimes
 from uavrt.units import NANOSECONDS_PER_SECOND
 

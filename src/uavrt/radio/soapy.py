@@ -14,7 +14,8 @@ from uavrt.config.settings import RadioSettings
 from uavrt.errors import RadioMissing, RadioStalled, RadioStopped
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
-from uavrt.radio.stream import block_length, check_rates
+from uavrt.radio.live_source import LiveSource
+from uavrt.radio.stream import block_length
 from uavrt.radio.times import TimeKeeper
 
 _STALL_S: Final = 3.0
@@ -27,7 +28,7 @@ _OVERFLOW: Final = -4
 log = get_logger()
 
 
-class SoapySource:
+class SoapySource(LiveSource):
     """Samples by SoapySDR.
 
     Parameters
@@ -53,7 +54,7 @@ class SoapySource:
         clock: Clock | None = None,
         stall_s: float = _STALL_S,
     ) -> None:
-        check_rates(settings.sample_rate_hz, center_frequency_hz)
+        super().__init__(settings.sample_rate_hz, center_frequency_hz)
         try:
             soapy: Any = importlib.import_module("SoapySDR")
         except ImportError as error:
@@ -62,16 +63,12 @@ class SoapySource:
                 remedy="Install it: sudo apt install python3-soapysdr, and make uavrt's "
                 "environment with --system-site-packages",
             ) from error
-        self.samples_lost = 0
         self.overflows = 0
-        self._rate_hz = settings.sample_rate_hz
-        self._center_hz = center_frequency_hz
         self._clock = Clock.start() if clock is None else clock
         self._keeper = TimeKeeper(self._rate_hz)
         self._stall_s = stall_s
         self._samples = np.zeros(block_length(self._rate_hz), np.complex64)
         self._filled = 0
-        self._index = 0
         self._last_s = monotonic_s()
         try:
             self._device = soapy.Device(_device_arguments(settings))
@@ -89,21 +86,6 @@ class SoapySource:
                 f"SoapySDR cannot open the radio: {error}",
                 remedy="See what is there: SoapySDRUtil --find",
             ) from error
-
-    @property
-    def sample_rate_hz(self) -> float:
-        """Nominal sample rate [Hz]."""
-        return self._rate_hz
-
-    @property
-    def center_frequency_hz(self) -> float:
-        """Radio frequency at the middle of the band [Hz]."""
-        return self._center_hz
-
-    @property
-    def total_samples(self) -> int | None:
-        """None: a live stream."""
-        return None
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block; see `SampleSource.read`."""
@@ -151,15 +133,7 @@ class SoapySource:
         lost = self._keeper.lost_samples()
         self._index += lost
         self.samples_lost += lost
-        block = IQBlock(
-            samples=self._samples,
-            sample_index=self._index,
-            time_ns=self._keeper.time_ns(self._index),
-            sample_rate_hz=self._keeper.sample_rate_hz,
-            lost_before=lost,
-        )
-        self._index += count
-        return block
+        return self._next(self._samples, self._keeper, lost)
 
 
 def _device_arguments(settings: RadioSettings) -> str:

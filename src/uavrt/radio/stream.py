@@ -20,6 +20,7 @@ from uavrt.errors import FormatError, RadioError
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
 from uavrt.radio.formats import SampleFormat, clean
+from uavrt.radio.live_source import LiveSource
 from uavrt.radio.times import NominalTimes, TimeKeeper
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -35,33 +36,13 @@ _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
 log = get_logger()
 
 
-def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
-    """Refuse rates and frequencies that cannot be meant.
-
-    Raises
-    ------
-    FormatError
-        Not positive, or not a number.
-    """
-    if not 0.0 < sample_rate_hz < 1e9:
-        raise FormatError(
-            f"sample rate {sample_rate_hz} Hz is not possible",
-            remedy="Give --sample-rate in samples per second, e.g. 3000000",
-        )
-    if not 0.0 <= center_frequency_hz < 1e12:
-        raise FormatError(
-            f"center frequency {center_frequency_hz} Hz is not possible",
-            remedy="Give --center-frequency in hertz, e.g. 148.7e6",
-        )
-
-
 def block_length(sample_rate_hz: float, block_s: float = BLOCK_S) -> int:
     """Samples in a block of about `block_s`."""
     step = _WRITE if block_s * sample_rate_hz >= 2 * _WRITE else 8
     return max(64, round(block_s * sample_rate_hz / step) * step)
 
 
-class StreamSource:
+class StreamSource(LiveSource):
     """Samples from a file descriptor, live: stdin, a pipe, a socket.
 
     Parameters
@@ -99,17 +80,14 @@ class StreamSource:
         block_s: float = BLOCK_S,
         name: str = "standard input",
     ) -> None:
-        check_rates(sample_rate_hz, center_frequency_hz)
+        super().__init__(sample_rate_hz, center_frequency_hz)
         self.name = name
         self.invalid_values = 0
         """NaN and infinite values that were replaced by zero."""
-        self.samples_lost = 0
         self.trailing_bytes = 0
         """Bytes of an incomplete sample at the end of the stream."""
         self._descriptor = descriptor
         self._format = sample_format
-        self._rate_hz = sample_rate_hz
-        self._center_hz = center_frequency_hz
         self._clock = Clock.start() if clock is None else clock
         self._keeper = TimeKeeper(sample_rate_hz)
         self._nominal = (
@@ -124,28 +102,12 @@ class StreamSource:
         )
         self._bytes = self._raw.data
         self._filled = 0
-        self._index = 0
         self._ended = False
         self._block_s = samples / sample_rate_hz
         self._level_ns = 0
         self._pipe_bytes = _enlarge_pipe(descriptor)
         self._poll = select.poll()
         self._poll.register(descriptor, select.POLLIN)
-
-    @property
-    def sample_rate_hz(self) -> float:
-        """Nominal sample rate [Hz]."""
-        return self._rate_hz
-
-    @property
-    def center_frequency_hz(self) -> float:
-        """Radio frequency at the middle of the band [Hz]."""
-        return self._center_hz
-
-    @property
-    def total_samples(self) -> int | None:
-        """None: nobody knows how long a live stream will be."""
-        return None
 
     @property
     def measured_rate_hz(self) -> float:
@@ -218,14 +180,7 @@ class StreamSource:
             # later passes through the (finite) filters and is stopped before the detectors.
             self.invalid_values += clean(samples, self.name)
         lost = self._learn_times(count)
-        block = IQBlock(
-            samples=samples,
-            sample_index=self._index,
-            time_ns=(self._nominal or self._keeper).time_ns(self._index),
-            sample_rate_hz=self.measured_rate_hz,
-            lost_before=lost,
-        )
-        self._index += count
+        block = self._next(samples, self._nominal or self._keeper, lost)
         # Bytes of an incomplete sample are left only at the end of the stream.
         self._filled -= count * size
         return block

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from uavrt.errors import FormatError
 from uavrt.radio.formats import CF32, CS16, CU8, SampleFormat
+from uavrt.radio.live_source import check_rates
 from uavrt.radio.recording import Layout, Segment, cannot_read, file_size, file_start_ns
-from uavrt.radio.stream import check_rates
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
