@@ -282,7 +282,7 @@ class Refiner:
         return offset, float(power[at]) / (window * pulse.noise)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)  # of up to 50 kB; it fills in a minute, where 64 took a quarter hour
 def _turns(
     rate_hz: float, half_band_hz: float, count: int, length: int
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:

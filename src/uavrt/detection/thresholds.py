@@ -43,7 +43,7 @@ def decision_span_s(tag: Tag, rate: int = 1) -> float:
     return decision_interval_s(tag, rate) + overlap_s
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=8)  # of 20 kB; a threshold looks forty times, and is then kept itself
 def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
     """Tail of a sum of one exponential and k - 1 maxima of `spread` exponentials."""
     top = limit if math.isfinite(limit) else 60.0
