@@ -14,6 +14,7 @@ import pytest
 from file_drone import FileDrone
 from page_driver import WAIT_MS, Ground, Watched, colour_at, write_vector_map
 from playwright.sync_api import Browser, Page, expect
+from pulses import pulse_at as heard_pulse
 from recorded import frames, write_recording
 
 from uavrt.clock import Clock
@@ -68,22 +69,13 @@ def write_flight(directory: Path, east_m: float, north_m: float) -> str:
 
 
 def pulse_at(time_ns: int, number: int, snr_db: float) -> Pulse:
-    return Pulse(
-        tag_id=2,
+    return heard_pulse(
+        time_ns,
         frequency_hz=148_712_000.0,
-        start_time_ns=time_ns,
-        end_time_ns=time_ns + 20_000_000,
         snr_db=snr_db,
-        group_snr_db=snr_db,
-        score=2.0,
         group_index=1 + number % 3,
         group_sequence=number // 3,
         noise_psd=1e-9,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )
 
 

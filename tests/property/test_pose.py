@@ -4,6 +4,7 @@ import math
 
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from pulses import pulse_at
 
 from uavrt.config import AntennaSettings
 from uavrt.errors import PoseUnavailable
@@ -224,20 +225,10 @@ def test_times_in_any_order_never_break_the_ring(times_ns: list[int]) -> None:
 
 
 def pulse(tag_id: int, start_time_ns: int, sequence: int) -> Pulse:
-    return Pulse(
+    return pulse_at(
+        start_time_ns,
         tag_id=tag_id,
-        frequency_hz=148.71e6,
-        start_time_ns=start_time_ns,
-        end_time_ns=start_time_ns + 20_000_000,
-        snr_db=20.0,
-        group_snr_db=20.0,
-        score=2.0,
-        group_index=1,
         group_sequence=sequence,
-        noise_psd=1e-12,
         detection_status="detected",
         confirmed=False,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pulses import pulse_at
 
 from uavrt.messages import (
     FlightInfo,
     Health,
     Poses,
-    Pulse,
     PulsePose,
     SearchReport,
     StatusText,
@@ -91,20 +91,14 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
             snr_db = truth.enr_db + float(rng.normal(0.0, 1.0))
             if truth.tag_id >= 2 + heard or snr_db < 10.0:
                 continue
-            pulse = Pulse(
+            pulse = pulse_at(
+                truth.start_time_ns,
                 tag_id=truth.tag_id,
                 frequency_hz=truth.frequency_hz,
-                start_time_ns=truth.start_time_ns,
                 end_time_ns=truth.end_time_ns,
                 snr_db=snr_db,
-                group_snr_db=snr_db,
-                score=2.0,
                 group_index=1 + truth.pulse_index % 3,
                 group_sequence=truth.pulse_index // 3,
-                noise_psd=1e-12,
-                detection_status="confirmed",
-                confirmed=True,
-                rate=1,
                 predicted_next_start_ns=truth.start_time_ns + 1_254_000_000,
                 predicted_next_end_ns=truth.end_time_ns + 1_254_000_000,
             )

@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 import pytest
+from pulses import pulse_at
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
@@ -39,20 +40,15 @@ TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s
 
 def a_pulse(number: int) -> Pulse:
     start_ns = START_NS + 10**9 + number * 1_254_000_000
-    return Pulse(
-        tag_id=2,
+    return pulse_at(
+        start_ns,
         frequency_hz=148_710_012.5,
-        start_time_ns=start_ns,
-        end_time_ns=start_ns + 20_000_000,
         snr_db=20.5,
         group_snr_db=20.25,
         score=2.5,
         group_index=1 + number % 3,
         group_sequence=number // 3,
         noise_psd=1e-9,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
         predicted_next_start_ns=start_ns + 1_194_000_000,
         predicted_next_end_ns=start_ns + 1_314_000_000,
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pulses import pulse_at
 
 from uavrt.analysis.bearings import bearings_of_flight, bearings_of_pulses, read_bearings
 from uavrt.analysis.positions import read_positions
@@ -15,7 +16,7 @@ from uavrt.cli.app import app
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.angles import difference_deg
-from uavrt.messages import FlightInfo, Pose, Pulse, PulsePose, Tag
+from uavrt.messages import FlightInfo, Pose, PulsePose, Tag
 from uavrt.recording import Flight, PulseWriter
 
 PLANE = TangentPlane(latitude_deg=35.18, longitude_deg=-111.66)
@@ -64,22 +65,12 @@ def flown(*, offset_deg: float = 0.0, threshold_db: float = 8.0, seed: int = 4) 
         if snr < threshold_db:
             continue
         start_ns = START_NS + round(time * 1e9)
-        pulse = Pulse(
-            tag_id=2,
+        pulse = pulse_at(
+            start_ns,
             frequency_hz=148e6,
-            start_time_ns=start_ns,
-            end_time_ns=start_ns + 20_000_000,
             snr_db=float(snr),
-            group_snr_db=float(snr),
-            score=2.0,
-            group_index=1,
             group_sequence=number,
             noise_psd=1e-10,
-            detection_status="confirmed",
-            confirmed=True,
-            rate=1,
-            predicted_next_start_ns=None,
-            predicted_next_end_ns=None,
         )
         pulses.append(PulsePose(pulse=pulse, pose=pose_at(time, offset_deg)))
     tag = Tag(tag_id=2, frequency_hz=148e6, pulse_width_s=0.02, pulse_intervals_s=(INTERVAL_S,))

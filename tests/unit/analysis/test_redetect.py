@@ -2,6 +2,7 @@ import math
 from pathlib import Path
 
 import pytest
+from pulses import pulse_at
 
 from uavrt.analysis.redetect import FlightWriter
 from uavrt.config.settings import AntennaSettings, Settings
@@ -61,23 +62,7 @@ def flown(tmp_path: Path) -> Flight:
 
 def pulse(tag_id: int, at_s: float) -> Pulse:
     start_ns = START_NS + round(at_s * 1e9)
-    return Pulse(
-        tag_id=tag_id,
-        frequency_hz=148.72e6,
-        start_time_ns=start_ns,
-        end_time_ns=start_ns + 20_000_000,
-        snr_db=20.0,
-        group_snr_db=20.0,
-        score=2.0,
-        group_index=1,
-        group_sequence=1,
-        noise_psd=1e-9,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
-    )
+    return pulse_at(start_ns, tag_id=tag_id, frequency_hz=148.72e6, noise_psd=1e-9)
 
 
 def test_pulses_found_again_get_the_pose_of_the_flight_at_their_centre(flown: Flight) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pulses import pulse_at
 
 from uavrt.analysis.switched import (
     SPEED_OF_LIGHT_M_S,
@@ -19,7 +20,7 @@ from uavrt.cli.app import app
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.array_bearings import switched_bound_deg
-from uavrt.messages import Pulse, PulsePose
+from uavrt.messages import PulsePose
 from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag, World
 from uavrt.simulation.antenna import Antenna
 from uavrt.simulation.antenna_switch import AntennaSwitch
@@ -75,22 +76,12 @@ def detected(scenario: Scenario, seed: int = 1) -> list[PulsePose]:
     for truth in World(scenario).truth(scenario.start_time_ns, end_ns):
         shift_ns = round(rng.normal(0.0, 0.7e6))
         start_ns = truth.start_time_ns + shift_ns
-        pulse = Pulse(
+        pulse = pulse_at(
+            start_ns,
             tag_id=truth.tag_id,
             frequency_hz=truth.frequency_hz + float(rng.normal(0.0, 2.5)),
-            start_time_ns=start_ns,
             end_time_ns=truth.end_time_ns + shift_ns,
             snr_db=truth.enr_db,
-            group_snr_db=truth.enr_db,
-            score=2.0,
-            group_index=1,
-            group_sequence=1,
-            noise_psd=1e-12,
-            detection_status="confirmed",
-            confirmed=True,
-            rate=1,
-            predicted_next_start_ns=None,
-            predicted_next_end_ns=None,
         )
         found.append(PulsePose(pulse=pulse, pose=scenario.antenna_pose(start_ns)))
     return found

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from pulses import pulse_at as heard_pulse
 
 from uavrt.clock import Clock
 from uavrt.errors import UsageError
@@ -24,7 +25,7 @@ from uavrt.ground.exports import EXPORTS, export
 from uavrt.ground.flight_keeper import FlightKeeper
 from uavrt.ground.flights import Columns, FlightLibrary
 from uavrt.localization import PATTERNS, TangentPlane
-from uavrt.messages import LiveBearing, Pose, Pulse, PulsePose, Tag
+from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
 from uavrt.recording import read_flight
 
 START_NS = 1_700_000_000_000_000_000
@@ -54,23 +55,7 @@ def pose_at(seconds: float, east_m: float, yaw_deg: float) -> Pose:
 
 
 def pulse_at(pose: Pose, snr_db: float) -> PulsePose:
-    pulse = Pulse(
-        tag_id=2,
-        frequency_hz=148_700_010.0,
-        start_time_ns=pose.time_ns,
-        end_time_ns=pose.time_ns + 20_000_000,
-        snr_db=snr_db,
-        group_snr_db=snr_db,
-        score=2.0,
-        group_index=1,
-        group_sequence=1,
-        noise_psd=1e-9,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
-    )
+    pulse = heard_pulse(pose.time_ns, frequency_hz=148_700_010.0, snr_db=snr_db, noise_psd=1e-9)
     return PulsePose(pulse=pulse, pose=pose)
 
 

@@ -7,11 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from pulses import pulse_at as heard_pulse
 
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.message import Message
-from uavrt.messages import Pose, Pulse, PulsePose, SystemState
+from uavrt.messages import Pose, PulsePose, SystemState
 from uavrt.recording import read_flight
 from uavrt.tunnel import PAYLOAD_TYPE, heartbeat_to_wire, pulse_to_wire
 
@@ -61,23 +62,7 @@ class Drone:
 
 
 def pulse_at(start_ns: int, snr_db: float) -> PulsePose:
-    pulse = Pulse(
-        tag_id=2,
-        frequency_hz=148.7e6,
-        start_time_ns=start_ns,
-        end_time_ns=start_ns + 20_000_000,
-        snr_db=snr_db,
-        group_snr_db=snr_db,
-        score=2.0,
-        group_index=1,
-        group_sequence=1,
-        noise_psd=1e-9,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
-    )
+    pulse = heard_pulse(start_ns, frequency_hz=148.7e6, snr_db=snr_db, noise_psd=1e-9)
     pose = Pose(
         time_ns=start_ns,
         latitude_deg=46.5,

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from pulses import pulse_at
 
 from uavrt.errors import UsageError
 from uavrt.localization import PATTERNS
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.live_bearings import LEAST_PULSES, LiveBearings
-from uavrt.messages import LiveBearing, Pose, Pulse, PulsePose
+from uavrt.messages import LiveBearing, Pose, PulsePose
 
 START_NS = 1_700_000_000_000_000_000
 TRUTH_DEG = 130.0
@@ -27,23 +28,7 @@ def pose(seconds: float, yaw_deg: float, latitude_deg: float = 47.0) -> Pose:
 
 def pulse(seconds: float, yaw_deg: float, snr_db: float, tag_id: int = 2) -> PulsePose:
     start_ns = START_NS + round(seconds * 1e9)
-    heard = Pulse(
-        tag_id=tag_id,
-        frequency_hz=148.71e6,
-        start_time_ns=start_ns,
-        end_time_ns=start_ns + 20_000_000,
-        snr_db=snr_db,
-        group_snr_db=snr_db,
-        score=2.0,
-        group_index=1,
-        group_sequence=1,
-        noise_psd=1e-12,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
-    )
+    heard = pulse_at(start_ns, tag_id=tag_id, snr_db=snr_db)
     return PulsePose(pulse=heard, pose=pose(seconds, yaw_deg))
 
 

@@ -8,13 +8,14 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import replace
 
 import pytest
+from pulses import pulse_at
 
 from uavrt import tunnel
 from uavrt.clock import Clock
 from uavrt.errors import TunnelError
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
 from uavrt.mavlink.ftp_server import FileServer
-from uavrt.messages import AttitudeSample, Pose, PositionSample, Pulse, PulsePose, Tag
+from uavrt.messages import AttitudeSample, Pose, PositionSample, PulsePose, Tag
 from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
 from uavrt.tunnel.private import RECEIPT_TYPE, Receipt
 from uavrt.tunnel.reliable import ReliableSender
@@ -176,22 +177,11 @@ async def until(condition: Callable[[], object], timeout_s: float = 20.0) -> Non
 
 
 def make_pulse(index: int, time_ns: int) -> PulsePose:
-    pulse = Pulse(
-        tag_id=2,
+    pulse = pulse_at(
+        time_ns,
         frequency_hz=148_710_000.0 + index,
-        start_time_ns=time_ns,
-        end_time_ns=time_ns + 20_000_000,
-        snr_db=20.0,
-        group_snr_db=20.0,
-        score=2.0,
         group_index=1 + index % 3,
         group_sequence=index // 3,
-        noise_psd=1e-12,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )
     return PulsePose(pulse=pulse, pose=turning_vehicle(30.0)(time_ns))
 

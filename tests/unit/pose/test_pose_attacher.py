@@ -1,6 +1,7 @@
 """Pulses wait for their poses, not for ever."""
 
 import pytest
+from pulses import pulse_at
 
 from uavrt.messages import AttitudeSample, PositionSample, Pulse
 from uavrt.pose import PoseAttacher, PoseRing, from_euler_deg, yaw_deg
@@ -36,22 +37,12 @@ def fly(ring: PoseRing, start_s: float, end_s: float) -> None:
 
 def pulse(center_s: float, tag_id: int = 2) -> Pulse:
     center_ns = START_NS + round(center_s * SECOND_NS)
-    return Pulse(
+    return pulse_at(
+        center_ns - 10_000_000,
         tag_id=tag_id,
-        frequency_hz=148.71e6,
-        start_time_ns=center_ns - 10_000_000,
         end_time_ns=center_ns + 10_000_000,
-        snr_db=20.0,
-        group_snr_db=20.0,
-        score=2.0,
-        group_index=1,
-        group_sequence=1,
-        noise_psd=1e-12,
         detection_status="detected",
         confirmed=False,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pulses import pulse_at
 
 from uavrt.clock import Clock
 from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
@@ -41,22 +42,11 @@ def turning(time_ns: int) -> Pose:
 
 
 def make_pulse(number: int, time_ns: int) -> Pulse:
-    return Pulse(
-        tag_id=2,
+    return pulse_at(
+        time_ns,
         frequency_hz=148_710_000.0 + number,
-        start_time_ns=time_ns,
-        end_time_ns=time_ns + 20_000_000,
-        snr_db=20.0,
-        group_snr_db=20.0,
-        score=2.0,
         group_index=1 + number % 3,
         group_sequence=number // 3,
-        noise_psd=1e-12,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )
 
 

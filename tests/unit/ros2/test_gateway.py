@@ -3,11 +3,12 @@
 from dataclasses import replace
 from typing import Any
 
+from pulses import pulse_at
+
 from uavrt.config.settings import Ros2Settings, Settings
 from uavrt.messages import (
     CommandReply,
     ProcessStatus,
-    Pulse,
     SystemState,
     SystemStatus,
     Tag,
@@ -19,22 +20,12 @@ from uavrt.ros2.messages import DiagnosticArray, Flag, RosMessage
 
 S = 10**9
 TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
-PULSE = Pulse(
-    tag_id=2,
+PULSE = pulse_at(
+    1_700_000_000 * S,
     frequency_hz=148_710_000.0,
-    start_time_ns=1_700_000_000 * S,
-    end_time_ns=1_700_000_000 * S + 20_000_000,
-    snr_db=20.0,
-    group_snr_db=20.0,
-    score=2.0,
-    group_index=1,
-    group_sequence=1,
     noise_psd=0.0,
     detection_status="detected",
     confirmed=False,
-    rate=1,
-    predicted_next_start_ns=None,
-    predicted_next_end_ns=None,
 )
 
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from pulses import pulse_at
 
 from uavrt.config.settings import Ros2Settings
 from uavrt.messages import (
@@ -61,20 +62,15 @@ POSE = Pose(
 
 def a_pulse(number: int) -> Pulse:
     start_ns = 1_777_623_301_019_828_320 + number * 1_254_000_000
-    return Pulse(
-        tag_id=2,
+    return pulse_at(
+        start_ns,
         frequency_hz=148_720_012.5,
-        start_time_ns=start_ns,
-        end_time_ns=start_ns + 20_000_000,
         snr_db=20.5,
         group_snr_db=20.25,
         score=2.5,
         group_index=1 + number % 3,
         group_sequence=number // 3,
         noise_psd=1e-9,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
         predicted_next_start_ns=start_ns + 1_194_000_000,
         predicted_next_end_ns=start_ns + 1_314_000_000,
     )

@@ -2,9 +2,10 @@ import socket
 
 from hypothesis import given
 from hypothesis import strategies as st
+from pulses import pulse_at
 
 from uavrt.ipc import TOPICS, decode_record, encode_record
-from uavrt.messages import Pulse, PulsePose, StatusText
+from uavrt.messages import PulsePose, StatusText
 from uavrt.supervisor.outbox import Outbox
 
 
@@ -13,22 +14,13 @@ def status(number: int) -> bytes:
 
 
 def pulse(number: int) -> bytes:
-    record = Pulse(
-        tag_id=2,
-        frequency_hz=148.71e6,
-        start_time_ns=number,
+    record = pulse_at(
+        number,
         end_time_ns=number + 1,
-        snr_db=20.0,
-        group_snr_db=20.0,
-        score=2.0,
-        group_index=1,
         group_sequence=number,
         noise_psd=1e-9,
         detection_status="detected",
         confirmed=False,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )
     return encode_record("pulse_pose", PulsePose(pulse=record, pose=None))
 

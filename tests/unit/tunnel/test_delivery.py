@@ -2,28 +2,20 @@ import tracemalloc
 
 from hypothesis import given
 from hypothesis import strategies as st
+from pulses import pulse_at
 
-from uavrt.messages import Pulse, PulsePose
+from uavrt.messages import PulsePose
 from uavrt.tunnel.delivery import PATIENCE_S, REMEMBERED, PulseDelivery
 
 
 def pulse_pose(number: int) -> PulsePose:
-    pulse = Pulse(
-        tag_id=2,
-        frequency_hz=148.71e6,
-        start_time_ns=number * 1_254_000_000,
-        end_time_ns=number * 1_254_000_000 + 20_000_000,
-        snr_db=20.0,
-        group_snr_db=20.0,
-        score=2.0,
+    pulse = pulse_at(
+        number * 1_254_000_000,
         group_index=number % 3 + 1,
         group_sequence=number // 3,
         noise_psd=1e-9,
         detection_status="detected",
         confirmed=False,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )
     return PulsePose(pulse=pulse, pose=None)
 
