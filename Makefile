@@ -19,7 +19,7 @@ test: $(STAMP) browser  ## lint, types, import contracts, manual, all tests
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/sphinx-build -W -q docs docs/_build
-	$(BIN)/pytest -n 2 --dist loadgroup -r fEsxR
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -r fEsxR
 
 bench: $(STAMP)         ## speed of every stage, written to benchmarks/results.md
 	$(BIN)/python -m benchmarks

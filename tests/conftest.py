@@ -30,14 +30,13 @@ if os.environ.get("CI"):
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the flights of a module on one worker, and give a flight a second try.
+    """Give a flight a second try.
 
     A flight runs in real time: a shared machine that stands still for seconds breaks the
     silence limits that it is there to test. The summary shows what was tried twice.
     """
     for item in items:
         if "flight" in item.path.parts or item.get_closest_marker("flight"):
-            item.add_marker(pytest.mark.xdist_group(item.path.stem))
             item.add_marker(pytest.mark.flaky(reruns=1))
 
 

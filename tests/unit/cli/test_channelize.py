@@ -17,9 +17,6 @@ from uavrt.dsp.filters import compatible_bank_taps
 from uavrt.radio.channel_datagram import channel_port, decode_channel_datagram
 from uavrt.radio.udp_address import listen
 
-# All bind the original's ports, as that module's flights do: never two at a time.
-pytestmark = pytest.mark.xdist_group("test_original_halves")
-
 RATE_HZ = 3_000_000
 START_NS = 1_700_000_000_000_000_000
 SECONDS = 1.5
