@@ -18,6 +18,7 @@ from typing import Any, Self
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.ipc.assignment import Assignment
+from uavrt.ipc.heap import HeapKeeper
 from uavrt.ipc.link import ChildLink, SupervisorGone
 from uavrt.ipc.parent import die_with_parent
 from uavrt.log import configure_logging, get_logger
@@ -46,6 +47,7 @@ class ProcessFrame:
         self.running = True
         self.counters: dict[str, float] = {}
         self._next_health_s = 0.0
+        self._heap = HeapKeeper(monotonic_s())
         self._last_status: tuple[str, bool] = ("", True)
 
     @classmethod
@@ -105,6 +107,7 @@ class ProcessFrame:
             self.link.flush()
             return
         self._next_health_s = now_s + HEALTH_PERIOD_S
+        self._heap.keep(now_s)
         self._last_status = (status, ok)
         self.link.send(
             "health",
