@@ -1,7 +1,7 @@
 /** Lines of latitude and longitude with their numbers: a map where there is no map. */
 
 import type { GeoJSONSource, Map as MapLibre } from "maplibre-gl";
-import { fill, h } from "./dom";
+import { h, say } from "./dom";
 
 const STEPS_DEG = [
   30, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001,
@@ -12,6 +12,8 @@ const LON_APART_PX = 120;
 
 export class Graticule {
   private labels: HTMLElement;
+  /** Of the map; asked for once, because to ask in each frame has the page laid out anew. */
+  private size: { width: number; height: number };
   private drawn: { west: number; east: number; south: number; north: number; zoom: number } | null = null;
 
   constructor(
@@ -20,11 +22,13 @@ export class Graticule {
   ) {
     this.labels = h("div", { class: "graticule-labels", "aria-hidden": "true" });
     container.appendChild(this.labels);
+    this.size = { width: container.clientWidth, height: container.clientHeight };
     map.on("move", () => this.label());
     map.on("moveend", () => {
       if (!this.holds()) this.draw();
     });
     map.on("resize", () => {
+      this.size = { width: container.clientWidth, height: container.clientHeight };
       // A coarser or finer canvas is the same view.
       if (!this.holds()) this.draw();
     });
@@ -67,11 +71,10 @@ export class Graticule {
     digits: [number, number];
   } {
     const bounds = this.map.getBounds();
-    const box = this.map.getContainer();
     const step = (spanDeg: number, pixels: number, apart: number) =>
       [...STEPS_DEG].reverse().find((one) => (one / spanDeg) * pixels >= apart) ?? STEPS_DEG[0]!;
-    const latStep = step(bounds.getNorth() - bounds.getSouth(), box.clientHeight, LAT_APART_PX);
-    const lonStep = step(bounds.getEast() - bounds.getWest(), box.clientWidth, LON_APART_PX);
+    const latStep = step(bounds.getNorth() - bounds.getSouth(), this.size.height, LAT_APART_PX);
+    const lonStep = step(bounds.getEast() - bounds.getWest(), this.size.width, LON_APART_PX);
     const between = (low: number, high: number, by: number) => {
       const found: number[] = [];
       for (let line = Math.ceil(low / by); line * by <= high && found.length < 90; line += 1) {
@@ -123,29 +126,31 @@ export class Graticule {
     this.label();
   }
 
+  /** The numbers at the edges: at every frame of a pan, so elements are kept and only moved. */
   private label(): void {
-    if (Math.abs(this.map.getBearing()) > 1) {
-      fill(this.labels);
-      return;
+    const texts: [string, string, number, number][] = [];
+    if (Math.abs(this.map.getBearing()) <= 1) {
+      const { lats, lons, digits } = this.lines();
+      const { lng, lat: middle } = this.map.getCenter();
+      for (const lat of lats) {
+        const y = this.map.project([lng, lat]).y;
+        if (y < 180 || y > this.size.height - 44) continue;
+        texts.push(["lat", `${Math.abs(lat).toFixed(digits[0])}°${lat < 0 ? "S" : "N"}`, 0, y]);
+      }
+      for (const lon of lons) {
+        const x = this.map.project([lon, middle]).x;
+        if (x < 170 || x > this.size.width - 60) continue;
+        const turned = ((((lon + 180) % 360) + 360) % 360) - 180;
+        texts.push(["lon", `${Math.abs(turned).toFixed(digits[1])}°${turned < 0 ? "W" : "E"}`, x, 0]);
+      }
     }
-    const { lats, lons, digits } = this.lines();
-    const box = this.map.getCanvas().getBoundingClientRect();
-    const texts: HTMLElement[] = [];
-    for (const lat of lats) {
-      const y = this.map.project([this.map.getCenter().lng, lat]).y;
-      if (y < 180 || y > box.height - 44) continue;
-      const text = h("span", { class: "lat" }, `${Math.abs(lat).toFixed(digits[0])}°${lat < 0 ? "S" : "N"}`);
-      text.style.top = `${y}px`;
-      texts.push(text);
-    }
-    for (const lon of lons) {
-      const x = this.map.project([lon, this.map.getCenter().lat]).x;
-      if (x < 170 || x > box.width - 60) continue;
-      const turned = ((((lon + 180) % 360) + 360) % 360) - 180;
-      const text = h("span", { class: "lon" }, `${Math.abs(turned).toFixed(digits[1])}°${turned < 0 ? "W" : "E"}`);
-      text.style.left = `${x}px`;
-      texts.push(text);
-    }
-    fill(this.labels, ...texts);
+    texts.forEach(([kind, text, x, y], place) => {
+      const known = this.labels.children[place] as HTMLElement | undefined;
+      const element = known ?? this.labels.appendChild(h("span", {}));
+      if (element.className !== kind) element.className = kind;
+      say(element, text);
+      element.style.transform = `translate(${x}px, ${y}px)`;
+    });
+    while (this.labels.children.length > texts.length) this.labels.lastChild!.remove();
   }
 }

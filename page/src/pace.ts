@@ -6,9 +6,9 @@
 import type { Map as MapLibre } from "maplibre-gl";
 
 /** Shares of the full resolution, tried in this order. */
-const STEPS = [1, 0.7, 0.5];
-/** The median of the last frames above this makes the map coarser; a frame of 60 Hz is 16.7. */
-const SLOW_MS = 24;
+const STEPS = [1, 0.7, 0.5, 0.35, 0.25];
+/** The median of the last frames above this makes the map coarser; a frame of 60 Hz is 16.7, two are 33.3. */
+const SLOW_MS = 20;
 const FRAMES = 4;
 /** Longer ones are pauses, of a hidden tab for example. */
 const PAUSE_MS = 500;
