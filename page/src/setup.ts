@@ -247,8 +247,10 @@ function connectionForm(): HTMLElement {
     h("label", {}, "How", h("select", { id: "link-kind", onchange: () => suggest() })),
     h("label", {}, "Address", h("input", { id: "link-address", autocomplete: "off", spellcheck: "false" })),
     h("label", {}, "Drone's software", h("select", { id: "set-generation", onchange: () => void change({ generation: value("set-generation") }) },
-      h("option", { value: "G1" }, "uavrt, TagTracker's"),
-      h("option", { value: "G0" }, "the thesis's"),
+      h("option", { value: "G1" }, "uavrt, TagTracker's of 2026"),
+      h("option", { value: "G0" }, "the thesis's of 2023"),
+      h("option", { value: "G2v1" }, "TagTracker's, version 1"),
+      h("option", { value: "G2" }, "TagTracker's, versions 4 to 7 (trial)"),
     )),
     h(
       "div",

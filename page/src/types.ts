@@ -76,7 +76,7 @@ export interface FieldFault {
 
 export interface Settings {
   address: string;
-  generation: "G0" | "G1";
+  generation: "G0" | "G1" | "G2v1" | "G2";
   antenna: string;
   antenna_offset_deg: number;
   gain: number | null;
@@ -98,6 +98,8 @@ export interface BearingRecord {
   accepted: boolean;
   ambiguous: boolean;
   rose_snr_db: (number | null)[];
+  /** Estimated on board, from more pulses than have reached the ground. */
+  from_drone: boolean;
 }
 
 export interface Readout {
