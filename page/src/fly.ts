@@ -4,7 +4,7 @@ import { ApiError, get, send } from "./api";
 import { snrColour, SNR_HIGH, tagColour } from "./colour";
 import { append, by, fill, h, say } from "./dom";
 import { ago, fixed, UNKNOWN } from "./format";
-import { drawFollow, layerBox, legend, offerMaps } from "./layers";
+import { drawFollow, drawLegend, layerBox, legend, offerMaps } from "./layers";
 import { MapView } from "./map";
 import { toast } from "./notice";
 import { drawReplay, replayBar } from "./replay";
@@ -73,6 +73,7 @@ export function buildFly(): void {
   store.on(["pose", "reset", "selection", "state"], () => view.drawTrack());
   store.on(["estimates", "selection", "reset", "tags"], () => view.drawEstimates());
   store.on(["estimates", "selection", "reset", "pulses", "tags"], drawWalk);
+  store.on(["estimates", "selection"], drawLegend);
   store.on(["other", "selection"], () => view.drawOther());
   store.on(["reset", "selection"], drawReplay);
   setInterval(drawCards, 1000);

@@ -3,6 +3,7 @@
 import { gradient, SNR_HIGH, SNR_LOW } from "./colour";
 import { by, h } from "./dom";
 import type { Layers, MapView } from "./map";
+import { store } from "./store";
 import type { Choices } from "./types";
 
 let view: MapView;
@@ -16,7 +17,13 @@ export function legend(): HTMLElement {
     h("span", {}, `${SNR_LOW}`),
     ramp,
     h("span", {}, `${SNR_HIGH}\u202fdB`),
+    h("span", { id: "legend-on-board", class: "legend-on-board", hidden: true }, "bearing from the drone"),
   );
+}
+
+/** The drone's own bearings are explained where there are any. */
+export function drawLegend(): void {
+  by("legend-on-board").hidden = !store.bearings.some((one) => one.from_drone && !store.hidden.has(one.tag_id));
 }
 
 export function layerBox(made: MapView): HTMLElement {

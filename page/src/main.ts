@@ -10,6 +10,7 @@ import { buildPlots, recolourPlots, showPlots } from "./plots";
 import { buildSetup } from "./setup";
 import { setSpeaking, speaking } from "./speech";
 import { store } from "./store";
+import type { State } from "./types";
 
 const VIEWS: [string, string][] = [
   ["fly", "Fly"],
@@ -87,10 +88,12 @@ export function show(name: string): void {
 function drawHeader(): void {
   const state = store.state;
   const offline = by("banner");
-  offline.hidden = store.online && !store.review && !state?.flight.fault && !state?.connection.error;
+  const silent = store.online && !store.review && droneSilent(state);
+  offline.hidden = store.online && !store.review && !state?.flight.fault && !state?.connection.error && !silent;
   if (!store.online) say(offline, "The ground station does not answer. What was received is safe; this page goes on by itself.");
   else if (state?.flight.fault) say(offline, state.flight.fault);
   else if (state?.connection.error) say(offline, state.connection.error);
+  else if (silent) say(offline, "The drone is not heard. What it finds it keeps, and sends when it is heard again; this page goes on by itself.");
   else if (store.review) say(offline, `Past flight of ${dateTime(store.review.start_time_ns)}${store.other ? `, dashed beside it that of ${dateTime(store.other.summary.start_time_ns)}` : ""}`);
   offline.className = store.online && store.review && !state?.flight.fault ? "info" : "";
   if (!state) return;
@@ -109,6 +112,11 @@ function drawHeader(): void {
   chip("flight", flight.flight_id ? `${flight.ended ? "ended" : span(length)} · ${flight.pulses} pulses` : "no flight", flight.flight_id && !flight.ended ? "live" : "");
   const warm = state.drone.cpu_temperature_c;
   by("chip-state").title = warm === null ? "" : `Computer on board: ${warm.toFixed(0)} °C`;
+}
+
+/** Nothing comes from a drone that is in flight as far as is known here. */
+function droneSilent(state: State | null): boolean {
+  return !!state?.connection.open && !state.drone.present && !!state.flight.flight_id && !state.flight.ended;
 }
 
 function chip(name: string, text: string, kind: string): void {

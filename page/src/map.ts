@@ -28,7 +28,7 @@ import {
 import type { LonLat } from "./geo";
 import { Graticule } from "./graticule";
 import { vectorLayers } from "./basemap";
-import { droneElement, fixElement, max, min, rgb, roseElement } from "./markers";
+import { droneElement, fixElement, max, min, onBoardElement, rgb, roseElement } from "./markers";
 import { WARM, WARM_MS, addFlightLayers, blank, dark, ground } from "./maplayers";
 import { Pace } from "./pace";
 import { store } from "./store";
@@ -192,7 +192,8 @@ export class MapView {
     this.markers = [];
     if (this.layers.rose) {
       for (const one of bearings) {
-        if (one.tag_id === store.selected) this.mark(roseElement(one), stationOf(one));
+        if (one.tag_id !== store.selected) continue;
+        this.mark(one.from_drone ? onBoardElement(one) : roseElement(one), stationOf(one));
       }
     }
     if (this.layers.regions) {

@@ -42,6 +42,20 @@ export function roseElement(one: BearingRecord): HTMLElement {
   return element;
 }
 
+/** In place of a rose, where the drone told a bearing and not its pulses: a square, with its ray's direction. */
+export function onBoardElement(one: BearingRecord): HTMLElement {
+  const label = `Turn ${one.turn + 1}: bearing ${Math.round(one.bearing_deg)} degrees, estimated on the drone from ${one.pulses} pulses`;
+  const element = h("div", { class: "on-board", role: "img", "aria-label": label });
+  const mark = svg(
+    "svg",
+    { viewBox: "-12 -12 24 24", width: 24, height: 24 },
+    svg("rect", { x: -8, y: -8, width: 16, height: 16, class: "on-board-mark", stroke: tagColour(store.tagOrder(one.tag_id)) }),
+    svg("path", { d: "M0 0V-8", class: "on-board-mark", stroke: tagColour(store.tagOrder(one.tag_id)), transform: `rotate(${one.bearing_deg})` }),
+  );
+  element.appendChild(mark);
+  return element;
+}
+
 export function fixElement(one: PositionRecord): HTMLElement {
   const element = h("div", { class: "fix" }, h("span", { class: "fix-name" }, store.tagName(one.tag_id)));
   const pin = svg(

@@ -146,6 +146,7 @@ function drawPolar(): void {
       ? `Turn ${bearing.turn + 1}: bearing ${bearing.bearing_deg.toFixed(0)}°` +
           (interval ? `, 90\u202f% between ${interval[0].toFixed(0)}° and ${interval[1].toFixed(0)}°` : "") +
           `, ${bearing.pulses} pulses` +
+          (bearing.from_drone ? ", estimated on the drone" : "") +
           (bearing.ambiguous ? "; another direction is possible" : "")
       : "No turn in place yet: all pulses of this tag are shown.",
   );

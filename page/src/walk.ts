@@ -79,7 +79,7 @@ export function drawWalk(): void {
   say(
     by("walk-sure"),
     last
-      ? `bearing ${Math.round(last.bearing_deg)}° ${compass(last.bearing_deg)}: now turn elsewhere`
+      ? `bearing ${Math.round(last.bearing_deg)}° ${compass(last.bearing_deg)}${last.from_drone ? ", from the drone" : ""}: now turn elsewhere`
       : "turn on the spot for a bearing",
   );
   const key = best.join();
