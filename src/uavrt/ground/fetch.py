@@ -282,8 +282,16 @@ def _size(path: Path) -> int | None:
 
 
 def _entry(directory: str, line: bytes) -> RemoteEntry:
-    """Entry of one line of a listing."""
+    """Entry of one line of a listing.
+
+    The names come by an open link and become files here: none may lead elsewhere.
+    """
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
+    if name in ("", "..") or Path(name).name != name or not (size or "0").isdecimal():
+        raise LinkError(
+            f"the drone's list has {line[:80]!r}, which is no file's name and size",
+            remedy="Somebody else may answer in its place: see the manual on locking the link",
+        )
     path = f"{directory.rstrip('/')}/{name}"
     return RemoteEntry(path=path, size=int(size or 0) if line[:1] == b"F" else None)
 

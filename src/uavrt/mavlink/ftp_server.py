@@ -34,14 +34,7 @@ from uavrt.mavlink.ftp_state import (
     fitting,
     path_of,
 )
-from uavrt.mavlink.ftp_wire import (
-    DATA_SIZE,
-    WRITING,
-    FtpError,
-    FtpPacket,
-    Opcode,
-    checksum,
-)
+from uavrt.mavlink.ftp_wire import DATA_SIZE, WRITING, FtpError, FtpPacket, Opcode, checksum
 from uavrt.mavlink.message import Message
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
@@ -168,6 +161,8 @@ class FileServer:
         self._accept(job.request, job.peer, job.value.to_bytes(4, "little"))
 
     def _drop_crc(self, job: Crc) -> None:
+        if job not in self._crcs:
+            return  # closed meanwhile
         self._crcs.remove(job)
         self._disk(partial(close, job.file), _nothing)
 
@@ -246,7 +241,8 @@ class FileServer:
                     raise result
                 then(result)
             except FileRefused as refusal:
-                for crc in [crc for crc in self._crcs if crc.request == request]:
+                asked = [c for c in self._crcs if (c.peer, c.request) == (peer, request)]
+                for crc in asked:
                     self._drop_crc(crc)
                 self._refuse(request, peer, refusal)
             self._wake()

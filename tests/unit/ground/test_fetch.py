@@ -12,6 +12,7 @@ from uavrt.mavlink import Peer
 from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
+from uavrt.mavlink.ftp_wire import FtpPacket, Opcode
 
 CONTENT = random.Random(6).randbytes(30_011)
 US = Peer(255, 197)
@@ -131,3 +132,23 @@ def test_a_drone_that_is_silent_is_named(root: Path) -> None:
 def test_the_checksum_of_a_file_here_is_that_of_the_drone(root: Path) -> None:
     there = asyncio.run(Pair(root).client.checksum(ENTRY.path))
     assert there == file_checksum(root / "flight_log_1" / "flight.sqlite")
+
+
+@pytest.mark.parametrize(
+    "line", [b"F../../.profile\t5", b"D..", b"F/etc/cron.d/x\t5", b"Fflight\tmany", b"D"]
+)
+def test_names_that_lead_elsewhere_are_refused(line: bytes) -> None:
+    def answer(payload: bytes) -> None:
+        asked = FtpPacket.decode(payload)
+        listing = FtpPacket(
+            sequence=asked.sequence + 1,
+            session=asked.session,
+            opcode=Opcode.ACK,
+            request_opcode=asked.opcode,
+            data=line + b"\0",
+        )
+        client.receive(listing.encode())
+
+    client = FileClient(lambda payload: answer(payload), lambda: 0)
+    with pytest.raises(LinkError, match="no file's name and size"):
+        asyncio.run(client.list_directory("/"))

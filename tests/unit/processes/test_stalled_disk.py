@@ -9,8 +9,10 @@ from typing import Any
 import pytest
 
 from uavrt.ground.fetch import FileClient
-from uavrt.mavlink import Connection, Handlers, dialect
+from uavrt.mavlink import Connection, Handlers, Peer, dialect
 from uavrt.mavlink.ftp_files import FileTree
+from uavrt.mavlink.ftp_server import FileServer
+from uavrt.mavlink.ftp_wire import FtpPacket, Opcode
 from uavrt.messages import PulsePose, SystemState
 from uavrt.processes.disk_thread import MOST_JOBS, DiskThread
 from uavrt.processes.ground_status import GroundStatus
@@ -146,3 +148,25 @@ def test_a_flight_that_was_removed_is_not_looked_for_any_more(tmp_path: Path) ->
     for second in range(3, 10):
         outlet.tick(second * 1_000_000_000)
     assert len(reads) == 4
+
+
+def test_a_checksum_in_the_making_is_dropped_when_the_server_closes(tmp_path: Path) -> None:
+    (tmp_path / "flight").write_bytes(b"pulses")
+    waiting: list[Callable[[], None]] = []
+
+    def later(job: Callable[[], Any], then: Callable[[Any], None]) -> bool:
+        waiting.append(lambda: then(job()))
+        return True
+
+    server = FileServer(FileTree(tmp_path), disk=later)
+    asked = FtpPacket(sequence=1, session=0, opcode=Opcode.CALC_FILE_CRC32, data=b"/flight")
+    server.receive(asked.encode(), Peer(255, 190), 0)
+    waiting.pop()()  # it is open
+    server.work()
+    waiting.pop()()  # all of it is read
+    server.work()  # whether that was the end is being asked
+    end = waiting.pop()
+    server.close()
+    end()
+    (close,) = waiting  # once
+    close()
