@@ -98,17 +98,10 @@ class DroneParameters:
         """
         drone = self._drone()
         await self._learn_encoding(drone)
-        message = self._protocol.sealed_parameter(name, value) or dialect.ParamSet(
-            target_system=drone.system_id,
-            target_component=drone.component_id,
-            param_id=name,
-            param_value=value,
-            # Whole numbers, too: of this type they need no encoding.
-            param_type=MavParamType.REAL32,
-        )
         before = self._answered.get(name, 0)
         for _ in range(TRIES):
-            self._send(message)
+            # Sealed anew each time: a drone takes no seal twice.
+            self._send(self._wish(name, value, drone))
             deadline_s = monotonic_s() + self._wait_s
             while self._answered.get(name, 0) == before and monotonic_s() < deadline_s:
                 await self._wait_for_news(deadline_s - monotonic_s())
@@ -118,6 +111,16 @@ class DroneParameters:
                     raise CommandRefused(f"{name} stays {now:g}: see the drone's text")
                 return now
         raise LinkError(f"the drone did not answer for {name}", remedy="Try again")
+
+    def _wish(self, name: str, value: float, drone: Peer) -> Message:
+        return self._protocol.sealed_parameter(name, value) or dialect.ParamSet(
+            target_system=drone.system_id,
+            target_component=drone.component_id,
+            param_id=name,
+            param_value=value,
+            # Whole numbers, too: of this type they need no encoding.
+            param_type=MavParamType.REAL32,
+        )
 
     def _drone(self) -> Peer:
         if self._protocol.drone is None:

@@ -1,11 +1,15 @@
 """A drone with a key is commanded by who has it, and by nobody else."""
 
+import asyncio
 from pathlib import Path
 
 from uavrt import tunnel
+from uavrt.ground.drone_parameters import DroneParameters
 from uavrt.ground.protocol import GroundProtocol
 from uavrt.ground.receipts import Receipts
-from uavrt.mavlink import Peer
+from uavrt.mavlink import Peer, dialect
+from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.mavlink.message import Message
 from uavrt.messages import Command
 from uavrt.tunnel.exchange import Answer, Exchange
 from uavrt.tunnel.gate import Gate, Sealer
@@ -78,3 +82,25 @@ def test_forged_messages_are_counted(tmp_path: Path) -> None:
     other = sealing_ground(Key(bytes(32))).tunnel_message(STOP)
     assert gate.open(other.payload[: other.payload_length], GROUND, NOW_NS) is None
     assert gate.refused == 2
+
+
+def test_a_parameter_whose_answer_was_lost_is_asked_for_with_a_new_seal(tmp_path: Path) -> None:
+    path = key_file(tmp_path)
+    gate = Gate((), str(path))
+    opened: list[tuple[int, bytes] | None] = []
+
+    def drone(message: Message) -> None:
+        assert isinstance(message, dialect.Tunnel)
+        opened.append(gate.open(message.payload[: message.payload_length], GROUND, NOW_NS))
+        if len(opened) == 2:  # the first answer does not arrive
+            value = dialect.ParamValue(
+                param_id="DET_K", param_value=4.0, param_type=9, param_count=9, param_index=4
+            )
+            (frame,) = FrameParser().feed(FrameWriter(1, 191).encode(value))
+            parameters.take(frame)
+
+    parameters = DroneParameters(sealing_ground(read_key(path)), drone, 0.01)
+    parameters._bytewise = True
+    assert asyncio.run(parameters.set("DET_K", 4.0)) == 4.0
+    assert None not in opened
+    assert gate.refused == 0
