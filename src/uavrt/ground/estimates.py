@@ -37,6 +37,8 @@ EDGE_NS = 1_000_000_000
 SECTORS = 16
 """Wedges of the pulse rose, as the original ground station's finest rotation."""
 POSE_STEP_NS = 180_000_000
+POSE_GAP_NS = 2_000_000_000
+"""Telemetry comes several times a second; this far from it, a pulse's own pose tells more."""
 """Poses closer than this tell nothing new of a turn."""
 
 DRONE_LEVEL_SIGMA_DB = 1.0
@@ -184,13 +186,18 @@ def _von_mises(bearing_deg: float, sigma_deg: float) -> _Floats:
 
 
 def turns_of(columns: Columns) -> list[Turn]:
-    """Turns in place, also one that goes on; by the pulses' own poses where no others are."""
-    poses = columns.poses
-    if poses.shape[1] < 4:
-        pulses = columns.pulses[:, np.isfinite(columns["quaternion_w"])]
-        poses = np.concatenate([pulses[[1, 8, 9, 10]], pulses[11:15]])
+    """Turns in place, also one that goes on; by the pulses' own poses where no others are.
+
+    Telemetry that a silent radio has lost never comes; the pulses of that time do.
+    """
     # They come in order unless what is known of the drone's clock has changed on the way.
-    poses = poses[:, np.argsort(poses[0], kind="stable")]
+    poses = columns.poses[:, np.argsort(columns.poses[0], kind="stable")]
+    pulses = columns.pulses[:, np.isfinite(columns["quaternion_w"])]
+    alone = _far_from(poses[0], pulses[1])
+    own = np.concatenate([pulses[[1, 8, 9, 10]], pulses[11:15]])[:, alone]
+    if own.size:
+        poses = np.concatenate([poses, own], axis=1)
+        poses = poses[:, np.argsort(poses[0], kind="stable")]
     times = poses[0]
     if not len(times):
         return []
@@ -204,6 +211,16 @@ def turns_of(columns: Columns) -> list[Turn]:
         poses[2],
         least_turn_deg=LEAST_TURN_DEG,
     )
+
+
+def _far_from(known: _Floats, times: _Floats) -> NDArray[np.bool_]:
+    """(n,) which of `times` are farther than `POSE_GAP_NS` from every one of rising `known`."""
+    if not len(known):
+        return np.ones(len(times), bool)
+    after = np.searchsorted(known, times)
+    before_ns = times - known[np.maximum(after - 1, 0)]
+    after_ns = known[np.minimum(after, len(known) - 1)] - times
+    return np.minimum(np.abs(before_ns), np.abs(after_ns)) > POSE_GAP_NS
 
 
 def _bearing(

@@ -18,6 +18,8 @@ ASK_AGAIN_NS = ns_from_s(5.0)
 ASKED_HZ = 5.0
 """Rate of attitude and position asked of an autopilot that sends none: 0.4 kB/s together."""
 LOSS_WINDOW_NS = ns_from_s(30.0)
+SILENCE_NS = ns_from_s(6.0)
+"""As for the drone: after this there is no link whose loss could be told."""
 UNKNOWN_HEADING = 65_535
 UNKNOWN_VOLTAGE = 65_535
 
@@ -39,7 +41,9 @@ class LossMeter:
             self._seen.popleft()
 
     def share(self, now_ns: int) -> float | None:
-        """Share lost, 0 to 1; None when nothing was heard lately."""
+        """Share lost, 0 to 1; None when nothing was heard for `SILENCE_NS`."""
+        if not self._seen or self._seen[-1][0] < now_ns - SILENCE_NS:
+            return None
         sent = sum(step for time_ns, step in self._seen if time_ns >= now_ns - LOSS_WINDOW_NS)
         heard = sum(1 for time_ns, _ in self._seen if time_ns >= now_ns - LOSS_WINDOW_NS)
         return None if sent == 0 else 1.0 - heard / sent

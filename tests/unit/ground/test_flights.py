@@ -321,6 +321,22 @@ def test_map_files_are_listed_and_their_tiles_turned_over(tmp_path: Path) -> Non
         maps.map_path(tmp_path, "../valley.mbtiles")
 
 
+def test_a_turn_flown_while_the_radio_was_silent_gives_its_bearing_afterwards(
+    flown: tuple[FlightLibrary, str],
+) -> None:
+    """The vehicle's poses of that time never come; the pulses, each with its pose, do."""
+    library, flight_id = flown
+    columns = library.columns(flight_id)
+    _, second = estimates(columns).bearings
+    silent = (columns.poses[0] > second["start_time_ns"] - 5e9) & (
+        columns.poses[0] < second["end_time_ns"] + 5e9
+    )
+    lost = Columns(pulses=columns.pulses, poses=columns.poses[:, ~silent])
+    _, found = estimates(lost).bearings
+    assert found["bearing_deg"] == pytest.approx(second["bearing_deg"], abs=2.0)
+    assert found["pulses"] >= 0.8 * second["pulses"]
+
+
 def test_a_bearing_of_the_drones_own_stands_where_it_knows_of_more_pulses(
     flown: tuple[FlightLibrary, str],
 ) -> None:
