@@ -55,7 +55,7 @@ def continued(
         if not 1 <= ahead <= track.tag.k + 1:
             continue
         phase, cross, interval = track.variance
-        spread = math.sqrt(phase + 2.0 * ahead * cross + ahead**2 * interval)
+        spread = math.sqrt(max(0.0, phase + 2.0 * ahead * cross + ahead**2 * interval))
         reach_s = 2.5 * spread + track.tag.interval_jitter_s + track.tag.pulse_width_s / 8.0
         if abs(time_s - track.time_s - ahead * track.interval_s) < reach_s:
             return track, track.number + ahead - place

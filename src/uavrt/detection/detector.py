@@ -218,8 +218,6 @@ class PulseDetector:
         """Tracks with the tag's interval that are not the tag: further from its frequency."""
         return [t for t in self._tracks if t.confirmed and t.held]
 
-    # --- ingest -----------------------------------------------------------------------------
-
     def _admit(self, samples: NDArray[np.complex64], time_ns: int) -> bool:
         """Put a block in its place; False when it is refused."""
         buffer, counters = self._buffer, self.counters
@@ -266,8 +264,6 @@ class PulseDetector:
         # One block behind it may be longer than that, and be the one that overtook.
         young = self._buffer.end - high < patience or self._buffer.newest <= high
         return young and low < self._clean + needed
-
-    # --- the search -------------------------------------------------------------------------
 
     def _advance(self, upto: int, *, last: bool = False) -> None:
         """Clean, transform and search the samples up to an index."""
@@ -363,8 +359,6 @@ class PulseDetector:
             self._tracks.remove(
                 min(self._tracks, key=lambda t: (t.confirmed, not t.held, t.score))
             )
-
-    # --- tracks -----------------------------------------------------------------------------
 
     def _settle(self) -> None:
         """Decide which track is the tag, and report what it has found."""

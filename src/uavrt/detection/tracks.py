@@ -179,7 +179,7 @@ class Track:
     def expected(self) -> tuple[float, float]:
         """Time of the next pulse and the half-width of the window around it [s]."""
         phase, cross, interval = self.variance
-        variance = phase + 2.0 * cross + interval
+        variance = max(0.0, phase + 2.0 * cross + interval)  # rounding
         half = 2.5 * math.sqrt(variance) + self.tag.interval_jitter_s
         return self.time_s + self.interval_s, half + self.tag.pulse_width_s / 8.0
 
@@ -187,7 +187,7 @@ class Track:
         """Standard deviation of the next pulse's time around `expected`."""
         phase, cross, interval = self.variance
         own = (0.08 * self.tag.pulse_width_s) ** 2 + self.tag.interval_jitter_s**2 / 3.0
-        return math.sqrt(phase + 2.0 * cross + interval + own)
+        return math.sqrt(max(0.0, phase + 2.0 * cross + interval) + own)
 
     def volume(self, half_s: float, half_band_hz: float) -> float:
         """Independent cells in a window: of time and of frequency."""
