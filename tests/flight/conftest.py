@@ -173,3 +173,12 @@ def start_ground() -> Iterator[Callable[..., Any]]:
     yield start
     for ground in started:
         ground.stop()
+
+
+@pytest.fixture
+def quiet_radio() -> Iterator[Callable[[int, int], Any]]:
+    """Radios between autopilots and ground stations, given the ports of both."""
+    from quiet_radio import QuietRadio
+
+    with ExitStack() as stack:
+        yield lambda port, ground: stack.enter_context(QuietRadio(port, ground))

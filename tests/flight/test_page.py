@@ -5,30 +5,60 @@ a directory, each view is saved there as a picture (``make screenshots``).
 """
 
 import json
+import re
 import socket
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 from urllib.parse import urlsplit
 
 import pytest
 from page_driver import SCREENSHOTS, VIDEO, WAIT_MS, Ground, Watched, type_tags, write_map
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Page, expect
+from quiet_radio import QuietRadio
 
 from uavrt.config.settings import RecordingSettings
 from uavrt.demo.programs import free_udp_port
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
+from uavrt.messages import LiveBearing
 from uavrt.recording import read_flight
 from uavrt.simulation import demo_scenario
+from uavrt.tunnel import Generation
+from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
 
 FLIGHT_S = 100.0 if SCREENSHOTS or VIDEO else 50.0
+NOW = "() => window.uavrt.store.pulseNowNs()"
 
 pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(400)]
 
 
+def fall_silent(page: Page, radio: QuietRadio) -> None:
+    """Lose the radio link alone: the page says so, and nothing of that time is lost."""
+    flight = "() => window.uavrt.store.state.flight.flight_id"
+    was, begun_ns = page.evaluate(flight), page.evaluate(NOW)
+    radio.silent = True
+    expect(page.locator("#banner")).to_contain_text("drone is not heard")
+    expect(page.locator("#chip-link")).to_have_text("no link")
+    expect(page.locator("#chip-state")).to_have_text("No drone")
+    assert page.evaluate("() => window.uavrt.store.online")
+    expect(page.locator("#act-stop")).to_have_attribute("aria-disabled", "true")
+    silent = f"(time) => time > {begun_ns} + 1e9 && time < {page.evaluate(NOW)} - 1e9"
+    radio.silent = False
+    expect(page.locator("#banner")).to_be_hidden()
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    page.wait_for_function(
+        f"() => window.uavrt.store.pulses.get('time').filter({silent}).length > 0"
+    )
+    assert page.evaluate(flight) == was
+
+
 def test_a_whole_flight_is_flown_through_the_page(
-    browser: Browser, drone_bay: Any, start_ground: Callable[..., Ground], tmp_path: Path
+    browser: Browser,
+    drone_bay: Any,
+    quiet_radio: Callable[..., QuietRadio],
+    start_ground: Callable[..., Ground],
+    tmp_path: Path,
 ) -> None:
     ground = start_ground(tmp_path)
     watched = Watched(browser, ground.address, color_scheme="light")
@@ -60,8 +90,10 @@ def test_a_whole_flight_is_flown_through_the_page(
         directory=str(tmp_path / "drone1" / "flights"), capture_s=1.0, minimum_free_mb=1.0
     )
     drone = drone_bay.launch(scenario, recording=recording)
+    link_port = free_udp_port()
+    radio = quiet_radio(drone.ground_port, link_port)
     page.click("#tab-setup")
-    page.fill("#link-address", f"udpin://127.0.0.1:{drone.ground_port}")
+    page.fill("#link-address", f"udpin://127.0.0.1:{link_port}")
     page.click("#link-connect")
     expect(page.locator("#link-state")).to_have_text("drone heard", timeout=WAIT_MS)
     watched.picture("setup")
@@ -109,6 +141,9 @@ def test_a_whole_flight_is_flown_through_the_page(
     page.wait_for_function(f"() => window.uavrt.store.pulses.count > {before}", timeout=WAIT_MS)
 
     watched.caption("… and started again: the page goes on, no pulse is missing.", 5)
+    watched.caption("The radio falls silent …", 2)
+    fall_silent(page, radio)
+    watched.caption("… and is back: the drone has kept its pulses, and sends them.", 5)
     page.wait_for_function(
         "() => window.uavrt.store.bearings.some((one) => one.turn >= 1)",
         timeout=WAIT_MS + 1000 * FLIGHT_S,
@@ -186,6 +221,63 @@ def test_a_whole_flight_is_flown_through_the_page(
     ground.stop()
 
 
+def test_the_drones_own_bearing_is_marked_and_every_generation_can_be_chosen(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    watched = Watched(browser, ground.address)
+    page = watched.page
+    options = page.locator("#set-generation option")
+    told = options.evaluate_all("(all) => all.map((one) => one.value)")
+    assert set(told) == set(get_args(Generation))
+    expect(page.locator("#legend-on-board")).to_be_hidden()
+    bearing = LiveBearing(
+        tag_id=2,
+        start_time_ns=1_700_000_000_000_000_000,
+        end_time_ns=1_700_000_030_000_000_000,
+        turned_deg=360.0,
+        latitude_deg=46.5,
+        longitude_deg=8.0,
+        bearing_deg=42.0,
+        sigma_deg=6.0,
+        interval90_deg=(32.0, 52.0),
+        level_db=20.0,
+        pulses=24,
+        accepted=True,
+        ambiguous=False,
+        multipath_suspected=False,
+    )
+    payload = encode_bearing(bearing)
+    tunnel = dialect.Tunnel(
+        target_system=255,
+        target_component=190,
+        payload_type=BEARING_TYPE,
+        payload_length=len(payload),
+        payload=payload,
+    )
+    writer = FrameWriter(1, 191)
+    page.evaluate("() => window.uavrt.store.select(2)")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.connect(("127.0.0.1", port))
+        sock.send(writer.encode(heartbeat()))
+        expect(page.locator("#chip-state")).to_have_text("Drone heard")
+        sock.send(writer.encode(tunnel))
+    expect(page.locator("#legend-on-board")).to_be_visible()
+    mark = page.locator(".on-board")
+    expect(mark).to_have_attribute("aria-label", re.compile("42 degrees.*on the drone"))
+    assert watched.errors == []
+    watched.close()
+    ground.stop()
+
+
+def heartbeat() -> dialect.Heartbeat:
+    """The drone's component 191 is there."""
+    return dialect.Heartbeat(
+        type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
+    )
+
+
 def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
     browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
@@ -208,15 +300,7 @@ def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
     writer = FrameWriter(1, 191)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.connect(("127.0.0.1", port))
-        heartbeat = dialect.Heartbeat(
-            type=18,
-            autopilot=8,
-            base_mode=0,
-            custom_mode=0,
-            system_status=4,
-            mavlink_version=3,
-        )
-        sock.send(writer.encode(heartbeat))
+        sock.send(writer.encode(heartbeat()))
         expect(page.locator("#chip-state")).to_have_text("Drone heard")
         sock.send(writer.encode(dialect.Statustext(severity=3, text=evil)))
     expect(page.locator(".toast.warning").last).to_contain_text(evil)
