@@ -16,6 +16,9 @@ BITS_PER_SECOND = 2_000_000
 LONGEST_STILL_S = 4.0
 """A picture that stands longer, while nothing happens, is shown for so long."""
 LAST_S = 2.0
+SHORTEST_S = 0.1
+"""Pictures that follow each other faster are one, the last: a pulsing light makes 60 a second,
+and a loaded computer takes 50 ms and more to encode each."""
 
 CAPTION = """
 (text) => {
@@ -120,7 +123,10 @@ class Film:
         path.write_bytes(webm([(us, key, base64.b64decode(data)) for us, key, data in chunks]))
 
     def _take(self, event: dict[str, Any]) -> None:
-        self._frames.append((float(event["metadata"]["timestamp"]), str(event["data"])))
+        at_s, picture = float(event["metadata"]["timestamp"]), str(event["data"])
+        if self._frames and at_s - self._frames[-1][0] < SHORTEST_S:
+            at_s = self._frames.pop()[0]
+        self._frames.append((at_s, picture))
         self._session.send("Page.screencastFrameAck", {"sessionId": event["sessionId"]})
 
 
