@@ -24,6 +24,8 @@ def localization(
     from uavrt.errors import UsageError
     from uavrt.experiments.localization import COLUMNS, EXPERIMENTS, Result, cells, table
 
+    if runs < 1:
+        raise UsageError(f"{runs} runs measure nothing", remedy="Give --runs of 1 or more")
     chosen = {
         name: experiment
         for name, experiment in EXPERIMENTS.items()

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from uavrt.clock import iso_utc
-from uavrt.errors import ConfigError
+from uavrt.errors import ConfigError, UsageError
 from uavrt.experiments.packets import Match, ModelRow, fly, match_logs, model_rows
 
 
@@ -55,6 +55,11 @@ def packets(
     console = Console(stderr=True)
     if (onboard is None) != (ground is None):
         raise ConfigError("one log alone says nothing", remedy="Give the ground's log as well")
+    if not (duration > 0.0 and 0.0 <= loss < 1.0):
+        raise UsageError(
+            f"{duration:g} minutes at a loss of {loss:g} cannot be flown",
+            remedy="Give --duration above 0 and --loss from 0 to below 1; 0.2 is 20 %",
+        )
     flights: dict[str, Match] = {}
     rows: list[ModelRow] = []
     if onboard is not None and ground is not None:

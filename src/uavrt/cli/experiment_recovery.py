@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
+from uavrt.errors import UsageError
 from uavrt.experiments.recovery import Plan, run_recovery
 
 
@@ -39,6 +40,11 @@ def recovery(
     json_summary
         Print one JSON object as the last line.
     """
+    if min(kills, supervisor_kills, power_cuts) < 0:
+        raise UsageError(
+            "nothing is killed less than no times",
+            remedy="Give --kills, --supervisor-kills and --power-cuts of 0 or more",
+        )
     console = Console(stderr=True)
     plan = Plan(
         kills=kills, supervisor_kills=supervisor_kills, power_cuts=power_cuts, seed=seed

@@ -6,6 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
+from uavrt.errors import UsageError
 from uavrt.experiments.resources import Plan, run_resources, run_shapes
 from uavrt.experiments.resources.run import THESIS_MINUTES
 from uavrt.supervisor.shapes import SHAPES
@@ -40,6 +41,11 @@ def resources(
     json_summary
         Print one JSON object as the last line.
     """
+    if not duration > 0.0 or min((tags, *loads)) < 1:
+        raise UsageError(
+            f"{duration:g} minutes with {min((tags, *loads))} tags cannot be flown",
+            remedy="Give --duration above 0, and --tags and --loads of 1 or more",
+        )
     console = Console(stderr=True)
     if shapes:
         _shapes(duration, tags, console, json_summary)

@@ -6,6 +6,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from uavrt.errors import UsageError
+
 
 def rotation(
     *,
@@ -40,6 +42,8 @@ def rotation(
     output
         Also write figures and text as one HTML file.
     """
+    if walls < 1:
+        raise UsageError(f"{walls} walls reflect nothing", remedy="Give --walls of 1 or more")
     if flight is not None:
         _real(flight, bearing, start_heading, antenna, output)
         return

@@ -32,6 +32,12 @@ def uavrt(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         (["demo", "--duration", "10"], "40"),
         (["demo", "--flight-dir", "/proc/flights", "--headless"], "--flight-dir"),
         (["simulate", "demo", "-o", "world", "--duration", "nan"], "--duration"),
+        (["experiment", "packets", "--model", "--loss", "3"], "--loss"),
+        (["experiment", "resources", "--shapes", "--tags", "0"], "--tags"),
+        (["experiment", "recovery", "--kills", "-1"], "--kills"),
+        (["experiment", "localization", "--runs", "0"], "--runs"),
+        (["experiment", "rotation", "--walls", "-1"], "--walls"),
+        (["experiment", "detection", "--only", "E99"], "E99"),
         (["no-such-command"], "no-such-command"),
     ],
 )
