@@ -16,6 +16,7 @@ from typing import Any
 import hypothesis.strategies as st
 import pytest
 from hypothesis import given, settings
+from mavproxy import mavproxy
 
 from uavrt.mavlink import Peer, Priority
 from uavrt.mavlink.dialect import FileTransferProtocol
@@ -367,34 +368,13 @@ def test_mavproxy_lists_compares_and_reads(world: Any, flights: Path, tmp_path: 
     local = tmp_path / "got.bin"
 
     def client() -> str:
-        program = subprocess.Popen(
-            [
-                sys.executable,
-                *("-m", "MAVProxy.mavproxy", "--default-modules=link"),
-                f"--master=udpin:127.0.0.1:{world.ground_port}",
-                f"--state-basedir={tmp_path}",
-            ],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            cwd=tmp_path,
-            env=os.environ | {"MAVLINK20": "1", "HOME": str(tmp_path)},
+        return mavproxy(
+            world.ground_port,
+            MAVPROXY_COMMANDS.format(local=local),
+            tmp_path,
+            done=lambda: local.exists() and local.stat().st_size == len(CONTENT),
+            patience_s=45.0,
         )
-        assert program.stdin is not None
-        time.sleep(3.0)
-        for line in MAVPROXY_COMMANDS.format(local=local).splitlines():
-            program.stdin.write(line + "\n")
-            program.stdin.flush()
-            time.sleep(1.5)
-        deadline_s = time.monotonic() + 45.0
-        while time.monotonic() < deadline_s:
-            if local.exists() and local.stat().st_size == len(CONTENT):
-                break
-            time.sleep(0.2)
-        program.terminate()
-        said, _ = program.communicate(timeout=10)
-        return said
 
     async def main() -> None:
         async with served(world, flights):

@@ -3,12 +3,8 @@
 import asyncio
 import contextlib
 import json
-import os
 import re
 import struct
-import subprocess
-import sys
-import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +12,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mavproxy import mavproxy
 from mavsdk.asyncio.mavsdk import Configuration, Mavsdk
 from mavsdk.asyncio.plugins.component_metadata import ComponentMetadataAsync
 from mavsdk.asyncio.plugins.param import ParamAsync
@@ -283,33 +280,13 @@ def test_mavproxy_shows_and_sets_our_parameters(
     drone = world.drone = ParameterDrone(world.clock, tmp_path, encoding=encoding)
 
     def client() -> str:
-        program = subprocess.Popen(
-            [
-                sys.executable,
-                *("-m", "MAVProxy.mavproxy", "--default-modules=link"),
-                f"--master=udpin:127.0.0.1:{world.ground_port}",
-                f"--state-basedir={tmp_path}",
-            ],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            cwd=tmp_path,
-            env=os.environ | {"MAVLINK20": "1", "HOME": str(tmp_path)},
+        return mavproxy(
+            world.ground_port,
+            MAVPROXY_COMMANDS,
+            tmp_path,
+            done=lambda: drone.values["DET_FALSE_ALARM"] != 0.0,
+            patience_s=30.0,
         )
-        assert program.stdin is not None
-        time.sleep(3.0)
-        for line in MAVPROXY_COMMANDS.splitlines():
-            program.stdin.write(line + "\n")
-            program.stdin.flush()
-            time.sleep(1.5)
-        deadline_s = time.monotonic() + 30.0
-        while drone.values["DET_FALSE_ALARM"] == 0.0 and time.monotonic() < deadline_s:
-            time.sleep(0.2)
-        time.sleep(1.0)
-        program.terminate()
-        said, _ = program.communicate(timeout=10)
-        return said
 
     async def main() -> None:
         async with world.flying(flavour=flavour):
