@@ -271,7 +271,7 @@ def _run(command: Sequence[str], package: str) -> subprocess.CompletedProcess[st
     _find(command[0], package)
     try:
         return subprocess.run(
-            command,
+            [*_die_with_us(), *command],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,

@@ -27,6 +27,7 @@ from uavrt.messages import (
     SystemState,
     SystemStatus,
 )
+from uavrt.supervisor.background import in_background
 from uavrt.supervisor.disk import DiskGuard
 from uavrt.supervisor.fleet import Fleet
 from uavrt.supervisor.instance import Instance, self_status
@@ -175,6 +176,7 @@ class Supervisor:
 
     async def _end(self) -> None:
         """End in good order: nothing is left to go on with."""
+        await self._operations.end()
         if self._end_task is not None:
             await self._end_task
         if self.mission.state in (SystemState.DETECTING, SystemState.CAPTURING):
@@ -250,7 +252,7 @@ class Supervisor:
         except OSError as error:
             return False, f"the radio was not asked ({error.strerror}): try again"
         with self._fleet.sparing(question.pid):
-            return await asyncio.to_thread(question.answer)
+            return await in_background(question.answer)
 
     # -------------------------------------------------------------- watching
 
@@ -274,7 +276,7 @@ class Supervisor:
             self._disk_task = asyncio.ensure_future(self._guard_disk())
 
     async def _guard_disk(self) -> None:
-        for severity, text in await asyncio.to_thread(self._disk.check):
+        for severity, text in await in_background(self._disk.check):
             self._tell(severity, text)
 
     # --------------------------------------------------------------- records

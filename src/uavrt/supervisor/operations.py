@@ -5,11 +5,9 @@ that begins with ``#`` is spoken by the original's ground station (reference/con
 """
 
 import asyncio
-import os
 import re
-import shutil
+import threading
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +15,8 @@ from uavrt.config.settings import RecordingSettings
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.log import get_logger
 from uavrt.messages import CommandName, Operation
+from uavrt.supervisor.background import in_background
+from uavrt.supervisor.copying import Step, remove_flights, save_flights
 from uavrt.supervisor.disk import FLIGHT_PREFIX
 
 log = get_logger()
@@ -25,9 +25,11 @@ MOUNTS = Path("/proc/self/mounts")
 REMOVABLE = ("/media/", "/run/media/")
 """Where desktops and udiskie mount what is plugged in (udisks2)."""
 
-_ESCAPED = re.compile(r"\\([0-7]{3})")
+END_S = 1.5
+"""So long the end of the system waits for what goes on: a megabyte and what is being written
+to the drive, 8 MB at most. The whole stop may take 3 s."""
 
-Step = Callable[[int, int, str], None]
+_ESCAPED = re.compile(r"\\([0-7]{3})")
 
 
 class Operations:
@@ -52,7 +54,17 @@ class Operations:
         self._settings = settings
         self._publish, self._tell = publish, tell
         self._task: asyncio.Task[None] | None = None
+        self._ending = threading.Event()
         self.running: Operation | None = None
+
+    def _wanted(self) -> bool:
+        return not self._ending.is_set()
+
+    async def end(self) -> None:
+        """Break off what goes on, because the system ends; a drive that hangs is left."""
+        self._ending.set()
+        if self._task is not None:
+            await asyncio.wait([self._task], timeout=END_S)
 
     def check_free(self) -> None:
         """Raise `UavrtError` while an operation goes on."""
@@ -73,11 +85,13 @@ class Operations:
         if name == "save_logs":
             target = save_directory(self._settings)
             start, end = "#Saving logs", "#Log save complete"
-            work: Callable[[Step], None] = lambda step: save_flights(flights, target, step)  # noqa: E731
+            work: Callable[[Step], None] = lambda step: save_flights(  # noqa: E731
+                flights, target, step, self._wanted
+            )
             answer = f"{len(flights)} flights to {target}"
         else:
             start, end = "#Deleting logs", "#Logs deleted"
-            work = lambda step: remove_flights(flights, step)  # noqa: E731
+            work = lambda step: remove_flights(flights, step, self._wanted)  # noqa: E731
             answer = f"{len(flights)} flights"
         self._show(Operation(name=name, state="running", step_count=len(flights)))
         self._tell(6, start)
@@ -91,7 +105,7 @@ class Operations:
             loop.call_soon_threadsafe(self._step, done, whole, text)
 
         try:
-            await asyncio.to_thread(work, step)
+            await in_background(lambda: work(step))
         except (OSError, UavrtError) as error:
             reason = error.message if isinstance(error, UavrtError) else str(error)
             self._finish("failed", reason)
@@ -150,41 +164,3 @@ def removable_drives(mounts: Iterable[str]) -> list[Path]:
     points = [line.split(" ")[1] for line in mounts if line.count(" ") >= 3]
     names = (_ESCAPED.sub(lambda octal: chr(int(octal[1], 8)), point) for point in points)
     return [Path(name) for name in names if name.startswith(REMOVABLE)]
-
-
-def save_flights(flights: list[Path], target: Path, step: Step) -> None:
-    """Copy flights; what is there already with the same size is left. Raises `OSError`."""
-    for done, flight in enumerate(flights):
-        step(done, len(flights), flight.name)
-        for source in sorted(flight.rglob("*")):
-            place = target / flight.name / source.relative_to(flight)
-            if source.is_dir():
-                place.mkdir(parents=True, exist_ok=True)
-            elif source.is_file() and not _is_there(source, place):
-                place.parent.mkdir(parents=True, exist_ok=True)
-                _copy(source, place)
-    step(len(flights), len(flights), "writing to the drive")
-    os.sync()  # so that the drive may be pulled out
-
-
-def remove_flights(flights: list[Path], step: Step) -> None:
-    """Remove flights; raises `OSError`."""
-    for done, flight in enumerate(flights):
-        step(done, len(flights), flight.name)
-        shutil.rmtree(flight)
-        log.info("flight removed", flight=flight.name)
-
-
-def _is_there(source: Path, place: Path) -> bool:
-    with suppress(FileNotFoundError):
-        before, after = source.stat(), place.stat()
-        # FAT keeps times to 2 s.
-        return before.st_size == after.st_size and before.st_mtime - after.st_mtime < 2.0
-    return False
-
-
-def _copy(source: Path, place: Path) -> None:
-    """Copy a file under another name first: a drive pulled out leaves no half file."""
-    part = place.with_name(place.name + ".part")
-    shutil.copy2(source, part)
-    part.replace(place)

@@ -14,6 +14,7 @@ import msgspec
 
 from uavrt.config.settings import RadioSettings
 from uavrt.errors import UavrtError
+from uavrt.ipc.parent import PARENT_VARIABLE, die_with_parent
 
 TIMEOUT_S = 6.0
 """The ground station waits 8 s for an answer; radios give theirs within a second or two."""
@@ -38,6 +39,7 @@ class RadioQuestion:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            env=os.environ | {PARENT_VARIABLE: str(os.getpid())},
             process_group=0,
         )
 
@@ -67,6 +69,7 @@ def main() -> None:
     """Answer the question of the command line on standard output."""
     from uavrt.radio import check_device
 
+    die_with_parent()
     settings = msgspec.json.decode(sys.argv[1], type=RadioSettings)
     try:
         said = check_device(settings)

@@ -95,7 +95,9 @@ def _read_all(descriptor: int) -> bytes:
 def main() -> None:
     """Answer the question of the command line on standard output."""
     from uavrt.dsp.tuner import tune
+    from uavrt.ipc.parent import die_with_parent
 
+    die_with_parent()
     frequencies_hz, sample_rate_hz = json.loads(sys.argv[1])
     try:
         plan = tune(frequencies_hz, sample_rate_hz=sample_rate_hz)

@@ -1,17 +1,20 @@
 """Saving and removing flights, and captures, as an operator sees them."""
 
 import asyncio
+import os
 import shutil
 from pathlib import Path
 
 import pytest
 
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
-from uavrt.errors import UavrtError
+from uavrt.errors import RecordingError, UavrtError
 from uavrt.messages import Command, CommandReply, FlightInfo, Health, Operation, SystemState
+from uavrt.supervisor import operations as operations_module
+from uavrt.supervisor.copying import save_flights
 from uavrt.supervisor.memory import StateStore
 from uavrt.supervisor.mission import Mission
-from uavrt.supervisor.operations import Operations, removable_drives, save_flights
+from uavrt.supervisor.operations import Operations, removable_drives
 from uavrt.supervisor.progress import FlightProgress
 
 
@@ -95,19 +98,56 @@ def test_a_second_save_copies_only_what_is_new(
     drive = tmp_path / "drive"
     drive.mkdir()
     flights = sorted((tmp_path / "flights").glob("flight_log_*"))
-    save_flights(flights, drive, lambda *_: None)
+    save_flights(flights, drive, lambda *_: None, lambda: True)
     (flights[1] / "flight.sqlite").write_bytes(b"longer than before")
-    copied: list[str] = []
-    copy = shutil.copy2
-
-    def noted(source: Path, place: Path) -> None:
-        copied.append(source.name)
-        copy(source, place)
-
-    monkeypatch.setattr(shutil, "copy2", noted)
-    save_flights(flights, drive, lambda *_: None)
-    assert copied == ["flight.sqlite"]
+    before = {path: path.stat().st_ino for path in drive.rglob("*") if path.is_file()}
+    save_flights(flights, drive, lambda *_: None, lambda: True)
+    written = [path for path, number in before.items() if path.stat().st_ino != number]
+    assert [path.name for path in written] == ["flight.sqlite"]
     assert tree(drive) == tree(tmp_path / "flights")
+
+
+def test_a_save_broken_off_leaves_whole_files_only_and_can_be_repeated(tmp_path: Path) -> None:
+    make_flights(tmp_path / "flights")
+    drive = tmp_path / "drive"
+    drive.mkdir()
+    flights = sorted((tmp_path / "flights").glob("flight_log_*"))
+    before = tree(tmp_path / "flights")
+    for asked in range(9):  # each of the four files is asked for twice
+        answers = iter([True] * asked)
+        wanted = lambda answers=answers: next(answers, False)  # noqa: E731
+        if asked < 8:
+            with pytest.raises(RecordingError, match="the system ends"):
+                save_flights(flights, drive, lambda *_: None, wanted)
+        else:
+            save_flights(flights, drive, lambda *_: None, wanted)
+        there = tree(drive)
+        assert there.items() <= before.items()
+        assert len(there) == asked // 2
+        shutil.rmtree(drive)
+        drive.mkdir()
+    assert tree(tmp_path / "flights") == before
+
+
+def test_the_system_ends_though_the_drive_does_not_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(operations_module, "END_S", 0.05)
+    make_flights(tmp_path / "flights")
+    hanging = tmp_path / "drive" / "flight_log_2026-01-01" / "flight.sqlite.part"
+    hanging.parent.mkdir(parents=True)
+    os.mkfifo(hanging)  # opening it takes until somebody reads
+
+    async def main() -> None:
+        drone = Drone(tmp_path / "flights", tmp_path / "drive")
+        assert drone.say("save_logs").accepted
+        while not drone.steps or not drone.steps[-1].message:  # noqa: ASYNC110 - in a thread
+            await asyncio.sleep(0.005)
+        await drone.operations.end()
+        assert drone.operations.running is not None
+
+    asyncio.run(main())
+    os.close(os.open(hanging, os.O_RDONLY))  # lets the thread go
 
 
 def test_a_drive_that_cannot_be_written_fails_with_the_reason(tmp_path: Path) -> None:

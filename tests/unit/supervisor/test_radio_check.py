@@ -2,6 +2,9 @@
 
 import asyncio
 import os
+import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -51,6 +54,30 @@ def test_a_radio_program_that_hangs_is_ended_with_the_question(
         time.sleep(0.01)
     assert question.answer() == (False, "the radio was not asked (TimeoutExpired): try again")
     while any(map(is_alive, started)):
+        assert time.monotonic() < deadline_s
+        time.sleep(0.01)
+
+
+def test_a_radio_program_that_hangs_dies_with_a_killed_supervisor(tmp_path: Path) -> None:
+    program = tmp_path / "airspyhf_info"
+    program.write_text(f"#!/bin/sh\necho x > {tmp_path}/asked\nexec sleep 600\n")
+    program.chmod(0o755)
+    asking = (
+        "from uavrt.config.settings import RadioSettings\n"
+        "from uavrt.supervisor.radio_check import RadioQuestion\n"
+        "RadioQuestion(RadioSettings(kind='airspyhf')).answer()"
+    )
+    path = f"{tmp_path}:{os.environ['PATH']}"
+    supervisor = subprocess.Popen([sys.executable, "-c", asking], env={"PATH": path})
+    deadline_s = time.monotonic() + 30.0
+    while not (tmp_path / "asked").exists():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.01)
+    asked = descendants_of(supervisor.pid)
+    assert len(asked) == 2
+    supervisor.send_signal(signal.SIGKILL)
+    supervisor.wait()
+    while any(map(is_alive, asked)):
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
 
