@@ -91,7 +91,7 @@ class Cleaner:
                 middle = len(power) // 2
                 self.floor = float(np.partition(power, middle)[middle])
         if self.floor > 0.0:
-            self._counters.samples_blanked += blank_impulses(
+            blanked = blank_impulses(
                 stretch,
                 floor=self.floor,
                 short=self._short,
@@ -99,3 +99,5 @@ class Cleaner:
                 first=first - low,
                 last=last - low,
             )
+            self._counters.samples_blanked += sum(b - a for a, b in blanked)
+            buffer.blanked += [(low + a, low + b) for a, b in blanked]

@@ -66,6 +66,8 @@ class SampleBuffer:
         self._stamp_ns: list[int] = []
         self.holes: list[tuple[int, int]] = []
         """Stretches of indices that are lost: zeros."""
+        self.blanked: list[tuple[int, int]] = []
+        """Stretches of indices that were zeroed as impulses."""
 
     @property
     def empty(self) -> bool:
@@ -147,6 +149,7 @@ class SampleBuffer:
         self._stamp_index.clear()
         self._stamp_ns.clear()
         self.holes.clear()
+        self.blanked.clear()
 
     def lost_between(self, first: int, last: int) -> int:
         """How many samples of [first, last) are lost."""
@@ -177,6 +180,7 @@ class SampleBuffer:
         at = max(0, bisect.bisect_right(self._stamp_index, self.start) - 1)
         del self._stamp_index[:at], self._stamp_ns[:at]
         self.holes = [(a, b) for a, b in self.holes if b > self.start]
+        self.blanked = [(a, b) for a, b in self.blanked if b > self.start]
 
 
 def blank_impulses(
@@ -187,7 +191,7 @@ def blank_impulses(
     flank: int,
     first: int,
     last: int,
-) -> int:
+) -> list[tuple[int, int]]:
     """Zero bursts too short for a pulse, in place.
 
     A burst is a stretch whose power over `short` samples is 12 times the floor and 4 times
@@ -208,18 +212,18 @@ def blank_impulses(
 
     Returns
     -------
-    int
-        Samples blanked.
+    list of (int, int)
+        Stretches blanked, first and end.
     """
     parts = samples.view(np.float32)
     if not len(parts):
-        return 0
+        return []
     largest = max(float(np.maximum.reduce(parts)), -float(np.minimum.reduce(parts)))
     if 2.0 * largest**2 < 24.0 * floor:
-        return 0
+        return []
     power = samples.real**2 + samples.imag**2
     if float(power[first:last].max(initial=0.0)) < 24.0 * floor:
-        return 0
+        return []
     total = np.concatenate(([0.0], np.cumsum(power, dtype=np.float64)))
     # energy[i] is the mean power of `short` samples around sample i.
     half = short // 2
@@ -232,11 +236,12 @@ def blank_impulses(
     burst[:first] = False
     burst[last:] = False
     if not burst.any():
-        return 0
+        return []
     for _ in range(short):  # the filter's ringing on both sides
         burst[1:] |= burst[:-1]
         burst[:-1] |= burst[1:]
     burst[:first] = False
     burst[last:] = False
     samples[burst] = 0.0
-    return int(np.count_nonzero(burst))
+    edges = np.flatnonzero(np.diff(burst, prepend=False, append=False)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
