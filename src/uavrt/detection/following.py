@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.grid import Grid
+from uavrt.detection.masking import hiding, is_due, stronger_beside, strongest_first
 from uavrt.detection.refine import TRACK_BAND_HZ, Refiner
 from uavrt.detection.rivals import become, lags, set_up_rivals, settle_rivalry
 from uavrt.detection.samples import SampleBuffer
@@ -32,6 +33,7 @@ class Follower:
         self._refiner = refiner
         self.epoch_ns = 0
         """Zero of the tracks' seconds."""
+        self._tracks: list[Track] = []
 
     def seconds(self, index: float) -> float:
         """Time of a sample, as the tracks count it [s]."""
@@ -60,7 +62,8 @@ class Follower:
         floor : float
             Mean power of a sample without pulses.
         """
-        for track in tracks:
+        self._tracks = tracks
+        for track in strongest_first(tracks):
             while not track.dead and self._step(track, upto, noise=noise, floor=floor):
                 self._follow_rivals(track, upto, settle, noise=noise, floor=floor)
                 settle()
@@ -106,22 +109,27 @@ class Follower:
         if self._buffer.lost_between(begin, end) > grid.window // 2:
             track.skip()
             return True
+        others = stronger_beside(track, self._tracks, sample_rate_hz=grid.sample_rate_hz)
+        masked_s = half_s + self._tag.pulse_width_s
+        around = {"earliest_s": time_s - masked_s, "latest_s": time_s + masked_s}
+        if others and is_due(others, **around):
+            return False
         band = TRACK_BAND_HZ
-        found = self._refiner.search(
-            np.array([start]),
-            half,
-            track.offset_hz,
-            band,
-            noise,
-            spread=spread_s * grid.sample_rate_hz,
-        )
+        with self._refiner.without(hiding(track, others, **around)):
+            found = self._refiner.search(
+                np.array([start]),
+                half,
+                track.offset_hz,
+                band,
+                noise,
+                spread=spread_s * grid.sample_rate_hz,
+            )
+            if found is not None and found[0].power > 8.0:
+                found = None if self._refiner.is_impulse(found[0], floor) else found
         if found is None:
             track.skip()
             return True
         measured = found[0]
-        if measured.power > 8.0 and self._refiner.is_impulse(measured, floor):
-            track.skip()
-            return True
         track.step(
             Slot(
                 number=0,
