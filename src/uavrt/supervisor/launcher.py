@@ -222,16 +222,24 @@ class Launcher:
             "parent": os.getpid(),
             "places": [1, *fds],
         }
-        if not self._send(json.dumps(request).encode(), [output, *fds]):
-            return None
-        answer = self._answer()
-        if answer is None:
-            if self._ready:
-                self._give_up("did not answer")
-            return None
-        if "pid" not in answer:
-            log.warning("the nursery cannot fork", reason=answer["error"])
-            return None
+        # What is forked waits for a word on this pipe: an answer that comes too late must not
+        # leave a second process with the same sockets.
+        go, give = os.pipe()
+        try:
+            if not self._send(json.dumps(request).encode(), [output, *fds, go]):
+                return None
+            answer = self._answer()
+            if answer is None:
+                if self._ready:
+                    self._give_up("did not answer")
+                return None
+            if "pid" not in answer:
+                log.warning("the nursery cannot fork", reason=answer["error"])
+                return None
+            os.write(give, b"!")
+        finally:
+            os.close(go)
+            os.close(give)
         return int(answer["pid"])
 
     def _answer(self) -> dict[str, int | str] | None:

@@ -51,6 +51,7 @@ class Birth:
     request: dict[str, Any]
     """Of `Launcher`: module, name, arguments, environment, parent, places."""
     fds: list[int]
+    """One for each place, then one by which the supervisor says that it is wanted."""
     midwife: int
     """Process id of the short-lived parent between the nursery and this process."""
 
@@ -120,7 +121,11 @@ def become(birth: Birth) -> None:
         time.sleep(0.0005)
     if parent != request["parent"]:
         os._exit(1)
-    take_places(birth.fds, request["places"])
+    *fds, go = birth.fds
+    if not os.read(go, 1):
+        os._exit(1)  # the supervisor has not waited for us
+    os.close(go)
+    take_places(fds, request["places"])
     os.environ.update(request["environment"])
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     random.seed()

@@ -143,6 +143,22 @@ def test_a_nursery_that_does_not_answer_is_given_up(launcher: Launcher) -> None:
     until(launcher.tend)  # it was killed
 
 
+def test_what_is_forked_after_the_supervisor_gave_up_never_runs(
+    launcher: Launcher, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready(launcher)
+    answer = launcher._answer
+
+    def late() -> None:
+        assert answer() is not None  # it was forked
+        time.sleep(0.1)  # and could run, if it would not ask
+
+    monkeypatch.setattr(launcher, "_answer", late)
+    process = Started(launcher)
+    assert process.first_line() == "True green -m stand_in"
+    assert process.end() == (7, "and an error", "through the descriptor")
+
+
 SUPERVISOR = """
 import os, signal, sys, time
 from uavrt.ipc.parent import PARENT_VARIABLE, adopt_orphans
