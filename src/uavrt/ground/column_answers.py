@@ -48,9 +48,16 @@ def chosen_columns(
             f"there is no column {min(unknown)[:40]!r}",
             remedy=f"Columns are {', '.join((*columns, YAW))}",
         )
-    body = b"".join(_column(cells, columns, name) for name in wanted)
+    # One array, sent as it is: of 100 000 pulses it is 8 MB, and a copy would be as much again.
+    body = np.empty((len(wanted), cells.shape[1]), "<f8")
+    for row, name in zip(body, wanted, strict=True):
+        row[:] = _column(cells, columns, name)
     headers = {"X-Columns": ",".join(wanted)}
-    return Response(body, media_type="application/octet-stream", headers=headers)
+    return Response(
+        body.reshape(-1).view(np.uint8).data,
+        media_type="application/octet-stream",
+        headers=headers,
+    )
 
 
 def thinned(cells: NDArray[np.float64], most: int) -> NDArray[np.float64]:
@@ -61,10 +68,11 @@ def thinned(cells: NDArray[np.float64], most: int) -> NDArray[np.float64]:
     return cells[:, (count - 1) % step :: step] if count else cells
 
 
-def _column(cells: NDArray[np.float64], columns: tuple[str, ...], name: str) -> bytes:
+def _column(
+    cells: NDArray[np.float64], columns: tuple[str, ...], name: str
+) -> NDArray[np.float64]:
     if name == YAW:
         first = columns.index("quaternion_w")
-        column = yaw_deg(cells[first : first + 4])
-    else:
-        column = cells[columns.index(name)]
-    return np.asarray(column, "<f8").tobytes()
+        return yaw_deg(cells[first : first + 4])
+    column: NDArray[np.float64] = cells[columns.index(name)]
+    return column

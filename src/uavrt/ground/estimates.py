@@ -37,9 +37,11 @@ EDGE_NS = 1_000_000_000
 SECTORS = 16
 """Wedges of the pulse rose, as the original ground station's finest rotation."""
 POSE_STEP_NS = 180_000_000
+"""Poses closer than this tell nothing new of a turn."""
 POSE_GAP_NS = 2_000_000_000
 """Telemetry comes several times a second; this far from it, a pulse's own pose tells more."""
-"""Poses closer than this tell nothing new of a turn."""
+_POSE_OF_PULSE = [1, *range(8, 15)]
+"""Rows of `PULSE_COLUMNS` that are those of a pose: time, place, quaternion."""
 
 DRONE_LEVEL_SIGMA_DB = 1.0
 """Of a bearing that came from the drone, which does not tell it."""
@@ -192,10 +194,11 @@ def turns_of(columns: Columns) -> list[Turn]:
     """
     # They come in order unless what is known of the drone's clock has changed on the way.
     poses = columns.poses[:, np.argsort(columns.poses[0], kind="stable")]
-    pulses = columns.pulses[:, np.isfinite(columns["quaternion_w"])]
-    alone = _far_from(poses[0], pulses[1])
-    own = np.concatenate([pulses[[1, 8, 9, 10]], pulses[11:15]])[:, alone]
-    if own.size:
+    posed = np.isfinite(columns["quaternion_w"])
+    alone = np.flatnonzero(posed & _far_from(poses[0], columns["start_time_ns"]))
+    if len(alone):
+        # Only these are copied: of 100 000 pulses a whole copy is 12 MB that stays with us.
+        own = columns.pulses[np.ix_(_POSE_OF_PULSE, alone)]
         poses = np.concatenate([poses, own], axis=1)
         poses = poses[:, np.argsort(poses[0], kind="stable")]
     times = poses[0]

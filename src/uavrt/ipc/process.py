@@ -17,8 +17,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from uavrt.clock import Clock, monotonic_s
+from uavrt.heap import HeapKeeper
 from uavrt.ipc.assignment import Assignment
-from uavrt.ipc.heap import HeapKeeper
 from uavrt.ipc.link import ChildLink, SupervisorGone
 from uavrt.ipc.parent import die_with_parent
 from uavrt.log import configure_logging, get_logger

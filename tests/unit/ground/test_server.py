@@ -166,6 +166,8 @@ def test_columns_come_by_name_and_poses_as_few_as_wanted(served: Any) -> None:
     path = f"/api/flights/{flight_id}/track"
     every = np.frombuffer(served.ask("GET", path).body).reshape(8, -1)
     assert every.shape == (8, 100)
+    nothing = served.ask("GET", f"/api/flights/{flight_id}/columns")
+    assert (nothing.status, nothing.body) == (200, b"")
     asked = served.ask("GET", f"{path}?names=altitude_relative_m,yaw_deg&most=30")
     height, yaw = np.frombuffer(asked.body).reshape(2, -1)
     np.testing.assert_array_equal(height, np.arange(3.0, 100.0, 4.0))

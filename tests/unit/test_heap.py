@@ -6,11 +6,11 @@ import sys
 
 import pytest
 
-from uavrt.ipc.heap import HeapKeeper
+from uavrt.heap import HeapKeeper
 
 BUSY_MOMENT = """
 import os
-from uavrt.ipc.heap import TRIM_PERIOD_S, HeapKeeper
+from uavrt.heap import TRIM_PERIOD_S, HeapKeeper
 from uavrt.supervisor.usage import own_usage
 
 kept = 2_000  # bytes; too large for Python's own pools, too small to be mapped by itself

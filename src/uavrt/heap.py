@@ -20,7 +20,7 @@ _trim = _find_trim()
 
 
 class HeapKeeper:
-    """Trims the heap once a minute.
+    """Trims the heap now and then, once a minute unless told otherwise.
 
     A busy moment (a burst of blocks after a stall, a search over a long stretch) leaves holes
     that glibc keeps for ever unless they lie at the end: over half an hour the receiver and a
@@ -30,16 +30,19 @@ class HeapKeeper:
     ----------
     now_s : float
         Monotonic time [s].
+    period_s : float
+        Time between two trims [s].
     """
 
-    def __init__(self, now_s: float) -> None:
-        self._next_s = now_s + TRIM_PERIOD_S
+    def __init__(self, now_s: float, *, period_s: float = TRIM_PERIOD_S) -> None:
+        self._period_s = period_s
+        self._next_s = now_s + period_s
 
     def keep(self, now_s: float) -> bool:
         """Trim if it is due; whether it was."""
         if now_s < self._next_s:
             return False
-        self._next_s = now_s + TRIM_PERIOD_S
+        self._next_s = now_s + self._period_s
         if _trim is not None:
             _trim(0)
         return True
