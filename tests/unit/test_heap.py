@@ -40,3 +40,11 @@ def test_it_is_done_once_a_minute() -> None:
     keeper = HeapKeeper(5.0)
     done = [second for second in range(200) if keeper.keep(float(second))]
     assert done == [65, 125, 185]
+
+
+def test_tuples_that_python_keeps_for_later_are_freed() -> None:
+    kept = [tuple(number for number in range(5)) for _ in range(3_000)]
+    kept.clear()
+    before = sys.getallocatedblocks()
+    HeapKeeper(0.0).keep(60.0)
+    assert before - sys.getallocatedblocks() > 1_500

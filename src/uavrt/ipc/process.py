@@ -9,6 +9,7 @@ A process's main is then a short loop::
             frame.report("ready", counters={...})
 """
 
+import gc
 import signal
 import sys
 from collections.abc import Callable, Mapping
@@ -61,6 +62,7 @@ class ProcessFrame:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         link = ChildLink.from_environment()
         assignment = link.wait_for_assignment()
+        gc.freeze()  # what was imported stays: see `HeapKeeper`
         configure_logging(assignment.process)
         frame = cls(link, assignment)
         signal.signal(signal.SIGTERM, lambda *_: frame.stop())

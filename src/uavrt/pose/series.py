@@ -26,8 +26,9 @@ of 57 600 baud messages are late by tens of milliseconds, never by half a second
 class Series(Generic[S]):
     """Samples by time, oldest dropped first.
 
-    They are kept as bare numbers, 40 bytes each: as records they take 330, and memory would
-    grow by 24 kB a second until the run is full.
+    They are kept as bare numbers, 40 bytes each (as records they take 330), in room that is
+    taken at the beginning: positions come ten times a second, and would need ever more memory
+    for ten minutes.
 
     Parameters
     ----------
@@ -44,11 +45,14 @@ class Series(Generic[S]):
     ) -> None:
         self._capacity = capacity
         self._pack, self._unpack = pack, unpack
-        self._times = array("q")
-        self._values = array("d")
+        # A fourth more: taking the first off moves all the others, so it is done in batches.
+        self._room = capacity + capacity // 4 + 1
+        self._times = array("q", bytes(8 * self._room))
+        self._values = array("d", bytes(32 * self._room))
+        self._count = 0
 
     def __len__(self) -> int:
-        return len(self._times)
+        return self._count
 
     def add(self, sample: S) -> bool:
         """Append a sample; False when it is late and left out.
@@ -59,47 +63,54 @@ class Series(Generic[S]):
             Time fell by `REBOOT_NS` or more; the caller forgets what was before and adds again.
         """
         time_ns = sample.time_ns
-        if self._times:
-            fall_ns = self._times[-1] - time_ns
+        if self._count:
+            fall_ns = self._times[self._count - 1] - time_ns
             if fall_ns >= REBOOT_NS:
                 raise OverflowError(f"time fell by {fall_ns} ns")
             if fall_ns >= 0:
                 return False
-        self._times.append(time_ns)
-        self._values.extend(self._pack(sample))
-        # In batches: taking the first off a list moves all the others.
-        surplus = len(self._times) - self._capacity
-        if surplus > self._capacity // 4:
-            del self._times[:surplus]
-            del self._values[: 4 * surplus]
+        if self._count == self._room:
+            self._drop_oldest(self._room - self._capacity + 1)
+        number = self._count
+        self._times[number] = time_ns
+        self._values[4 * number : 4 * number + 4] = array("d", self._pack(sample))
+        self._count += 1
         return True
+
+    def _drop_oldest(self, surplus: int) -> None:
+        self._count -= surplus
+        self._times[: self._count] = self._times[surplus:]
+        self._values[: 4 * self._count] = self._values[4 * surplus :]
 
     def clear(self) -> None:
         """Forget everything."""
-        del self._times[:]
-        del self._values[:]
+        self._count = 0
 
     def _sample(self, index: int) -> S:
         a, b, c, d = self._values[4 * index : 4 * index + 4]
         return self._unpack(self._times[index], (a, b, c, d))
 
+    def _index_from(self, time_ns: int) -> int:
+        """Get the index of the first sample that is not older."""
+        return bisect_left(self._times, time_ns, 0, self._count)
+
     @property
     def first_ns(self) -> int | None:
         """Time of the oldest sample, None when empty."""
-        return self._times[0] if self._times else None
+        return self._times[0] if self._count else None
 
     @property
     def last_ns(self) -> int | None:
         """Time of the newest sample, None when empty."""
-        return self._times[-1] if self._times else None
+        return self._times[self._count - 1] if self._count else None
 
     def bracket(self, time_ns: int) -> tuple[S, S] | None:
         """Get the samples just before and after; twice the same on an exact hit.
 
         None when the time lies outside the run.
         """
-        index = bisect_left(self._times, time_ns)
-        if index == len(self._times):
+        index = self._index_from(time_ns)
+        if index == self._count:
             return None
         if self._times[index] == time_ns:
             sample = self._sample(index)
@@ -114,8 +125,8 @@ class Series(Generic[S]):
 
     def last(self) -> S:
         """Get the newest sample of a run that is not empty."""
-        return self._sample(len(self._times) - 1)
+        return self._sample(self._count - 1)
 
     def before_last(self, baseline_ns: int) -> S:
         """Get the oldest sample within `baseline_ns` of the newest; the newest if alone."""
-        return self._sample(bisect_left(self._times, self._times[-1] - baseline_ns))
+        return self._sample(self._index_from(self._times[self._count - 1] - baseline_ns))

@@ -1,5 +1,7 @@
 """How old samples are when they have been searched: the median and the slowest hundredth."""
 
+import numpy as np
+
 WINDOW_S = 30.0
 STEP_MS = 1.0
 MOST_MS = 10_000
@@ -9,29 +11,26 @@ class Latencies:
     """Counts latencies in steps of a millisecond, over the last half to whole minute."""
 
     def __init__(self) -> None:
-        self._past = [0] * (MOST_MS + 1)
-        self._present = [0] * (MOST_MS + 1)
+        self._past = np.zeros(MOST_MS + 1, np.int32)
+        self._present = np.zeros(MOST_MS + 1, np.int32)
         self._until_s = 0.0
 
     def add(self, latency_s: float, now_s: float) -> None:
         """Count one, measured at a time in seconds of any clock."""
         if now_s >= self._until_s:
             self._until_s = now_s + WINDOW_S
-            self._past, self._present = self._present, [0] * (MOST_MS + 1)
+            self._past, self._present = self._present, self._past
+            self._present[:] = 0
         step = int(latency_s * 1e3 / STEP_MS)
         self._present[min(max(step, 0), MOST_MS)] += 1
 
     def percentile_ms(self, percent: float) -> float | None:
         """Get the latency that so many per cent do not exceed; None without any."""
-        counts = [a + b for a, b in zip(self._past, self._present, strict=True)]
-        left = sum(counts) * percent / 100.0
-        if not left:
+        up_to = np.cumsum(self._past + self._present)
+        if not up_to[-1]:
             return None
-        for step, count in enumerate(counts):
-            left -= count
-            if left <= 0.0:
-                return (step + 1) * STEP_MS
-        return MOST_MS * STEP_MS
+        step = int(np.searchsorted(up_to, up_to[-1] * percent / 100.0))
+        return min(step + 1, MOST_MS) * STEP_MS
 
     def counters(self) -> dict[str, float]:
         """Get both figures, rounded up to a millisecond."""

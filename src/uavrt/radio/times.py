@@ -18,8 +18,6 @@ What the envelope cannot show is the constant part of the delay: it stays in the
 10 to 20 ms with an Airspy's USB transfers) and is the same for every tag.
 """
 
-from collections import deque
-
 import numpy as np
 
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -92,7 +90,9 @@ class TimeKeeper:
         self._follow = follow_arrivals
         self._settled = False
         self._start_ns: int | None = None
-        self._bins: deque[tuple[float, float]] = deque(maxlen=_BINS)
+        # Rows of nominal seconds and delay, in room taken at the beginning.
+        self._bins = np.zeros((_BINS, 2))
+        self._bin_count = 0
         self._bin: tuple[int, float, float] | None = None
         self._fit_in = 0
         # Model: delay(s) = offset + slope * (s - pivot), s = nominal seconds since the start.
@@ -160,9 +160,17 @@ class TimeKeeper:
             if self._bin is None or delay_s < self._bin[2]:
                 self._bin = (number, nominal_s, delay_s)
             return
-        self._bins.append(self._bin[1:])
+        self._keep(self._bin[1:])
         self._bin = (number, nominal_s, delay_s)
         self._fit()
+
+    def _keep(self, bin_: tuple[float, float]) -> None:
+        """Remember a bin; forget the oldest when there is no room."""
+        if self._bin_count == _BINS:
+            self._bins[:-1] = self._bins[1:]
+            self._bin_count -= 1
+        self._bins[self._bin_count] = bin_
+        self._bin_count += 1
 
     def lost_samples(self) -> int:
         """Tell how many samples must have been lost, judging by arrivals; then forget them.
@@ -173,14 +181,15 @@ class TimeKeeper:
 
         The caller adds the number to its index, and shows it as a gap.
         """
-        if not self._follow or len(self._bins) < 2 * _GAP_BINS:
+        if not self._follow or self._bin_count < 2 * _GAP_BINS:
             return 0
-        late = [delay - self._model_s(at) for at, delay in list(self._bins)[-_GAP_BINS:]]
+        newest: list[list[float]]
+        newest = self._bins[self._bin_count - _GAP_BINS : self._bin_count].tolist()
+        late = [delay - self._model_s(at) for at, delay in newest]
         step_s = min(late)
         if step_s < _GAP_THRESHOLD_S or max(late) - step_s > _GAP_FLATNESS_S:
             return 0
-        for _ in range(_GAP_BINS):
-            self._bins.pop()
+        self._bin_count -= _GAP_BINS
         self._bin = None
         lost = round(step_s * self._nominal_hz)
         self.skip(lost)
@@ -220,12 +229,14 @@ class TimeKeeper:
         return self._offset_s + self._slope * (nominal_s - self._pivot_s)
 
     def _span_s(self) -> float:
-        return self._bins[-1][0] - self._bins[0][0] if self._bins else 0.0
+        if not self._bin_count:
+            return 0.0
+        return float(self._bins[self._bin_count - 1, 0] - self._bins[0, 0])
 
     def _forget(self) -> None:
         """Fall back to the start and the nominal rate."""
         self._follow = False
-        self._bins.clear()
+        self._bin_count = 0
         self._bin = None
 
     def _fit(self) -> None:
@@ -237,13 +248,13 @@ class TimeKeeper:
         if self._fit_in > 0:
             self._fit_in -= 1
             return
-        count = len(self._bins)
+        count = self._bin_count
         # Twice a second at first, then every 5 s: it costs about 0.1 ms.
         self._fit_in = 0 if count < 20 else 9
         if count < 8:
-            self._offset_s = min(delay for _, delay in self._bins)
+            self._offset_s = float(self._bins[:count, 1].min())
             return
-        at, delay = np.array(self._bins).T
+        at, delay = self._bins[:count].T
         pivot = float(at[-1])
         x = at - pivot
         offset = self._offset_s + self._slope * (pivot - self._pivot_s)

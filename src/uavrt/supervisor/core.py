@@ -14,6 +14,7 @@ from pathlib import Path
 
 from uavrt.clock import Clock
 from uavrt.config.settings import Settings
+from uavrt.heap import HeapKeeper
 from uavrt.ipc import TOPICS, decode_record, encode_record
 from uavrt.ipc.parent import adopt_orphans
 from uavrt.ipc.topics import topic_of
@@ -145,6 +146,7 @@ class Supervisor:
         systemd.ready()
         status_period_s = min(STATUS_PERIOD_S, systemd.watchdog_s or STATUS_PERIOD_S)
         next_status_s = next_disk_s = 0.0
+        heap = HeapKeeper(time.monotonic())
         while not self._stopping:
             self._wake.clear()
             self._fleet.ensure()
@@ -155,6 +157,7 @@ class Supervisor:
                 self._warn_of_budgets(now_s)
                 self._watch_wall_clock()
                 self._end_capture_when_over()
+                heap.keep(now_s)
                 systemd.alive(self.mission.state.value)
             if now_s >= next_disk_s:
                 next_disk_s = now_s + DISK_PERIOD_S

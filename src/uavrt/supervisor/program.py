@@ -1,6 +1,7 @@
 """The supervisor as a program: settings and tags in, a running system until SIGTERM."""
 
 import asyncio
+import gc
 import signal
 import sys
 
@@ -32,6 +33,7 @@ async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launche
             reply = supervisor.command(command)
             if not reply.accepted:
                 raise UavrtError(f"cannot start detecting: {reply.message}")
+    gc.freeze()  # what was imported stays: see `HeapKeeper`
     server = await viewers.serve(settings.status_socket) if settings.status_socket else None
     try:
         await supervisor.run()
