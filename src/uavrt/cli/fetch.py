@@ -1,6 +1,7 @@
 """``uavrt fetch``: flights from the drone, over the MAVLink link."""
 
 import asyncio
+import math
 import sys
 from pathlib import Path, PurePosixPath
 from typing import Annotated
@@ -19,7 +20,13 @@ from rich.progress import (
 from uavrt.clock import Clock
 from uavrt.errors import ConfigError
 from uavrt.ground.drone_files import DroneFiles
-from uavrt.ground.fetch import FileClient, RemoteEntry, fetch_file
+from uavrt.ground.fetch import (
+    MOST_DEEP,
+    MOST_ENTRIES,
+    FileClient,
+    RemoteEntry,
+    fetch_file,
+)
 from uavrt.mavlink.signing import read_signing_key
 
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
@@ -55,6 +62,10 @@ def fetch(
     signing_key
         Key file that the drone has as mavlink.signing_key_file.
     """
+    if ".." in PurePosixPath(flight).parts:
+        raise ConfigError(f"{flight!r} leads out of the flights", remedy="Leave out the ..")
+    if not 0.0 < timeout < math.inf:
+        raise ConfigError(f"a timeout of {timeout} s", remedy="Give --timeout in seconds")
     key = None if signing_key is None else read_signing_key(signing_key)
     files = DroneFiles(Clock.start().now_ns, signing_key=key)
     addresses = mavlink or (DEFAULT_ADDRESS,)
@@ -95,15 +106,20 @@ async def _wanted(client: FileClient, flight: str, everything: bool) -> list[Rem
     found = [entry for entry in beside if entry.path == str(path)]
     if found and found[0].size is not None:
         return found
-    files = await client.tree(str(path))
-    if not everything:
-        files = [f for f in files if "/iq/" not in f.path]
+    tree = await client.tree(str(path))
+    if tree.left_out:
+        print(
+            f"{tree.left_out} files or directories left out: more than {MOST_DEEP} deep, or "
+            f"after the first {MOST_ENTRIES}",
+            file=sys.stderr,
+        )
+    files = [f for f in tree.files if everything or "/iq/" not in f.path]
     return sorted(files, key=lambda entry: entry.size or 0)
 
 
 async def _fetch_all(client: FileClient, entries: list[RemoteEntry], output: Path) -> None:
     progress = Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         DownloadColumn(),
         TransferSpeedColumn(),

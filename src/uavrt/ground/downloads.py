@@ -136,11 +136,13 @@ class Downloads:
         error: str | None = "stopped; what has come is kept"
         try:
             async with self._asking:
-                entries = await self._client.tree(f"/{flight_id}")
-                wanted = [one for one in entries if everything or SAMPLES not in one.path]
+                tree = await self._client.tree(f"/{flight_id}")
+                wanted = [one for one in tree.files if everything or SAMPLES not in one.path]
                 await self._fetch_files(flight_id, _database_last(wanted))
             error = None
             self._session.note(6, f"{flight_id} is here")
+            if tree.left_out:
+                self._session.note(4, f"{tree.left_out} entries of {flight_id} left out")
         except UavrtError as fault:
             error = str(fault)
             self._session.note(4, f"{flight_id} not fetched: {error}")

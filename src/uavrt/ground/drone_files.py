@@ -30,7 +30,7 @@ class DroneFiles:
     ::
 
         async with DroneFiles(clock.now_ns).open("udpin://127.0.0.1:14550") as client:
-            for entry in await client.tree("/"):
+            for entry in (await client.tree("/")).files:
                 await fetch_file(client, entry, Path(entry.path.lstrip("/")))
 
     Parameters

@@ -20,6 +20,11 @@ TRIES = 10
 QUIET_NS = ns_from_s(2.0)
 """A burst of which nothing came for so long is over."""
 PART_SUFFIX = ".part"
+MOST_DEEP = 8
+"""Directories within each other. A flight of ours has 4; whoever answers in the drone's place
+may offer them without end."""
+MOST_ENTRIES = 20_000
+"""Files and directories of one tree, or one directory. A flight with 100 tags has 1200."""
 DRONE_COMPONENT = 191
 
 
@@ -30,6 +35,16 @@ class RemoteEntry:
     path: str
     size: int | None
     """None for a directory."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RemoteTree:
+    """All files below a directory on the drone."""
+
+    files: tuple[RemoteEntry, ...]
+    left_out: int = 0
+    """Files and directories that were seen and not taken: too deep, too many, or with a path
+    too long to be asked for. What such directories hold is not known, and not counted."""
 
 
 class FileClient:
@@ -67,9 +82,9 @@ class FileClient:
         self._replies.put_nowait(FtpPacket.decode(payload))
 
     async def list_directory(self, path: str) -> list[RemoteEntry]:
-        """List a directory; raises `LinkError` when it cannot be."""
+        """List a directory; raises `LinkError` when it cannot be, or has no end."""
         entries: list[RemoteEntry] = []
-        while True:
+        while len(entries) < MOST_ENTRIES:
             reply = await self._ask(
                 Opcode.LIST_DIRECTORY, data=path.encode(), offset=len(entries)
             )
@@ -80,16 +95,32 @@ class FileClient:
             if not new:
                 return entries
             entries += new
+        raise LinkError(
+            f"{path} on the drone has more than {MOST_ENTRIES} files and directories",
+            remedy="Name what you want of it; or somebody else answers in the drone's place",
+        )
 
-    async def tree(self, path: str) -> list[RemoteEntry]:
-        """List all files below a directory."""
+    async def tree(self, path: str) -> RemoteTree:
+        """List the files below a directory, at most `MOST_DEEP` deep and `MOST_ENTRIES`."""
         files: list[RemoteEntry] = []
-        for entry in await self.list_directory(path):
-            if entry.size is None:
-                files += await self.tree(entry.path)
-            else:
-                files.append(entry)
-        return files
+        waiting = [(path, 1)]
+        seen = left_out = 0
+        while waiting:
+            directory, depth = waiting.pop()
+            for entry in await self.list_directory(directory):
+                seen += 1
+                unreachable = len(entry.path.encode()) > DATA_SIZE
+                too_deep = entry.size is None and depth >= MOST_DEEP
+                if seen > MOST_ENTRIES or unreachable or too_deep:
+                    left_out += 1
+                elif entry.size is None:
+                    waiting.append((entry.path, depth + 1))
+                else:
+                    files.append(entry)
+            if seen > MOST_ENTRIES:
+                left_out += len(waiting)
+                break
+        return RemoteTree(files=tuple(files), left_out=left_out)
 
     async def checksum(self, path: str) -> int:
         """Checksum that the drone computes of a file."""
@@ -133,6 +164,10 @@ class FileClient:
                 hole = min(DATA_SIZE, min(ahead) - done)
                 reply = await self._ask(Opcode.READ_FILE, offset=done, size=hole)
                 _check(reply, path)
+                if not reply.data:
+                    raise LinkError(
+                        f"{path} is shorter than the drone said", remedy="Fetch it again"
+                    )
                 ahead[done] = reply.data[:hole]
             else:
                 parts = await self._burst(done)
@@ -186,6 +221,11 @@ class FileClient:
         patience: int = TRIES,
     ) -> FtpPacket:
         """Ask until there is an answer; the same bytes each time."""
+        if len(data) > DATA_SIZE:
+            raise LinkError(
+                f"a path of {len(data)} bytes is longer than a request",
+                remedy="`uavrt fetch --list` shows what is on the drone",
+            )
         self._sequence += 1
         request = FtpPacket(
             sequence=self._sequence,
@@ -276,8 +316,8 @@ def file_checksum(path: Path) -> int:
 def _size(path: Path) -> int | None:
     """Size of a file here, None if there is none."""
     try:
-        return path.stat().st_size
-    except FileNotFoundError:
+        return path.stat().st_size if path.is_file() else None
+    except OSError:
         return None
 
 
@@ -287,7 +327,8 @@ def _entry(directory: str, line: bytes) -> RemoteEntry:
     The names come by an open link and become files here: none may lead elsewhere.
     """
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
-    if name in ("", "..") or Path(name).name != name or not (size or "0").isdecimal():
+    good = name not in ("", "..") and name.isprintable() and Path(name).name == name
+    if not good or not (size or "0").isdecimal():
         raise LinkError(
             f"the drone's list has {line[:80]!r}, which is no file's name and size",
             remedy="Somebody else may answer in its place: see the manual on locking the link",

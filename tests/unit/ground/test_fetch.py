@@ -2,17 +2,25 @@
 
 import asyncio
 import random
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from uavrt.errors import LinkError
-from uavrt.ground.fetch import PART_SUFFIX, FileClient, RemoteEntry, fetch_file, file_checksum
+from uavrt.ground.fetch import (
+    MOST_DEEP,
+    PART_SUFFIX,
+    FileClient,
+    RemoteEntry,
+    fetch_file,
+    file_checksum,
+)
 from uavrt.mavlink import Peer
 from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
-from uavrt.mavlink.ftp_wire import FtpPacket, Opcode
+from uavrt.mavlink.ftp_wire import FtpError, FtpPacket, Opcode
 
 CONTENT = random.Random(6).randbytes(30_011)
 US = Peer(255, 197)
@@ -66,7 +74,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_tree_longer_than_a_reply_is_listed_whole(root: Path) -> None:
-    files = asyncio.run(Pair(root).client.tree("/"))
+    files = asyncio.run(Pair(root).client.tree("/")).files
     assert len(files) == 42
     assert ENTRY in files
     assert RemoteEntry(path="/flight_log_1/detector_log/a.log", size=5) in files
@@ -135,20 +143,77 @@ def test_the_checksum_of_a_file_here_is_that_of_the_drone(root: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "line", [b"F../../.profile\t5", b"D..", b"F/etc/cron.d/x\t5", b"Fflight\tmany", b"D"]
+    "line",
+    [
+        b"F../../.profile\t5",
+        b"D..",
+        b"F/etc/cron.d/x\t5",
+        b"Fflight\tmany",
+        b"D",
+        b"Fa\x1b[2Jb\t5",
+    ],
 )
-def test_names_that_lead_elsewhere_are_refused(line: bytes) -> None:
+def test_names_that_lead_elsewhere_or_steer_a_terminal_are_refused(line: bytes) -> None:
+    client = rogue(lambda path, offset: [line])
+    with pytest.raises(LinkError, match="no file's name and size"):
+        asyncio.run(client.list_directory("/"))
+
+
+def rogue(lines: Callable[[str, int], list[bytes]]) -> FileClient:
+    """A client whose drone answers each listing with the lines for a path and an offset."""
+
     def answer(payload: bytes) -> None:
         asked = FtpPacket.decode(payload)
+        listed = lines(asked.data.decode(), asked.offset)
         listing = FtpPacket(
             sequence=asked.sequence + 1,
             session=asked.session,
-            opcode=Opcode.ACK,
+            opcode=Opcode.ACK if listed else Opcode.NAK,
             request_opcode=asked.opcode,
-            data=line + b"\0",
+            data=b"".join(line + b"\0" for line in listed)
+            or bytes([FtpError.END_OF_FILE.value]),
         )
         client.receive(listing.encode())
 
-    client = FileClient(lambda payload: answer(payload), lambda: 0)
-    with pytest.raises(LinkError, match="no file's name and size"):
-        asyncio.run(client.list_directory("/"))
+    client = FileClient(answer, lambda: 0)
+    return client
+
+
+def test_directories_without_end_are_left_out_and_counted() -> None:
+    asked: list[str] = []
+
+    def deep(path: str, offset: int) -> list[bytes]:
+        asked.append(path)
+        return [] if offset else [b"Dmore", b"Flog\t5"]
+
+    tree = asyncio.run(rogue(deep).tree("/"))
+    assert len(tree.files) == MOST_DEEP
+    assert tree.left_out == 1
+    assert max(path.count("/more") for path in asked) == MOST_DEEP - 1
+
+
+def test_directories_that_double_at_each_level_end_at_the_most_entries(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("uavrt.ground.fetch.MOST_ENTRIES", 90)
+    tree = asyncio.run(
+        rogue(lambda path, offset: [] if offset else [b"Da", b"Db", b"Ff\t5"]).tree("/")
+    )
+    assert len(tree.files) == 30
+    assert tree.left_out > 3
+
+
+def test_a_path_too_long_to_be_asked_for_is_left_out() -> None:
+    endless = rogue(lambda path, offset: [] if offset else [b"D" + b"long" * 40, b"Ff\t5"])
+    tree = asyncio.run(endless.tree("/"))
+    assert len(tree.files) == 2
+    assert tree.left_out == 1
+    with pytest.raises(LinkError, match="longer than a request"):
+        asyncio.run(rogue(lambda path, offset: []).list_directory("/" + "long" * 60))
+
+
+def test_a_directory_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("uavrt.ground.fetch.MOST_ENTRIES", 300)
+    client = rogue(lambda path, offset: [f"Ff{offset + n}\t5".encode() for n in range(9)])
+    with pytest.raises(LinkError, match="more than 300 files"):
+        asyncio.run(client.tree("/"))
