@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 NANOSECONDS = 1_000_000_000
+_BEYOND = datetime(2262, 1, 1, tzinfo=UTC)
+"""The last whole year of 64 bits of nanoseconds since 1970 is 2261."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +75,8 @@ def parse_iso_utc(text: str) -> int:
     Raises
     ------
     ValueError
-        `text` is not an ISO 8601 time.
+        `text` is not an ISO 8601 time, or not one from 1970 to 2261: nanoseconds are kept
+        in 64 bits.
 
     >>> parse_iso_utc("2023-11-17T07:16:59.5Z")
     1700205419500000000
@@ -82,6 +85,8 @@ def parse_iso_utc(text: str) -> int:
     if stamp.tzinfo is None:
         stamp = stamp.replace(tzinfo=UTC)
     epoch = datetime(1970, 1, 1, tzinfo=UTC)
+    if not epoch <= stamp < _BEYOND:
+        raise ValueError(f"{text} is not a time from 1970 to 2261")
     delta = stamp - epoch
     return ((delta.days * 86400 + delta.seconds) * 1_000_000 + delta.microseconds) * 1000
 

@@ -1,5 +1,6 @@
 """Whatever is wrong with what `uavrt detect` is given: one line with the remedy, status 2."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -21,6 +22,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "a.cs16").write_bytes((noise * 32768).astype("<i2").tobytes())
     (tmp_path / "cut.cf32").write_bytes(noise.tobytes()[:-3])
     (tmp_path / "full.csv").symlink_to("/dev/full")
+    (tmp_path / "absurd.cf32").write_bytes(rng.bytes(100_000))
     (tmp_path / "empty.cf32").write_bytes(b"")
     (tmp_path / "bad.sigmf-meta").write_text("{]")
     (tmp_path / "bad.wav").write_bytes(b"RIFF")
@@ -71,6 +73,11 @@ def run(*arguments: str) -> int:
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "no/such/p.csv"), "-o"),
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "a.cf32"), "another name"),
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "full.csv"), "Free space"),
+        (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "tags.txt"), "another name"),
+        (("absurd.cf32", "--tags", "tags.txt", *RADIO), "absurdly big"),
+        (("none.cf32", "--tags", "tags.txt"), "Check the path"),
+        (("a.cf32", "--tags", "tags.txt", *RADIO, "--start-time", "2300-01-01"), "2261"),
+        (("udp://192.0.2.1:20000", "--tags", "tags.txt", *RADIO), "of this computer"),
         (("a.cf32", "--flight", "."), "flight.sqlite"),
     ],
 )
@@ -121,3 +128,19 @@ def test_an_unwritable_place_is_named_before_the_work(
     said = capsys.readouterr().err
     assert "cannot write there" in said
     assert "real time" not in said
+
+
+@pytest.mark.parametrize("output", ["rec.sigmf-data", "rec.sigmf-meta", "tags.txt", "link"])
+def test_no_output_empties_what_is_read(
+    folder: Path, capsys: pytest.CaptureFixture[str], output: str
+) -> None:
+    (folder / "a.cf32").rename(folder / "rec.sigmf-data")
+    about = {"core:datatype": "cf32_le", "core:sample_rate": 250e3, "core:version": "1.0.0"}
+    captures = [{"core:sample_start": 0, "core:frequency": 148.7e6}]
+    meta = {"global": about, "captures": captures, "annotations": []}
+    (folder / "rec.sigmf-meta").write_text(json.dumps(meta))
+    (folder / "link").symlink_to("rec.sigmf-data")
+    before = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    assert run("rec.sigmf-meta", "--tags", "tags.txt", "-o", output) == 2
+    assert "another name" in capsys.readouterr().err
+    assert all((folder / name).read_bytes() == content for name, content in before.items())

@@ -123,7 +123,7 @@ def _search(
         offset_hz = frequency_hz - source.center_frequency_hz
         low_hz = max(offset_hz - window_hz, -rate_hz / 2)
         high_hz = min(offset_hz + window_hz, rate_hz / 2)
-        if high_hz <= low_hz:
+        if not high_hz > low_hz:
             raise ConfigError(
                 f"{frequency_hz / 1e6:.6f} MHz is not in this recording, "
                 f"{source.center_frequency_hz / 1e6:.6f} MHz ± {rate_hz / 2e3:.1f} kHz",

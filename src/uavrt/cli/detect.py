@@ -19,6 +19,7 @@ from uavrt.analysis.detect import DetectionSummary
 from uavrt.analysis.detect import detect as run_detectors
 from uavrt.analysis.redetect import FlightWriter
 from uavrt.analysis.tag_source import TagSource, read_tag_source
+from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import ConfigError, RecordingError
 from uavrt.messages import Pulse, Tag
@@ -100,7 +101,8 @@ def detect(
         )
         writer = None
         if flown is None:
-            write = stack.enter_context(_pulse_output(output or "-", recording))
+            keep_inputs(output or "-", (recording, tags))
+            write = stack.enter_context(_pulse_output(output or "-"))
         else:
             directory = None if output in (None, "-") else Path(str(output))
             writer = stack.enter_context(
@@ -200,7 +202,7 @@ def start_time_ns(text: str | None) -> int | None:
     except ValueError as error:
         raise ConfigError(
             f"--start-time {text!r} is not a time",
-            remedy="Write it as 2024-05-01T06:00:00Z",
+            remedy="Write it as 2024-05-01T06:00:00Z, from 1970 to 2261",
         ) from error
 
 
@@ -245,12 +247,8 @@ def open_source(
 
 
 @contextmanager
-def _pulse_output(name: str, recording: str) -> Iterator[Write]:
+def _pulse_output(name: str) -> Iterator[Write]:
     """Open the output at once, so that a wrong place shows before the work."""
-    if name != "-" and recording != "-" and _same_file(name, recording):
-        raise ConfigError(
-            f"{name} is the recording itself", remedy="Give -o another name: pulses.csv"
-        )
     with _naming_faults(name), ExitStack() as stack:
         stream = sys.stdout
         if name != "-":
@@ -283,10 +281,6 @@ def _cannot_write(name: str, error: OSError) -> RecordingError:
         f"cannot write {'standard output' if name == '-' else name}: {error.strerror}",
         remedy="Free space, or give -o a writable place",
     )
-
-
-def _same_file(first: str, second: str) -> bool:
-    return Path(first).exists() and Path(second).exists() and os.path.samefile(first, second)
 
 
 @contextmanager

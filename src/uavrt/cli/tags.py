@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
+from uavrt.cli.outputs import check_place, keep_inputs
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError
 
@@ -53,10 +54,7 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     from uavrt.config.tag_files import read_tags, write_tags
 
     found = read_tags(source)
-    if target.exists() and not overwrite:
-        raise ConfigError(
-            f"{target} exists already", remedy="Choose another name, or add --overwrite"
-        )
+    check_place(target, overwrite=overwrite)
     write_tags(target, found)
     named = sum(tag.name is not None for tag in found)
     print(f"{target}: {len(found)} tag(s) written")
@@ -108,13 +106,15 @@ def measure(
     """
     from uavrt.analysis.measure_tag import measure_tags
     from uavrt.config.tag_files import write_tags
+    from uavrt.config.tag_rules import MAX_ID
     from uavrt.config.tags_toml import format_tags_toml
     from uavrt.radio import open_recording
 
-    if output is not None and output.exists() and not overwrite:
-        raise ConfigError(
-            f"{output} exists already", remedy="Choose another name, or add --overwrite"
-        )
+    if not 1 <= id <= MAX_ID:
+        raise ConfigError(f"a tag cannot have the number {id}", remedy="Give --id from 1 on")
+    if output is not None:
+        check_place(output, overwrite=overwrite)
+        keep_inputs(output, (recording,))
     with _progress("measuring") as on_progress:
         found = measure_tags(
             lambda: open_recording(

@@ -33,11 +33,17 @@ def decode_text(content: bytes) -> str:
 def write_text_atomically(path: Path, text: str) -> None:
     """Replace a file as a whole: after a crash there is the old or the new one.
 
+    What a link leads to is replaced, not the link; a pipe or a device is written to.
+
     Raises
     ------
     OSError
         The directory cannot be written.
     """
+    if path.exists() and not path.is_file():
+        path.write_text(text, encoding="utf-8", newline="\n")
+        return
+    path = path.resolve()
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from uavrt.errors import FormatError
 
+_ABSURD_POWER = 1e20
+"""Mean square of a value that no program writes: 32-bit integers as floats have 5e18."""
 _INVALID_SHARE = 0.01
 """Above this share of NaN or infinite values the data are taken to be of another format."""
 
@@ -171,15 +173,17 @@ def clean(samples: NDArray[np.complex64], what: str) -> int:
         So many, or values so large, that the data cannot be float samples.
     """
     values = samples.view(np.float32)
+    limit = _ABSURD_POWER * max(values.size, 1)
     with np.errstate(over="ignore", invalid="ignore"):
-        if np.isfinite(np.dot(values, values)):
+        if np.dot(values, values) < limit:
             return 0
-    bad = ~np.isfinite(values)
-    count = int(np.count_nonzero(bad))
-    if count == 0 or count > _INVALID_SHARE * values.size:
-        raise FormatError(
-            f"{what} does not hold float samples: values are not numbers, or absurdly big",
-            remedy="Name the right --format (cs16, cu8, ci8 …)",
-        )
-    values[bad] = 0.0
+        bad = ~np.isfinite(values)
+        count = int(np.count_nonzero(bad))
+        values[bad] = 0.0
+        # Of random bytes one value in 256 is no number, and as many are beyond 1e36.
+        if count > _INVALID_SHARE * values.size or not np.dot(values, values) < limit:
+            raise FormatError(
+                f"{what} does not hold float samples: values are not numbers, or absurdly big",
+                remedy="Name the right --format (cs16, cu8, ci8 …)",
+            )
     return count

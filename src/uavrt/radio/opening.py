@@ -205,6 +205,7 @@ def _layout(
             remedy=f"Give --format: {', '.join(FORMATS)}, sigmf or wav",
         )
     stored = sample_format(kind)
+    file_size(path)
     return raw_layout(
         path,
         stored,

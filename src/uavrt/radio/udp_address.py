@@ -10,6 +10,11 @@ BUFFER_BYTES: Final = 4 * 1024 * 1024
 """Asked of the system for each socket: 1.4 s of a 375 kS/s band, minutes of one channel. The
 system gives at most /proc/sys/net/core/rmem_max."""
 
+_OTHER_PORT: Final = "End the other program that listens there, or choose another port"
+_REMEDIES: Final = {
+    errno.EADDRNOTAVAIL: "Give an address of this computer: 127.0.0.1, or 0.0.0.0 for all",
+    errno.EACCES: "Choose a port from 1024 on",
+}
 _PREFIX: Final = "udp://"
 
 
@@ -83,7 +88,9 @@ def listen(host: str, port: int) -> list[socket.socket]:
         raise RadioError(
             f"cannot listen to UDP {host}:{port}: "
             f"{fault.strerror if fault is not None else 'no such address'}",
-            remedy="End the other program that listens there, or choose another port",
+            remedy=_REMEDIES.get(
+                0 if fault is None or fault.errno is None else fault.errno, _OTHER_PORT
+            ),
         )
     return sockets
 

@@ -72,6 +72,14 @@ def test_integers_called_floats_are_refused() -> None:
         clean(integers.view(np.complex64).copy(), "x")
 
 
+def test_random_bytes_called_floats_are_refused() -> None:
+    junk = np.frombuffer(np.random.default_rng(1).bytes(80_000), np.complex64).copy()
+    # Too few are no numbers for that alone to tell: it is their size.
+    assert np.mean(~np.isfinite(junk.view(np.float32))) < 0.008
+    with pytest.raises(FormatError, match="absurdly big"):
+        clean(junk, "x")
+
+
 def test_only_complex64_is_used_in_place() -> None:
     assert CF32.in_place
     assert not any(f.in_place for f in FORMATS.values() if f is not CF32)

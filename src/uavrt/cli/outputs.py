@@ -1,0 +1,68 @@
+"""Outputs that must not destroy what they are made from."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from uavrt.errors import ConfigError
+
+
+def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None:
+    """Refuse an output that is one of the inputs, before it is opened and thereby emptied.
+
+    Of a SigMF recording one file is named and the other is meant as well.
+
+    Parameters
+    ----------
+    output : str or Path
+        File to be written; it need not exist.
+    inputs : iterable of str, Path or None
+        Files that are read; None and what is no file are passed over.
+
+    Raises
+    ------
+    ConfigError
+        It is one of them, by whatever name.
+    """
+    target = Path(output)
+    if not target.is_file():
+        return
+    for name in inputs:
+        for one in () if name is None else _with_its_other_half(Path(name)):
+            if one.is_file() and target.samefile(one):
+                raise ConfigError(
+                    f"{output} is what is read and would be written over",
+                    remedy="Give -o another name",
+                )
+
+
+def check_place(output: Path, *, overwrite: bool = False) -> None:
+    """Refuse a place where a file cannot be written, before the work that fills it.
+
+    Parameters
+    ----------
+    output : Path
+        The file to be written.
+    overwrite : bool
+        It may exist already.
+
+    Raises
+    ------
+    ConfigError
+        The text says why not.
+    """
+    if output.is_dir():
+        raise ConfigError(f"{output} is a directory", remedy="Name a file in it")
+    if output.exists() and not overwrite:
+        raise ConfigError(
+            f"{output} exists already", remedy="Choose another name, or add --overwrite"
+        )
+    if not output.parent.is_dir():
+        raise ConfigError(f"there is no directory {output.parent}", remedy="Make it first")
+    if not os.access(output if output.exists() else output.parent, os.W_OK):
+        raise ConfigError(f"{output} cannot be written", remedy="Choose another place")
+
+
+def _with_its_other_half(path: Path) -> tuple[Path, ...]:
+    stem = path.with_suffix("") if path.suffix.startswith(".sigmf") else path
+    return path, Path(f"{stem}.sigmf-meta"), Path(f"{stem}.sigmf-data")
