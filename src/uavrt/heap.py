@@ -4,7 +4,7 @@ import ctypes
 import gc
 from collections.abc import Callable
 
-TRIM_PERIOD_S = 60.0
+TRIM_PERIOD_S = 20.0
 """A trim takes 0.1 to 2 ms, and what is used again is got again page by page; a collection in
 a process of the flight 1 to 3 ms, because what was there at its start is frozen (gc.freeze)."""
 
@@ -22,7 +22,7 @@ _trim = _find_trim()
 
 
 class HeapKeeper:
-    """Trims the heap now and then, once a minute unless told otherwise.
+    """Trims the heap now and then, three times a minute unless told otherwise.
 
     A busy moment (a burst of blocks after a stall, a search over a long stretch) leaves holes
     that glibc keeps for ever unless they lie at the end: over half an hour the receiver and a
