@@ -128,8 +128,9 @@ def positions_of_powers(
         own = [one for one in ordered if one.pulse.tag_id == tag_id]
         try:
             track = power_track(own, listed.get(tag_id), poses)
-            signals.append(signal_of(tag_id, track))
-            found.append(TagPosition(tag_id=tag_id, position=position_of(track)))
+            position = position_of(track)
+            signals.append(signal_of(tag_id, track, position))
+            found.append(TagPosition(tag_id=tag_id, position=position))
         except UsageError as error:
             found.append(TagPosition(tag_id=tag_id, position=None, reason=str(error)))
     return found, signals

@@ -7,6 +7,7 @@ named for what it is (`uavrt.localization.strongest`).
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,9 +18,13 @@ from uavrt.errors import UsageError
 from uavrt.localization import (
     Position,
     PowerTrack,
+    SignalSection,
     SignalSurface,
     StrongestSignal,
     estimate_position,
+    height_bands,
+    in_band,
+    signal_section,
     signal_surface,
     strongest_signal,
 )
@@ -29,17 +34,15 @@ MONOPOLE = "monopole"
 """Name of the antenna that makes a flight a power survey."""
 MISS_THRESHOLD_DB = 13.0
 """SNR from which a pulse that a detector was following is not missed (DESIGN.md §5)."""
-HEIGHT_BAND_M = 10.0
-"""Of a signal's change with height."""
 _LEAST_HEIGHT_M = 2.0
 """The antenna over the tag: a drone that stands still hears with its feet."""
 
 _Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeightBand:
-    """How strong a tag was at some heights."""
+    """How strong a tag was in a layer of heights, and where."""
 
     low_m: float
     """Above the start."""
@@ -47,6 +50,14 @@ class HeightBand:
     pulses: int
     median_db: float
     best_db: float
+    strongest: StrongestSignal
+    surface: SignalSurface | None
+    """None when this layer covers no area."""
+
+    @property
+    def name(self) -> str:
+        """The heights in words."""
+        return f"{self.low_m:.0f}–{self.high_m:.0f} m"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,7 +70,15 @@ class TagSignal:
     surface: SignalSurface | None
     """Colours of the ground; None when the flight covers no area."""
     heights: tuple[HeightBand, ...]
-    """In steps of 10 m, those with three pulses or more."""
+    """The layers that were flown, lowest first, those with three pulses or more."""
+    section: SignalSection | None = None
+    """From the side, around the tag's position; None when it was flown at one height."""
+
+    @property
+    def layers(self) -> tuple[HeightBand, ...]:
+        """Layers with a map of their own, where there are several of them to tell apart."""
+        mapped = tuple(one for one in self.heights if one.surface is not None)
+        return mapped if len(mapped) > 1 else ()
 
 
 def power_track(
@@ -103,19 +122,28 @@ def power_track(
     )
 
 
-def signal_of(tag_id: int, track: PowerTrack) -> TagSignal:
-    """Draw what a track says of strength alone."""
-    try:
-        surface = signal_surface(track)
-    except UsageError:
-        surface = None
+def signal_of(tag_id: int, track: PowerTrack, position: Position | None = None) -> TagSignal:
+    """Draw what a track says of strength alone, from the side around a position if any."""
+    strongest = strongest_signal(track)
+    place = strongest if position is None else position
+    section = None
+    with suppress(UsageError):
+        section = signal_section(track, place.latitude_deg, place.longitude_deg)
     return TagSignal(
         tag_id=tag_id,
         track=track,
-        strongest=strongest_signal(track),
-        surface=surface,
+        strongest=strongest,
+        surface=_surface(track),
         heights=tuple(_heights(track)),
+        section=section,
     )
+
+
+def _surface(track: PowerTrack) -> SignalSurface | None:
+    try:
+        return signal_surface(track)
+    except UsageError:
+        return None
 
 
 def position_of(track: PowerTrack) -> Position:
@@ -168,19 +196,20 @@ def _between(
 
 
 def _heights(track: PowerTrack) -> list[HeightBand]:
-    heard = ~np.isnan(track.snr_db)
-    band = np.floor(track.height_m[heard] / HEIGHT_BAND_M).astype(int)
     found = []
-    for number in np.unique(band):
-        snr = track.snr_db[heard][band == number]
+    for low, high in height_bands(track.height_m[~np.isnan(track.snr_db)]):
+        part = in_band(track, (low, high))
+        snr = part.snr_db[~np.isnan(part.snr_db)]
         if len(snr) >= 3:
             found.append(
                 HeightBand(
-                    low_m=float(number * HEIGHT_BAND_M),
-                    high_m=float((number + 1) * HEIGHT_BAND_M),
+                    low_m=low,
+                    high_m=high,
                     pulses=len(snr),
                     median_db=float(np.median(snr)),
                     best_db=float(snr.max()),
+                    strongest=strongest_signal(part),
+                    surface=_surface(part),
                 )
             )
     return found

@@ -25,8 +25,12 @@ from uavrt.localization.records import (
 )
 from uavrt.localization.regions import region_outlines
 from uavrt.localization.strongest import (
+    SignalSection,
     SignalSurface,
     StrongestSignal,
+    height_bands,
+    in_band,
+    signal_section,
     signal_surface,
     strongest_signal,
 )
@@ -55,6 +59,7 @@ __all__ = [
     "PositionMethod",
     "PowerTrack",
     "Propagation",
+    "SignalSection",
     "SignalSurface",
     "Stations",
     "StrongestSignal",
@@ -70,11 +75,14 @@ __all__ = [
     "estimate_bearing",
     "estimate_position",
     "find_turns",
+    "height_bands",
+    "in_band",
     "learn_pattern",
     "measure_switched_pulse",
     "monopole_gain_db",
     "pair_steering",
     "region_outlines",
+    "signal_section",
     "signal_surface",
     "strongest_signal",
     "switched_amplitudes",

@@ -15,12 +15,12 @@ import pytest
 
 from uavrt.analysis.export import export_survey
 from uavrt.analysis.positions import read_positions
-from uavrt.analysis.power_survey import power_track
+from uavrt.analysis.power_survey import position_of, power_track, signal_of
 from uavrt.analysis.report import html_page, pdf_document, words
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.cli.app import app
 from uavrt.errors import UsageError
-from uavrt.localization import TangentPlane
+from uavrt.localization import PowerTrack, TangentPlane, monopole_gain_db
 from uavrt.recording import read_flight
 from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
 from uavrt.simulation.antenna import Antenna
@@ -92,7 +92,10 @@ def test_the_tag_is_found_and_the_strongest_signal_is_on_its_ring(survey: Survey
     assert loudest.ring_radius_m == pytest.approx(40.0 * math.sqrt(0.8), rel=0.1)
     assert signal.surface is not None
     assert np.nanmax(signal.surface.snr_db) <= loudest.snr_db + 1e-9
-    assert [band.low_m for band in signal.heights][-1] == 70.0
+    # Level at 40 m, and a climb to 75 m at one place, which makes no map.
+    assert signal.heights[0].high_m < 50.0
+    assert signal.heights[-1].high_m == pytest.approx(75.0, abs=1.0)
+    assert signal.layers == ()
 
 
 def test_pulses_that_must_have_come_count_as_missed(flight: Path) -> None:
@@ -151,6 +154,71 @@ def test_the_exports_hold_the_signal_map_and_its_loudest_place(
     with zipfile.ZipFile(BytesIO(written["flight.kmz"].read_bytes())) as archive:
         assert "files/signal_2.png" in archive.namelist()
         assert b"the tag is about" in archive.read("doc.kml")
+
+
+def two_heights() -> PowerTrack:
+    """The square at 30 m, then at 80 m, over ground that both held to 2 m; a tag in it."""
+    rng = np.random.default_rng(4)
+    east, north = np.meshgrid(np.arange(0.0, 250.0, 25.0), np.arange(0.0, 250.0, 25.0))
+    height = np.repeat([30.0, 80.0], east.size) + rng.uniform(-2.0, 2.0, 2 * east.size)
+    east, north = np.tile(east.ravel(), 2), np.tile(north.ravel(), 2)
+    slant = np.sqrt((east - TAG_EAST_M) ** 2 + (north - TAG_NORTH_M) ** 2 + height**2)
+    home = lawnmower().home
+    plane = TangentPlane(latitude_deg=home.latitude_deg, longitude_deg=home.longitude_deg)
+    latitude, longitude = plane.to_geodetic(east, north)
+    gain = monopole_gain_db(np.degrees(np.arcsin(height / slant)))
+    snr = 40.0 - 25.0 * np.log10(slant / 100.0) + gain + rng.normal(0.0, 1.0, len(east))
+    return PowerTrack(
+        latitude_deg=latitude, longitude_deg=longitude, height_m=height, snr_db=snr
+    )
+
+
+def test_a_survey_at_two_heights_has_a_map_of_each_and_one_from_the_side(
+    survey: Survey, tmp_path: Path
+) -> None:
+    track = two_heights()
+    position = position_of(track)
+    assert miss_m(position.latitude_deg, position.longitude_deg) < 10.0
+    signal = signal_of(2, track, position)
+    low, high = signal.layers
+    assert (low.pulses, high.pulses) == (100, 100)
+    assert 28.0 <= low.low_m < low.high_m < 33.0 < 78.0 <= high.low_m < high.high_m < 83.0
+    # Each layer's peak lies on that layer's own ring: 0.9 of the height from the tag.
+    for layer, ring_m in ((low, 27.0), (high, 72.0)):
+        loudest = layer.strongest
+        assert loudest.ring_radius_m == pytest.approx(ring_m, abs=3.0)
+        assert miss_m(loudest.latitude_deg, loudest.longitude_deg) > 10.0
+    section = signal.section
+    assert section is not None
+    # From the side: at 80 m it is nearly silent above the tag and loud beside it.
+    top = section.snr_db[-1][np.isfinite(section.snr_db[-1])]
+    assert top[0] < top.max() - 6.0
+    assert np.isnan(section.snr_db[len(section.snr_db) // 2]).all()  # nobody flew at 55 m
+
+    flown = replace(survey, signals=(signal,))
+    page = html_page(flown)
+    assert page.count("data:image/svg+xml") == 6  # the maps of both layers
+    assert "strongest signal of that layer" in page
+    assert pdf_document(flown).count(b"/Type /Page /") == (
+        pdf_document(survey).count(b"/Type /Page /") + 1
+    )
+    written = {path.name: path for path in export_survey(flown, tmp_path)}
+    files = {name for name in written if name.startswith("signal_tag_2")}
+    assert len(files) == 3
+    features = json.loads(written["flight.geojson"].read_text())["features"]
+    loudest_places = [
+        (one["properties"]["heights_from_m"], one["properties"]["heights_to_m"])
+        for one in features
+        if one["properties"]["layer"] == "strongest signal"
+    ]
+    assert loudest_places[0] == (None, None)
+    assert loudest_places[1:] == [
+        (round(one.low_m, 1), round(one.high_m, 1)) for one in (low, high)
+    ]
+    with zipfile.ZipFile(BytesIO(written["flight.kmz"].read_bytes())) as archive:
+        content = archive.read("doc.kml").decode()
+        assert {"files/signal_2_0.png", "files/signal_2_1.png"} <= set(archive.namelist())
+    assert content.count("<altitudeMode>absolute</altitudeMode>") == 2
 
 
 def test_the_command_line_finds_the_tag_by_strength(

@@ -37,7 +37,8 @@ def export_survey(
     formats : sequence of str
         ``csv`` (pulses, track, positions), ``uavrt`` (the original's bearings.csv,
         positions.csv and TagTracker's pulse CSV), ``geojson``, ``kmz``, ``gpx``,
-        ``geopackage``, ``movebank``, ``geotiff`` (one heat map for each tag with one).
+        ``geopackage``, ``movebank``, ``geotiff`` (one heat map for each tag with one; of a
+        survey with a monopole the strength, and that of each layer of heights).
 
     Returns
     -------
@@ -95,10 +96,15 @@ def _geotiff(survey: Survey, directory: Path) -> list[Path]:
             text = f"probability of tag {one.tag_id} in each cell, uavrt, {survey.name}"
             files[f"heat_tag_{one.tag_id}.tif"] = geotiff_bytes(one.position.grid, text)
     for signal in survey.signals:
+        text = f"SNR of tag {signal.tag_id} [dB], strongest is not the tag, uavrt"
+        name = f"signal_tag_{signal.tag_id}"
         if signal.surface is not None:
-            text = f"SNR of tag {signal.tag_id} [dB], strongest is not the tag, uavrt"
-            grid = as_grid(signal.surface)
-            files[f"signal_tag_{signal.tag_id}.tif"] = geotiff_bytes(grid, text)
+            files[f"{name}.tif"] = geotiff_bytes(as_grid(signal.surface), text)
+        for layer in signal.layers:
+            if layer.surface is not None:
+                heights = f"{layer.low_m:.0f}-{layer.high_m:.0f}m"
+                content = geotiff_bytes(as_grid(layer.surface), f"{text}, heights {heights}")
+                files[f"{name}_{heights}.tif"] = content
     return _written(directory, files)
 
 

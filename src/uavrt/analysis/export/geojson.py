@@ -4,6 +4,7 @@ import json
 import math
 from typing import Any
 
+from uavrt.analysis.power_survey import HeightBand, TagSignal
 from uavrt.analysis.shapes import (
     Point,
     ray,
@@ -14,6 +15,7 @@ from uavrt.analysis.shapes import (
 )
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
+from uavrt.localization import StrongestSignal
 
 _PLACES = 8
 """Decimals of a degree: 1 mm."""
@@ -94,6 +96,26 @@ def position_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
     return found
 
 
+def strongest_properties(signal: TagSignal) -> list[tuple[Point, dict[str, Any]]]:
+    """Place and attributes of a tag's strongest signal: of all heights, then of each layer."""
+    found: list[tuple[StrongestSignal, HeightBand | None]] = []
+    if signal.strongest is not None:
+        found.append((signal.strongest, None))
+    return [
+        (
+            (one.longitude_deg, one.latitude_deg),
+            {
+                "tag_id": signal.tag_id,
+                "snr_db": known(one.snr_db),
+                "the_tag_is_about_so_far_away_m": known(round(one.ring_radius_m, 1)),
+                "heights_from_m": None if layer is None else round(layer.low_m, 1),
+                "heights_to_m": None if layer is None else round(layer.high_m, 1),
+            },
+        )
+        for one, layer in [*found, *((layer.strongest, layer) for layer in signal.layers)]
+    ]
+
+
 def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
     return {
         "type": "Feature",
@@ -152,16 +174,9 @@ def _bearings(survey: Survey) -> list[dict[str, Any]]:
 def _strongest(survey: Survey) -> list[dict[str, Any]]:
     features = []
     for one in survey.signals:
-        if one.strongest is not None:
-            found = one.strongest
-            properties = {
-                "layer": "strongest signal",
-                "tag_id": one.tag_id,
-                "snr_db": known(found.snr_db),
-                "the_tag_is_about_so_far_away_m": known(round(found.ring_radius_m, 1)),
-            }
-            place = (found.longitude_deg, found.latitude_deg)
-            features.append(_feature("Point", _rounded(place), properties))
+        for place, properties in strongest_properties(one):
+            layer = {"layer": "strongest signal", **properties}
+            features.append(_feature("Point", _rounded(place), layer))
     return features
 
 

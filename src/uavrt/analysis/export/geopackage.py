@@ -18,6 +18,7 @@ from uavrt.analysis.export.geojson import (
     bearing_properties,
     position_properties,
     pulse_properties,
+    strongest_properties,
 )
 from uavrt.analysis.shapes import Point, ray, ray_length_m, region95, wedge
 from uavrt.analysis.survey import Survey, thinned
@@ -119,22 +120,8 @@ def _layers(survey: Survey) -> Iterable[tuple[str, str, list[Feature]]]:
     yield "bearing_wedges", "POLYGON", wedges
     yield "positions", "POINT", places
     yield "regions95", "POLYGON", regions
-    loudest = [(one.tag_id, one.strongest) for one in survey.signals if one.strongest]
-    yield (
-        "strongest_signal",
-        "POINT",
-        [
-            (
-                [(found.longitude_deg, found.latitude_deg)],
-                {
-                    "tag_id": tag_id,
-                    "snr_db": found.snr_db,
-                    "the_tag_is_about_so_far_away_m": found.ring_radius_m,
-                },
-            )
-            for tag_id, found in loudest
-        ],
-    )
+    loudest = [found for one in survey.signals for found in strongest_properties(one)]
+    yield "strongest_signal", "POINT", [([place], told) for place, told in loudest]
 
 
 def _layer(database: sqlite3.Connection, name: str, kind: str, features: list[Feature]) -> None:

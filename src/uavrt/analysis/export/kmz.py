@@ -103,6 +103,22 @@ def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, by
         file = f"files/signal_{tag_id}.png"
         files[file] = png_bytes(signal(found.surface.snr_db[::-1]))
         _overlay(folder, "signal strength", file, found.surface)
+    if found.layers:
+        inner = ET.SubElement(folder, "Folder")
+        _text(inner, "name", "signal strength by height")
+        for number, layer in enumerate(found.layers):
+            if layer.surface is None:
+                continue
+            file = f"files/signal_{tag_id}_{number}.png"
+            files[file] = png_bytes(signal(layer.surface.snr_db[::-1]))
+            middle_m = _start_amsl_m(survey) + (layer.low_m + layer.high_m) / 2.0
+            _overlay(inner, layer.name, file, layer.surface, amsl_m=middle_m)
+
+
+def _start_amsl_m(survey: Survey) -> float:
+    """Height above the sea of what the survey's heights begin at; NaN where it is unknown."""
+    first = survey.track[0]
+    return first.altitude_amsl_m - first.altitude_relative_m
 
 
 def _described(survey: Survey, tag_id: int) -> str:
@@ -152,11 +168,22 @@ def _pulses(folder: ET.Element, survey: Survey, tag_id: int) -> None:
 
 
 def _overlay(
-    folder: ET.Element, name: str, file: str, grid: PositionGrid | SignalSurface
+    folder: ET.Element,
+    name: str,
+    file: str,
+    grid: PositionGrid | SignalSurface,
+    *,
+    amsl_m: float | None = None,
 ) -> None:
+    """Lay a picture on the ground, or hidden at first at a height above the sea."""
     overlay = ET.SubElement(folder, "GroundOverlay")
     _text(overlay, "name", name)
+    if amsl_m is not None:
+        _text(overlay, "visibility", "0")  # several above each other hide each other
     _text(ET.SubElement(overlay, "Icon"), "href", file)
+    if amsl_m is not None and math.isfinite(amsl_m):
+        _text(overlay, "altitude", f"{amsl_m:.1f}")
+        _text(overlay, "altitudeMode", "absolute")
     west, south, east, north = bounds(grid)
     box = ET.SubElement(overlay, "LatLonBox")
     for key, value in (("north", north), ("south", south), ("east", east), ("west", west)):

@@ -4,7 +4,7 @@ import io
 import textwrap
 from typing import TYPE_CHECKING
 
-from uavrt.analysis.report import maps, roses, times, words
+from uavrt.analysis.report import heights, maps, roses, times, words
 from uavrt.analysis.report.style import A4_IN, FAINT, SOFT, new_figure, styled, tag_color
 from uavrt.analysis.survey import Survey
 
@@ -81,11 +81,20 @@ class _Book:
         maps.draw_tag_map(_part(figure, 0.53, 0.38), survey, tag_id)
         signal = survey.signal_of(tag_id)
         if signal is not None:
-            maps.draw_heights(_part(figure, 0.27, 0.25), signal)
+            heights.draw_heights(_part(figure, 0.27, 0.25), signal)
         else:
             roses.draw_roses(_part(figure, 0.27, 0.25), survey, tag_id)
         times.draw_times(_part(figure, _BOTTOM, 0.20), survey, [tag_id])
         self.save(figure)
+        layers = 0 if signal is None else len(signal.layers)
+        for first in range(0, layers, heights.PER_PAGE):
+            figure = self.page()
+            figure.text(_LEFT, _TOP, f"{title}, by height", size=14, va="top", color=color)
+            rows = -(-min(heights.PER_PAGE, layers - first) // heights.COLUMNS)
+            assert signal is not None
+            part = _part(figure, 0.92 - 0.28 * rows, 0.28 * rows)
+            heights.draw_layers(part, survey, signal, first)
+            self.save(figure)
         count = len(survey.bearings_of(tag_id))
         rest = list(range(roses.COLUMNS, count, roses.COLUMNS))
         for start in range(0, len(rest), 3):

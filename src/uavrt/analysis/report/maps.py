@@ -11,10 +11,11 @@ from uavrt.analysis.power_survey import TagSignal
 from uavrt.analysis.report.style import INK, SNR_COLORS, SOFT, message, tag_color
 from uavrt.analysis.shapes import Point, ray, ray_length_m, region95, wedge
 from uavrt.analysis.survey import Survey, thinned
-from uavrt.localization import Position, TangentPlane
+from uavrt.localization import Position, SignalSurface, StrongestSignal, TangentPlane
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
     from matplotlib.figure import FigureBase
 
 _LEAST_HALF_M = 120.0
@@ -213,38 +214,41 @@ def _heat(chart: LocalMap, position: Position) -> None:
 
 def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
     """Colour the ground by SNR, and mark where it was loudest with the ring of the tag."""
-    surface = signal.surface
-    if surface is not None:
-        plane = TangentPlane(
-            latitude_deg=surface.latitude_deg, longitude_deg=surface.longitude_deg
-        )
-        east, north = np.meshgrid(surface.east_m, surface.north_m)
-        x, y = chart.plane.to_local(*plane.to_geodetic(east, north))
-        drawn = chart.axes.pcolormesh(
-            x, y, surface.snr_db, cmap=SNR_COLORS, alpha=0.75, zorder=1, rasterized=True
-        )
+    if signal.surface is not None:
+        drawn = draw_surface(chart, signal.surface)
         target.colorbar(drawn, ax=chart.axes, label="SNR [dB]", shrink=0.6)
-    loudest = signal.strongest
-    if loudest is not None:
-        x, y = chart.line([(loudest.longitude_deg, loudest.latitude_deg)])
-        chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=STRONGEST)
-        angle = np.linspace(0.0, 2.0 * np.pi, 90)
-        ring = loudest.ring_radius_m
-        chart.axes.plot(
-            x[0] + ring * np.sin(angle), y[0] + ring * np.cos(angle), color=INK, lw=0.8, ls=":"
-        )
+    if signal.strongest is not None:
+        draw_strongest(chart, signal.strongest)
 
 
-def draw_heights(target: "FigureBase", signal: TagSignal) -> None:
-    """Draw SNR over the height of the drone: all pulses, and the median of each 10 m."""
-    axes = target.subplots()
-    track = signal.track
-    axes.plot(track.snr_db, track.height_m, ".", color=SOFT, ms=3, alpha=0.6)
-    middle = [(band.low_m + band.high_m) / 2.0 for band in signal.heights]
-    axes.plot([band.median_db for band in signal.heights], middle, "o-", color=INK, ms=4)
-    axes.set_xlabel("SNR [dB]")
-    axes.set_ylabel("height above the start [m]")
-    axes.grid(visible=True)
+def draw_surface(
+    chart: LocalMap, surface: SignalSurface, limits_db: tuple[float, float] | None = None
+) -> "QuadMesh":
+    """Colour the ground by SNR; between limits where several maps are to be compared."""
+    plane = TangentPlane(latitude_deg=surface.latitude_deg, longitude_deg=surface.longitude_deg)
+    east, north = np.meshgrid(surface.east_m, surface.north_m)
+    x, y = chart.plane.to_local(*plane.to_geodetic(east, north))
+    low, high = limits_db or (None, None)
+    return chart.axes.pcolormesh(
+        *(x, y, surface.snr_db),
+        cmap=SNR_COLORS,
+        vmin=low,
+        vmax=high,
+        alpha=0.75,
+        zorder=1,
+        rasterized=True,
+    )
+
+
+def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
+    """Mark where it was loudest, and the ring that the tag is on."""
+    x, y = chart.line([(loudest.longitude_deg, loudest.latitude_deg)])
+    chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=STRONGEST)
+    angle = np.linspace(0.0, 2.0 * np.pi, 90)
+    ring = loudest.ring_radius_m
+    chart.axes.plot(
+        x[0] + ring * np.sin(angle), y[0] + ring * np.cos(angle), color=INK, lw=0.8, ls=":"
+    )
 
 
 def nice_below(value: float) -> float:

@@ -2,7 +2,7 @@
 
 from html import escape
 
-from uavrt.analysis.report import maps, roses, times, words
+from uavrt.analysis.report import heights, maps, roses, times, words
 from uavrt.analysis.report.style import new_figure, styled, svg_data, tag_color
 from uavrt.analysis.survey import Survey
 
@@ -104,9 +104,15 @@ def _tag_section(survey: Survey, tag_id: int) -> str:
         parts.append(_picture(svg_data(figure), f"Map of {name}", caption))
         if signal is not None:
             figure = new_figure(7.6, 2.8)
-            maps.draw_heights(figure, signal)
+            heights.draw_heights(figure, signal)
             alternative = f"SNR of {name} over height"
             parts.append(_picture(svg_data(figure), alternative, words.HEIGHT_CAPTION))
+            for first in range(0, len(signal.layers), heights.PER_PAGE):
+                rows = -(-min(heights.PER_PAGE, len(signal.layers) - first) // heights.COLUMNS)
+                figure = new_figure(7.6, 3.4 * rows)
+                heights.draw_layers(figure, survey, signal, first)
+                alternative = f"Maps of {name} by height"
+                parts.append(_picture(svg_data(figure), alternative, words.LAYER_CAPTION))
     bearings = survey.bearings_of(tag_id)
     for first in range(0, len(bearings), roses.COLUMNS):
         figure = new_figure(7.6, 3.7)

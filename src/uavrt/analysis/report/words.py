@@ -44,7 +44,14 @@ SIGNAL_CAPTION = (
     "around it is where a tag would be that is heard so by a monopole. Star: the estimate; the "
     "line around it holds the tag with 95 %."
 )
-HEIGHT_CAPTION = "SNR of each pulse over the drone's height; line: median of each 10 m."
+HEIGHT_CAPTION = (
+    "SNR of each pulse over the drone's height; line: median of each layer. Beside it, of a "
+    "survey at several heights: SNR from the side, by the distance from the estimated place."
+)
+LAYER_CAPTION = (
+    "The same map for each layer of heights that was flown, in the same colours. Cross: "
+    "strongest signal of that layer, with the ring of the tag."
+)
 SOURCES = (
     "[1] M. W. Shafer, G. Vega, K. Rothfus, P. Flikkema: UAV wildlife radiotelemetry: System "
     "and methods of localization. Methods in Ecology and Evolution 10 (2019). The estimator "
