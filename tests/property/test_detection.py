@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavrt.detection import PulseDetector
+from uavrt.detection.anchors import AnchorSearch
 from uavrt.detection.grid import make_grid, sliding_maximum
-from uavrt.detection.search import RateSearch, interval_grid, jitter_reach
+from uavrt.detection.search import interval_grid, jitter_reach
 from uavrt.experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
@@ -145,7 +146,7 @@ def test_pruned_search_finds_the_best_that_testing_every_anchor_finds(
     power = rng.exponential(size=(240, 3)).astype(np.float32)
     hop_s, interval_s, uncertainty_s, jitter_s = 0.0024, 0.15, 0.012, 0.005
     threshold = 5.0 * k
-    search = RateSearch(
+    search = AnchorSearch(
         rows=3,
         hop_s=hop_s,
         interval_s=interval_s,

@@ -7,9 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavrt.detection.grid import make_grid, sliding_maximum
+from uavrt.detection.long_groups import LongSearch
 from uavrt.detection.noise import TRUNCATION, _truncated
 from uavrt.detection.samples import SampleBuffer
-from uavrt.detection.search import RateSearch, interval_grid, jitter_reach
+from uavrt.detection.search import interval_grid, jitter_reach
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -64,7 +65,7 @@ def test_the_search_of_long_groups_is_the_sum_over_all_their_cells(
     hop_s, interval_s, uncertainty_s, jitter_s = 0.0024, 0.05, 0.002, 0.003
     power = rng.exponential(size=(400 + sum(cuts), 4)).astype(np.float32)
     noise = rng.uniform(0.5, 2.0, 4).astype(np.float32)
-    search = RateSearch(
+    search = LongSearch(
         rows=4,
         hop_s=hop_s,
         interval_s=interval_s,
@@ -74,7 +75,6 @@ def test_the_search_of_long_groups_is_the_sum_over_all_their_cells(
         threshold=1e6,
         rate=1,
     )
-    assert search.dense
     reach = jitter_reach(jitter_s, hop_s)
     intervals = interval_grid(
         interval_s=interval_s, uncertainty_s=uncertainty_s, hop_s=hop_s, k=k, reach=reach

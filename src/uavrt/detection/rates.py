@@ -2,7 +2,9 @@
 
 import math
 
+from uavrt.detection.anchors import AnchorSearch
 from uavrt.detection.grid import Grid
+from uavrt.detection.long_groups import LongSearch
 from uavrt.detection.search import RateSearch, jitter_reach
 from uavrt.detection.thresholds import (
     decision_interval_s,
@@ -16,6 +18,7 @@ from uavrt.messages import Tag
 _FIRST_SHARE = 0.8
 """Share of the groups that could have begun in the first decision's stretch that count:
 calibrated. A group near its ends has places before the first sample or after the last."""
+_LONG_FROM_K = 9
 
 
 def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[RateSearch]:
@@ -29,7 +32,8 @@ def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[Rate
         Half-width of the search, maybe infinite.
     """
     bandwidth = min(2.0 * frequency_window_hz, grid.sample_rate_hz)
-    searches = []
+    searches: list[RateSearch] = []
+    kind = LongSearch if tag.k >= _LONG_FROM_K else AnchorSearch
     for rate, interval_s in enumerate(tag.pulse_intervals_s, start=1):
         reach_s = jitter_reach(tag.interval_jitter_s, grid.hop_s) * grid.hop_s
         interval_time_s = decision_interval_s(tag, rate)
@@ -52,7 +56,7 @@ def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[Rate
             for time_s in (interval_time_s, begun_s)
         )
         searches.append(
-            RateSearch(
+            kind(
                 rows=grid.rows,
                 hop_s=grid.hop_s,
                 interval_s=interval_s,

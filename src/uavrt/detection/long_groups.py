@@ -1,0 +1,101 @@
+"""The search for groups of many pulses: every cell is tried as the last of them.
+
+With K = 9 and more a cell above T/K is one in ten and no rarity. The maximum over the jitter is
+taken once for all cells, and of the long past only columns where a pulse may lie are looked at
+(docs/decisions/0027).
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.grid import sliding_maximum
+from uavrt.detection.search import Candidate, RateSearch, best_first
+
+
+class LongSearch(RateSearch):
+    """Search of one rate for groups of nine pulses or more; parameters as of `RateSearch`."""
+
+    def __init__(self, **parameters: Any) -> None:
+        super().__init__(**parameters)
+        self._backs = self._offsets[0].tolist()
+        """(k, intervals): columns from a pulse to the last, those of the last first."""
+        self._cells = np.zeros((self.span + self._piece + 2, self.rows), np.float32)
+        """Maxima over the jitter, a ring: column c lies at c modulo the length."""
+        self._tail = np.zeros((self.rows, 0), np.float32)
+        self._searched = 0
+
+    def begin_at(self, column: int) -> None:
+        """Begin in mid-stream: the first column that will be pushed is this one."""
+        super().begin_at(column)
+        self._searched = self.columns
+
+    def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
+        reach, tail = self.reach, self._tail
+        if not self.columns and not tail.size:
+            # The very first columns have no past: zeros stand for it.
+            tail = np.zeros((self.rows, reach), np.float32)
+        block = np.concatenate((tail, power), axis=1)
+        columns = block.shape[1]
+        if columns <= 2 * reach:
+            self._tail = block
+            return []
+        largest = sliding_maximum(block.T, reach)
+        self._tail = block[:, columns - 2 * reach :].copy()
+        ring = self._cells
+        at = self.columns % len(ring)
+        before = min(len(largest), len(ring) - at)
+        ring[at : at + before] = largest[:before]
+        if before < len(largest):
+            ring[: len(largest) - before] = largest[before:]
+        self.columns += len(largest)
+        if self.columns > self._first_columns:
+            self.threshold = self._steady_threshold
+        return self._search_dense(noise)
+
+    def _search_dense(self, noise: NDArray[np.float32]) -> list[Candidate]:
+        """Every cell as the last pulse, every interval: for many pulses in a small volume.
+
+        Of the long past only columns where a pulse may lie are looked at: at K = 40 a third.
+        """
+        done, upto = self._searched, self.columns
+        self._searched = upto
+        if upto <= done:
+            return []
+        count = upto - done
+        weight = (1.0 / noise).astype(np.float32)
+        common = np.zeros((count, self.rows), np.float32)
+        totals = [np.zeros_like(common) for _ in self.intervals]
+        for backs in self._backs:
+            low, least = done - max(backs), min(backs)
+            columns = np.arange(low, upto - least)
+            cells = self._cells.take(columns, axis=0, mode="wrap")
+            cells *= weight
+            np.minimum(cells, np.float32(self.limit), out=cells)
+            if max(backs) == least:
+                common += cells
+                continue
+            for total, back in zip(totals, backs, strict=True):
+                at = done - back - low
+                total += cells[at : at + count]
+        found: list[Candidate] = []
+        for interval, total in zip(self.intervals, totals, strict=True):
+            total += common
+            largest = total.max(axis=0)
+            self.best = max(self.best, float(largest.max()) / self.threshold)
+            for row in np.flatnonzero(largest >= self.threshold * self.margin):
+                column = int(total[:, row].argmax())
+                found.append(
+                    Candidate(
+                        score=float(total[column, row]) / self.threshold,
+                        strength=float(total[column, row]),
+                        rate=self.rate,
+                        row=int(row),
+                        columns=tuple(
+                            done + column - (self.k - 1 - k) * float(interval)
+                            for k in range(self.k)
+                        ),
+                    )
+                )
+        return best_first(found)
