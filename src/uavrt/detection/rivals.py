@@ -110,7 +110,7 @@ def become(track: Track, rival: Track) -> None:
     track.variance, track.number = rival.variance, rival.number
     track.slots = rival.slots
     track.offset_hz, track.steady_hz = rival.offset_hz, rival.steady_hz
-    track.since_accepted = rival.since_accepted
+    track.since_accepted, track.trust = rival.since_accepted, rival.trust
     track.last_accepted_s = rival.last_accepted_s
     track.sequences = {}
     track.certain_s = track.time_s + _margin_s(track)

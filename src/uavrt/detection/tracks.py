@@ -21,6 +21,25 @@ FOLLOW_FALSE = 0.01
 """Chance that noise is taken as a pulse of a confirmed track, per K intervals."""
 COAST_PULSES = 10
 """Expected pulses without one accepted, after which a track is lost."""
+FIRST_TRUST = 3.0
+"""Log odds of a track just confirmed: three places without a pulse end it."""
+MOST_TRUST = 15.0
+"""Log odds of an old one: ten such places, as `COAST_PULSES`."""
+_TRUST_LOST = 1.4
+"""By a place without a pulse, however empty: one tag's pulse in four is faded."""
+_TRUST_WON = 4.0
+_VOUCHED_FROM = 6.0
+"""Of less trust, a track's pulses are accepted by their own power alone. What began a track of
+noise and confirmed it are its largest peaks of many: with these to vouch, a third of all places
+of noise passed."""
+_TOLD_BY_ONE = 8
+"""Most pulses of a decision of which a single one tells anything; of longer groups the sums."""
+_SAID_BY_POWER = (0.93, -1.9)
+"""Log-likelihood ratio of a pulse of 9 dB to none, by a cell's power: slope and value at zero
+of the straight line along log I0(2 sqrt(8 P)) - 8 from P = 4 to 14 (within 0.6)."""
+_MORE_CELLS = 5.0
+"""Cells of a window that noise is seen in at its best, to those of `volume`: every sample and
+every frequency is looked at, and the best is climbed to. Measured on the maxima of noise."""
 WEAKEST_POWER = 3.0
 """A pulse below this is not reported even as a member of a group: it is mostly noise."""
 WEAKEST_SHARE = 0.35
@@ -89,6 +108,8 @@ class Track:
     sequences: dict[int, int] = field(default_factory=dict)
     """Group sequence of each group of K lattice places."""
     last_accepted_s: float = 0.0
+    trust: float = MOST_TRUST
+    """Log odds that a confirmed track is a tag: raised by pulses, lowered by empty places."""
     rivals: "list[Track]" = field(default_factory=list)
     """The same transmitter at the tag's other rate, should it have switched (rivals.py)."""
     settled_s: float = -math.inf
@@ -205,6 +226,7 @@ class Track:
         del self.slots[: -max(2 * self.tag.k, 6)]
         power = slot.measured.power
         if self.confirmed:
+            self._weigh(slot)
             self._follow(slot)
         else:
             self._try_to_confirm(slot)
@@ -218,7 +240,7 @@ class Track:
             if self.confirmed and power > 4.0:
                 # Too weak to report, good enough to keep the phase from wandering.
                 self._correct(slot.time_s, power * 0.3)
-            if self.since_accepted > COAST_PULSES:
+            if self.since_accepted > COAST_PULSES or self.trust <= 0.0:
                 self.dead = True
 
     def skip(self) -> None:
@@ -233,14 +255,29 @@ class Track:
     def _try_to_confirm(self, slot: Slot) -> None:
         self.gained += min(slot.measured.power, 14.0)
         slot.state = "open"
-        if self.gained >= narrow_threshold(self.tested, _round(slot.volume), CONFIRM_FALSE):
+        short = self.tag.k <= _TOLD_BY_ONE
+        volume = _round(_MORE_CELLS * slot.volume if short else slot.volume)
+        limit = narrow_threshold(self.tested, volume, CONFIRM_FALSE)
+        if self.gained >= limit:
             self.confirmed = True
+            if short:
+                self.trust = min(MOST_TRUST, FIRST_TRUST + self.gained - limit)
             for other in self.slots:
                 if other.state == "open" and other.measured.power > WEAKEST_POWER:
                     other.state = "accepted"
                     self.last_accepted_s = other.time_s
         elif self.tested >= max(2, self.tag.k):
             self.dead = True
+
+    def _weigh(self, slot: Slot) -> None:
+        """Trust the track more, or less, for what was found at a place."""
+        if self.tag.k > _TOLD_BY_ONE:
+            return
+        slope, start = _SAID_BY_POWER
+        evidence = slope * slot.measured.power + start
+        evidence -= math.log(_MORE_CELLS * slot.volume)
+        self.trust += max(-_TRUST_LOST, min(_TRUST_WON, evidence))
+        self.trust = min(self.trust, MOST_TRUST)
 
     def _follow(self, slot: Slot) -> None:
         k = self.tag.k
@@ -249,7 +286,7 @@ class Track:
             slot.state = "accepted"
             self.last_accepted_s = slot.time_s
         recent = [s for s in self.slots if s.number > self.number - k]
-        if k == 1 or len(recent) < k:
+        if k == 1 or len(recent) < k or self.trust < _VOUCHED_FROM:
             return
         limit = narrow_threshold(k, _round(max(s.volume for s in recent)), FOLLOW_FALSE)
         for weak in recent:

@@ -2,10 +2,21 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from uavrt.detection import PulseDetector
-from uavrt.experiments.detection.interference import impulses
-from uavrt.experiments.detection.signals import START_NS, THESIS_TAG, noise
+from uavrt.detection import Counters, PulseDetector
+from uavrt.detection.cleaning import Cleaner
+from uavrt.detection.lines import LineCanceller
+from uavrt.detection.samples import SampleBuffer
+from uavrt.experiments.detection.interference import carrier, impulses
+from uavrt.experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    TruePulse,
+    add_pulse,
+    noise,
+)
 from uavrt.experiments.detection.trials import detect
 
 RATE_HZ = 3750.0
@@ -58,3 +69,50 @@ def test_serial_bursts_make_no_more_groups_than_noise(seed: int) -> None:
     pulses, detector = detect(samples, THESIS_TAG, frequency_window_hz=1e6)
     assert len(pulses) <= THESIS_TAG.k
     assert detector.counters.samples_blanked > 0.05 * len(samples)
+
+
+@given(
+    enr_db=st.floats(10.0, 70.0),
+    width_s=st.sampled_from([0.015, 0.02]),
+    offset_hz=st.floats(-1875.0, 1875.0),
+    at=st.floats(0.05, 0.35),
+    seed=st.integers(0, 2**32 - 1),
+)
+@settings(deadline=None, max_examples=60)
+def test_no_pulse_is_taken_for_a_burst_however_strong(
+    enr_db: float, width_s: float, offset_hz: float, at: float, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    counters = Counters()
+    cleaner = Cleaner(sample_rate_hz=RATE_HZ, pulse_width_s=0.02, counters=counters)
+    buffer = SampleBuffer(sample_rate_hz=RATE_HZ, keep=4000, tolerance_s=0.0025)
+    samples = noise(rng, 1600)
+    pulse = TruePulse(start_s=at, offset_hz=offset_hz, enr_db=enr_db)
+    add_pulse(samples, pulse, sample_rate_hz=RATE_HZ, width_s=width_s, phase=1.0)
+    before = samples.copy()
+    buffer.append(samples, START_NS)
+    cleaner.clean(buffer, 0, 800, renew=True)
+    cleaner.clean(buffer, 800, 1600 - cleaner.margin, renew=False)
+    assert counters.samples_blanked == 0
+    assert buffer.blanked == []
+    assert np.array_equal(buffer.view(0, 1600), before)
+
+
+def test_a_modulated_carrier_of_60_db_leaves_nothing_behind() -> None:
+    rng = np.random.default_rng(72)
+    count, step = 30 * 3750, 1632
+    samples = noise(rng, count) + carrier(
+        rng, count, offset_hz=500.0, level_db=60.0, modulation=0.3
+    )
+    canceller = LineCanceller(RATE_HZ)
+    for first in range(0, count, step):
+        new = samples[first : first + step]
+        before = samples[max(0, first - canceller.needed) : first]
+        canceller.find(before, new)
+        canceller.subtract(before, new)
+    settled = samples[4 * step :]
+    still = settled * np.exp(-2j * np.pi * 500.0 / RATE_HZ * np.arange(len(settled)))
+    sums = still[: len(still) // 75 * 75].reshape(-1, 75).sum(axis=1)
+    powers = np.abs(sums) ** 2 / 75.0
+    assert 0.5 < powers.mean() < 1.2
+    assert powers.max() < 14.0
