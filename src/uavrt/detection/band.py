@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.evidence import gate
 from uavrt.detection.grid import Grid, Spectrogram
 from uavrt.detection.noise import RowNoise
 from uavrt.detection.rates import make_searches
@@ -61,6 +62,8 @@ class SearchBand:
             circular=half_width_hz >= grid.sample_rate_hz / 2.0,
         )
         self._searches = make_searches(tag, grid, half_width_hz)
+        for search in self._searches:
+            search.margin = gate(search.k)
         self._learnt: list[NDArray[np.float32]] = []
         self._column = 0
         self._heard_s = 0.0
@@ -171,7 +174,9 @@ class SearchBand:
         if len(everything) >= 16:
             self._noise.start(everything)
             for search in self._searches:
-                search.margin = young_margin(search.threshold, self._noise.relative_error)
+                search.margin = gate(search.k) * young_margin(
+                    search.threshold, self._noise.relative_error
+                )
             if self._heard_s >= _YOUNG_NOISE_S:
                 self._learnt.clear()
 

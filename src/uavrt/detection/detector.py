@@ -301,6 +301,8 @@ class PulseDetector:
         for candidate in found:
             if self._judge.explained(candidate, search, taken, followed):
                 continue
+            if not self._judge.suffices(candidate, search, self._band.noise):
+                continue
             places = self._judge.measure(candidate, search, self._band.noise)
             if places is None:
                 continue
@@ -347,7 +349,9 @@ class PulseDetector:
         held: bool,
     ) -> None:
         """Begin a track with a group."""
-        track = Track(tag=self.tag, rate=candidate.rate, offset_hz=0.0, score=candidate.score)
+        track = Track(
+            tag=self.tag, rate=candidate.rate, offset_hz=0.0, score=max(1.0, candidate.score)
+        )
         track.begin(pulses)
         if self.operating_mode is not OperatingMode.ALL_NEVER_LOCK:
             owner = self._reporter.owner(self._tracks, self._home_hz, self._now_s())

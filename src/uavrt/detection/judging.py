@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.circle import apart_hz
+from uavrt.detection.evidence import Evidence, gate
 from uavrt.detection.grid import Grid
 from uavrt.detection.refine import TRACK_BAND_HZ, Measured, Refiner
 from uavrt.detection.rivals import log_evidence
@@ -39,6 +40,13 @@ class Judge:
         self._grid = grid
         self._buffer = buffer
         self._refiner = refiner
+        self._evidence = Evidence(tag, grid=grid, refiner=refiner)
+
+    def suffices(
+        self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
+    ) -> bool:
+        """Whether a candidate near the search's threshold is likelier than noise."""
+        return self._evidence.suffices(candidate, search, noise)
 
     def explained(
         self,
@@ -136,7 +144,7 @@ class Judge:
                 continue  # its samples are lost: nothing there, nothing beside it to compare
             local = pulse.power / pulse.contrast
             total += min(pulse.power / (local if local > 3.0 else 1.0), search.limit)
-        if total < search.threshold * 0.97:
+        if total < search.threshold * gate(search.k) * 0.97:
             return "no contrast with its surroundings"
         return None
 

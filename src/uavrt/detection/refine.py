@@ -157,6 +157,42 @@ class Refiner:
             for index in range(len(starts))
         ]
 
+    def powers(
+        self,
+        first: NDArray[np.int64],
+        count: int,
+        offset_hz: float,
+        half_band_hz: float,
+        frequencies: int,
+    ) -> tuple[NDArray[np.float64] | None, NDArray[np.int64]]:
+        """Matched-filter power at many starts and some frequencies.
+
+        Parameters
+        ----------
+        first : ndarray of int64, shape (pulses,)
+            First start of each pulse.
+        count : int
+            Starts of each.
+        offset_hz, half_band_hz : float
+        frequencies : int
+
+        Returns
+        -------
+        power : ndarray of float64, shape (pulses, frequencies, count), or None
+            None when fewer samples are kept than one such stretch.
+        shift : ndarray of int64, shape (pulses,)
+            How much later than asked each begins: a stretch that is not there is moved.
+        """
+        length = self._window + count - 1
+        latest = self.upto - length
+        if latest < self._buffer.start:
+            return None, np.zeros_like(first)
+        moved = np.clip(first, self._buffer.start, latest)
+        _, turns = _turns(
+            self._grid.sample_rate_hz, half_band_hz, frequencies, -(-length // 64) * 64
+        )
+        return self._filtered(moved, length, offset_hz, turns[:, :length]), moved - first
+
     def _filtered(
         self,
         first: NDArray[np.int64],
