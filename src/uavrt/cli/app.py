@@ -2,9 +2,10 @@
 
 import sys
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
 import uavrt
+from uavrt.cli.examples import examples
 from uavrt.errors import UavrtError
 
 COMMANDS = {
@@ -38,12 +39,29 @@ def make_app(*, summaries: bool = False) -> App:
         Describe each command by its line above; else by its own text, for which its module
         is imported.
     """
-    made = App(name="uavrt", help=uavrt.__doc__, version=uavrt.__version__)
+    made = App(
+        name="uavrt",
+        help=uavrt.__doc__,
+        version=uavrt.__version__,
+        default_parameter=Parameter(negative_iterable=(), show_default=_default),
+    )
     for place, (name, text) in enumerate(COMMANDS.items()):
+        below = examples(name)
+        more = {} if below is None else {"help_epilogue": below}
         made.command(
-            f"uavrt.cli.{name}:{name}", help=text if summaries else None, sort_key=place
+            f"uavrt.cli.{name}:{name}",
+            help=text if summaries else None,
+            sort_key=place,
+            **more,
         )
     return made
+
+
+def _default(value: object) -> str | None:
+    """Write a default for the help; that something is off or empty goes without saying."""
+    if value is None or value is False or value in ("", ()):
+        return None
+    return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
 app = make_app()
@@ -60,7 +78,19 @@ def main() -> None:
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)
+    except MemoryError:
+        print("uavrt: not enough memory. Do less at a time", file=sys.stderr)
+        sys.exit(2)
     except BrokenPipeError:
         # The reader of our output went away (`uavrt detect … | head`).
         sys.stderr.close()
         sys.exit(141)
+    except OSError as error:
+        # Where a place is not checked before: still no traceback for a full disk.
+        place = "" if error.filename is None else f"{error.filename}: "
+        print(
+            f"uavrt: {place}{error.strerror or error}. Check the name, the permissions and "
+            "the space left",
+            file=sys.stderr,
+        )
+        sys.exit(2)

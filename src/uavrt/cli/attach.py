@@ -6,6 +6,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from uavrt.cli.outputs import check_place, keep_inputs
+from uavrt.errors import ConfigError
+
+MOST_OFFSET_S = 1e9
+"""Thirty years: clocks that were never set begin in 1970, 1980 or 2000."""
+
 
 def attach(
     pulses: Path,
@@ -33,6 +39,16 @@ def attach(
     antenna
         Name of the antenna's pattern, for estimating the offset from powers.
     """
+    if clock_offset is not None and not abs(clock_offset) < MOST_OFFSET_S:
+        raise ConfigError(
+            f"a clock offset of {clock_offset:g} s", remedy="Give --clock-offset in seconds"
+        )
+    if not abs(yaw_offset) <= 360.0:
+        raise ConfigError(
+            f"a yaw offset of {yaw_offset:g}°", remedy="Give --yaw-offset from -360 to 360"
+        )
+    check_place(output, overwrite=True)
+    keep_inputs(output, (pulses, track))
     from uavrt.analysis.antenna_files import antenna_named
     from uavrt.analysis.tracks import ClockOffset, attach_poses, estimate_offset, read_track
     from uavrt.config.settings import AntennaSettings

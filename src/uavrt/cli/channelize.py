@@ -4,6 +4,7 @@
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
+import math
 import sys
 import time
 from contextlib import closing
@@ -76,6 +77,8 @@ def channelize(
         A file is played at so many times real time; 0: as fast as it can be read.
     """
     numbers = _numbers(channels)
+    if not 0.0 <= speed < math.inf:
+        raise ConfigError(f"a speed of {speed:g}", remedy="Give --speed of 0 or more")
     start_ns = start_time_ns(start_time)
     opened: SampleSource
     if is_udp_address(source):

@@ -9,6 +9,8 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
+from uavrt.cli.kinds import Port, Seed
+from uavrt.cli.outputs import check_place
 from uavrt.cli.screen import has_page, has_screen
 from uavrt.demo import run_demo
 
@@ -16,9 +18,9 @@ from uavrt.demo import run_demo
 def demo(
     *,
     duration: float = 120.0,
-    seed: int = 1,
+    seed: Seed = 1,
     flight_dir: Path = Path("flights"),
-    port: int = 0,
+    port: Port = 0,
     browser: bool = True,
     headless: Annotated[bool, Parameter(negative="")] = False,
     picture: Path | None = None,
@@ -49,6 +51,8 @@ def demo(
     json_summary
         Print one JSON object as the last line.
     """
+    if picture is not None:
+        check_place(picture, overwrite=True)
     console = None if headless else Console(stderr=json_summary)
     summary = run_demo(
         duration_s=duration,

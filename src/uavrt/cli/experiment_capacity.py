@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
+from uavrt.cli.outputs import check_place
 from uavrt.errors import ConfigError
 from uavrt.experiments.capacity import (
     COUNTS,
@@ -53,6 +54,12 @@ def capacity(
         raise ConfigError(
             "both ends of the way are needed", remedy="Give --link and --ground-link"
         )
+    if min(counts, default=0) < 1:
+        raise ConfigError("a series of no packets", remedy="Give --counts of 1 or more")
+    if picture is not None:
+        check_place(picture, overwrite=True)
+        if picture.suffix.lower() not in (".png", ".svg", ".pdf"):
+            raise ConfigError(f"{picture} is no picture", remedy="Name it .png or .svg")
     rows = [model_row(count, gap_ms) for count in counts for gap_ms in GAPS_MS]
     ours = [our_sender_row(count, gap_s) for count in counts for gap_s in (0.012, 0.020)]
     real: list[LinkRow] = []

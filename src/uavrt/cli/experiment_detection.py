@@ -14,6 +14,8 @@ from cyclopts import Parameter
 
 import uavrt
 import uavrt.cli.one_thread  # before numpy is imported
+from uavrt.cli.kinds import Seed
+from uavrt.cli.outputs import make_directory
 from uavrt.errors import UsageError
 
 if TYPE_CHECKING:
@@ -27,7 +29,7 @@ def detection(
     *,
     only: str | None = None,
     trials: int = 50,
-    seed: int = 1,
+    seed: Seed = 1,
     workers: int | None = None,
     output_dir: Path = Path("detection-experiment"),
     plots: bool = True,
@@ -74,6 +76,7 @@ def detection(
         raise UsageError("nothing to do", remedy="Give --trials and --workers of 1 or more")
     if plots:
         require_matplotlib()
+    make_directory(output_dir, "--output-dir")
     earlier = read_results(output_dir / RESULTS)
     with _progress() as on_progress:
         rows = run_experiments(

@@ -4,9 +4,12 @@ import csv
 import sys
 from pathlib import Path
 
+from uavrt.cli.kinds import Seed
+from uavrt.cli.outputs import check_place
+
 
 def localization(
-    *, runs: int = 300, seed: int = 1, only: str | None = None, output: Path | None = None
+    *, runs: int = 300, seed: Seed = 1, only: str | None = None, output: Path | None = None
 ) -> None:
     """Measure bearings and positions against their bars and the bounds of theory.
 
@@ -34,6 +37,8 @@ def localization(
     if not chosen:
         known = ", ".join(EXPERIMENTS)
         raise UsageError(f"there is no experiment {only}", remedy=f"Known are {known}")
+    if output is not None:
+        check_place(output, overwrite=True)
     results: list[Result] = []
     for name, experiment in chosen.items():
         print(f"{name} …", file=sys.stderr)

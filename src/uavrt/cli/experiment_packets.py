@@ -10,9 +10,11 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
+from uavrt.cli.kinds import Seed
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError, UsageError
 from uavrt.experiments.packets import Match, ModelRow, fly, match_logs, model_rows
+from uavrt.recording import require_writable
 
 
 def packets(
@@ -21,7 +23,7 @@ def packets(
     *,
     duration: float = 30.0,
     loss: float = 0.0,
-    seed: int = 1,
+    seed: Seed = 1,
     model_only: Annotated[bool, Parameter(name="--model", negative="")] = False,
     flight_dir: Path = Path("flights"),
     json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
@@ -60,6 +62,8 @@ def packets(
             f"{duration:g} minutes at a loss of {loss:g} cannot be flown",
             remedy="Give --duration above 0 and --loss from 0 to below 1; 0.2 is 20 %",
         )
+    if onboard is None and not model_only:
+        require_writable(flight_dir)
     flights: dict[str, Match] = {}
     rows: list[ModelRow] = []
     if onboard is not None and ground is not None:

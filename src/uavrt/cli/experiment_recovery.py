@@ -8,8 +8,10 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
+from uavrt.cli.kinds import Seed
 from uavrt.errors import UsageError
 from uavrt.experiments.recovery import Plan, run_recovery
+from uavrt.recording import require_writable
 
 
 def recovery(
@@ -17,7 +19,7 @@ def recovery(
     kills: int = 50,
     supervisor_kills: int = 5,
     power_cuts: int = 100,
-    seed: int = 1,
+    seed: Seed = 1,
     flight_dir: Path = Path("flights"),
     json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
@@ -45,6 +47,7 @@ def recovery(
             "nothing is killed less than no times",
             remedy="Give --kills, --supervisor-kills and --power-cuts of 0 or more",
         )
+    require_writable(flight_dir)
     console = Console(stderr=True)
     plan = Plan(
         kills=kills, supervisor_kills=supervisor_kills, power_cuts=power_cuts, seed=seed

@@ -6,6 +6,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from uavrt.cli.kinds import Seed
+from uavrt.cli.outputs import check_place
 from uavrt.errors import UsageError
 
 
@@ -17,7 +19,7 @@ def rotation(
     antenna: str = "RA-23K",
     walls: int = 200,
     sample_rate: float = 15_000.0,
-    seed: int = 1,
+    seed: Seed = 1,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
     """Repeat the thesis's rotation test and say where its 50 degrees came from.
@@ -44,6 +46,12 @@ def rotation(
     """
     if walls < 1:
         raise UsageError(f"{walls} walls reflect nothing", remedy="Give --walls of 1 or more")
+    if not 3000.0 <= sample_rate <= 24e6:
+        raise UsageError(
+            f"a radio of {sample_rate:g} samples a second", remedy="Give --sample-rate 15000"
+        )
+    if output is not None:
+        check_place(output, overwrite=True)
     if flight is not None:
         _real(flight, bearing, start_heading, antenna, output)
         return

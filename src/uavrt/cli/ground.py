@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from uavrt.cli.kinds import Port
 from uavrt.cli.screen import has_screen
 from uavrt.config import read_tags
 from uavrt.errors import ConfigError
@@ -35,7 +36,7 @@ def ground(
     json_lines: Annotated[bool, Parameter(name="--json", negative="")] = False,
     headless: Flag = False,
     page: Flag = False,
-    port: int = 8650,
+    port: Port = 8650,
     browser: bool = True,
     listen: str = "127.0.0.1",
     host_name: tuple[str, ...] = (),

@@ -63,6 +63,25 @@ def check_place(output: Path, *, overwrite: bool = False) -> None:
         raise ConfigError(f"{output} cannot be written", remedy="Choose another place")
 
 
+def make_directory(path: Path, option: str) -> None:
+    """Make a directory to write into, before the work that fills it.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be made, or not written; `option` is what it was named by.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(
+            f"{path} cannot be made: {error.strerror}",
+            remedy=f"Give {option} a directory that can be written",
+        ) from error
+    if not os.access(path, os.W_OK):
+        raise ConfigError(f"{path} cannot be written", remedy=f"Give {option} another place")
+
+
 def _with_its_other_half(path: Path) -> tuple[Path, ...]:
     stem = path.with_suffix("") if path.suffix.startswith(".sigmf") else path
     return path, Path(f"{stem}.sigmf-meta"), Path(f"{stem}.sigmf-data")

@@ -9,6 +9,7 @@ from typing import Annotated
 import msgspec
 from cyclopts import Parameter
 
+from uavrt.cli.kinds import Port
 from uavrt.cli.run_ground import run_both, with_local_link
 from uavrt.config import load_settings, read_tags
 from uavrt.config.settings import Settings
@@ -29,7 +30,7 @@ def run(
     flight_dir: Path | None = None,
     tags: Path | None = None,
     ground: Annotated[bool, Parameter(negative="")] = False,
-    ground_port: int = 8650,
+    ground_port: Port = 8650,
     browser: bool = True,
 ) -> None:
     """Run the drone side: radio, detectors, autopilot, recorder, all supervised.

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from uavrt.cli.examples import examples
 from uavrt.computer import ServicePlan
 from uavrt.computer import install as install_service
 from uavrt.computer import remove as remove_service
@@ -20,7 +21,7 @@ service = App(
 ROOT = Path("/")
 
 
-@service.command
+@service.command(help_epilogue=examples("service install"))
 def install(
     *,
     user: str | None = None,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
+from uavrt.cli.examples import examples
 from uavrt.cli.outputs import check_place, keep_inputs
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError
@@ -21,7 +22,7 @@ tags = App(
 )
 
 
-@tags.command
+@tags.command(help_epilogue=examples("tags check"))
 def check(file: Path) -> None:
     """Say what a tag file holds, or everything that is wrong with it.
 
@@ -38,7 +39,7 @@ def check(file: Path) -> None:
     print(f"{file}: {len(found)} tag(s), no fault")
 
 
-@tags.command
+@tags.command(help_epilogue=examples("tags convert"))
 def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     """Write the tags of one file in the format of another; the name tells: .toml or .txt.
 
@@ -62,7 +63,7 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
         print(f"The names of {named} tag(s) are left out: TagInfo.txt has no place for them")
 
 
-@tags.command
+@tags.command(help_epilogue=examples("tags measure"))
 def measure(
     recording: Path,
     *,

@@ -152,8 +152,8 @@ def remove(root: Path = Path("/")) -> list[str]:
             (root / path).unlink()
         except FileNotFoundError:
             continue
-        except PermissionError as error:
-            raise _not_allowed(root / path) from error
+        except OSError as error:
+            raise _not_allowed(root / path, error) from error
         done.append(f"removed {root / path}")
     if root == Path("/"):
         done += _call(("systemctl", "daemon-reload"), ("udevadm", "control", "--reload"))
@@ -183,8 +183,8 @@ def _write(path: Path, text: str) -> str:
             return f"{path} is up to date"
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text_atomically(path, text)
-    except PermissionError as error:
-        raise _not_allowed(path) from error
+    except OSError as error:
+        raise _not_allowed(path, error) from error
     return f"wrote {path}"
 
 
@@ -196,13 +196,14 @@ def _link(path: Path, target: str) -> str:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.unlink(missing_ok=True)
         path.symlink_to(target)
-    except PermissionError as error:
-        raise _not_allowed(path) from error
+    except OSError as error:
+        raise _not_allowed(path, error) from error
     return f"{UNIT} will start at boot"
 
 
-def _not_allowed(path: Path) -> UsageError:
-    return UsageError(f"{path} cannot be written", remedy="Run it with sudo")
+def _not_allowed(path: Path, error: OSError) -> UsageError:
+    remedy = "Run it with sudo" if isinstance(error, PermissionError) else "Check --root"
+    return UsageError(f"{path} cannot be written: {error.strerror}", remedy=remedy)
 
 
 def _call(*commands: Sequence[str]) -> list[str]:

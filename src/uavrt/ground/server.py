@@ -5,6 +5,7 @@ Imported only for ``uavrt ground`` with a page: it needs the extra ``uavrt[groun
 
 import contextlib
 import socket
+import ssl
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ from starlette.responses import HTMLResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 
-from uavrt.errors import LinkError
+from uavrt.errors import ConfigError, LinkError
 from uavrt.ground.api import Api, answered
 from uavrt.ground.api_extra import ExtraApi
 from uavrt.ground.guard import Guard
@@ -55,7 +56,10 @@ def listening_socket(settings: ServerSettings) -> socket.socket:
     ------
     LinkError
         The port is in use, or the address is not of this computer.
+    ConfigError
+        The certificate is none.
     """
+    _check_certificate(settings)
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     sock = socket.socket(family, socket.SOCK_STREAM)
     try:
@@ -72,6 +76,25 @@ def listening_socket(settings: ServerSettings) -> socket.socket:
             remedy="Another ground station may run; open its page, or give --port",
         ) from error
     return sock
+
+
+def _check_certificate(settings: ServerSettings) -> None:
+    """Refuse a certificate or key that cannot be used, before anything starts."""
+    if settings.certificate is None:
+        if settings.key is not None:
+            raise ConfigError("a key without a certificate", remedy="Give --certificate, too")
+        return
+    for path in (settings.certificate, settings.key):
+        if path is not None and not path.is_file():
+            raise ConfigError(f"there is no file {path}", remedy="Check the name")
+    try:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(settings.certificate, settings.key)
+    except OSError as error:
+        raise ConfigError(
+            f"{settings.certificate} is no certificate (PEM) with its key",
+            remedy="Give the certificate with --certificate, and its key with --key",
+        ) from error
 
 
 class PageServer(uvicorn.Server):

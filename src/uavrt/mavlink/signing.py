@@ -72,7 +72,12 @@ def read_signing_key(path: str | Path) -> SigningKey:
     """
     try:
         secret = bytes.fromhex(Path(path).read_text("ascii").strip())
-    except (OSError, ValueError):
+    except OSError as error:
+        raise ConfigError(
+            f"cannot read the signing key {path}: {error.strerror}",
+            remedy="`openssl rand -hex 32 > FILE` makes one",
+        ) from error
+    except ValueError:
         secret = b""
     if len(secret) != KEY_SIZE:
         raise ConfigError(

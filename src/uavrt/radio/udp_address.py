@@ -60,7 +60,9 @@ def listen(host: str, port: int) -> list[socket.socket]:
                 (socket.AF_INET6, ("::1", port, 0, 0)),
             }
     except OSError as error:
-        raise RadioError(f"no address {host}: {error.strerror}") from error
+        raise RadioError(
+            f"no address {host}: {error.strerror}", remedy="Check the name, or write numbers"
+        ) from error
     sockets: list[socket.socket] = []
     fault: OSError | None = None
     for family, address in sorted(places, key=str):
@@ -106,7 +108,9 @@ def send_socket(host: str) -> socket.socket:
     try:
         family = socket.getaddrinfo(host, 0, type=socket.SOCK_DGRAM)[0][0]
     except OSError as error:
-        raise RadioError(f"no address {host}: {error.strerror}") from error
+        raise RadioError(
+            f"no address {host}: {error.strerror}", remedy="Check the name, or write numbers"
+        ) from error
     sock = socket.socket(family, socket.SOCK_DGRAM)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
     sock.setblocking(False)

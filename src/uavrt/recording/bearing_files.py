@@ -61,7 +61,8 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
         except (ValueError, IndexError) as error:
             raise FormatError(
                 f"{name} line {number} is not a bearing: {error}",
-                remedy="A bearings.csv has 10 columns: tag, file, bearing, tau, latitude, …",
+                remedy="Give a flight directory, or a bearings.csv with its 10 columns: tag, "
+                "file, bearing, tau, latitude, …",
             ) from None
     return tuple(rows)
 

@@ -95,7 +95,7 @@ def simulate_to_directory(
         return _record(synthesizer, base, total, sample_format, on_progress)
     except OSError as error:
         raise RecordingError(
-            f"the simulation cannot be written to {base}: {error}",
+            f"the simulation cannot be written to {base}: {error.strerror}",
             remedy="Choose a directory that can be written and has space",
         ) from error
 

@@ -28,8 +28,9 @@ def load_scenario(path: str | Path) -> Scenario:
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "not text in UTF-8"
         raise ConfigError(
-            f"the scenario {path} cannot be read: {error}",
+            f"the scenario {path} cannot be read: {why}",
             remedy="Name an existing TOML file, or 'demo' for the built-in world",
         ) from error
     return parse_scenario(text, source=str(path))

@@ -57,7 +57,12 @@ def read_key(path: str | Path) -> Key:
     """
     try:
         secret = bytes.fromhex(Path(path).read_text("ascii").strip())
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise ConfigError(
+            f"cannot read the key file {path}: {error.strerror}",
+            remedy="`openssl rand -hex 32 > FILE` makes one",
+        ) from error
+    except ValueError as error:
         raise ConfigError(
             f"{path} is no key file", remedy="`openssl rand -hex 32 > FILE` makes one"
         ) from error

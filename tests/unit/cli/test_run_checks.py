@@ -19,8 +19,8 @@ def settings(**mavlink: Any) -> Settings:
     ("mavlink", "words"),
     [
         ({"address": "udp:14540"}, "no MAVLink address"),
-        ({"key_file": "/nowhere/key"}, "no key file"),
-        ({"signing_key_file": "/nowhere/key"}, "no signing key"),
+        ({"key_file": "/nowhere/key"}, "cannot read the key file"),
+        ({"signing_key_file": "/nowhere/key"}, "cannot read the signing key"),
         ({"tunnel_generation": "G2"}, "inferred, not seen"),
     ],
 )

@@ -1,5 +1,6 @@
 """Replace a small file as a whole: nobody ever reads half of it."""
 
+import contextlib
 import os
 from pathlib import Path
 
@@ -22,7 +23,8 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
         beside.write_bytes(data)
         os.replace(beside, target)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
         raise RecordingError(
             f"cannot write {target}: {error.strerror}",
             remedy="Name a place that can be written, with space left",

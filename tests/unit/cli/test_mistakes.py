@@ -1,0 +1,146 @@
+"""Whatever a command is given: one clear line with the remedy, status 2, no traceback.
+
+In this process, for speed; `test_wrong_inputs` does the same with real ones.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pulses import pulse_at
+
+from uavrt.cli import main
+from uavrt.recording import PulseWriter
+
+TAG = "2, 148710000, 1254, 20, 60, 10, 3, 0.005\n"
+RADIO = "--sample-rate 250e3 --center-frequency 148.7e6"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(1)
+    noise = 0.01 * rng.standard_normal(2 * 25_000).astype("<f4")
+    (tmp_path / "a.cf32").write_bytes(noise.tobytes())
+    (tmp_path / "junk").write_bytes(rng.bytes(3000))
+    (tmp_path / "junk.toml").write_bytes(rng.bytes(3000))
+    (tmp_path / "empty").touch()
+    (tmp_path / "tags.txt").write_text(TAG)
+    with (tmp_path / "pulses.jsonl").open("w") as stream:
+        PulseWriter(stream, "jsonl").write(pulse_at(1_700_000_001_000_000_000))
+    (tmp_path / "place").mkdir()
+    return tmp_path
+
+
+def run(line: str) -> int:
+    """Run the command line; return its exit status."""
+    before = sys.argv
+    sys.argv = ["uavrt", *line.split()]
+    try:
+        main()
+    except SystemExit as end:
+        return int(end.code or 0)
+    finally:
+        sys.argv = before
+    return 0
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("tags measure nowhere.cf32", "Check the path"),
+        (f"tags measure a.cf32 {RADIO} --id -3", "--id"),
+        (f"tags measure a.cf32 {RADIO} --id 5000000000", "--id"),
+        (f"tags measure a.cf32 {RADIO} --frequency nan", "--frequency"),
+        (f"tags measure a.cf32 {RADIO} --window nan", "--window"),
+        (f"tags measure a.cf32 {RADIO} -o no/such.toml", "no"),
+        (f"tags measure a.cf32 {RADIO} -o place", "directory"),
+        (f"tags measure a.cf32 {RADIO} -o a.cf32 --overwrite", "another name"),
+        (f"tags measure a.cf32 {RADIO}", "at least ten pulses"),
+        ("tags measure junk --format cf32 --sample-rate 250e3 --center-frequency 1e8", "big"),
+        ("tags convert tags.txt place --overwrite", "directory"),
+        ("tags convert tags.txt no/such.toml", "Make it"),
+        ("attach pulses.jsonl junk -o pulses.jsonl", "another name"),
+        ("attach pulses.jsonl junk -o junk", "another name"),
+        ("attach pulses.jsonl junk -o place", "directory"),
+        ("attach pulses.jsonl junk -o x.csv --clock-offset nan", "--clock-offset"),
+        ("attach pulses.jsonl junk -o x.csv --clock-offset 1e30", "--clock-offset"),
+        ("attach pulses.jsonl junk -o x.csv --yaw-offset nan", "--yaw-offset"),
+        ("report pulses.jsonl --no-pdf -o tags.txt", "cannot write"),
+        ("export pulses.jsonl -o tags.txt", "cannot write"),
+        ("localize pulses.jsonl", "flight directory"),
+        ("bearing junk", "Known are"),
+        ("simulate nowhere -o world", "No such file"),
+        ("simulate junk.toml -o world", "UTF-8"),
+        ("simulate demo -o tags.txt --duration 1", "Choose a directory"),
+        ("fetch ../../etc/passwd", ".."),
+        ("fetch --timeout nan", "--timeout"),
+        ("fetch --signing-key nowhere", "No such file"),
+        ("fetch --signing-key junk", "64 hexadecimal"),
+        ("ground --command-key nowhere", "No such file"),
+        ("ground --port 99999", "--port"),
+        ("ground --no-browser --port 0 -o flights --certificate nowhere", "nowhere"),
+        ("ground --no-browser --port 0 -o flights --certificate junk --key junk", "PEM"),
+        ("ground --no-browser --port 0 -o flights --key junk", "--certificate"),
+        ("run --ground --ground-port -1", "--ground-port"),
+        ("demo --port 99999", "--port"),
+        ("demo --seed -1", "--seed"),
+        ("demo --headless --picture no/such.svg", "no"),
+        ("service install --root tags.txt", "--root"),
+        ("experiment detection --seed -1", "--seed"),
+        ("experiment detection --output-dir tags.txt --no-plots", "--output-dir"),
+        ("experiment localization --output no/such.csv", "no"),
+        ("experiment rotation --sample-rate -1", "--sample-rate"),
+        ("experiment rotation -o place", "directory"),
+        ("experiment capacity --counts 0", "--counts"),
+        ("experiment capacity --plot picture.doc", ".png"),
+        ("experiment packets --flight-dir tags.txt", "--flight-dir"),
+        ("experiment recovery --flight-dir tags.txt", "--flight-dir"),
+        ("channelize udp://192.0.2.1:10000", "of this computer"),
+        (f"channelize a.cf32 {RADIO} --speed nan", "--speed"),
+        (f"channelize a.cf32 {RADIO} --speed -1", "--speed"),
+        (f"channelize a.cf32 {RADIO} --host nowhere.invalid --channels 1", "Check the name"),
+    ],
+)
+def test_a_mistake_is_told_with_what_to_do(
+    folder: Path, capsys: pytest.CaptureFixture[str], line: str, says: str
+) -> None:
+    kept = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    assert run(line) == 2
+    said = capsys.readouterr()
+    assert says in said.err + said.out
+    assert "Traceback" not in said.err
+    assert "Errno" not in said.err
+    assert {path: path.read_bytes() for path in kept} == kept
+
+
+def test_each_command_says_what_it_does_and_shows_how(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from uavrt.cli.app import COMMANDS
+
+    monkeypatch.setenv("COLUMNS", "120")
+    for name in COMMANDS:
+        assert run(f"{name} --help") == 0
+        said = capsys.readouterr().out
+        # Commands with commands of their own show examples with these.
+        assert "Examples:" in said or "COMMAND" in said, name
+        assert "--empty-" not in said
+        assert "default: False" not in said
+        assert "default: ()" not in said
+
+
+def test_every_example_is_a_command_with_options_that_exist(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from uavrt.cli.examples import EXAMPLES
+
+    for name, lines in EXAMPLES.items():
+        assert run(f"{name} --help") == 0
+        known = capsys.readouterr().out
+        for line in lines:
+            assert f"uavrt {name}" in line or line.endswith("|")
+            words = line.partition("#")[0].rpartition(f"uavrt {name}")[2].split()
+            for word in words if not line.endswith("|") else ():
+                assert not word.startswith("-") or word == "-" or word in known, (name, word)
