@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from uavrt.heap import HeapKeeper
+from uavrt.heap import HeapKeeper, fill_pools
 
 BUSY_MOMENT = """
 import os
@@ -48,3 +48,16 @@ def test_tuples_that_python_keeps_for_later_are_freed() -> None:
     before = sys.getallocatedblocks()
     HeapKeeper(0.0).keep(60.0)
     assert before - sys.getallocatedblocks() > 1_500
+
+
+def test_after_a_filling_new_objects_stay_together() -> None:
+    def pools_of_new_ones() -> int:
+        new = [bytes(100) for _ in range(200)]
+        return len({id(one) // 16_384 for one in new})
+
+    old: list[bytes | None] = [bytes(100) for _ in range(20_000)]
+    old[::20] = [None] * 1_000  # five places in each pool
+    assert pools_of_new_ones() > 20
+    filling = fill_pools()
+    assert pools_of_new_ones() <= 4
+    assert len(filling) > 1_000

@@ -39,7 +39,7 @@ def load_settings(path: str | os.PathLike[str]) -> Settings:
     except OSError as error:
         raise ConfigError(
             f"cannot read the settings {name}: {error.strerror}",
-            remedy="`uavrt run --help` shows how to write a file of defaults",
+            remedy="Check the name; without --config the defaults hold",
         ) from error
     return parse_settings(content, name=name)
 

@@ -165,6 +165,7 @@ def main() -> None:
     """Import, serve, and in a forked process run its main."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sock = socket.socket(fileno=int(os.environ.pop(NURSERY_VARIABLE)))
+    from uavrt.heap import fill_pools
     from uavrt.ipc.parent import die_with_parent
 
     die_with_parent()
@@ -172,6 +173,7 @@ def main() -> None:
         with suppress(Exception):  # the process itself will say what is wrong
             importlib.import_module(module)
     gc.collect()
+    filling = fill_pools()
     gc.freeze()
     sock.send(b"{}")
     birth = serve(sock)
@@ -179,6 +181,7 @@ def main() -> None:
     if birth is not None:
         become(birth)
         importlib.import_module(birth.request["module"]).main()
+    del filling  # until now: what it fills must not become free
 
 
 if __name__ == "__main__":
