@@ -37,9 +37,9 @@ _GATE = 0.9
 _SURE_SCORE = 1.2
 """From here on nothing needs to be weighed: two cells at their limit, a third above noise."""
 _FIRST_SHARE = 0.8
-_FACTOR_LOG = {3: -3.84}
+_FACTOR_LOG = {3: -3.7}
 """Logarithm of the groups of noise at a bound of one for each lattice, by K: calibrated."""
-_SLOPE = 1.25
+_SLOPE = 1.2
 """The limit makes the tail longer than one over the bound: calibrated."""
 
 
