@@ -9,14 +9,17 @@ import type { BearingRecord, PositionRecord } from "./types";
 export type Feature = GeoJSON.Feature;
 
 const RAY_M = 900;
+const COLUMNS = ["lat", "lon", "snr", "tag", "height"] as const;
+type Five = [Float64Array, Float64Array, Float64Array, Float64Array, Float64Array];
+/** Pulses in a row whose mean is the strongest signal, as in the report: one alone is luck. */
+const IN_A_ROW = 6;
 
 export function pulseFeatures(from: number, to: number): GeoJSON.FeatureCollection {
-  const [lat, lon, snr, tag] = (["lat", "lon", "snr", "tag"] as const).map((name) =>
-    store.pulses.get(name),
-  ) as [Float64Array, Float64Array, Float64Array, Float64Array];
+  const [lat, lon, snr, tag, height] = COLUMNS.map((name) => store.pulses.get(name)) as Five;
   const features: Feature[] = [];
   for (let place = from; place < to; place += 1) {
     if (!Number.isFinite(lat[place]!) || store.hidden.has(tag[place]!)) continue;
+    if (!store.within(height[place]!)) continue;
     const value = snr[place]!;
     features.push(point([lon[place]!, lat[place]!], { snr: Number.isFinite(value) ? value : 0 }));
   }
@@ -29,9 +32,7 @@ export function pulseFeatures(from: number, to: number): GeoJSON.FeatureCollecti
  * one pass over typed arrays.
  */
 export function clusterFeatures(count: number, bounds: LngLatBounds, zoom: number, cellPx: number): GeoJSON.FeatureCollection {
-  const [lat, lon, snr, tag] = (["lat", "lon", "snr", "tag"] as const).map((name) =>
-    store.pulses.get(name),
-  ) as [Float64Array, Float64Array, Float64Array, Float64Array];
+  const [lat, lon, snr, tag, height] = COLUMNS.map((name) => store.pulses.get(name)) as Five;
   const [west, south, east, north] = [bounds.getWest(), bounds.getSouth(), bounds.getEast(), bounds.getNorth()];
   const [wide, high] = [east - west, north - south];
   const lonStep = (cellPx * 360) / (512 * 2 ** zoom);
@@ -42,11 +43,12 @@ export function clusterFeatures(count: number, bounds: LngLatBounds, zoom: numbe
   const counts = new Uint32Array(columns * rows);
   const cells: number[] = [];
   const hidden = store.hidden.size > 0 ? store.hidden : null;
+  const layer = store.heights !== null;
   for (let place = 0; place < count; place += 1) {
     const column = Math.floor((lon[place]! - west + wide) / lonStep);
     const row = Math.floor((lat[place]! - south + high) / latStep);
     if (!(column >= 0 && column < columns && row >= 0 && row < rows)) continue;
-    if (hidden?.has(tag[place]!)) continue;
+    if (hidden?.has(tag[place]!) || (layer && !store.within(height[place]!))) continue;
     const cell = row * columns + column;
     if (counts[cell] === 0) cells.push(cell);
     counts[cell]! += 1;
@@ -130,18 +132,19 @@ export function regionsOf(one: PositionRecord): Feature[] {
   }));
 }
 
-/** Where the strongest pulse of a tag was heard, as far as the replay goes. */
-export function strongestPulse(id: number): LonLat | null {
-  const [tag, snr, lat, lon] = (["tag", "snr", "lat", "lon"] as const).map((name) => store.pulses.get(name)) as [
-    Float64Array,
-    Float64Array,
-    Float64Array,
-    Float64Array,
-  ];
-  let best = -1;
+/** Where a tag was strongest, six pulses in a row averaged, as far as the replay goes. */
+export function strongestSignal(id: number): LonLat | null {
+  const [lat, lon, snr, tag, height] = COLUMNS.map((name) => store.pulses.get(name)) as Five;
+  const mine: number[] = [];
   for (let place = 0; place < store.shown(); place += 1) {
-    if (tag[place] !== id || !Number.isFinite(lat[place]!)) continue;
-    if (best < 0 || snr[place]! > snr[best]!) best = place;
+    if (tag[place] !== id || !Number.isFinite(lat[place]!) || !Number.isFinite(snr[place]!)) continue;
+    if (store.within(height[place]!)) mine.push(place);
   }
+  const row = Math.min(IN_A_ROW, mine.length);
+  let [best, most, sum] = [-1, -Infinity, 0];
+  mine.forEach((place, number) => {
+    sum += snr[place]! - (number >= row ? snr[mine[number - row]!]! : 0);
+    if (number >= row - 1 && sum > most) [best, most] = [mine[number - (row >> 1)]!, sum];
+  });
   return best < 0 ? null : [lon[best]!, lat[best]!];
 }

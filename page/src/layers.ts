@@ -1,9 +1,11 @@
 /** Beside the map: what is drawn on it, on which ground, and what the colours mean. */
 
 import { gradient, SNR_HIGH, SNR_LOW } from "./colour";
-import { by, h } from "./dom";
-import type { Layers, MapView } from "./map";
+import { by, fill, h } from "./dom";
+import type { MapView } from "./map";
+import type { Layers } from "./maplayers";
 import { store } from "./store";
+import { type Heights, heightBands } from "./surface";
 import type { Choices } from "./types";
 
 let view: MapView;
@@ -47,9 +49,10 @@ export function layerBox(made: MapView): HTMLElement {
   });
   return h(
     "details",
-    { class: "layers" },
+    { class: "layers", ontoggle: offerHeights },
     h("summary", {}, "Layers"),
     ...boxes,
+    h("label", { id: "heights-label", class: "basemap", hidden: true }, "Heights", h("select", { id: "heights", onchange: chooseHeights })),
     h("label", { class: "basemap" }, "Map", h("select", { id: "basemap" }, h("option", { value: "" }, "none: grid"))),
     h(
       "div",
@@ -58,6 +61,31 @@ export function layerBox(made: MapView): HTMLElement {
       h("button", { id: "follow", onclick: toggleFollow, "aria-pressed": "true" }, "Follow"),
     ),
   );
+}
+
+let bands: Heights[] = [];
+
+/** When the box is opened: the layers of height that were flown, where there are several. */
+export function offerHeights(): void {
+  const { count } = store.pulses;
+  bands = count ? heightBands(store.pulses.get("height").slice(0, count)) : [];
+  by("heights-label").hidden = bands.length < 2;
+  const select = by("heights") as HTMLSelectElement;
+  fill(
+    select,
+    h("option", { value: "" }, "all"),
+    ...bands.map(([low, high], number) =>
+      h("option", { value: String(number) }, `${Math.round(low)}–${Math.round(high)}\u202fm`),
+    ),
+  );
+  const chosen = bands.findIndex(([low, high]) => low === store.heights?.[0] && high === store.heights[1]);
+  select.value = chosen < 0 ? "" : String(chosen);
+  if (chosen < 0 && store.heights !== null) store.setHeights(null);
+}
+
+function chooseHeights(): void {
+  const { value } = by("heights") as HTMLSelectElement;
+  store.setHeights(value === "" ? null : bands[Number(value)]!);
 }
 
 function toggleFollow(): void {

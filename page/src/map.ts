@@ -22,16 +22,17 @@ import {
   rayOf,
   regionsOf,
   stationOf,
-  strongestPulse,
+  strongestSignal,
   wedgeOf,
 } from "./features";
 import type { LonLat } from "./geo";
 import { Graticule } from "./graticule";
 import { vectorLayers } from "./basemap";
 import { droneElement, fixElement, max, min, onBoardElement, rgb, roseElement } from "./markers";
-import { WARM, WARM_MS, addFlightLayers, blank, dark, ground } from "./maplayers";
+import { AT_FIRST, type Layers, WARM, WARM_MS, addFlightLayers, blank, dark, ground } from "./maplayers";
 import { Pace } from "./pace";
 import { store } from "./store";
+import { StrengthLayer } from "./surface";
 import type { MapFile, PositionRecord } from "./types";
 
 /** Above this many, pulses are drawn in clusters: one for each cell of the screen. */
@@ -52,25 +53,9 @@ const SOURCES = [
 ];
 const EMPTY: GeoJSON.FeatureCollection = { type: "FeatureCollection", features: [] };
 
-export interface Layers {
-  track: boolean;
-  pulses: boolean;
-  rose: boolean;
-  bearings: boolean;
-  regions: boolean;
-  strength: boolean;
-}
-
 export class MapView {
   readonly map: MapLibre;
-  readonly layers: Layers = {
-    track: true,
-    pulses: true,
-    rose: true,
-    bearings: true,
-    regions: true,
-    strength: false,
-  };
+  readonly layers: Layers = { ...AT_FIRST };
   private ready = false;
   private clustered = 0;
   private drawn: { bounds: LngLatBounds; zoom: number } | null = null;
@@ -83,6 +68,7 @@ export class MapView {
   private basemap: MapFile | null = null;
   private graticule: Graticule;
   private heat = document.createElement("canvas");
+  private strength: StrengthLayer;
   follow = true;
 
   constructor(container: HTMLElement) {
@@ -100,6 +86,7 @@ export class MapView {
       pixelRatio: FULL_RATIO,
     });
     new Pace(this.map, FULL_RATIO);
+    this.strength = new StrengthLayer(this.map);
     this.map.addControl(new NavigationControl({ showZoom: true, showCompass: true }), "top-right");
     this.map.addControl(new ScaleControl({ maxWidth: 140, unit: "metric" }), "bottom-left");
     this.drone = new Marker({ element: droneElement(), rotationAlignment: "map" });
@@ -124,7 +111,7 @@ export class MapView {
       this.drawClusters();
     } else if (this.clustered === 0) this.put("bulk", EMPTY);
     this.put("pulses", pulseFeatures(this.clustered, count));
-    this.drawStrongest();
+    this.drawStrongest(all);
   }
 
   /** Draw the many pulses around the view as one for each cell, with count and best SNR. */
@@ -233,7 +220,7 @@ export class MapView {
       rose: [],
       bearings: ["wedges", "rays"],
       regions: ["regions", "heat"],
-      strength: ["strength", "strongest"],
+      strength: ["strongest"],
     };
     for (const id of ids[name]) {
       if (this.map.getLayer(id)) {
@@ -241,6 +228,8 @@ export class MapView {
       }
     }
     this.drawEstimates();
+    this.strength.visible = this.layers.strength;
+    this.strength.draw(true);
   }
 
   /** Lay a map file below, or none. */
@@ -343,9 +332,10 @@ export class MapView {
     this.markers.push(new Marker({ element, anchor }).setLngLat(at).addTo(this.map));
   }
 
-  private drawStrongest(): void {
-    const best = store.selected === null ? null : strongestPulse(store.selected);
+  private drawStrongest(all: boolean): void {
+    const best = store.selected === null ? null : strongestSignal(store.selected);
     const label = "strongest signal";
+    if (this.strength.visible) this.strength.draw(all);
     this.put("strongest", collection(best === null ? [] : [point(best, { label })]));
   }
 

@@ -46,19 +46,27 @@ export const WARM: Record<string, GeoJSON.Feature> = {
   },
 };
 
+/** What can be shown and hidden. */
+export interface Layers {
+  track: boolean;
+  pulses: boolean;
+  rose: boolean;
+  bearings: boolean;
+  regions: boolean;
+  strength: boolean;
+}
+
+export const AT_FIRST: Layers = {
+  track: true,
+  pulses: true,
+  rose: true,
+  bearings: true,
+  regions: true,
+  strength: false,
+};
+
 /** Lay the layers of a flight over what is there; their sources must exist. */
 export function addFlightLayers(map: MapLibre): void {
-  map.addLayer({
-    id: "strength",
-    type: "heatmap",
-    source: "pulses",
-    layout: { visibility: "none" },
-    paint: {
-      "heatmap-weight": ["interpolate", ["linear"], ["get", "snr"], 5, 0.02, 40, 1],
-      "heatmap-radius": 42,
-      "heatmap-opacity": 0.6,
-    },
-  });
   map.addLayer({
     id: "wedges",
     type: "fill",
@@ -117,9 +125,11 @@ export function addFlightLayers(map: MapLibre): void {
     source: "strongest",
     layout: {
       visibility: "none",
-      "text-field": ["get", "label"],
-      "text-size": 13,
-      "text-offset": [0, 1.2],
+      "text-field": ["concat", "×\n", ["get", "label"]],
+      "text-size": 14,
+      "text-line-height": 1,
+      "text-anchor": "top",
+      "text-offset": [0, -0.55],
       "text-font": ["sans-serif"],
     },
     paint: { "text-color": "#111", "text-halo-color": "#fff", "text-halo-width": 1.6 },

@@ -68,6 +68,8 @@ class Store {
   until = Infinity;
   selected: number | null = null;
   hidden = new Set<number>();
+  /** Only pulses heard between these heights are shown [m above the start]; null: all. */
+  heights: [number, number] | null = null;
 
   private listeners = new Map<Topic, Set<() => void>>();
   private due = new Set<Topic>();
@@ -144,6 +146,16 @@ class Store {
     this.emit("selection");
   }
 
+  setHeights(heights: [number, number] | null): void {
+    this.heights = heights;
+    this.emit("selection");
+  }
+
+  /** Whether what was heard at a height is shown. */
+  within(heightM: number): boolean {
+    return this.heights === null || (heightM >= this.heights[0] && heightM < this.heights[1]);
+  }
+
   toggle(id: number): void {
     if (this.hidden.has(id)) this.hidden.delete(id);
     else this.hidden.add(id);
@@ -187,6 +199,7 @@ class Store {
     // Chosen now and not by the list of tags, which would have all of it drawn once more.
     this.selected = Number(summary.rows[0]?.id ?? NaN) || null;
     this.hidden.clear();
+    this.heights = null;
     this.other = null;
     this.pulses = pulses;
     this.track = track;
@@ -349,6 +362,7 @@ class Store {
     if (ticket !== this.loading || this.review) return;
     const waiting = this.waiting ?? [];
     this.waiting = null;
+    if (id !== this.liveFlight) this.heights = null;
     this.liveFlight = id;
     this.pulses = pulses;
     this.track = track;

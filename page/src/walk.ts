@@ -2,7 +2,7 @@
 
 import { get } from "./api";
 import { by, h, say } from "./dom";
-import { strongestPulse } from "./features";
+import { strongestSignal } from "./features";
 import { metres } from "./format";
 import { bearingDeg, compass, distanceM, type LonLat } from "./geo";
 import { toast } from "./notice";
@@ -65,7 +65,7 @@ export function drawWalk(): void {
     say(by("walk-way"), wayTo([fix.longitude_deg, fix.latitude_deg]));
     return;
   }
-  const best = strongestPulse(id);
+  const best = strongestSignal(id);
   if (best === null) {
     box.hidden = true;
     return;

@@ -16,9 +16,11 @@ BITS_PER_SECOND = 2_000_000
 LONGEST_STILL_S = 4.0
 """A picture that stands longer, while nothing happens, is shown for so long."""
 LAST_S = 2.0
-SHORTEST_S = 0.1
+SHORTEST_S = 0.2
 """Pictures that follow each other faster are one, the last: a pulsing light makes 60 a second,
 and a loaded computer takes 50 ms and more to encode each."""
+AT_ONCE = 20
+"""Pictures that go to the encoder together."""
 
 CAPTION = """
 (text) => {
@@ -53,7 +55,7 @@ ENCODER = """
     },
     error: (error) => { window.fault = String(error); },
   });
-  encoder.configure({ codec: "vp8", width, height, bitrate, latencyMode: "quality" });
+  encoder.configure({ codec: "vp8", width, height, bitrate, latencyMode: "realtime" });
   window.encode = async (jpeg, timestamp, keyFrame) => {
     const image = new Image();
     image.src = "data:image/jpeg;base64," + jpeg;
@@ -64,6 +66,11 @@ ENCODER = """
     frame.close();
     if (encoder.encodeQueueSize > 4) await encoder.flush();
     return window.chunks.splice(0);
+  };
+  window.encodeAll = async (pictures) => {
+    const chunks = [];
+    for (const one of pictures) chunks.push(...(await window.encode(...one)));
+    return chunks;
   };
   window.finish = async () => {
     await encoder.flush();
@@ -106,21 +113,29 @@ class Film:
         encoder.goto("http://127.0.0.1:9/")
         encoder.evaluate(ENCODER, [*SIZE, BITS_PER_SECOND])
         chunks: list[tuple[int, bool, str]] = []
-        at_us, last_key_us = 0, -(10**9)
-        for place, (at_s, picture) in enumerate(self._frames):
-            key = at_us - last_key_us > 5_000_000
-            last_key_us = at_us if key else last_key_us
-            chunks += encoder.evaluate("(one) => window.encode(...one)", [picture, at_us, key])
-            if place + 1 < len(self._frames):
-                still_s = min(LONGEST_STILL_S, self._frames[place + 1][0] - at_s)
-                at_us += max(1000, round(1e6 * still_s))
-        # Once more at the end: a player shows no picture longer than to the next one.
-        last = [self._frames[-1][1], at_us + round(1e6 * LAST_S), False]
-        chunks += encoder.evaluate("(one) => window.encode(...one)", last)
+        pictures = self._timed()
+        for place in range(0, len(pictures), AT_ONCE):
+            part = pictures[place : place + AT_ONCE]
+            chunks += encoder.evaluate("(all) => window.encodeAll(all)", part)
         chunks += encoder.evaluate("() => window.finish()")
         encoder.close()
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(webm([(us, key, base64.b64decode(data)) for us, key, data in chunks]))
+
+    def _timed(self) -> list[tuple[str, int, bool]]:
+        """Pictures, their times in the film [µs], and whether they are key frames."""
+        found: list[tuple[str, int, bool]] = []
+        at_us, last_key_us = 0, -(10**9)
+        for place, (at_s, picture) in enumerate(self._frames):
+            key = at_us - last_key_us > 5_000_000
+            last_key_us = at_us if key else last_key_us
+            found.append((picture, at_us, key))
+            if place + 1 < len(self._frames):
+                still_s = min(LONGEST_STILL_S, self._frames[place + 1][0] - at_s)
+                at_us += max(1000, round(1e6 * still_s))
+        # Once more at the end: a player shows no picture longer than to the next one.
+        found.append((self._frames[-1][1], at_us + round(1e6 * LAST_S), False))
+        return found
 
     def _take(self, event: dict[str, Any]) -> None:
         at_s, picture = float(event["metadata"]["timestamp"]), str(event["data"])

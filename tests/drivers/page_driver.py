@@ -133,6 +133,8 @@ class Watched:
         if SCREENSHOTS:
             self.caption("", 0.0)
             self.page.wait_for_timeout(600)
+            clear = "(all) => all.forEach((one) => one.remove())"
+            self.page.locator(".toast").evaluate_all(clear)
             path = Path(SCREENSHOTS) / f"ground-{name}.png"
             self.page.screenshot(path=path)
             few = Image.open(path).convert("RGB").quantize(128, Image.Quantize.FASTOCTREE)
