@@ -130,7 +130,7 @@ class PulseDetector:
             batch_s=BATCH_S,
         )
 
-    def _start(self) -> None:
+    def _start(self, epoch_ns: int = 0, tracks: tuple[Track, ...] = ()) -> None:
         """(Re)start everything that hangs on unbroken samples."""
         self._buffer.clear()
         self._band = self._make_band()
@@ -143,9 +143,9 @@ class PulseDetector:
         self._clean = 0
         # Not all tags of a flight at the same block: their first batches differ in length.
         self._patience = round(self._batch * (1.0 - self.tag.tag_id * _GOLDEN % 1.0))
-        self._tracks: list[Track] = []
+        self._tracks = list(tracks)
         self._stale_blocks = 0
-        self._follower.epoch_ns = 0
+        self._follower.epoch_ns = epoch_ns
 
     def reset(self) -> None:
         """Forget samples, tracks and the locked frequency; counters and group numbers go on."""
@@ -227,8 +227,8 @@ class PulseDetector:
             late_s = buffer.deviation_ns(time_ns) * 1e-9
             if late_s > self._longest_hole_s:
                 counters.restarts += 1
-                self._start()
-                self._follower.epoch_ns = time_ns
+                self._advance(buffer.end)
+                self._start(time_ns, self._follower.carried(self._tracks))
             elif late_s >= self.tag.pulse_width_s / 8.0:
                 count = round(late_s * self.sample_rate_hz)
                 counters.samples_lost += count
@@ -245,8 +245,7 @@ class PulseDetector:
                     if self._stale_blocks < BACKWARD_RESTART_BLOCKS:
                         return False
                     counters.restarts += 1
-                    self._start()
-                    self._follower.epoch_ns = time_ns
+                    self._start(time_ns)
                 else:
                     samples = samples[overlap:]
                     time_ns += round(overlap / self.sample_rate_hz * 1e9)

@@ -72,6 +72,27 @@ class Follower:
         settle()
         tracks[:] = [t for t in tracks if not t.dead]
 
+    def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
+        """Tracks that may go on behind a jump of the clock, as if no samples were missing.
+
+        Whether the clock was set or samples are missing, nobody can tell.
+
+        Parameters
+        ----------
+        tracks : list of Track
+            Changed in place; their seconds are those after the jump, from its first sample.
+
+        Returns
+        -------
+        tuple of Track
+            They must be confirmed anew: were samples missing, they find nothing and end.
+        """
+        end_s = self.seconds(self._buffer.end)
+        kept = tuple(track for track in tracks if track.confirmed and not track.held)
+        for track in kept:
+            track.doubt(end_s)
+        return kept
+
     def _follow_rivals(
         self,
         track: Track,

@@ -1,5 +1,7 @@
 """A tag followed through drift, reordered blocks and its own strength."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -100,3 +102,63 @@ def test_a_place_of_noise_does_not_bend_the_interval_of_its_group() -> None:
         )
         assert compare(pulses, truth, THESIS_TAG).matched == len(truth)
         assert detector.counters.tracks <= 2
+
+
+def test_a_clock_that_is_set_forward_costs_no_confirmed_pulse() -> None:
+    rng = np.random.default_rng(904)
+    truth = pulse_train(
+        rng, duration_s=40.0, interval_s=1.237, offset_hz=90.0, enr_db=18.0, first_s=0.4
+    )
+    samples = make_samples(rng, truth, duration_s=40.0)
+    detector = PulseDetector(
+        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
+    )
+    pulses = []
+    jump_ns = 0
+    for first in range(0, len(samples), 375):
+        if first == 76_125:
+            jump_ns = 1_000_000_000_000
+        time_ns = START_NS + jump_ns + round(first / RATE_HZ * 1e9)
+        pulses += detector.process(samples[first : first + 375], time_ns)
+    pulses += detector.flush()
+    jumped = [
+        replace(true, start_s=true.start_s + (1000.0 if true.start_s >= 20.3 else 0.0))
+        for true in truth
+    ]
+    result = compare(pulses, jumped, THESIS_TAG)
+    assert detector.counters.restarts == 1
+    assert result.matched == len(truth)
+    assert result.false == 0
+    # The two pulses of the first group, reported before the third confirmed them.
+    assert result.confirmed >= len(truth) - 2
+
+
+@pytest.mark.parametrize("missing_s", [10.2, 33.3, 1000.7])
+def test_no_pulse_is_confirmed_where_samples_are_missing_and_the_phase_is_lost(
+    missing_s: float,
+) -> None:
+    rng = np.random.default_rng(905)
+    duration_s = missing_s + 50.0
+    truth = pulse_train(
+        rng, duration_s=duration_s, interval_s=1.237, offset_hz=90.0, enr_db=16.0, first_s=0.4
+    )
+    heard = [p for p in truth if p.start_s < 24.9 or p.start_s > 25.0 + missing_s]
+    detector = PulseDetector(
+        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
+    )
+    pulses = []
+    for begin_s in (0.0, 25.0 + missing_s):
+        part = [
+            replace(p, start_s=p.start_s - begin_s)
+            for p in heard
+            if begin_s <= p.start_s < begin_s + 25.0
+        ]
+        samples = make_samples(rng, part, duration_s=25.0)
+        for first in range(0, len(samples), 375):
+            time_ns = START_NS + round((begin_s + first / RATE_HZ) * 1e9)
+            pulses += detector.process(samples[first : first + 375], time_ns)
+    pulses += detector.flush()
+    result = compare(pulses, heard, THESIS_TAG)
+    assert detector.counters.restarts == 1
+    assert result.matched == len(heard)
+    assert result.false == 0

@@ -46,7 +46,7 @@ def empty_places(track: Track) -> int:
 
 def test_a_track_that_one_peak_confirmed_ends_after_three_empty_places() -> None:
     track = begun(9.0)
-    step(track, 12.0)
+    step(track, 12.6)
     assert track.confirmed
     assert empty_places(track) <= 4
 
@@ -66,7 +66,7 @@ def test_a_strong_group_is_trusted_at_once() -> None:
 
 def test_the_peaks_that_began_a_track_do_not_vouch_for_weaker_ones() -> None:
     track = begun(10.0)
-    step(track, 11.8)
+    step(track, 12.6)
     assert track.confirmed
     assert step(track, 6.0).state != "accepted"
 
