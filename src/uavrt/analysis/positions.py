@@ -20,8 +20,9 @@ from uavrt.localization import (
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import FlightLayout, read_flight
 from uavrt.recording.bearing_files import BearingRow, read_bearing_file
-from uavrt.recording.formats import read_position_file, read_pulse_log
+from uavrt.recording.formats import read_position_file, read_pulse_log, read_ucsd_estimates
 from uavrt.recording.formats.text import cells_of, read_lines
+from uavrt.recording.formats.ucsd import TargetEstimate, tag_numbers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,10 +40,20 @@ def read_positions(
     *,
     method: PositionMethod = "bayes",
     antenna: AntennaPattern | str = "RA-23K",
+    height_m: float | None = None,
 ) -> list[TagPosition]:
     """Estimate the positions of the tags of a flight directory or a bearings.csv.
 
-    A positions.csv gives those that are in it.
+    A positions.csv, and an estimate CSV of UCSD's tracker, give those that are in them.
+
+    Parameters
+    ----------
+    path : path
+        The flight or file.
+    method, antenna : str
+        How bearings become positions; the pattern of the antenna.
+    height_m : float, optional
+        With a monopole: the drone's height over the tags where the log does not tell it.
 
     Raises
     ------
@@ -52,11 +63,13 @@ def read_positions(
     if antenna == MONOPOLE:
         log = read_pulse_log(path)
         return positions_of_powers(
-            log.pulse_poses, tags_of(path), poses_of(path), method=method
+            log.pulse_poses, tags_of(path), poses_of(path), method=method, height_m=height_m
         )[0]
     if Path(path).is_dir():
         found = read_bearings(path, antenna=antenna)
         return positions_of_bearings(found, method=method)
+    if _holds_estimates(path):
+        return _stored_estimates(path)
     if _holds_positions(path):
         return _stored_positions(path, method)
     rows = read_bearing_file(path)
@@ -74,6 +87,36 @@ def _holds_positions(path: str | os.PathLike[str]) -> bool:
         return False
     lines = (line for line in read_lines(path) if line.strip() and line[0] != "#")
     return 4 <= len(cells_of(next(lines, ""))) <= 8
+
+
+def _holds_estimates(path: str | os.PathLike[str]) -> bool:
+    """Whether a file has the heading of UCSD's estimates, which have no amplitude."""
+    if not Path(path).is_file():
+        return False
+    first = next((line for line in read_lines(path) if line.strip()), "")
+    names = {cell.strip().lower() for cell in first.split(",")}
+    return "run" in names and "easting" in names and "amplitude" not in names
+
+
+def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
+    """The last estimate of each target of UCSD's tracker; it refines them as it flies."""
+    rows = read_ucsd_estimates(path)
+    last: dict[int, TargetEstimate] = {}
+    for number, row in zip(tag_numbers([one.frequency_hz for one in rows]), rows, strict=True):
+        if number not in last or row.time_ns >= last[number].time_ns:
+            last[number] = row
+    return [
+        TagPosition(
+            tag_id=number,
+            position=Position(
+                latitude_deg=row.latitude_deg,
+                longitude_deg=row.longitude_deg,
+                method="ucsd",
+                stations=0,
+            ),
+        )
+        for number, row in sorted(last.items())
+    ]
 
 
 def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosition]:
@@ -107,6 +150,7 @@ def positions_of_powers(
     poses: Sequence[Pose],
     *,
     method: str = "bayes",
+    height_m: float | None = None,
 ) -> tuple[list[TagPosition], list[TagSignal]]:
     """Positions from strength alone, heard with an upright monopole; and the signals.
 
@@ -127,7 +171,7 @@ def positions_of_powers(
     for tag_id in sorted({one.pulse.tag_id for one in ordered}):
         own = [one for one in ordered if one.pulse.tag_id == tag_id]
         try:
-            track = power_track(own, listed.get(tag_id), poses)
+            track = power_track(own, listed.get(tag_id), poses, height_m=height_m)
             position = position_of(track)
             signals.append(signal_of(tag_id, track, position))
             found.append(TagPosition(tag_id=tag_id, position=position))

@@ -82,7 +82,11 @@ class TagSignal:
 
 
 def power_track(
-    pulse_poses: Sequence[PulsePose], tag: Tag | None, poses: Sequence[Pose]
+    pulse_poses: Sequence[PulsePose],
+    tag: Tag | None,
+    poses: Sequence[Pose],
+    *,
+    height_m: float | None = None,
 ) -> PowerTrack:
     """Collect a tag's pulses along the flight, missed ones included.
 
@@ -94,11 +98,13 @@ def power_track(
         With it, pulses that must have come between two heard ones count as missed.
     poses : sequence of Pose
         Of the vehicle, in order of time: where the missed ones would have been heard.
+    height_m : float, optional
+        Over the tag, where the poses do not tell their height above the start.
 
     Raises
     ------
     UsageError
-        Fewer than three pulses were heard at a known place.
+        Fewer than three pulses were heard at a known place, or no height is known.
     """
     heard = [one for one in pulse_poses if one.pose and math.isfinite(one.pulse.snr_db)]
     if len(heard) < 3:
@@ -113,6 +119,13 @@ def power_track(
         times += missed
     order = np.argsort(times, kind="stable")
     latitude, longitude, height, snr = np.array(rows)[order].T
+    if height_m is not None:
+        height = np.where(np.isfinite(height), height, height_m)
+    if not np.isfinite(height).all():
+        raise UsageError(
+            "the log does not tell heights above the ground",
+            remedy="Give the drone's height over the tags: uavrt localize --height 40",
+        )
     return PowerTrack(
         latitude_deg=latitude,
         longitude_deg=longitude,

@@ -15,6 +15,7 @@ def localize(
     *,
     method: str = "bayes",
     antenna: str = "RA-23K",
+    height: float | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Estimate where each tag is, from its bearings, or with a monopole from its strength.
@@ -22,7 +23,8 @@ def localize(
     Parameters
     ----------
     flight
-        A flight directory, or a bearings.csv; a positions.csv gives what is in it.
+        A flight directory, or a bearings.csv; a positions.csv, and an estimate CSV of UCSD's
+        tracker, give what is in them.
     method
         bayes (a region with its probability); or mle, rmr, mest as the original system computes
         them; or rmr_ahead, mest_lenth as they were meant.
@@ -30,13 +32,16 @@ def localize(
         Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package;
         or a CSV file of angles and gains;
         monopole: no bearings, positions from strength along the flight.
+    height
+        With a monopole: height over the tags [m], for logs that do not tell it (UCSD's pings).
     as_json
         Print a list of objects.
     """
     from uavrt.analysis.antenna_files import antenna_named
     from uavrt.analysis.positions import read_positions
 
-    found = read_positions(flight, method=method, antenna=antenna_named(antenna))  # type: ignore[arg-type]
+    pattern = antenna_named(antenna)
+    found = read_positions(flight, method=method, antenna=pattern, height_m=height)  # type: ignore[arg-type]
     if as_json:
         print(json.dumps([_record(one) for one in found if one.position], indent=2))
         return

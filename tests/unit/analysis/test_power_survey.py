@@ -243,3 +243,46 @@ def test_a_tag_that_was_hardly_heard_says_so(flight: Path) -> None:
     assert signals == []
     assert positions[0].position is None
     assert "2 times" in (positions[0].reason or "")
+
+
+def test_a_ping_csv_of_ucsd_gives_a_position_once_the_height_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(6)
+    lines = ["Run,Timestamp,Frequency,Amplitude,Easting,Northing,Altitude,Heading,EPSG Code"]
+    tag_east, tag_north, height = 500_130.0, 5_000_190.0, 40.0
+    for number, (east, north) in enumerate(
+        (500_000.0 + 50.0 * line, 5_000_000.0 + along)
+        for line in range(7)
+        for along in np.arange(0.0, 301.0, 15.0)
+    ):
+        ground = math.hypot(east - tag_east, north - tag_north)
+        slant = math.hypot(ground, height)
+        level = -60.0 - 25.0 * math.log10(slant / 100.0) + rng.normal(0.0, 2.0)
+        level += float(monopole_gain_db(math.degrees(math.asin(height / slant))))
+        time_s = 1_700_000_000 + 2 * number
+        lines.append(f"1,{time_s},173500000,{level:.2f},{east},{north},440.0,0.0,32632")
+    pings = tmp_path / "pings.csv"
+    pings.write_text("\n".join(lines) + "\n")
+    command = ["localize", str(pings), "--antenna", "monopole", "--json"]
+    with pytest.raises(SystemExit):
+        app([*command, "--height", "40"])
+    (found,) = json.loads(capsys.readouterr().out)
+    estimates = tmp_path / "estimates.csv"
+    estimates.write_text(
+        "Run,Timestamp,Frequency,Easting,Northing,EPSG Code\n"
+        "1,1700000100,173500000,500000,5000000,32632\n"
+        f"1,1700000900,173500020,{tag_east},{tag_north},32632\n"
+    )
+    with pytest.raises(SystemExit):
+        app(["localize", str(estimates), "--json"])
+    (theirs,) = json.loads(capsys.readouterr().out)  # the later of the two
+    assert theirs["method"] == "ucsd"
+    plane = TangentPlane(
+        latitude_deg=theirs["latitude_deg"], longitude_deg=theirs["longitude_deg"]
+    )
+    apart_m = np.hypot(*plane.to_local(found["latitude_deg"], found["longitude_deg"]))
+    assert apart_m < min(15.0, found["radius95_m"])
+    with pytest.raises(SystemExit):
+        app(command[:-1])
+    assert "--height" in capsys.readouterr().out
