@@ -14,7 +14,6 @@ which is a change of sign in odd channels.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from uavrt.dsp.decimator import Mode
@@ -171,10 +170,12 @@ class Channelizer:
         if len(folded) == 0:
             return
         width = group * 2 * self.channels
-        windows = as_strided(
-            floats,
+        # As in the decimator: not by `as_strided`.
+        windows: NDArray[np.float32] = np.ndarray(
             (len(folded) // group, len(self._weights), width),
-            (8 * group * self.hop, 8 * self.channels, 4),
+            np.float32,
+            floats,
+            strides=(8 * group * self.hop, 8 * self.channels, 4),
         )
         result = folded.reshape(-1, width)
         np.einsum("nqm,qm->nm", windows, self._weights[:, :width], out=result)

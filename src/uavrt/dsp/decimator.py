@@ -11,7 +11,6 @@ saves the copy and takes 0.78 of the time: docs/decisions/0010-decimator.md.
 from typing import Literal
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from uavrt.dsp.filters import compatible_decimator_taps, decimator_taps
@@ -147,9 +146,14 @@ class Decimator:
             some = out[first : first + DIRECT_OUTPUTS]
             stretch = samples[first * self.factor :]
             shape, strides = (some.size, length), (8 * self.factor, 8)
+            # The constructor takes a sixth of `as_strided`'s time, and leaves nothing behind:
+            # the names in the dictionary by which that works go through Python's table of
+            # interned strings, 40 times a second, until it is made anew, with 0.5 MB more.
+            windows: NDArray[np.complex64] = np.ndarray(
+                shape, np.complex64, stretch, strides=strides
+            )
             # NumPy hands no overlapping view to the BLAS, hence the copy.
-            windows = np.ascontiguousarray(as_strided(stretch, shape, strides))
-            np.matmul(windows, self._weights, out=some)
+            np.matmul(np.ascontiguousarray(windows), self._weights, out=some)
 
 
 def _shifted_taps(
