@@ -347,7 +347,7 @@ class Refiner:
         return offset, float(power[at]) / (window * pulse.noise)
 
 
-@lru_cache(maxsize=4)  # of up to 90 kB; one of them serves nine of ten calls, rare lengths the rest
+@lru_cache(maxsize=4)  # of up to 90 kB; one serves nine of ten calls, rare lengths the rest
 def _turns(
     rate_hz: float, half_band_hz: float, count: int, length: int
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
