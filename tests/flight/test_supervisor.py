@@ -130,6 +130,7 @@ def test_sigterm_stops_everything_in_good_order(detecting: Any) -> None:
     detecting.supervisor.stop()
     assert detecting.supervisor.exit_code == 0
     assert not [pid for pid in family if alive(pid)]
+    assert not Path(detecting.settings.status_socket).exists()
     flight = read_flight(status.flight_directory or "")
     assert flight.pulse_poses
     assert flight.info.tags[0].tag_id == 2

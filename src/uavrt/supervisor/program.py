@@ -2,8 +2,10 @@
 
 import asyncio
 import gc
+import os
 import signal
 import sys
+from contextlib import suppress
 
 import msgspec
 
@@ -38,8 +40,10 @@ async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launche
     try:
         await supervisor.run()
     finally:
-        if server is not None:
+        if server is not None and settings.status_socket:
             server.close()
+            with suppress(OSError):
+                os.unlink(settings.status_socket)
 
 
 def start_commands(tags: tuple[Tag, ...]) -> list[Command]:
