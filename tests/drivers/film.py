@@ -5,6 +5,7 @@ Chromium hands out pictures of the page as they change. Afterwards a second page
 """
 
 import base64
+import json
 import struct
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,23 @@ CAPTION = """
   }
   box.textContent = text;
   box.style.display = text ? "block" : "none";
+}
+"""
+CARD = """
+(text) => {
+  const old = document.getElementById("film-card");
+  if (old) old.remove();
+  if (!text) return;
+  const card = document.createElement("pre");
+  card.id = "film-card";
+  Object.assign(card.style, {
+    position: "fixed", left: "60px", right: "60px", top: "80px", margin: "0", zIndex: "999",
+    padding: "18px 24px", borderRadius: "10px", background: "#10181c", color: "#d9e2e6",
+    font: "15px/1.5 monospace", whiteSpace: "pre-wrap", overflowWrap: "anywhere",
+    boxShadow: "0 4px 30px rgb(0 0 0 / 0.5)",
+  });
+  card.textContent = text;
+  document.body.appendChild(card);
 }
 """
 ENCODER = """
@@ -104,6 +122,12 @@ class Film:
         self._page.evaluate(CAPTION, text)
         self._page.wait_for_timeout(1000.0 * seconds)
 
+    def card(self, lines: list[str], seconds: float) -> None:
+        """Show what stands in a terminal."""
+        self._page.evaluate(CARD, "\n".join(lines))
+        self._page.wait_for_timeout(1000.0 * seconds)
+        self._page.evaluate(CARD, "")
+
     def save(self, browser: Browser, path: Path) -> None:
         """End the film and write it."""
         self._session.send("Page.stopScreencast")
@@ -143,6 +167,25 @@ class Film:
             at_s = self._frames.pop()[0]
         self._frames.append((at_s, picture))
         self._session.send("Page.screencastFrameAck", {"sessionId": event["sessionId"]})
+
+
+def log_lines(path: Path, most: int = 9) -> list[str]:
+    """First lines of a program's log, for people."""
+    found = []
+    for line in path.read_text().splitlines()[:most]:
+        record = json.loads(line)
+        head = (
+            f"{record.pop('timestamp')[11:19]} {record.pop('process')}: {record.pop('event')}"
+        )
+        record.pop("level", None)
+        found.append(" ".join([head, *(f"{key}={value}" for key, value in record.items())]))
+    return found
+
+
+def file_tree(directory: Path) -> list[str]:
+    """Files below a directory, with their sizes."""
+    paths = sorted(one for one in directory.rglob("*") if one.is_file())
+    return [f"{one.stat().st_size:>9,}  {one.relative_to(directory.parent)}" for one in paths]
 
 
 def webm(chunks: list[tuple[int, bool, bytes]]) -> bytes:

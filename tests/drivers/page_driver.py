@@ -124,6 +124,11 @@ class Watched:
         if self._film is not None:
             self._film.caption(text, seconds)
 
+    def card(self, lines: list[str], seconds: float = 6.0) -> None:
+        """Show in the film what stands in a terminal; nothing without a film."""
+        if self._film is not None:
+            self._film.card(lines, seconds)
+
     def save_film(self, browser: Browser) -> None:
         """Write the film, if there is one."""
         if self._film is not None and VIDEO:

@@ -13,6 +13,7 @@ from typing import Any, get_args
 from urllib.parse import urlsplit
 
 import pytest
+from film import file_tree, log_lines
 from page_driver import SCREENSHOTS, VIDEO, WAIT_MS, Ground, Watched, type_tags, write_map
 from playwright.sync_api import Browser, Page, expect
 from quiet_radio import QuietRadio
@@ -56,6 +57,23 @@ def fall_silent(page: Page, radio: QuietRadio) -> None:
     assert page.evaluate(flight) == was
 
 
+def show_where_the_data_are(watched: Watched, drone: Any) -> None:
+    """For the film: what the drone has recorded, and fetched by the telemetry link."""
+    page = watched.page
+    begun = log_lines(drone.directory / "supervisor.log", 99)
+    watched.caption("What the drone did: one process for each task, ended by Stop.", 0)
+    watched.card([line for line in begun if "started" in line or "state" in line][-14:])
+    flight = min((drone.directory / "flights").glob("flight_log_*"))
+    watched.caption("The flight lies on the drone, as the original laid it out …", 0)
+    watched.card([f"$ ls -R {flight.name}", *file_tree(flight)], 8)
+    watched.caption("… and comes over the same link, without a keyboard at the drone.", 1)
+    page.click("#tab-flights")
+    page.click("#drone-list")
+    page.click(f'[data-remote="{flight.name}"] .fetch')
+    expect(page.locator("#download-text")).to_contain_text("here", timeout=4 * WAIT_MS)
+    watched.caption("", 1)
+
+
 def test_a_whole_flight_is_flown_through_the_page(
     browser: Browser,
     drone_bay: Any,
@@ -71,7 +89,9 @@ def test_a_whole_flight_is_flown_through_the_page(
     scenario = demo_scenario(FLIGHT_S, 1)
 
     watched.film()
-    watched.caption("uavrt ground: the whole ground station is this page. No internet.")
+    watched.caption("On the laptop: one command starts the ground station.", 0)
+    watched.card(["$ uavrt ground", f"The page is at {ground.address} – Ctrl-C ends"])
+    watched.caption("The whole ground station is this page. No internet.")
     # Set-up: the mistake is told at its field, and saved is only what is right.
     type_tags(page, scenario)
     first = page.locator('input[data-row="0"][data-key="frequency_mhz"]')
@@ -95,6 +115,10 @@ def test_a_whole_flight_is_flown_through_the_page(
         directory=str(tmp_path / "drone1" / "flights"), capture_s=1.0, minimum_free_mb=1.0
     )
     drone = drone_bay.launch(scenario, recording=recording)
+    if VIDEO:
+        # Connection and recorder run all the time, the others while it detects.
+        watched.caption("On the drone: one command, or a service that starts with it.", 3)
+        watched.card(["$ uavrt run", *log_lines(drone.directory / "supervisor.log")])
     link_port = free_udp_port()
     radio = quiet_radio(drone.ground_port, link_port)
     page.click("#tab-setup")
@@ -184,12 +208,16 @@ def test_a_whole_flight_is_flown_through_the_page(
     page.fill("#log-text", "")
     watched.picture("log")
 
+    if VIDEO:
+        show_where_the_data_are(watched, drone)
+
     # The flight is a flight: listed, exported, looked at again.
     watched.caption("5. The flight is kept: replay, report, files for other programs.")
     page.click("#tab-flights")
     # The newer one holds the capture, without pulses.
-    expect(page.locator("tr[data-flight]")).to_have_count(2)
-    row = page.locator("tr[data-flight]").last
+    received = page.locator("tr[data-flight]", has_text="received here")
+    expect(received).to_have_count(2)
+    row = received.last
     watched.picture("flights")
     with page.expect_download() as download:
         row.locator("text=GEOJSON").click()
@@ -215,7 +243,8 @@ def test_a_whole_flight_is_flown_through_the_page(
     expect(page.locator("#banner")).to_be_hidden()
 
     # All that was shown is on the disk, and nobody else was asked for anything.
-    directory = min((tmp_path / "ground").glob("flight_log_*"))
+    # Without what the film has fetched, which ends with _drone.
+    directory = min((tmp_path / "ground").glob("flight_log_*[0-9]"))
     recorded = read_flight(directory)
     assert len(recorded.pulse_poses) == shown[1]
     assert any("nest seen" in text for _, text in recorded.notes)
