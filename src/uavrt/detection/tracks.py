@@ -17,6 +17,8 @@ from uavrt.messages import Tag
 
 CONFIRM_FALSE = 0.0005
 """Chance that noise confirms a tentative track, a test; of groups of noise 0.2 to 0.6 %."""
+_CONFIRM_LONG_FALSE = 0.002
+"""Of groups longer than eight: their many weak pulses are confirmed late enough."""
 _MORE_TESTS = 2
 """Beyond K: at 9 dB three places confirm one track in two, five three in four."""
 FOLLOW_FALSE = 0.01
@@ -271,7 +273,8 @@ class Track:
         slot.state = "open"
         short = self.tag.k <= _TOLD_BY_ONE
         volume = _round(_MORE_CELLS * slot.volume if short else slot.volume)
-        limit = narrow_threshold(self.tested, volume, CONFIRM_FALSE)
+        chance = CONFIRM_FALSE if short else _CONFIRM_LONG_FALSE
+        limit = narrow_threshold(self.tested, volume, chance)
         if self.gained >= limit:
             self.confirmed = True
             if short:
