@@ -25,7 +25,7 @@ class Moment:
     cpu_percent: dict[str, float]
     """Of one core, over the stretch."""
     pss_mb: dict[str, float]
-    """At its end."""
+    """Mean over its last 40 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,5 +1,6 @@
 """The experiment: a long flight, then flights with ever more tags."""
 
+import statistics
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -23,6 +24,10 @@ THESIS_MINUTES = float(MINUTES[-1])
 STRETCH = 0.5
 """Part of the time since the last moment over which the CPU share is taken; the first stretch
 also leaves out the start."""
+
+MEMORY_S = 40.0
+"""Memory is the mean over this long, a reading a second: two of the periods after which a
+process gives free memory back (`uavrt.heap`). A detector's goes up and down by 1 MB in each."""
 
 Say = Callable[[str], None]
 
@@ -78,17 +83,26 @@ def _moment(flight: SteadyFlight, start_s: float, end_s: float, began_s: float) 
     """Measure between two times."""
     _fly_until(flight, start_s)
     before, before_s = by_process(flight.readings(), "cpu_s"), monotonic_s()
-    _fly_until(flight, end_s)
-    readings, now_s = flight.readings(), monotonic_s()
-    after = by_process(readings, "cpu_s")
+    _fly_until(flight, end_s - MEMORY_S)
+    memory = _mean_memory(flight, end_s)
+    after, now_s = by_process(flight.readings(), "cpu_s"), monotonic_s()
     return Moment(
         minute=round((now_s - began_s) / 60.0, 2),
         cpu_percent={
             name: 100.0 * (after[name] - before.get(name, 0.0)) / (now_s - before_s)
             for name in after
         },
-        pss_mb=by_process(readings, "pss_mb"),
+        pss_mb=memory,
     )
+
+
+def _mean_memory(flight: SteadyFlight, end_s: float) -> dict[str, float]:
+    """Measure the memory of each process every second until a time; get the means [MB]."""
+    readings = [by_process(flight.readings(), "pss_mb")]
+    while monotonic_s() < end_s:
+        _fly_until(flight, min(monotonic_s() + 1.0, end_s))
+        readings.append(by_process(flight.readings(), "pss_mb"))
+    return {name: statistics.fmean(r.get(name, 0.0) for r in readings) for name in readings[-1]}
 
 
 def run_shapes(
