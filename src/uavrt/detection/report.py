@@ -47,6 +47,8 @@ class Reporter:
         self._reports: list[SearchReport] = []
         self._sequence = dict.fromkeys(range(1, len(tag.pulse_intervals_s) + 1), 0)
         self._last_times: list[int] = []
+        self._given: list[tuple[int, int | None, int]] = []
+        """Rate, group and place of the last pulses."""
         self._reported_ns: int | None = None
         self._best = 0.0
 
@@ -158,12 +160,18 @@ class Reporter:
         self._last_times.append(slot.time_ns)
         del self._last_times[:-64]
         group = slot.number // tag.k
-        if group not in track.sequences:
+        index = slot.number % tag.k + 1
+        known = (track.rate, track.sequences.get(group), index)
+        # Without a lock two pulses may claim one place of a lattice, one of them a neighbour's:
+        # the later one begins a group of its own.
+        if known[1] is None or known in self._given:
             self._sequence[track.rate] += 1
             track.sequences[group] = self._sequence[track.rate]
             for old in [g for g in track.sequences if g < group - 8]:
                 del track.sequences[old]
             self._counters.groups += 1
+        self._given.append((track.rate, track.sequences[group], index))
+        del self._given[:-64]
         members = [
             s.measured.enr
             for s in track.slots
@@ -186,7 +194,7 @@ class Reporter:
                 snr_db=snr_db(slot.measured),
                 group_snr_db=db_from_power(sum(members) / max(1, len(members))),
                 score=track.score,
-                group_index=slot.number % tag.k + 1,
+                group_index=index,
                 group_sequence=track.sequences[group],
                 noise_psd=slot.measured.noise / self._sample_rate_hz,
                 detection_status=status,

@@ -1,5 +1,8 @@
 """What a detector does with a frequency once found: the four modes, each different."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -173,3 +176,24 @@ def test_without_a_lock_the_groups_of_another_tag_are_told_too() -> None:
         others = [p for p in pulses if p.frequency_hz > THESIS_TAG.frequency_hz + 800.0]
         assert len(others) >= share * len(trains[1])
         assert mode is NEVER or len(others) <= 3
+
+
+@pytest.mark.parametrize("mode", [SOFT, HARD, NEVER])
+@pytest.mark.parametrize("rates_s", [(1.254,), (1.254, 2.0)])
+def test_each_pulse_is_told_once_under_a_number_of_its_own(
+    mode: OperatingMode, rates_s: tuple[float, ...]
+) -> None:
+    rng = np.random.default_rng(0)
+    tag = replace(THESIS_TAG, pulse_intervals_s=rates_s)
+    # So near to each other that without a lock they go on with each other's groups.
+    trains = [
+        pulse_train(rng, duration_s=50.0, interval_s=1.27, offset_hz=50.0, enr_db=10.0),
+        pulse_train(rng, duration_s=50.0, interval_s=1.3, offset_hz=-40.0, enr_db=12.0),
+    ]
+    samples = make_samples(rng, trains[0] + trains[1], duration_s=50.0)
+    pulses, _ = detect(samples, tag, frequency_window_hz=500.0, operating_mode=mode)
+    assert len(pulses) > 25
+    keys = [(pulse.rate, pulse.group_sequence, pulse.group_index) for pulse in pulses]
+    assert len(set(keys)) == len(keys)
+    starts_ns = sorted(pulse.start_time_ns for pulse in pulses)
+    assert all(later - earlier > 15e6 for earlier, later in pairwise(starts_ns))
