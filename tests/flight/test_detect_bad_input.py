@@ -74,6 +74,7 @@ def run(*arguments: str) -> int:
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "a.cf32"), "another name"),
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "full.csv"), "Free space"),
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "tags.txt"), "another name"),
+        (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "p.xlsx"), ".csv"),
         (("absurd.cf32", "--tags", "tags.txt", *RADIO), "absurdly big"),
         (("none.cf32", "--tags", "tags.txt"), "Check the path"),
         (("a.cf32", "--tags", "tags.txt", *RADIO, "--start-time", "2300-01-01"), "2261"),

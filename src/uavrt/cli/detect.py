@@ -249,6 +249,10 @@ def open_source(
 @contextmanager
 def _pulse_output(name: str) -> Iterator[Write]:
     """Open the output at once, so that a wrong place shows before the work."""
+    if Path(name).suffix.lower() in (".xls", ".xlsx", ".ods"):
+        raise ConfigError(
+            f"{name} would be a spreadsheet", remedy="Write .csv, which every spreadsheet opens"
+        )
     with _naming_faults(name), ExitStack() as stack:
         stream = sys.stdout
         if name != "-":
