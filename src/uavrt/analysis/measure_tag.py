@@ -90,11 +90,7 @@ def measure_tags(
         bursts, span_s = _search(source, frequency_hz, window_hz, lambda p: report(0.5 * p))
     found = _gather(bursts, span_s)
     if not found:
-        raise UsageError(
-            f"nothing in {span_s:.0f} s beats like a tag ({bursts.times_s.size} bursts seen)",
-            remedy="Record at least ten pulses with the tag a few metres away, and without "
-            "overloading the receiver; --frequency and --window make the search finer",
-        )
+        raise _nothing(bursts, span_s)
     with closing(open_source()) as source:
         center_hz = source.center_frequency_hz
         windows = _cut(source, found, lambda p: report(0.5 + 0.5 * p))
@@ -103,7 +99,17 @@ def measure_tags(
         for one, cut in zip(found, windows, strict=True)
         if len(cut) >= FEWEST
     ]
+    if not measured:  # too near to the recording's ends, or to holes in it
+        raise _nothing(bursts, span_s)
     return tuple(sorted(measured, key=lambda tag: -tag.pulses))
+
+
+def _nothing(bursts: Bursts, span_s: float) -> UsageError:
+    return UsageError(
+        f"nothing in {span_s:.0f} s beats like a tag ({bursts.times_s.size} bursts seen)",
+        remedy="Record at least ten pulses with the tag a few metres away, and without "
+        "overloading the receiver; --frequency and --window make the search finer",
+    )
 
 
 # --- first pass -----------------------------------------------------------------------------
