@@ -16,6 +16,7 @@ from uavrt.localization.attitude import Headings
 from uavrt.localization.pattern_likelihood import GRID_DEG, bearing_likelihood
 from uavrt.localization.posterior import (
     blurred,
+    lobe_mean_deg,
     lobe_moments,
     log_mean_exp,
     peak_deg,
@@ -97,10 +98,11 @@ def pattern_ml(
         spread = np.interp(GRID_DEG, np.arange(360.0), double.density, period=360.0)
         density = 0.5 * density + 0.5 * spread / spread.sum()
     density = blurred(density, heading_sigma_deg)
-    sigma, second = lobe_moments(density, best_deg)
+    bearing_deg = lobe_mean_deg(density, best_deg)
+    sigma, second = lobe_moments(density, bearing_deg)
     directional = log_mean_exp(found.log_density)
     return Bearing(
-        bearing_deg=best_deg % 360.0,
+        bearing_deg=bearing_deg,
         method="pattern_ml",
         pulses=len(noise_db),
         sigma_deg=sigma,

@@ -36,6 +36,18 @@ def lobe_moments(density: NDArray[np.float64], best_deg: float) -> tuple[float, 
     return float(np.sqrt(variance + GRID_STEP_DEG**2 / 12.0)), float(density[~lobe].sum())
 
 
+def lobe_mean_deg(density: NDArray[np.float64], best_deg: float) -> float:
+    """Mean direction of the lobe around a direction, [0, 360).
+
+    The point with the least expected squared error. For few pulses the lobe is lopsided, and
+    its maximum errs by 1 to 4 % more: 7.34° against 7.08° rms for 20 pulses of 20 dB with
+    4 dB of fading, heard from 10 dB.
+    """
+    off = difference_deg(GRID_DEG, best_deg)
+    weight = np.where(np.abs(off) <= LOBE_DEG, density, 0.0)
+    return float((best_deg + weight @ off / weight.sum()) % 360.0)
+
+
 def peak_deg(log_density: NDArray[np.float64]) -> float:
     """Place of the maximum on the circle, refined by a parabola."""
     top = int(np.argmax(log_density))

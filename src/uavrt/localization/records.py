@@ -32,7 +32,7 @@ class Bearing:
     """Direction to a tag from one place, degrees clockwise from true north, [0, 360)."""
 
     bearing_deg: float
-    """The most probable direction."""
+    """Mean of the main lobe of the probability; of other methods, their answer."""
     method: BearingMethod | ArrayMethod | str
     pulses: int
     """Pulses and misses that went into it."""

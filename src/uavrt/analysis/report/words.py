@@ -24,7 +24,7 @@ METHODS = (
     "the antenna's mounting is applied once. Headings are over ground from true north.",
     "Bearings. The likelihood of the powers of one turn in place under the antenna's pattern "
     "{antenna}, with unknown level and log-normal fading; missed pulses count as censored. "
-    "Given are the most probable direction, the standard deviation inside the main lobe and "
+    "Given are the mean and the standard deviation of the main lobe of the probability and "
     "the arc that holds 90 % of the probability [1]. A bearing is dashed when there is no "
     "clear direction, another lobe holds more than 5 %, or a reflection is likely.",
     "Positions. Product of the bearings' probabilities over the ground, each allowed to be an "
