@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from uavrt.clock import monotonic_s
-from uavrt.detection import OperatingMode, PulseDetector
+from uavrt.detection import DetectorGroup, OperatingMode, PulseDetector
 from uavrt.dsp import FrontEnd
 from uavrt.errors import ConfigError, UavrtError
 from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
@@ -83,9 +83,9 @@ class DetectionChain:
         plan = self._front_end.plan
         self._memory_s = 2.0 * plan.latency_s
         centers_hz = dict(zip(plan.channels_in_use, plan.channel_centers_hz, strict=True))
-        self._detectors: dict[int, list[PulseDetector]] = {}
+        detectors: dict[int, list[PulseDetector]] = {}
         for tag, channel in zip(tags, plan.frequency_channels, strict=True):
-            self._detectors.setdefault(channel, []).append(
+            detectors.setdefault(channel, []).append(
                 PulseDetector(
                     tag,
                     sample_rate_hz=plan.channel_rate_hz,
@@ -94,10 +94,12 @@ class DetectionChain:
                     operating_mode=modes.get(tag.tag_id, OperatingMode.SEARCH_SOFT_LOCK),
                 )
             )
+        self._group = DetectorGroup()
+        for channel, some in detectors.items():
+            self._group.add(channel, some)
 
     def process(self, block: IQBlock) -> list[Pulse]:
         """Take the next block; get the pulses that are certain by now."""
-        found: list[Pulse] = []
         # A value that is no number runs through the filters, and stops here: the detectors'
         # noise levels would never get rid of it.
         with np.errstate(invalid="ignore", over="ignore"):
@@ -114,9 +116,8 @@ class DetectionChain:
                 channel = self._finite(channel)
             if self._on_channel is not None:
                 self._on_channel(channel)
-            for detector in self._detectors[channel.channel]:
-                found += detector.process(channel.samples, channel.time_ns)
-        return self._reported(found)
+            self._group.put(channel.channel, channel.samples, channel.time_ns)
+        return self._reported(self._group.collect())
 
     def _finite(self, channel: ChannelBlock) -> ChannelBlock:
         """Put zeros for what is no number."""
@@ -128,14 +129,11 @@ class DetectionChain:
 
     def flush(self) -> list[Pulse]:
         """End the stream: get the pulses of all groups that are complete."""
-        return self._reported([p for detector in self._all() for p in detector.flush()])
+        return self._reported(self._group.flush())
 
     def search_reports(self) -> list[SearchReport]:
         """Take what was searched in vain since the last call, about one a second and tag."""
-        return [r for detector in self._all() for r in detector.search_reports()]
-
-    def _all(self) -> list[PulseDetector]:
-        return [detector for detectors in self._detectors.values() for detector in detectors]
+        return [r for detector in self._group.detectors for r in detector.search_reports()]
 
     def _reported(self, pulses: list[Pulse]) -> list[Pulse]:
         """Leave out the pulses in excluded stretches."""

@@ -1,7 +1,8 @@
 """Finding a tag's pulses in the samples of a channel."""
 
 from uavrt.detection.detector import PulseDetector
+from uavrt.detection.group import DetectorGroup
 from uavrt.detection.modes import OperatingMode
 from uavrt.detection.samples import Counters
 
-__all__ = ["Counters", "OperatingMode", "PulseDetector"]
+__all__ = ["Counters", "DetectorGroup", "OperatingMode", "PulseDetector"]

@@ -38,9 +38,9 @@ class AnchorSearch(RateSearch):
         """(places, k - 1): from the anchor to the first column of that stretch."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
         """Columns to look at for one other pulse."""
-        self.length = self.span + self._piece + 2 * reach + 4
+        self.length = self.span + self.piece + 2 * reach + 4
         """Columns that are kept; column c lies at c modulo this."""
-        self.width = self.length + max(self.stretch, self._piece + 2 * reach)
+        self.width = self.length + max(self.stretch, self.piece + 2 * reach)
         """Columns with those that lie twice."""
         self.base = 0
         self.memory = np.zeros(self.rows * self.width, np.float32)
@@ -60,19 +60,25 @@ class AnchorSearch(RateSearch):
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         return search_together([self], power[np.newaxis], noise[np.newaxis])[0]
 
+    def company(self) -> tuple[int, ...]:
+        """What searches that `search_together` must have in common."""
+        ahead = self.pushed - self.columns
+        return self.rows, self.k, self.reach, len(self.intervals), ahead, id(self.memory)
+
     @property
     def size(self) -> int:
         """Cells of the ring."""
         return self.rows * self.width
 
-    def settle_in(self, memory: NDArray[np.float32], base: int) -> None:
-        """Keep the ring in `memory`, shape (n,), from index `base` on.
+    def settle_in(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
+        """Keep the ring in `memory`, shape (n,), from index `base` on; maybe all is zero there.
 
         The ring's beginning is repeated behind its end: whatever is looked at lies in one
         piece. The cells of one row lie side by side.
         """
         cells = memory[base : base + self.size].reshape(self.rows, self.width)
-        cells[:] = self.cells
+        if self.pushed or not empty:
+            cells[:] = self.cells
         self.memory, self.base, self.cells = memory, base, cells
 
     def append(self, power: NDArray[np.float32]) -> None:
@@ -140,23 +146,23 @@ class AnchorSearch(RateSearch):
         # Of the intervals that the limit makes equal, the one with the most power.
         totals = tested.totals[part][hits] / level[hits][:, np.newaxis]
         strengths[totals < best[hits][:, np.newaxis] - 0.01] = 0.0
-        choice = strengths.argmax(axis=1)
         strength = strengths.max(axis=1)
-        found = []
-        for hit in np.argsort(-strength)[:_CANDIDATES_AT_ONCE]:
-            interval = float(self.intervals[int(choice[hit])])
-            index = part.start + int(hits[hit])
-            column, place = int(tested.column[index]), int(tested.place[index])
-            found.append(
-                Candidate(
-                    score=float(tested.best[index]) / self.threshold,
-                    strength=float(strength[hit]),
-                    rate=self.rate,
-                    row=int(tested.row[index]),
-                    columns=tuple(column + (k - place) * interval for k in range(self.k)),
-                )
+        strongest = np.argsort(-strength)[:_CANDIDATES_AT_ONCE]
+        which = hits[strongest]
+        interval = self.intervals[strengths.argmax(axis=1)[strongest]]
+        after = np.arange(self.k) - tested.place[part][which][:, np.newaxis]
+        columns = tested.column[part][which][:, np.newaxis] + after * interval[:, np.newaxis]
+        threshold = self.threshold
+        return [
+            Candidate(one / threshold, strong, self.rate, row, tuple(where))
+            for one, strong, row, where in zip(
+                best[which].tolist(),
+                strength[strongest].tolist(),
+                tested.row[part][which].tolist(),
+                columns.tolist(),
+                strict=True,
             )
-        return found
+        ]
 
 
 @dataclass(slots=True)

@@ -1,17 +1,19 @@
 """One band of frequencies under search: its spectrogram, its noise, a search for each rate."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.anchors import AnchorSearch, search_together
 from uavrt.detection.evidence import gate
 from uavrt.detection.grid import Grid, Spectrogram
 from uavrt.detection.noise import RowNoise
 from uavrt.detection.rates import make_searches
 from uavrt.detection.samples import SampleBuffer
-from uavrt.detection.search import Candidate, RateSearch
+from uavrt.detection.search import Candidate, RateSearch, best_first
+from uavrt.detection.spectra import Workspace, columns_ahead, push_together
 from uavrt.detection.thresholds import young_margin
 from uavrt.messages import Tag
 
@@ -91,10 +93,8 @@ class SearchBand:
             Best candidates first; None while the noise is not known.
         """
         power = self._columns(self._spectrogram, upto, last=last)
-        begin, self._column = self._column, self._column + len(power)
         was_ready = self._noise.ready
-        if len(power):
-            self._learn(power, begin, last=last)
+        self._take(power, last=last)
         if not self._noise.ready:
             return None
         level = self._noise.level
@@ -105,9 +105,35 @@ class SearchBand:
                 found += search.push(block, level)
             if last:
                 found += search.finish(level)
-            found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
-            results.append((search, found))
+            results.append((search, best_first(found)))
         return results
+
+    def company(self, upto: int) -> tuple[int, ...] | None:
+        """What bands that `advance_together` to such an index must have in common.
+
+        None: this one must go alone.
+        """
+        spectrogram, grid = self._spectrogram, self._grid
+        first = spectrogram.needed()
+        if first < 0 or not self._noise.ready or grid.halves is None:
+            return None
+        columns = columns_ahead(spectrogram, upto - first)
+        key = [upto - first, len(spectrogram.band), id(grid.halves), grid.hop, grid.rows]
+        for search in self._searches:
+            if not isinstance(search, AnchorSearch) or not 0 < columns <= search.piece:
+                return None
+            key += search.company()
+        return tuple(key)
+
+    def anchor_searches(self) -> list[AnchorSearch]:
+        """Get the searches whose cells may lie in one memory."""
+        return [search for search in self._searches if isinstance(search, AnchorSearch)]
+
+    def _take(self, power: NDArray[np.float32], *, last: bool) -> None:
+        """Count new columns, and learn the noise from them."""
+        begin, self._column = self._column, self._column + len(power)
+        if len(power):
+            self._learn(power, begin, last=last)
 
     def score(self) -> float:
         """Best statistic since the last call over its threshold, of what did not reach it."""
@@ -199,6 +225,38 @@ class SearchBand:
                 break  # they lie in order of time
             whole[max(0, (low - grid.window - grid.reach) // grid.hop - begin) : end] = False
         return whole
+
+
+def advance_together(
+    bands: Sequence[SearchBand], uptos: Sequence[int], workspace: Workspace
+) -> list[list[tuple[RateSearch, list[Candidate]]]]:
+    """Do as `SearchBand.advance` for bands that have the same `company`.
+
+    Parameters
+    ----------
+    bands : sequence of SearchBand
+    uptos : sequence of int
+        For each.
+    workspace : Workspace
+    """
+    power = push_together(
+        [band._spectrogram for band in bands],
+        [
+            band._buffer.view(band._spectrogram.needed(), upto)
+            for band, upto in zip(bands, uptos, strict=True)
+        ],
+        workspace,
+    )
+    for band, columns in zip(bands, power, strict=True):
+        band._take(columns.T, last=False)
+    levels = np.stack([band._noise.level for band in bands])
+    results: list[list[tuple[RateSearch, list[Candidate]]]] = [[] for _ in bands]
+    for searches in zip(*(band.anchor_searches() for band in bands), strict=True):
+        for result, search, found in zip(
+            results, searches, search_together(searches, power, levels), strict=True
+        ):
+            result.append((search, found))
+    return results
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:

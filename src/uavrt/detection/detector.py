@@ -17,11 +17,12 @@ from uavrt.detection.circle import apart_hz, in_channel_hz
 from uavrt.detection.cleaning import Cleaner
 from uavrt.detection.following import Follower
 from uavrt.detection.grid import make_grid
+from uavrt.detection.intake import Intake
 from uavrt.detection.judging import Judge, share_a_pulse
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
 from uavrt.detection.refine import Measured, Refiner
 from uavrt.detection.report import Reporter
-from uavrt.detection.samples import BACKWARD_RESTART_BLOCKS, Counters, SampleBuffer
+from uavrt.detection.samples import Counters
 from uavrt.detection.search import Candidate, RateSearch
 from uavrt.detection.tracks import Track
 from uavrt.messages import Pulse, SearchReport, Tag
@@ -30,9 +31,6 @@ BATCH_S = 0.44
 """Longest that samples are gathered before the search goes on: latency against NumPy's price of
 a call. Five blocks of 87.4 ms are 0.437 s; a pulse is told 0.04 s after it at the soonest."""
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-REORDER_S = 0.1
-"""So long the search waits for a block that another has overtaken: one block of a flight, and
-as long as only one block has come since."""
 _MAXIMUM_TRACKS = 12
 
 
@@ -84,19 +82,8 @@ class PulseDetector:
         self.counters = Counters()
         self.locked_frequency_hz: float | None = None
         """What a hard lock keeps to until `reset`, absolute; None before the first."""
-        longest = max(tag.pulse_intervals_s) + tag.interval_uncertainty_s
-        span_s = (tag.k - 1) * longest
-        if len(tag.pulse_intervals_s) > 1:
-            # The other rate is followed from the last pulse heard, maybe two intervals ago.
-            span_s += 2.0 * longest
-        # Batch, block, filter and the windows beside a pulse: a group is judged 0.7 s late.
-        keep_s = max(span_s, 1.0) + tag.interval_jitter_s + 0.8
-        self._buffer = SampleBuffer(
-            sample_rate_hz=self.sample_rate_hz,
-            keep=math.ceil((keep_s + tag.pulse_width_s) * self.sample_rate_hz),
-            tolerance_s=tag.pulse_width_s / 8.0,
-        )
-        self._longest_hole_s = (tag.k + 1) * longest + tag.interval_jitter_s + 1.0
+        self._intake = Intake(tag, sample_rate_hz=self.sample_rate_hz, counters=self.counters)
+        self._buffer = self._intake.buffer
         self._batch = round(BATCH_S * self.sample_rate_hz)
         self._reporter = Reporter(
             tag,
@@ -132,8 +119,8 @@ class PulseDetector:
 
     def _start(self, epoch_ns: int = 0, tracks: tuple[Track, ...] = ()) -> None:
         """(Re)start everything that hangs on unbroken samples."""
-        self._buffer.clear()
-        self._band = self._make_band()
+        self._intake.clear()
+        self.band = self._make_band()
         self._cleaner = Cleaner(
             sample_rate_hz=self.sample_rate_hz,
             pulse_width_s=self.tag.pulse_width_s,
@@ -144,7 +131,6 @@ class PulseDetector:
         # Not all tags of a flight at the same block: their first batches differ in length.
         self._patience = round(self._batch * (1.0 - self.tag.tag_id * _GOLDEN % 1.0))
         self._tracks = list(tracks)
-        self._stale_blocks = 0
         self._follower.epoch_ns = epoch_ns
 
     def reset(self) -> None:
@@ -169,21 +155,61 @@ class PulseDetector:
         list of Pulse
             Pulses found since the last call, in the order of finding.
         """
-        if not self._stale_blocks and self._buffer.extend(samples, time_ns):
+        length = self.take(samples, time_ns)
+        while (upto := self.next_step(length)) is not None:
+            self._advance(upto)
+        return self.drain()
+
+    def take(self, samples: NDArray[np.complex64], time_ns: int) -> int:
+        """Take a block without a search; how long it is, 0 if it was refused.
+
+        `process` in pieces, as `next_step`, `prepare`, `conclude` and `drain` are, for a
+        `DetectorGroup`.
+        """
+        if not self._intake.stale_blocks and self._buffer.extend(samples, time_ns):
             self.counters.samples += len(samples)
-        else:
-            samples = np.ascontiguousarray(samples, np.complex64)
-            if not len(samples) or not self._admit(samples, time_ns):
-                return self._reporter.drain()
-        # The search goes on when with one more such block it would be late.
-        least = self._patience - len(samples)
-        while (fresh := self._buffer.end - self._clean - self._cleaner.margin) > least:
-            fresh = min(fresh, self._batch)
-            if fresh <= 0 or self._may_be_filled(fresh + self._cleaner.margin):
-                break
-            self._advance(self._clean + fresh)
-            self._patience = self._batch
-            least = self._patience - len(samples)
+            return len(samples)
+        samples = np.ascontiguousarray(samples, np.complex64)
+        if not len(samples):
+            return 0
+        if self._buffer.empty:
+            self._follower.epoch_ns = time_ns
+        after = self._clean + self._cleaner.flank
+        outcome = self._intake.admit(samples, time_ns, after=after)
+        if outcome in ("later", "earlier"):
+            if outcome == "later":
+                self._advance(self._buffer.end)
+                self._start(time_ns, self._follower.carried(self._tracks))
+            else:
+                self._start(time_ns)
+            outcome = self._intake.admit(samples, time_ns, after=0)
+        return len(samples) if outcome == "taken" else 0
+
+    def next_step(self, length: int) -> int | None:
+        """Index up to which the search goes on after a block of such a length, if it does.
+
+        It goes on when with one more such block it would be late.
+        """
+        fresh = self._buffer.end - self._clean - self._cleaner.margin
+        if not length or fresh <= self._patience - length:
+            return None
+        fresh = min(fresh, self._batch)
+        if fresh <= 0 or self._intake.may_be_filled(self._clean + fresh + self._cleaner.margin):
+            return None
+        return self._clean + fresh
+
+    def patient(self) -> int:
+        """Samples of blocks, the last counted twice, up to which no step is due.
+
+        0: each block must be looked at when it comes.
+        """
+        if self._intake.stale_blocks or self._buffer.empty or self._buffer.holes:
+            return 0
+        fresh = self._buffer.end - self._clean - self._cleaner.margin
+        return max(0, self._patience - fresh)
+
+    def drain(self) -> list[Pulse]:
+        """Take the pulses found."""
         return self._reporter.drain()
 
     def flush(self) -> list[Pulse]:
@@ -218,64 +244,26 @@ class PulseDetector:
         """Tracks with the tag's interval that are not the tag: further from its frequency."""
         return [t for t in self._tracks if t.confirmed and t.held]
 
-    def _admit(self, samples: NDArray[np.complex64], time_ns: int) -> bool:
-        """Put a block in its place; False when it is refused."""
-        buffer, counters = self._buffer, self.counters
-        if buffer.empty:
-            self._follower.epoch_ns = time_ns
-        else:
-            late_s = buffer.deviation_ns(time_ns) * 1e-9
-            if late_s > self._longest_hole_s:
-                counters.restarts += 1
-                self._advance(buffer.end)
-                self._start(time_ns, self._follower.carried(self._tracks))
-            elif late_s >= self.tag.pulse_width_s / 8.0:
-                count = round(late_s * self.sample_rate_hz)
-                counters.samples_lost += count
-                buffer.append_hole(count)
-            elif late_s <= -self.tag.pulse_width_s / 8.0:
-                overlap = round(-late_s * self.sample_rate_hz)
-                if buffer.fill_hole(samples, time_ns, self._clean + self._cleaner.flank):
-                    counters.samples_lost -= len(samples)
-                    counters.samples += len(samples)
-                    return False
-                if overlap >= len(samples):
-                    counters.blocks_stale += 1
-                    self._stale_blocks += 1
-                    if self._stale_blocks < BACKWARD_RESTART_BLOCKS:
-                        return False
-                    counters.restarts += 1
-                    self._start(time_ns)
-                else:
-                    samples = samples[overlap:]
-                    time_ns += round(overlap / self.sample_rate_hz * 1e9)
-        self._stale_blocks = 0
-        counters.samples += len(samples)
-        buffer.append(samples, time_ns)
-        return True
-
-    def _may_be_filled(self, needed: int) -> bool:
-        """Whether the stretch to be searched has a hole so new that its block may yet come."""
-        if not self._buffer.holes:
-            return False
-        low, high = self._buffer.holes[-1]
-        patience = round(REORDER_S * self.sample_rate_hz)
-        # One block behind it may be longer than that, and be the one that overtook.
-        young = self._buffer.end - high < patience or self._buffer.newest <= high
-        return young and low < self._clean + needed
-
     def _advance(self, upto: int, *, last: bool = False) -> None:
         """Clean, transform and search the samples up to an index."""
-        buffer = self._buffer
         if upto <= self._clean and not last:
             return
-        self._cleaner.clean(buffer, self._clean, upto, renew=self._advances % 6 == 1)
+        self.prepare(upto)
+        self.conclude(self.band.advance(upto, last=last))
+
+    def prepare(self, upto: int) -> None:
+        """Clean the samples up to an index."""
+        self._cleaner.clean(self._buffer, self._clean, upto, renew=self._advances % 6 == 1)
         self._advances += 1
         self._refiner.upto = upto
         self._clean = upto
-        results = self._band.advance(upto, last=last)
+        self._patience = self._batch
+
+    def conclude(self, results: list[tuple[RateSearch, list[Candidate]]] | None) -> None:
+        """Take what the band has found: judge, follow and report."""
         if results is None:
             return
+        upto = self._clean
         for search, found in results:
             self._consider(found, search)
         if self.operating_mode is OperatingMode.ALL_NEVER_LOCK:
@@ -285,12 +273,12 @@ class PulseDetector:
                 self._tracks,
                 upto,
                 self._settle,
-                noise=self._band.noise,
+                noise=self.band.noise,
                 floor=self._cleaner.mean_floor,
             )
         if self.operating_mode is OperatingMode.SEARCH_HARD_LOCK:
             self._lock()
-        self._reporter.searched(buffer.time_ns(upto), self._band.noise, self._band.score())
+        self._reporter.searched(self._buffer.time_ns(upto), self.band.noise, self.band.score())
 
     def _consider(self, found: list[Candidate], search: RateSearch) -> None:
         """Turn candidates into groups; several candidates of the same pulses are one."""
@@ -300,9 +288,9 @@ class PulseDetector:
         for candidate in found:
             if self._judge.explained(candidate, search, taken, followed):
                 continue
-            if not self._judge.suffices(candidate, search, self._band.noise):
+            if not self._judge.suffices(candidate, search, self.band.noise):
                 continue
-            places = self._judge.measure(candidate, search, self._band.noise)
+            places = self._judge.measure(candidate, search, self.band.noise)
             if places is None:
                 continue
             group = [pulse for _, pulse in places]
@@ -313,7 +301,7 @@ class PulseDetector:
             if any(t.confirmed or self._judge.equals(t, group) for t in clash) and not afresh:
                 continue
             reason = self._judge.refusal(
-                group, search, noise=self._band.noise, floor=self._cleaner.mean_floor
+                group, search, noise=self.band.noise, floor=self._cleaner.mean_floor
             )
             if reason is not None:
                 self.counters.reject(reason)
@@ -383,12 +371,12 @@ class PulseDetector:
         found_hz = in_channel_hz(found_hz, nominal_hz=self._nominal_hz, sample_rate_hz=rate_hz)
         self.locked_frequency_hz = self.center_frequency_hz + found_hz
         half_width_hz = min(self.frequency_window_hz, LOCK_HALF_WIDTH_HZ)
-        before, epoch_ns = self._band, self._follower.epoch_ns
+        before, epoch_ns = self.band, self._follower.epoch_ns
         self._look_around(found_hz, half_width_hz)
         self._follower.epoch_ns = epoch_ns
         self._refiner.upto = self._clean
-        self._band = self._make_band()
-        self._band.take_over(before, self._clean)
+        self.band = self._make_band()
+        self.band.take_over(before, self._clean)
         self._tracks = [
             t
             for t in self._tracks

@@ -21,7 +21,7 @@ _SINGLE_THREAD_PRODUCT = 200_000
 threads that wake for 50 us of work cost 50 times as much."""
 _DECIMATED_WINDOW = 24
 """Least samples of a pulse after decimation: below, the hop gets too coarse."""
-_OUTPUTS_PER_ROW = 8
+OUTPUTS_PER_ROW = 8
 _STOPBAND_DB = 55.0
 
 
@@ -162,8 +162,9 @@ class Spectrogram:
     """
 
     def __init__(self, grid: Grid) -> None:
-        self._grid = grid
-        self._band = np.zeros(0, np.complex64)
+        self.grid = grid
+        self.band = np.zeros(0, np.complex64)
+        """Narrow-band samples that the next columns begin with."""
         self.consumed = 0
         """Narrow-band samples made so far."""
         self._turns = np.zeros((0, 1), np.complex64)
@@ -171,22 +172,21 @@ class Spectrogram:
 
     def needed(self) -> int:
         """Index of the first channel sample that the next call looks at; may be negative."""
-        return self.consumed * self._grid.decimation - self._grid.reach
+        return self.consumed * self.grid.decimation - self.grid.reach
 
     def push(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
         """Take channel samples from index `needed` on; the new columns, (columns, rows)."""
-        grid = self._grid
-        band = self._decimate(samples)
-        self.consumed += len(band)
-        block = np.concatenate((self._band, band))
+        grid = self.grid
+        block = np.concatenate((self.band, self.decimate(samples)))
         power = grid.power(block)
-        self._band = block[len(power) * (grid.hop // grid.decimation) :].copy()
+        self.band = block[len(power) * (grid.hop // grid.decimation) :].copy()
         return power
 
-    def _decimate(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Filter and decimate, in whole rows of `_OUTPUTS_PER_ROW` outputs."""
-        grid = self._grid
+    def decimate(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
+        """Filter and decimate, in whole rows of `OUTPUTS_PER_ROW` outputs."""
+        grid = self.grid
         if grid.filter is None:
+            self.consumed += len(samples)
             return samples
         length, outputs = grid.filter.shape
         stride = outputs * grid.decimation
@@ -199,6 +199,7 @@ class Spectrogram:
             np.matmul(np.ascontiguousarray(pieces), grid.filter, out=band[first:last])
         if grid.turn_hz:
             band *= self._turned(self.consumed // outputs, count)
+        self.consumed += band.size
         return band.reshape(-1)
 
     def _turned(self, row: int, count: int) -> NDArray[np.complex64]:
@@ -206,8 +207,8 @@ class Spectrogram:
 
         The turn within a row of outputs is in the filter.
         """
-        grid = self._grid
-        turns = grid.turn_hz * _OUTPUTS_PER_ROW * grid.decimation / grid.sample_rate_hz
+        grid = self.grid
+        turns = grid.turn_hz * OUTPUTS_PER_ROW * grid.decimation / grid.sample_rate_hz
         if count > len(self._turns):
             phases = np.modf(np.arange(count) * turns)[0]
             self._turns = np.exp(-2j * np.pi * phases).astype(np.complex64)[:, np.newaxis]
@@ -265,16 +266,16 @@ def make_grid(
         )
         side = len(taps) // 2
         bank = np.zeros(
-            ((_OUTPUTS_PER_ROW - 1) * decimation + len(taps), _OUTPUTS_PER_ROW), np.complex64
+            ((OUTPUTS_PER_ROW - 1) * decimation + len(taps), OUTPUTS_PER_ROW), np.complex64
         )
-        for output in range(_OUTPUTS_PER_ROW):
+        for output in range(OUTPUTS_PER_ROW):
             bank[output * decimation : output * decimation + len(taps), output] = taps
     scale = decimation / math.sqrt(length * decimation)
     symmetric = bank is not None and len(offsets) == 2 * reach + 1
     matrix, halves = None, None
     if bank is not None and symmetric:
         shift = 2.0 * math.pi * offset_hz * decimation / sample_rate_hz
-        turn = np.exp(-1j * shift * np.arange(_OUTPUTS_PER_ROW)).astype(np.complex64)
+        turn = np.exp(-1j * shift * np.arange(OUTPUTS_PER_ROW)).astype(np.complex64)
         bank *= turn
         halves = half_transforms(length, reach + 1, scale)
     else:

@@ -21,7 +21,7 @@ class LongSearch(RateSearch):
         super().__init__(**parameters)
         self._backs = self._offsets[0].tolist()
         """(k, intervals): columns from a pulse to the last, those of the last first."""
-        self._cells = np.zeros((self.span + self._piece + 2, self.rows), np.float32)
+        self._cells = np.zeros((self.span + self.piece + 2, self.rows), np.float32)
         """Maxima over the jitter, a ring: column c lies at c modulo the length."""
         self._tail = np.zeros((self.rows, 0), np.float32)
         self._searched = 0

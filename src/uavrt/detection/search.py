@@ -10,7 +10,7 @@ the original enumerates 3 to the power K patterns).
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,7 @@ _PIECE_S = 0.46
 a detector's pieces are of 0.44 s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class Candidate(NamedTuple):
     """A hypothesis whose statistic reached the threshold."""
 
     score: float
@@ -112,7 +111,7 @@ class RateSearch:
         """(place, place, intervals): columns from a pulse to another."""
         self.columns = 0
         """Columns whose maxima over the jitter are known, since the start."""
-        self._piece = max(16, math.ceil(_PIECE_S / hop_s))
+        self.piece = max(16, math.ceil(_PIECE_S / hop_s))
         self.best = 0.0
         """Largest statistic over the threshold since it was last set to zero."""
         self.margin = 1.0
@@ -144,8 +143,8 @@ class RateSearch:
             Best first; several may be of the same pulses.
         """
         found: list[Candidate] = []
-        for first in range(0, len(power), self._piece):
-            found += self._push(power[first : first + self._piece].T, noise)
+        for first in range(0, len(power), self.piece):
+            found += self._push(power[first : first + self.piece].T, noise)
         return best_first(found)
 
     def finish(self, noise: NDArray[np.float32]) -> list[Candidate]:

@@ -8,7 +8,7 @@ from dataclasses import asdict
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection import PulseDetector
+from uavrt.detection import DetectorGroup, PulseDetector
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.samples import ChannelReceiver
 from uavrt.messages import ChannelBlock, Pulse, Tag
@@ -34,29 +34,26 @@ class DetectorBank:
     def __init__(self, tags: tuple[Tag, ...], frequency_window_hz: float) -> None:
         self._tags = tags
         self._window_hz = frequency_window_hz
-        self._detectors: dict[int, list[PulseDetector]] = {}
-        self._made = 0
+        self._group = DetectorGroup()
         self.samples = 0
         self.samples_lost = 0
         self.last_sample_ns = 0
         self.samples_invalid = 0
 
-    def process(self, block: ChannelBlock) -> list[Pulse]:
-        """Feed a block to the detectors of its channel; get the pulses found."""
+    def put(self, block: ChannelBlock) -> None:
+        """Feed a block to the detectors of its channel; `collect` searches it."""
         self.samples += len(block.samples)
         self.samples_lost += block.lost_before
         self.last_sample_ns = block.time_ns + round(
             len(block.samples) * 1e9 / block.sample_rate_hz
         )
-        if block.channel not in self._detectors:
-            self._detectors[block.channel] = self._make(block)
-            self._made += len(self._detectors[block.channel])
-        samples = self._finite(block.samples)
-        return [
-            pulse
-            for detector in self._detectors[block.channel]
-            for pulse in detector.process(samples, block.time_ns)
-        ]
+        if block.channel not in self._group:
+            self._group.add(block.channel, self._make(block))
+        self._group.put(block.channel, self._finite(block.samples), block.time_ns)
+
+    def collect(self) -> list[Pulse]:
+        """Search what came since the last call; get the pulses found."""
+        return self._group.collect()
 
     def _finite(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
         """Put zeros for what is no number: a noise level would never get rid of it."""
@@ -69,15 +66,15 @@ class DetectorBank:
     @property
     def complete(self) -> bool:
         """Whether samples have come for every tag."""
-        return self._made >= len(self._tags)
+        return len(self.all()) >= len(self._tags)
 
     def flush(self) -> list[Pulse]:
         """Get what the samples so far still hold."""
-        return [pulse for detector in self.all() for pulse in detector.flush()]
+        return self._group.flush()
 
     def all(self) -> list[PulseDetector]:
         """Get every detector made so far."""
-        return [detector for channel in self._detectors.values() for detector in channel]
+        return self._group.detectors
 
     def counters(self) -> dict[str, float]:
         """Count over all detectors."""
@@ -162,16 +159,29 @@ class Searcher:
         self._frame = frame
         self._bank = bank
         self._latencies = Latencies()
+        self._time_ns: int | None = None
+        """Of the blocks that are yet to be searched."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Search the next block of a channel."""
-        for pulse in self._bank.process(block):
+        """Take the next block of a channel; the channels of one radio block belong together."""
+        if block.time_ns != self._time_ns:
+            self._search()
+            self._time_ns = block.time_ns
+        self._bank.put(block)
+
+    def _search(self) -> None:
+        """Search the blocks that came; send what was found."""
+        if self._time_ns is None:
+            return
+        for pulse in self._bank.collect():
             self._frame.send("pulse", pulse)
         now_ns = self._frame.clock.now_ns()
         self._latencies.add((now_ns - self._bank.last_sample_ns) * 1e-9, now_ns * 1e-9)
+        self._time_ns = None
 
     def flush(self) -> None:
-        """Send what was searched and not found."""
+        """Search what came; send what was found, and what was searched in vain."""
+        self._search()
         for detector in self._bank.all():
             for report in detector.search_reports():
                 self._frame.send("search_report", report)

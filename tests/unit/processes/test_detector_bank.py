@@ -43,7 +43,10 @@ def blocks(amplitude: float, *, bad_at_s: float | None = None) -> list[ChannelBl
 
 
 def run(bank: DetectorBank, stream: list[ChannelBlock]) -> list[int]:
-    found = [pulse for block in stream for pulse in bank.process(block)]
+    found = []
+    for block in stream:
+        bank.put(block)
+        found += bank.collect()
     found += bank.flush()
     return sorted(pulse.start_time_ns for pulse in found if pulse.tag_id == 2)
 

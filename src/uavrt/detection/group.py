@@ -1,0 +1,226 @@
+"""Many detectors in one process, cheaper than each alone.
+
+A detector looks at its samples every 0.44 s. Between, its blocks wait here, once for all tags
+of a channel; when tags are due at the same time and stand at the same place of their streams,
+what is the same for all of them is done together (docs/decisions/0147). The pulses are those
+of the detectors alone.
+"""
+
+from collections.abc import Hashable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.band import advance_together
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.spectra import Workspace
+from uavrt.messages import Pulse
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+_TOGETHER = 8
+"""Detectors searched at once: their cells, 0.5 MB, stay in the cache of a core."""
+
+
+@dataclass(slots=True, eq=False)
+class _Member:
+    """A detector and how far it has taken its channel's blocks."""
+
+    detector: PulseDetector
+    taken: int = 0
+    """Blocks of the channel."""
+    due: int = 0
+    """So many samples of the channel, the newest block counted twice, may come before it must
+    be looked at; 0: none."""
+
+
+@dataclass(slots=True, eq=False)
+class _Channel:
+    """Blocks that some member has not taken yet."""
+
+    members: list[_Member]
+    ns_per_sample: float
+    tolerance_ns: float
+    blocks: list[tuple[NDArray[np.complex64], int]] = field(default_factory=list)
+    before: int = 0
+    """Blocks that came before those."""
+    samples: int = 0
+    """Samples of all blocks so far."""
+    next_ns: float = 0.0
+    """Time at which the next block begins if none is lost."""
+    due: list[_Member] = field(default_factory=list)
+
+    def catch_up(self, member: _Member) -> None:
+        """Give a member the blocks that it has not taken; no step was due with any of them."""
+        for samples, time_ns in self.blocks[member.taken - self.before :]:
+            member.detector.take(samples, time_ns)
+        member.taken = self.before + len(self.blocks)
+
+    def wait(self, member: _Member) -> None:
+        """Find out how long a member that has taken all blocks needs not be looked at."""
+        patience = member.detector.patient()
+        member.due = self.samples + patience if patience else 0
+
+
+class DetectorGroup:
+    """Detectors fed channel by channel; their pulses are collected when all channels are in."""
+
+    def __init__(self) -> None:
+        self._channels: dict[Hashable, _Channel] = {}
+        self._due: list[_Channel] = []
+        self._pulses: list[Pulse] = []
+        self._workspace = Workspace()
+        self._memory = np.zeros(0, np.float32)
+        self._homes: dict[_Member, list[tuple[int, int]]] = {}
+        """Where in the memory a member's rings lie, and their sizes."""
+
+    def add(self, channel: Hashable, detectors: Iterable[PulseDetector]) -> None:
+        """Add the detectors of a channel, at least one, before its first block."""
+        members = [_Member(detector) for detector in detectors]
+        rate_hz = members[0].detector.sample_rate_hz
+        width_s = min(member.detector.tag.pulse_width_s for member in members)
+        self._channels[channel] = _Channel(
+            members=members,
+            ns_per_sample=NANOSECONDS_PER_SECOND / rate_hz,
+            # A little less than a detector's own.
+            tolerance_ns=0.99 * width_s / 8.0 * NANOSECONDS_PER_SECOND,
+        )
+        self._homes.clear()
+
+    def __contains__(self, channel: Hashable) -> bool:
+        """Whether a channel was added."""
+        return channel in self._channels
+
+    @property
+    def detectors(self) -> list[PulseDetector]:
+        """All detectors, in the order in which they were added."""
+        return [m.detector for channel in self._channels.values() for m in channel.members]
+
+    def put(self, channel: Hashable, samples: NDArray[np.complex64], time_ns: int) -> None:
+        """Take the next block of a channel.
+
+        Parameters
+        ----------
+        channel : hashable
+            As it was added.
+        samples : ndarray of complex64, shape (n,)
+            They must stay as they are until they were searched.
+        time_ns : int
+            Time of the first sample, as for `PulseDetector.process`.
+        """
+        line = self._channels[channel]
+        if line.due:
+            self._search()
+        count = len(samples)
+        regular = count > 0 and abs(time_ns - line.next_ns) < line.tolerance_ns
+        line.next_ns = time_ns + count * line.ns_per_sample
+        hurried = [m for m in line.members if not regular or not m.due]
+        for member in hurried:
+            line.catch_up(member)
+        line.blocks.append((samples, time_ns))
+        line.samples += count
+        for member in hurried:
+            self._pulses += member.detector.process(samples, time_ns)
+            member.taken += 1
+            line.wait(member)
+        if regular:
+            upto = line.samples + count
+            line.due = [m for m in line.members if upto > m.due and m not in hurried]
+        if line.due:
+            self._due.append(line)
+        elif hurried:
+            _forget(line)
+
+    def collect(self) -> list[Pulse]:
+        """Search where it is due; get the pulses found since the last call."""
+        self._search()
+        pulses, self._pulses = self._pulses, []
+        return pulses
+
+    def flush(self) -> list[Pulse]:
+        """End the stream: search what is left, as `PulseDetector.flush` of each."""
+        self._search()
+        for line in self._channels.values():
+            for member in line.members:
+                line.catch_up(member)
+                self._pulses += member.detector.flush()
+                member.due = 0
+            _forget(line)
+        return self.collect()
+
+    def _search(self) -> None:
+        """Let all detectors that are due go on."""
+        due, self._due = self._due, []
+        active = []
+        for line in due:
+            length = len(line.blocks[-1][0])
+            for member in line.due:
+                line.catch_up(member)
+                active.append((line, member, length))
+            line.due = []
+            _forget(line)
+        while active:
+            steps: dict[Hashable, list[tuple[PulseDetector, int]]] = {}
+            again = []
+            for line, member, length in active:
+                detector = member.detector
+                upto = detector.next_step(length)
+                if upto is None:
+                    self._pulses += detector.drain()
+                    line.wait(member)
+                    continue
+                again.append((line, member, length))
+                self._house(member)
+                detector.prepare(upto)
+                key = detector.band.company(upto)
+                steps.setdefault(member if key is None else key, []).append((detector, upto))
+            for some in steps.values():
+                for first in range(0, len(some), _TOGETHER):
+                    self._step(some[first : first + _TOGETHER])
+            active = again
+
+    def _step(self, steps: list[tuple[PulseDetector, int]]) -> None:
+        """Let prepared detectors in each other's company go on."""
+        if len(steps) == 1:
+            detector, upto = steps[0]
+            detector.conclude(detector.band.advance(upto, last=False))
+            return
+        bands = [detector.band for detector, _ in steps]
+        results = advance_together(bands, [upto for _, upto in steps], self._workspace)
+        for (detector, _), result in zip(steps, results, strict=True):
+            detector.conclude(result)
+
+    def _house(self, member: _Member) -> None:
+        """Have a member's rings in the memory of all, where they can be looked at together."""
+        searches = member.detector.band.anchor_searches()
+        if all(search.memory is self._memory for search in searches):
+            return
+        if not self._homes:
+            self._build()
+        for search, (base, size) in zip(searches, self._homes[member], strict=False):
+            if search.memory is not self._memory and search.size <= size:
+                search.settle_in(self._memory, base)
+
+    def _build(self) -> None:
+        """Make a memory for the rings of all, and move them in."""
+        total = 0
+        longest = 0
+        for line in self._channels.values():
+            for member in line.members:
+                homes = self._homes[member] = []
+                for search in member.detector.band.anchor_searches():
+                    homes.append((total, search.size))
+                    total += search.size
+                    longest = max(longest, search.stretch)
+        self._memory = np.zeros(total + longest, np.float32)
+        for member, homes in self._homes.items():
+            searches = member.detector.band.anchor_searches()
+            for search, (base, _) in zip(searches, homes, strict=True):
+                search.settle_in(self._memory, base, empty=True)
+
+
+def _forget(line: _Channel) -> None:
+    """Drop the blocks that all members have taken."""
+    taken = min(member.taken for member in line.members) - line.before
+    del line.blocks[:taken]
+    line.before += taken
