@@ -35,6 +35,9 @@ CIRCLED: Final = 40
 TICKED: Final = 400
 """Up to so many pulses have a tick of their own above a waterfall."""
 RASTER_ROWS: Final = 700
+LEAST_DB: Final = 6.0
+LEAST_HZ: Final = 20.0
+"""Least heights of the axes of SNR and frequency."""
 LOWEST_SPAN_DB: Final = 15.0
 
 
@@ -117,7 +120,7 @@ class DetectionPlots:
         written = []
         for tag in self._tags:
             known = self._waterfalls.get(tag.tag_id)
-            if known is None:
+            if known is None or not len(known[2].power):
                 continue
             pulses = sorted(self._pulses[tag.tag_id], key=lambda pulse: pulse.start_time_ns)
             waterfall = known[2]
@@ -211,9 +214,12 @@ def draw_snr(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure
     _legend(upper, "no pulses")
     upper.set_ylabel("Pulse energy over\nnoise density [dB]")
     lower.set_ylabel(f"Offset from\n{tag.frequency_hz / 1e6:.6f} MHz [Hz]")
-    for axes in (upper, lower):
+    for axes, span in ((upper, LEAST_DB), (lower, LEAST_HZ)):
         axes.grid(visible=True, color="0.88", linewidth=0.6)
         axes.set_axisbelow(True)
+        low, high = axes.get_ylim()
+        if high - low < span:  # half a decibel of scatter shall not look like a change
+            axes.set_ylim((low + high - span) / 2, (low + high + span) / 2)
     begin = _date(waterfall.start_time_ns)
     lower.set_xlim(begin, begin + len(waterfall.power) * waterfall.column_s / 86_400)
     _time_axis(lower, waterfall)

@@ -182,6 +182,20 @@ def test_a_tag_without_samples_has_no_pictures(tmp_path: Path) -> None:
     assert DetectionPlots(tmp_path, [TAG]).write() == []
 
 
+def test_a_recording_shorter_than_a_column_has_no_pictures(tmp_path: Path) -> None:
+    plots = DetectionPlots(tmp_path, [TAG])
+    plots.add_block(block(noise(15), 0))
+    assert plots.write() == []
+
+
+def test_half_a_decibel_of_scatter_does_not_fill_the_picture() -> None:
+    shown = waterfall()
+    shown.add(block(noise(20_000), 0))
+    upper, lower = draw_snr(TAG, shown, [pulse(0), pulse(5)]).axes
+    assert np.diff(upper.get_ylim()) == pytest.approx(6.0)
+    assert np.diff(lower.get_ylim()) == pytest.approx(20.0)
+
+
 def test_a_place_that_is_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "here").write_text("")
     with pytest.raises(RecordingError, match="here"):
