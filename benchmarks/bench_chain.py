@@ -3,13 +3,20 @@
 Samples are 3 MS/s complex float32, written in 87 ms blocks by another process that is not
 counted; a quarter of the tags beep. CPU time is that of the `uavrt` process from the sixth
 second on: interpreter start, imports and filter design are not part of a flight.
+
+A core that sleeps between two blocks wakes slow and with empty caches; a virtual one may have
+been somebody else's meanwhile. Each case is therefore run twice: as it is, and with a process
+of the scheduling class "idle" on the same core, which takes nothing from the work but never
+lets the core sleep.
 """
 
+import contextlib
 import os
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,23 +48,35 @@ def run() -> list[Table]:
     """All tables of this section."""
     rows = []
     for tags, most in CASES:
-        # The lower of two: a neighbour on the machine can only add.
-        costs = [paced(tags) for _ in range(2)]
-        best = min(costs, key=lambda cost: cost.cpu_percent)
-        met = best.cpu_percent <= most and best.peak_mb <= MEMORY_MB
+        sleepy, awake = paced(tags, awake=False), paced(tags, awake=True)
+        peak_mb = max(sleepy.peak_mb, awake.peak_mb)
+        bars = [cost.cpu_percent <= most for cost in (sleepy, awake)]
+        verdict = ", ".join("met" if met else "NOT met" for met in bars)
+        memory = "met" if peak_mb <= MEMORY_MB else "NOT met"
         rows.append(
             [
                 str(tags),
-                ", ".join(f"{cost.cpu_percent:.2f}" for cost in costs),
-                f"{best.peak_mb:.0f}",
-                str(best.pulses),
-                f"≤ {most:g} %, ≤ {MEMORY_MB:g} MB: {'met' if met else 'NOT met'}",
+                f"{sleepy.cpu_percent:.2f}",
+                f"{awake.cpu_percent:.2f}",
+                f"{peak_mb:.0f}",
+                str(sleepy.pulses),
+                f"≤ {most:g} %: {verdict}; ≤ {MEMORY_MB:g} MB: {memory}",
             ]
         )
-    header = ["tags", "CPU % (two runs)", "peak MB", "pulses found", "bar"]
+    header = [
+        "tags",
+        "CPU %, core idle between blocks",
+        "CPU %, core kept awake",
+        "peak MB",
+        "pulses found",
+        "bar (idle, awake)",
+    ]
     notes = [
         f"`uavrt detect -`, one process, {MEASURE_S:g} s of 3 MS/s cf32 through a pipe, paced "
-        "in 87 ms blocks; the writer is not counted."
+        "in 87 ms blocks; the writer is not counted. The work is the same in both columns: "
+        "what the first has more is the waking of a sleeping (here virtual) core, with cold "
+        "caches, and is counted as the process's own time. In the second a process of "
+        "scheduling class SCHED_IDLE on the same core keeps it from sleeping."
     ]
     return [
         Table(
@@ -107,9 +126,34 @@ def flat(tags: int) -> Table:
     )
 
 
-def paced(tags: int) -> Cost:
-    """Run `uavrt detect -` on a stream in real time."""
-    with tempfile.TemporaryDirectory() as scratch:
+@contextlib.contextmanager
+def one_core(child: int, *, awake: bool) -> Iterator[None]:
+    """Keep a process on the last core and this one off it; maybe never let it sleep."""
+    cores = os.sched_getaffinity(0)
+    core = max(cores)
+    os.sched_setaffinity(child, {core})
+    os.sched_setaffinity(0, cores - {core} or cores)
+    spinner = None
+    if awake:
+        spin = (
+            "import os\n"
+            f"os.sched_setaffinity(0, {{{core}}})\n"
+            "os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))\n"
+            "while os.getppid() != 1: pass"
+        )
+        spinner = subprocess.Popen([sys.executable, "-c", spin])
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
+        if spinner is not None:
+            spinner.kill()
+            spinner.wait()
+
+
+def paced(tags: int, *, awake: bool = False) -> Cost:
+    """Run `uavrt detect -` on a stream in real time, with its core kept `awake` or not."""
+    with tempfile.TemporaryDirectory() as scratch, contextlib.ExitStack() as stack:
         folder = Path(scratch)
         (folder / "tags.txt").write_text(tag_lines(tags))
         made = Signal(tags)
@@ -119,6 +163,7 @@ def paced(tags: int) -> Cost:
             stderr=subprocess.DEVNULL,
             bufsize=0,
         )
+        stack.enter_context(one_core(child.pid, awake=awake))
         assert child.stdin is not None
         os.set_blocking(child.stdin.fileno(), True)
         began = time.monotonic()

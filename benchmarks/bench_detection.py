@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.harness import Case, Table, compare
-from uavrt.detection import PulseDetector
+from uavrt.detection import DetectorGroup, PulseDetector
 from uavrt.experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
 from uavrt.messages import Tag
 
@@ -25,6 +25,7 @@ def run() -> list[Table]:
         case("noise, one tag, K = 3", THESIS_TAG, None, 1),
         case("tag of 20 dB, one tag, K = 3", THESIS_TAG, 20.0, 1),
         case("noise, 100 tags, K = 3", THESIS_TAG, None, 100),
+        case("noise, 100 tags, K = 3, each alone", THESIS_TAG, None, 100, together=False),
         case("noise, K = 5", replace(THESIS_TAG, k=5), None, 1),
         case("noise, K = 20 narrowed", replace(THESIS_TAG, k=20, **long), None, 1, 100.0),
         case("noise, K = 40 narrowed", replace(THESIS_TAG, k=40, **long), None, 1, 100.0),
@@ -45,9 +46,15 @@ def run() -> list[Table]:
 
 
 def case(
-    name: str, tag: Tag, enr_db: float | None, count: int, window_hz: float = 500.0
+    name: str,
+    tag: Tag,
+    enr_db: float | None,
+    count: int,
+    window_hz: float = 500.0,
+    *,
+    together: bool = True,
 ) -> Case:
-    """Detectors fed in turn, as the blocks of a receiver come."""
+    """Detectors of as many channels, fed as the blocks of a receiver come."""
     rng = np.random.default_rng(1)
     pulses = (
         []
@@ -59,14 +66,15 @@ def case(
     samples = make_samples(rng, pulses, duration_s=SIGNAL_S, sample_rate_hz=RATE_HZ)
     detectors = [
         PulseDetector(
-            tag,
+            replace(tag, tag_id=2 * i + 2),
             sample_rate_hz=RATE_HZ,
             center_frequency_hz=tag.frequency_hz - 30.0 * (i % 10),
             frequency_window_hz=window_hz,
         )
         for i in range(count)
     ]
-    return Case(name=name, run=feed(detectors, samples), signal_s=SIGNAL_S)
+    run = feed_together if together and count > 1 else feed
+    return Case(name=name, run=run(detectors, samples), signal_s=SIGNAL_S)
 
 
 def feed(detectors: list[PulseDetector], samples: Samples) -> Callable[[], object]:
@@ -80,6 +88,26 @@ def feed(detectors: list[PulseDetector], samples: Samples) -> Callable[[], objec
             time_ns = START_NS + round(position / RATE_HZ * 1e9)
             for detector in detectors:
                 detector.process(block, time_ns)
+            position += len(block)
+
+    return go
+
+
+def feed_together(detectors: list[PulseDetector], samples: Samples) -> Callable[[], object]:
+    """As `feed`, all detectors as a group, as `DetectionChain` does."""
+    group = DetectorGroup()
+    for channel, detector in enumerate(detectors):
+        group.add(channel, [detector])
+    position = 0
+
+    def go() -> None:
+        nonlocal position
+        for first in range(0, len(samples), BLOCK):
+            block = samples[first : first + BLOCK]
+            time_ns = START_NS + round(position / RATE_HZ * 1e9)
+            for channel in range(len(detectors)):
+                group.put(channel, block, time_ns)
+            group.collect()
             position += len(block)
 
     return go
