@@ -116,6 +116,13 @@ def test_the_strength_of_each_height_is_seen_by_itself(
     watched.picture("strength")
     page.select_option("#heights", "")
     page.wait_for_function("() => window.uavrt.store.heights === null")
+    # On a phone, too, the box can be reached beside the replay's bar.
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.click(".layers summary")
+    expect(page.locator("#layer-strength")).to_be_hidden()
+    page.click(".layers summary")
+    page.click("#fit")
+    watched.picture("phone")
     assert watched.errors == []
     watched.close()
     ground.stop()
