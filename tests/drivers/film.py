@@ -110,6 +110,8 @@ class Film:
     def __init__(self, page: Page) -> None:
         self._page = page
         self._frames: list[tuple[float, str]] = []
+        self.cut = False
+        """Whether what happens is left out: it becomes one still picture."""
         self._session = page.context.new_cdp_session(page)
         self._session.on("Page.screencastFrame", self._take)
         self._session.send(
@@ -163,6 +165,9 @@ class Film:
 
     def _take(self, event: dict[str, Any]) -> None:
         at_s, picture = float(event["metadata"]["timestamp"]), str(event["data"])
+        if self._frames and self.cut:
+            self._session.send("Page.screencastFrameAck", {"sessionId": event["sessionId"]})
+            return
         if self._frames and at_s - self._frames[-1][0] < SHORTEST_S:
             at_s = self._frames.pop()[0]
         self._frames.append((at_s, picture))

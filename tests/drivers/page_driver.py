@@ -129,6 +129,15 @@ class Watched:
         if self._film is not None:
             self._film.card(lines, seconds)
 
+    @contextlib.contextmanager
+    def cut(self) -> Iterator[None]:
+        """Leave a long wait out of the film."""
+        if self._film is not None:
+            self._film.cut = True
+        yield
+        if self._film is not None:
+            self._film.cut = False
+
     def save_film(self, browser: Browser) -> None:
         """Write the film, if there is one."""
         if self._film is not None and VIDEO:

@@ -70,7 +70,10 @@ def show_where_the_data_are(watched: Watched, drone: Any) -> None:
     page.click("#tab-flights")
     page.click("#drone-list")
     page.click(f'[data-remote="{flight.name}"] .fetch')
-    expect(page.locator("#download-text")).to_contain_text("here", timeout=4 * WAIT_MS)
+    expect(page.locator("#download-text")).to_contain_text(" of ")
+    watched.caption("… and comes over the same link, without a keyboard at the drone.", 4)
+    with watched.cut():
+        expect(page.locator("#download-text")).to_contain_text("here", timeout=6 * WAIT_MS)
     watched.caption("", 1)
 
 
@@ -224,11 +227,12 @@ def test_a_whole_flight_is_flown_through_the_page(
     collection = json.loads(Path(download.value.path()).read_text())
     kinds = {feature["properties"]["kind"] for feature in collection["features"]}
     assert kinds == {"track", "pulse", "bearing", "position"}
-    with page.expect_popup() as popup:
-        row.locator(".report").click()
-    report = popup.value
-    expect(report.locator("body")).to_contain_text("lynx", timeout=4 * WAIT_MS)
-    report.close()
+    with watched.cut():
+        with page.expect_popup() as popup:
+            row.locator(".report").click()
+        report = popup.value
+        expect(report.locator("body")).to_contain_text("lynx", timeout=4 * WAIT_MS)
+        report.close()
     row.locator(".open-flight").click()
     expect(page.locator("#banner")).to_contain_text("Past flight")
     slider = page.locator("#replay-slider")
