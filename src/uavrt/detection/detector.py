@@ -285,7 +285,7 @@ class PulseDetector:
         taken: list[list[Measured]] = []
         afresh = self.operating_mode is OperatingMode.ALL_NEVER_LOCK
         followed = [] if afresh else self._tracks
-        for candidate in found:
+        for candidate in self._judge.unexplained(found, search, followed):
             if self._judge.explained(candidate, search, taken, followed):
                 continue
             if not self._judge.suffices(candidate, search, self.band.noise):

@@ -18,6 +18,8 @@ from uavrt.messages import Tag
 _UNIFORMITY = 0.3
 _STRONG = 30.0
 _OFF_ROW_HZ = 8.0
+_FEW = 4
+"""Fewer candidates are as quickly looked at one by one."""
 _FLANK_BINS = 1.9
 """A strong pulse's cells are at their limit far from its row, and partly beside it in time:
 from so far the top is gone to. One group in twenty of 50 dB was measured on the flank, 6 dB
@@ -76,6 +78,30 @@ class Judge:
             if apart < 1.5 or leak > 0.2 * candidate.strength:
                 return True
         return False
+
+    def unexplained(
+        self, candidates: list[Candidate], search: RateSearch, tracks: list[Track]
+    ) -> list[Candidate]:
+        """Leave out what a confirmed track explains: of a tag that is heard nearly all."""
+        known = [s.measured for t in tracks if t.confirmed for s in t.slots]
+        if not known or len(candidates) < _FEW:
+            return candidates
+        grid = self._grid
+        bin_hz = grid.sample_rate_hz / grid.window
+        near = (search.reach + 1) * grid.hop + 0.75 * grid.window
+        columns = np.array([candidate.columns for candidate in candidates])
+        starts = columns * grid.hop - (grid.decimation - 1) / 2.0
+        at, offset_hz, power = np.array([(m.start, m.offset_hz, m.power) for m in known]).T
+        meet = (np.abs(starts[:, :, np.newaxis] - at) < near).any(axis=1)
+        rows = [candidate.row for candidate in candidates]
+        strength = np.array([candidate.strength for candidate in candidates])
+        away_hz = offset_hz - grid.offsets_hz[rows][:, np.newaxis]
+        away_hz -= grid.sample_rate_hz * np.rint(away_hz / grid.sample_rate_hz)
+        apart = np.abs(away_hz) / bin_hz
+        leak = power / np.maximum(1.0, math.pi * apart / 2.0) ** 2
+        meet &= (apart < 1.5) | (leak > 0.2 * strength[:, np.newaxis])
+        explained = meet.any(axis=1).tolist()
+        return [c for c, is_known in zip(candidates, explained, strict=True) if not is_known]
 
     def measure(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
