@@ -5,13 +5,18 @@ taken once for all cells, and of the long past only columns where a pulse may li
 (docs/decisions/0027).
 """
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.grid import sliding_maximum
+from uavrt.detection.grid import ROWS_PER_BIN, sliding_maximum
 from uavrt.detection.search import Candidate, RateSearch, best_first
+
+_CANDIDATES_AT_ONCE = 8
+"""Measuring one takes up to 10 ms. Every row around a tag of 50 dB made candidates for each
+interval: steps of 5 s."""
 
 
 class LongSearch(RateSearch):
@@ -63,6 +68,43 @@ class LongSearch(RateSearch):
         self._searched = upto
         if upto <= done:
             return []
+        totals = self._totals(done, upto, noise, self.limit)
+        largest = np.stack([total.max(axis=0) for total in totals])
+        self.best = max(self.best, float(largest.max()) / self.threshold)
+        least = self.threshold * self.margin
+        if not (largest >= least).any():
+            return []
+        # At the limit all places and rows around a strong tag are alike: power tells.
+        strengths = self._totals(done, upto, noise, math.inf)
+        column = np.empty(largest.shape, np.intp)
+        strength = np.empty_like(largest)
+        for i, (total, power) in enumerate(zip(totals, strengths, strict=True)):
+            power[total < least] = 0.0
+            column[i] = power.argmax(axis=0)
+            strength[i] = power[column[i], np.arange(self.rows)]
+        best = strength.argmax(axis=0)
+        found: list[Candidate] = []
+        for row in _tops(strength.max(axis=0)):
+            choice = int(best[row])
+            at = int(column[choice, row])
+            interval = float(self.intervals[choice])
+            found.append(
+                Candidate(
+                    score=float(totals[choice][at, row]) / self.threshold,
+                    strength=float(strength[choice, row]),
+                    rate=self.rate,
+                    row=row,
+                    columns=tuple(
+                        done + at - (self.k - 1 - k) * interval for k in range(self.k)
+                    ),
+                )
+            )
+        return best_first(found)
+
+    def _totals(
+        self, done: int, upto: int, noise: NDArray[np.float32], limit: float
+    ) -> list[NDArray[np.float32]]:
+        """Sum for each interval, shape (upto - done, rows), by column of the last pulse."""
         count = upto - done
         weight = (1.0 / noise).astype(np.float32)
         common = np.zeros((count, self.rows), np.float32)
@@ -72,30 +114,21 @@ class LongSearch(RateSearch):
             columns = np.arange(low, upto - least)
             cells = self._cells.take(columns, axis=0, mode="wrap")
             cells *= weight
-            np.minimum(cells, np.float32(self.limit), out=cells)
+            np.minimum(cells, np.float32(limit), out=cells)
             if max(backs) == least:
                 common += cells
                 continue
             for total, back in zip(totals, backs, strict=True):
                 at = done - back - low
                 total += cells[at : at + count]
-        found: list[Candidate] = []
-        for interval, total in zip(self.intervals, totals, strict=True):
+        for total in totals:
             total += common
-            largest = total.max(axis=0)
-            self.best = max(self.best, float(largest.max()) / self.threshold)
-            for row in np.flatnonzero(largest >= self.threshold * self.margin):
-                column = int(total[:, row].argmax())
-                found.append(
-                    Candidate(
-                        score=float(total[column, row]) / self.threshold,
-                        strength=float(total[column, row]),
-                        rate=self.rate,
-                        row=int(row),
-                        columns=tuple(
-                            done + column - (self.k - 1 - k) * float(interval)
-                            for k in range(self.k)
-                        ),
-                    )
-                )
-        return best_first(found)
+        return totals
+
+
+def _tops(strength: NDArray[np.float32]) -> list[int]:
+    """Rows that are the strongest within a bin to either side, the strongest few."""
+    padded = np.pad(strength, ROWS_PER_BIN)
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * ROWS_PER_BIN + 1)
+    tops = np.flatnonzero((strength > 0.0) & (strength >= around.max(axis=1)))
+    return [int(row) for row in tops[np.argsort(-strength[tops])][:_CANDIDATES_AT_ONCE]]
