@@ -88,7 +88,10 @@ def _connect(path: Path) -> StatusReader:
 def _show_once(reader: StatusReader, *, as_json: bool) -> None:
     view = MonitorView()
     deadline_s = time.monotonic() + FIRST_STATUS_S
-    while view.status is None and time.monotonic() < deadline_s:
+    # A share of the processor is the difference of two states, a second apart.
+    while time.monotonic() < deadline_s and (
+        view.status is None or not (as_json or view.cpu_percent)
+    ):
         for topic, record in reader.read(REFRESH_S):
             view.take(topic, record, time.monotonic())
     if view.status is None:

@@ -276,7 +276,9 @@ class Mission:
             center_frequency_hz=center_hz,
         )
         self._on_start(self.flight)
-        self._tell(6, f"Detecting {len(self.tags)} tags at {center_hz:.0f} Hz")
+        count = len(self.tags)
+        tags = "1 tag" if count == 1 else f"{count} tags"
+        self._tell(6, f"Detecting {tags} at {center_hz:.0f} Hz")
         for warning in warnings:
             self._tell(5, warning)
         return self.flight
