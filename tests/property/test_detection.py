@@ -77,7 +77,7 @@ def test_a_pulse_is_told_half_a_second_after_its_end_whatever_the_blocks(
     assert told >= len(truth) - 1
 
 
-def test_the_tags_of_a_flight_are_not_all_searched_at_the_same_block() -> None:
+def test_the_tags_of_a_flight_are_all_searched_at_the_same_block() -> None:
     block = noise(np.random.default_rng(5), round(0.0874 * RATE_HZ))
     detectors = [
         PulseDetector(
@@ -95,9 +95,9 @@ def test_the_tags_of_a_flight_are_not_all_searched_at_the_same_block() -> None:
             detector.process(block, time_ns)
         after = [detector.searched_samples for detector in detectors]
         searched.append(sum(a > b for a, b in zip(after, before, strict=True)))
-    # Each tag has one block in five.
-    assert sum(searched) >= 20 * 3
-    assert max(searched) <= 8
+    # One block in five: what the tags share is done once for all.
+    assert set(searched) == {0, 20}
+    assert 3 <= searched.count(20) <= 5
 
 
 @settings(deadline=None, max_examples=5)

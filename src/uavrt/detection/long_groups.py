@@ -87,6 +87,10 @@ class LongSearch(RateSearch):
         for row in _tops(strength.max(axis=0)):
             choice = int(best[row])
             at = int(column[choice, row])
+            if at == upto - done - 1:
+                # Maybe on the way to its top, 6 ms early: the next step looks at it again.
+                self._searched = upto - 1
+                continue
             interval = float(self.intervals[choice])
             found.append(
                 Candidate(
