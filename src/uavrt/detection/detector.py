@@ -288,8 +288,10 @@ class PulseDetector:
         taken: list[list[Measured]] = []
         afresh = self.operating_mode is OperatingMode.ALL_NEVER_LOCK
         followed = [] if afresh else self._tracks
-        for candidate in self._judge.unexplained(found, search, followed):
-            if self._judge.explained(candidate, search, taken, followed):
+        known = [slot.measured for t in followed if t.confirmed for slot in t.slots]
+        for candidate in self._judge.unexplained(found, search, known):
+            before = [pulse for group in taken for pulse in group]
+            if not self._judge.unexplained([candidate], search, before):
                 continue
             if not self._judge.suffices(candidate, search, self.band.noise):
                 continue

@@ -18,8 +18,6 @@ from uavrt.messages import Tag
 _UNIFORMITY = 0.3
 _STRONG = 30.0
 _OFF_ROW_HZ = 8.0
-_FEW = 4
-"""Fewer candidates are as quickly looked at one by one."""
 _FLANK_BINS = 1.9
 """A strong pulse's cells are at their limit far from its row, and partly beside it in time:
 from so far the top is gone to. One group in twenty of 50 dB was measured on the flank, 6 dB
@@ -50,41 +48,21 @@ class Judge:
         """Whether a candidate near the search's threshold is likelier than noise."""
         return self._evidence.suffices(candidate, search, noise)
 
-    def explained(
-        self,
-        candidate: Candidate,
-        search: RateSearch,
-        taken: list[list[Measured]],
-        tracks: list[Track],
-    ) -> bool:
-        """Whether a group or a confirmed track has one of a candidate's pulses already."""
-        grid = self._grid
-        bin_hz = grid.sample_rate_hz / grid.window
-        near = (search.reach + 1) * grid.hop + 0.75 * grid.window
-        offset = float(grid.offsets_hz[candidate.row])
-        known = [m for group in taken for m in group]
-        known += [s.measured for t in tracks if t.confirmed for s in t.slots]
-        if not known:
-            return False
-        starts = [grid.start(column) for column in candidate.columns]
-        earliest, latest = starts[0] - near, starts[-1] + near
-        for measured in known:
-            at = measured.start
-            # Times first: most of a track's pulses are none of the candidate's.
-            if not earliest < at < latest or all(abs(start - at) >= near for start in starts):
-                continue
-            apart = abs(apart_hz(measured.offset_hz, offset, grid.sample_rate_hz)) / bin_hz
-            leak = measured.power / max(1.0, math.pi * apart / 2.0) ** 2
-            if apart < 1.5 or leak > 0.2 * candidate.strength:
-                return True
-        return False
-
     def unexplained(
-        self, candidates: list[Candidate], search: RateSearch, tracks: list[Track]
+        self, candidates: list[Candidate], search: RateSearch, known: list[Measured]
     ) -> list[Candidate]:
-        """Leave out what a confirmed track explains: of a tag that is heard nearly all."""
-        known = [s.measured for t in tracks if t.confirmed for s in t.slots]
-        if not known or len(candidates) < _FEW:
+        """Leave out the candidates that have one of their pulses from a known one, or its leak.
+
+        Parameters
+        ----------
+        candidates : list of Candidate
+        search : RateSearch
+            That found them.
+        known : list of Measured
+            Pulses of confirmed tracks, or of groups just taken. Of a tag that is heard they
+            explain nearly all.
+        """
+        if not known or not candidates:
             return candidates
         grid = self._grid
         bin_hz = grid.sample_rate_hz / grid.window

@@ -10,6 +10,7 @@ the original enumerates 3 to the power K patterns).
 """
 
 import math
+from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +46,7 @@ def best_first(found: list[Candidate]) -> list[Candidate]:
     return found
 
 
-class RateSearch:
+class RateSearch(ABC):
     """Search of one rate over a sliding stretch of columns.
 
     What all searches have; `uavrt.detection.anchors.AnchorSearch` and
@@ -154,9 +155,9 @@ class RateSearch:
             self._first_columns += columns
         return self.push(np.zeros((columns, self.rows), np.float32), noise)
 
+    @abstractmethod
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         """Take at most a piece of columns, shape (rows, columns)."""
-        raise NotImplementedError
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:
