@@ -6,6 +6,7 @@ that follow; every pulse is reported once (docs/explanation/detection.md).
 """
 
 import math
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,8 @@ a call. Five blocks of 87.4 ms are 0.437 s; a pulse is told 0.04 s after it at t
 _FIRST_STEP = 0.7639
 """First step over a later one: after three blocks of 87 ms there is noise to learn from."""
 _MAXIMUM_TRACKS = 12
+LENGTHS_KEPT = 64
+"""The next block is taken to be as long as the longest of so many before it."""
 
 
 class PulseDetector:
@@ -83,6 +86,7 @@ class PulseDetector:
         self.counters = Counters()
         self.locked_frequency_hz: float | None = None
         """What a hard lock keeps to until `reset`, absolute; None before the first."""
+        self._lengths: deque[int] = deque(maxlen=LENGTHS_KEPT)
         self._intake = Intake(tag, sample_rate_hz=self.sample_rate_hz, counters=self.counters)
         self._buffer = self._intake.buffer
         self._batch = round(BATCH_S * self.sample_rate_hz)
@@ -169,6 +173,7 @@ class PulseDetector:
         `process` in pieces, as `next_step`, `prepare`, `conclude` and `drain` are, for a
         `DetectorGroup`.
         """
+        self._lengths.append(len(samples))
         if not self._intake.stale_blocks and self._buffer.extend(samples, time_ns):
             self.counters.samples += len(samples)
             return len(samples)
@@ -191,10 +196,10 @@ class PulseDetector:
     def next_step(self, length: int) -> int | None:
         """Index up to which the search goes on after a block of such a length, if it does.
 
-        It goes on when with one more such block it would be late.
+        It goes on when with one more block, as long as any of the last, it would be late.
         """
         fresh = self._buffer.end - self._clean - self._cleaner.margin
-        if not length or fresh <= self._patience - length:
+        if not length or fresh <= self._patience - max(self._lengths):
             return None
         fresh = min(fresh, self._batch)
         if fresh <= 0 or self._intake.may_be_filled(self._clean + fresh + self._cleaner.margin):
@@ -202,7 +207,7 @@ class PulseDetector:
         return self._clean + fresh
 
     def patient(self) -> int:
-        """Samples of blocks, the last counted twice, up to which no step is due.
+        """Samples of blocks, the longest of the last counted twice, up to which no step is due.
 
         0: each block must be looked at when it comes.
         """

@@ -113,7 +113,21 @@ class Follower:
         winner = settle_rivalry(track)
         if winner is not None:
             settle()  # what it found at the rate it had
-            become(track, winner)
+            if self._is_anothers(track, winner.last_accepted_s):
+                track.dead = True
+            else:
+                become(track, winner)
+
+    def _is_anothers(self, track: Track, time_s: float) -> bool:
+        """Whether a pulse, all that a lost track has come upon, is of another track."""
+        near_s = 0.75 * self._tag.pulse_width_s
+        return any(
+            abs(slot.time_s - time_s) < near_s
+            for other in self._tracks
+            if other is not track and other.confirmed and not other.dead
+            for slot in other.slots
+            if slot.state in ("accepted", "reported")
+        )
 
     def _step(
         self, track: Track, upto: int, *, noise: NDArray[np.float32], floor: float

@@ -6,6 +6,7 @@ what is the same for all of them is done together (docs/decisions/0147). The pul
 of the detectors alone.
 """
 
+from collections import deque
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.band import advance_together
-from uavrt.detection.detector import PulseDetector
+from uavrt.detection.detector import LENGTHS_KEPT, PulseDetector
 from uavrt.detection.spectra import Workspace
 from uavrt.messages import Pulse
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -30,8 +31,8 @@ class _Member:
     taken: int = 0
     """Blocks of the channel."""
     due: int = 0
-    """So many samples of the channel, the newest block counted twice, may come before it must
-    be looked at; 0: none."""
+    """So many samples of the channel, the longest of the newest blocks counted twice, may come
+    before it must be looked at; 0: none."""
 
 
 @dataclass(slots=True, eq=False)
@@ -46,6 +47,8 @@ class _Channel:
     """Blocks that came before those."""
     samples: int = 0
     """Samples of all blocks so far."""
+    lengths: deque[int] = field(default_factory=lambda: deque(maxlen=LENGTHS_KEPT))
+    """Of the newest blocks."""
     next_ns: float = 0.0
     """Time at which the next block begins if none is lost."""
     due: list[_Member] = field(default_factory=list)
@@ -119,12 +122,13 @@ class DetectorGroup:
             line.catch_up(member)
         line.blocks.append((samples, time_ns))
         line.samples += count
+        line.lengths.append(count)
         for member in hurried:
             self._pulses += member.detector.process(samples, time_ns)
             member.taken += 1
             line.wait(member)
         if regular:
-            upto = line.samples + count
+            upto = line.samples + max(line.lengths)
             line.due = [m for m in line.members if upto > m.due and m not in hurried]
         if line.due:
             self._due.append(line)

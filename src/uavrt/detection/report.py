@@ -109,7 +109,7 @@ class Reporter:
                 if not (certain or last or track.time_s - slot.time_s > self._patience_s):
                     continue
                 slot.state = "reported"
-                sure = track.confirmed and certain
+                sure = track.confirmed and certain and not slot.disputed
                 self._record(track, slot, "confirmed" if sure else "detected")
             elif slot.state == "open" and track.confirmed and slot.number < oldest_open:
                 if slot.measured.power > 4.0:

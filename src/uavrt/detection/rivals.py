@@ -16,6 +16,8 @@ WINS = 8.0
 PATIENCE_INTERVALS = 2.5
 """So many of the longer intervals a pulse waits for its label; then it is only `detected`."""
 
+_RATIO_SHARE = 0.25
+"""Of an interval's uncertainty, once the tag is followed at the other rate."""
 MOST_RIVALS = 8
 """Pulses back to which a switch may yet have been."""
 
@@ -50,16 +52,12 @@ def set_up_rivals(track: Track) -> None:
 
 def _rival(track: Track, start: Slot) -> Track:
     """The tag's other rate from a pulse on."""
-    tag = track.tag
-    rival = Track(tag=tag, rate=3 - track.rate, offset_hz=track.offset_hz, score=track.score)
-    rival.begin([(0, start.time_s, start.time_ns, start.measured)])
-    rival.number = 0
-    rival.time_s = start.time_s
-    # The crystal's error is the same at both rates.
-    rival.interval_s *= track.interval_s / tag.pulse_intervals_s[track.rate - 1]
-    rival.slots[0].state = "reported"
-    rival.confirmed = True
-    rival.settled_s = start.time_s
+    rate = 3 - track.rate
+    nominal_s = track.tag.pulse_intervals_s
+    rival = Track(tag=track.tag, rate=rate, offset_hz=track.offset_hz, score=track.score)
+    # The crystal's error is the same at both rates; what is left is that of their ratio.
+    scale = track.interval_s / nominal_s[track.rate - 1]
+    rival.go_on_from(start, interval_s=nominal_s[rate - 1] * scale, share=_RATIO_SHARE)
     return rival
 
 
@@ -83,24 +81,50 @@ def settle_rivalry(track: Track) -> Track | None:
     """
     upto_s = track.time_s + _margin_s(track)
     strength = _strength(track)
-    most, winner = WINS, None
+    leads: list[tuple[float, Track]] = []
     left = []
     for rival in track.rivals:
         since_s = max(rival.settled_s, track.slots[0].time_s) + track.tag.pulse_width_s
         lead = _evidence(rival, since_s, upto_s, strength)
         lead -= _evidence(track, since_s, upto_s, strength)
-        if lead > most and rival.last_accepted_s > since_s:
-            most, winner = lead, rival
+        leads.append((lead, rival))
         if lead < -WINS or rival.dead:
             track.settled_s = max(track.settled_s, rival.settled_s)
         else:
             left.append(rival)
     track.rivals = left
+    most, best = max(leads, key=lambda pair: pair[0], default=(0.0, None))
+    heard = best is not None and best.last_accepted_s > best.settled_s
+    winner = best if heard and most > WINS else None
+    if winner is not None:
+        starts_s = [rival.settled_s for lead, rival in leads if lead > most - WINS]
+        _dispute(track, winner, starts_s)
     # Before the first pulse at which it may have switched, the rate is the track's.
     since = [rival.settled_s for rival in left] if winner is None else [winner.settled_s]
     certain_s = min(since, default=track.time_s) + track.tag.pulse_width_s
     track.certain_s = max(track.certain_s, certain_s)
     return winner
+
+
+def _dispute(track: Track, winner: Track, starts_s: list[float]) -> None:
+    """Mark the pulses whose rate hangs on at which pulse the tag has switched.
+
+    That it has is certain, but a peak of noise where one rate alone has a place can make
+    another pulse than the true one the likelier.
+
+    Parameters
+    ----------
+    track, winner : Track
+        What has been followed so far, and what it becomes; their slots are changed.
+    starts_s : list of float
+        All pulses that may have been the last before the switch.
+    """
+    first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
+    half_s = track.tag.pulse_width_s / 2.0
+    for slot in track.slots:
+        slot.disputed |= first_s + half_s < slot.time_s < since_s + half_s
+    for slot in winner.slots:
+        slot.disputed |= since_s + half_s < slot.time_s < last_s - half_s
 
 
 def become(track: Track, rival: Track) -> None:
@@ -136,7 +160,12 @@ def _evidence(track: Track, since_s: float, upto_s: float, strength: float) -> f
 
 
 def _strength(track: Track) -> float:
-    """ENR of the recent accepted pulses, limited to what a fade leaves."""
+    """ENR of the recent accepted pulses, limited to what a fade leaves.
+
+    Of the last four the stronger half: after a switch to the longer interval every second is
+    noise, and no reason to expect weaker pulses.
+    """
     recent = [s.measured.enr for s in track.slots if s.state in ("accepted", "reported")]
-    level = sum(recent[-4:]) / max(1, len(recent[-4:]))
+    strongest = sorted(recent[-4:])[-2:]
+    level = sum(strongest) / max(1, len(strongest))
     return min(max(level, 8.0), 30.0)

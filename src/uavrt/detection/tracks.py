@@ -7,7 +7,7 @@ is far below that of the search: 1.3 dB and more at K = 3 (reference/detector.md
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -77,6 +77,8 @@ class Slot:
     volume: float
     """Independent cells searched."""
     state: SlotState = "open"
+    disputed: bool = False
+    """Whether it is not certain at which of two rates it was sent."""
 
 
 @dataclass(slots=True)
@@ -132,12 +134,7 @@ class Track:
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]
         self.interval_s = nominal
-        spread = tag.interval_uncertainty_s / math.sqrt(3.0)
-        self.variance = [
-            self._timing_variance(pulses[0][3].power),
-            0.0,
-            spread**2 + (_CLOCK_ERROR * nominal) ** 2,
-        ]
+        self._know_little(pulses[0][3].power)
         mean = sum(pulse[3].power for pulse in pulses) / len(pulses)
         # Far weaker than its fellows and not sure by itself: noise in a group of fewer.
         floor = min(20.0, WEAKEST_SHARE * mean)
@@ -167,6 +164,24 @@ class Track:
             self.certain_s = self.last_accepted_s
         sure = [s for s in self.slots if s.measured.power >= _SURE_POWER]
         self.confirmed = len(sure) >= max(3, self.tag.k)
+
+    def go_on_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
+        """Go on from a pulse of a known transmitter, with another interval.
+
+        Parameters
+        ----------
+        slot : Slot
+            Of the track that heard it, which reports it.
+        interval_s : float
+        share : float
+            Of the tag's uncertainty that the interval has.
+        """
+        self.interval_s = interval_s
+        self._know_little(slot.measured.power, share)
+        self.slots = [replace(slot, number=0, state="reported")]
+        self.steady_hz = self.offset_hz
+        self.time_s = self.last_accepted_s = self.settled_s = slot.time_s
+        self.confirmed = True
 
     def join(self, pulses: list[tuple[int, float, int, Measured]], base: int) -> None:
         """Take the new pulses of a group that was found without this track's help.
@@ -333,6 +348,12 @@ class Track:
     def _timing_variance(self, power: float) -> float:
         own = 0.08 * self.tag.pulse_width_s * math.sqrt(20.0 / max(power, 4.0))
         return own**2 + (self.tag.interval_jitter_s / 2.0) ** 2
+
+    def _know_little(self, power: float, share: float = 1.0) -> None:
+        """Phase as of one pulse; of the interval a share of what the tag leaves open."""
+        spread_s = share * self.tag.interval_uncertainty_s / math.sqrt(3.0)
+        clock_s = _CLOCK_ERROR * self.interval_s
+        self.variance = [self._timing_variance(power), 0.0, spread_s**2 + clock_s**2]
 
     def _predict(self) -> None:
         phase, cross, interval = self.variance

@@ -66,6 +66,30 @@ def test_no_pulse_is_confirmed_at_the_rate_it_was_not_sent_at(rates: list[int]) 
         assert len(found) >= len(truth) - 5
 
 
+@pytest.mark.parametrize("rates", [[1, 2], [2, 1]])
+def test_noise_where_one_rate_has_a_place_is_not_confirmed_at_a_switch(
+    rates: list[int],
+) -> None:
+    for seed in range(6):
+        rng = np.random.default_rng((720 + seed, *rates))
+        truth, labels = sent(rng, rates)
+        switch = labels.index(rates[1]) - 1
+        # Between the two pulses of the longer interval next to the switch.
+        pair = truth[switch : switch + 2] if rates[1] == 2 else truth[switch - 1 : switch + 1]
+        between_s = 0.5 * (pair[0].start_s + pair[1].start_s) + 0.004
+        peak = replace(truth[0], start_s=between_s, enr_db=7.0)
+        samples = make_samples(rng, [*truth, peak], duration_s=50.0)
+        pulses, _ = detect(samples, TAG, frequency_window_hz=500.0)
+        there = [
+            p for p in pulses if abs((p.start_time_ns - START_NS) * 1e-9 - between_s) < 0.02
+        ]
+        assert not any(pulse.confirmed for pulse in there)
+        found = labelled(pulses, truth)
+        # The pulse of the switch itself is of both rates.
+        assert all(labels[i] == rate for i, rate in found.items() if i != switch)
+        assert len(found) >= len(truth) - 6
+
+
 def test_a_pulse_that_waits_for_its_label_is_reported_when_the_stream_ends() -> None:
     rng = np.random.default_rng(710)
     truth, _ = sent(rng, [1])
