@@ -127,8 +127,8 @@ def test_a_block_is_taken_at_once_where_it_continues_the_last_one_only(
         block = np.arange(index, index + size).astype(np.complex64)
         due_ns = 5_000_000_000 + index * 1_000_000
         off = not slow.empty and abs(late) * 1_000_000 >= 2_500_000
-        assert not (off and quick.extend(block, due_ns + late * 1_000_000))
-        if not quick.extend(block, due_ns):
+        assert not (off and quick.extend([(block, due_ns + late * 1_000_000)]))
+        if not quick.extend([(block, due_ns)]):
             quick.append(block, due_ns)
         slow.append(block, due_ns)
         index += size

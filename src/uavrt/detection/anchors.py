@@ -60,10 +60,9 @@ class AnchorSearch(RateSearch):
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         return search_together([self], power[np.newaxis], noise[np.newaxis])[0]
 
-    def company(self) -> tuple[int, ...]:
-        """What searches that `search_together` must have in common."""
-        ahead = self.pushed - self.columns
-        return self.rows, self.k, self.reach, len(self.intervals), ahead, id(self.memory)
+    def kind(self) -> tuple[int, ...]:
+        """What searches that `search_together` must have in common and keep for ever."""
+        return self.rows, self.k, self.reach, len(self.intervals)
 
     @property
     def size(self) -> int:

@@ -1,5 +1,6 @@
 """One band of frequencies under search: its spectrogram, its noise, a search for each rate."""
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from uavrt.detection.anchors import AnchorSearch, search_together
 from uavrt.detection.evidence import gate
 from uavrt.detection.grid import Grid, Spectrogram
-from uavrt.detection.noise import RowNoise
+from uavrt.detection.noise import RowNoise, update_together
 from uavrt.detection.rates import make_searches
 from uavrt.detection.samples import SampleBuffer
 from uavrt.detection.search import Candidate, RateSearch, best_first
@@ -66,6 +67,12 @@ class SearchBand:
         self._searches = make_searches(tag, grid, half_width_hz)
         for search in self._searches:
             search.margin = gate(search.k)
+        self._anchor_searches = [s for s in self._searches if isinstance(s, AnchorSearch)]
+        self._kind: tuple[int, ...] | None = None
+        """What never changes of what bands that go on together have in common; None: alone."""
+        if grid.halves is not None and len(self._anchor_searches) == len(self._searches):
+            kinds = [search.kind() for search in self._anchor_searches]
+            self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
         self._learnt: list[NDArray[np.float32]] = []
         self._column = 0
         self._heard_s = 0.0
@@ -113,21 +120,21 @@ class SearchBand:
 
         None: this one must go alone.
         """
-        spectrogram, grid = self._spectrogram, self._grid
+        spectrogram = self._spectrogram
         first = spectrogram.needed()
-        if first < 0 or not self._noise.ready or grid.halves is None:
+        if first < 0 or not self._noise.ready or self._kind is None:
             return None
         columns = columns_ahead(spectrogram, upto - first)
-        key = [upto - first, len(spectrogram.band), id(grid.halves), grid.hop, grid.rows]
-        for search in self._searches:
-            if not isinstance(search, AnchorSearch) or not 0 < columns <= search.piece:
+        key = [upto - first, len(spectrogram.band)]
+        for search in self.anchor_searches():
+            if not 0 < columns <= search.piece:
                 return None
-            key += search.company()
-        return tuple(key)
+            key += (search.pushed - search.columns, id(search.memory))
+        return (*key, *self._kind)
 
     def anchor_searches(self) -> list[AnchorSearch]:
         """Get the searches whose cells may lie in one memory."""
-        return [search for search in self._searches if isinstance(search, AnchorSearch)]
+        return self._anchor_searches
 
     def _take(self, power: NDArray[np.float32], *, last: bool) -> None:
         """Count new columns, and learn the noise from them."""
@@ -181,13 +188,18 @@ class SearchBand:
             if at == upto or at > spectrogram.needed() + grid.window:
                 yield self._columns(spectrogram, at, last=last and at == upto)
 
+    @property
+    def _knows_noise(self) -> bool:
+        """Whether the noise is only followed from here on."""
+        return self._noise.ready and self._heard_s >= _YOUNG_NOISE_S
+
     def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
         """Feed the noise with columns that hold no lost samples."""
         whole = power
         if self._buffer.holes or self._buffer.blanked:
             whole = power[self._whole_columns(begin, len(power))]
         self._learnt.append(whole[::NOISE_STRIDE].copy())
-        known = self._noise.ready and self._heard_s >= _YOUNG_NOISE_S
+        known = self._knows_noise
         self._heard_s += len(power) * self._grid.hop_s
         if known:
             if len(self._learnt) >= _LEARN_BATCHES:
@@ -247,8 +259,7 @@ def advance_together(
         ],
         workspace,
     )
-    for band, columns in zip(bands, power, strict=True):
-        band._take(columns.T, last=False)
+    _learn_together(bands, power)
     levels = np.stack([band._noise.level for band in bands])
     results: list[list[tuple[RateSearch, list[Candidate]]]] = [[] for _ in bands]
     for searches in zip(*(band.anchor_searches() for band in bands), strict=True):
@@ -257,6 +268,33 @@ def advance_together(
         ):
             result.append((search, found))
     return results
+
+
+def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> None:
+    """Feed the noises with new columns, shape (bands, rows, columns)."""
+    count = power.shape[2]
+    plain = []
+    for index, band in enumerate(bands):
+        if band._knows_noise and not band._buffer.holes and not band._buffer.blanked:
+            plain.append(index)
+        else:
+            band._take(power[index].T, last=False)
+    some = power[:, :, ::NOISE_STRIDE]
+    some = some if len(plain) == len(bands) else some[plain]
+    due: dict[int, list[SearchBand]] = {}
+    for index, piece in zip(plain, some.transpose(0, 2, 1).copy(), strict=True):
+        band = bands[index]
+        band._column += count
+        band._heard_s += count * band._grid.hop_s
+        band._learnt.append(piece)
+        if len(band._learnt) >= _LEARN_BATCHES:
+            due.setdefault(sum(map(len, band._learnt)), []).append(band)
+    for columns, alike in due.items():
+        learnt = np.empty((len(alike), columns, power.shape[1]), np.float32)
+        for band, own in zip(alike, learnt, strict=True):
+            np.concatenate(band._learnt, out=own)
+            band._learnt.clear()
+        update_together([band._noise for band in alike], learnt)
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:

@@ -6,7 +6,7 @@ that follow; every pulse is reported once (docs/explanation/detection.md).
 """
 
 import math
-from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from uavrt.detection.circle import apart_hz, in_channel_hz
 from uavrt.detection.cleaning import Cleaner
 from uavrt.detection.following import Follower
 from uavrt.detection.grid import make_grid
-from uavrt.detection.intake import Intake
+from uavrt.detection.intake import Intake, LongestBlock
 from uavrt.detection.judging import Judge, share_a_pulse
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
 from uavrt.detection.refine import Measured, Refiner
@@ -34,8 +34,6 @@ a call. Five blocks of 87.4 ms are 0.437 s; a pulse is told 0.04 s after it at t
 _FIRST_STEP = 0.7639
 """First step over a later one: after three blocks of 87 ms there is noise to learn from."""
 _MAXIMUM_TRACKS = 12
-LENGTHS_KEPT = 64
-"""The next block is taken to be as long as the longest of so many before it."""
 
 
 class PulseDetector:
@@ -86,7 +84,7 @@ class PulseDetector:
         self.counters = Counters()
         self.locked_frequency_hz: float | None = None
         """What a hard lock keeps to until `reset`, absolute; None before the first."""
-        self._lengths: deque[int] = deque(maxlen=LENGTHS_KEPT)
+        self._longest = LongestBlock()
         self._intake = Intake(tag, sample_rate_hz=self.sample_rate_hz, counters=self.counters)
         self._buffer = self._intake.buffer
         self._batch = round(BATCH_S * self.sample_rate_hz)
@@ -167,14 +165,23 @@ class PulseDetector:
             self._advance(upto)
         return self.drain()
 
+    def take_all(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> None:
+        """Take blocks, as `take` each."""
+        count = 0 if self._intake.stale_blocks else self._buffer.extend(blocks)
+        for samples, _ in blocks[:count]:
+            self._longest.note(len(samples))
+            self.counters.samples += len(samples)
+        for samples, time_ns in blocks[count:]:
+            self.take(samples, time_ns)
+
     def take(self, samples: NDArray[np.complex64], time_ns: int) -> int:
         """Take a block without a search; how long it is, 0 if it was refused.
 
         `process` in pieces, as `next_step`, `prepare`, `conclude` and `drain` are, for a
         `DetectorGroup`.
         """
-        self._lengths.append(len(samples))
-        if not self._intake.stale_blocks and self._buffer.extend(samples, time_ns):
+        self._longest.note(len(samples))
+        if not self._intake.stale_blocks and self._buffer.extend(((samples, time_ns),)):
             self.counters.samples += len(samples)
             return len(samples)
         samples = np.ascontiguousarray(samples, np.complex64)
@@ -199,7 +206,7 @@ class PulseDetector:
         It goes on when with one more block, as long as any of the last, it would be late.
         """
         fresh = self._buffer.end - self._clean - self._cleaner.margin
-        if not length or fresh <= self._patience - max(self._lengths):
+        if not length or fresh <= self._patience - self._longest.length:
             return None
         fresh = min(fresh, self._batch)
         if fresh <= 0 or self._intake.may_be_filled(self._clean + fresh + self._cleaner.margin):
@@ -273,7 +280,8 @@ class PulseDetector:
             return
         upto = self._clean
         for search, found in results:
-            self._consider(found, search)
+            if found:
+                self._consider(found, search)
         if self.operating_mode is OperatingMode.ALL_NEVER_LOCK:
             forget_old(self._tracks, self._now_s())
         else:

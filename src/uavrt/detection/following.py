@@ -63,6 +63,8 @@ class Follower:
             Mean power of a sample without pulses.
         """
         self._tracks = tracks
+        if not tracks:
+            return
         for track in strongest_first(tracks):
             while not track.dead and self._step(track, upto, noise=noise, floor=floor):
                 self._follow_rivals(track, upto, settle, noise=noise, floor=floor)
@@ -135,7 +137,6 @@ class Follower:
         """Test a track's next slot when its samples are there."""
         grid = self._grid
         time_s, half_s = track.expected()
-        spread_s = track.spread_s()
         half = half_s * grid.sample_rate_hz
         start = self._buffer.index(self.epoch_ns + round(time_s * 1e9))
         if start + half + grid.window + 3 > upto:
@@ -157,7 +158,7 @@ class Follower:
                 track.offset_hz,
                 band,
                 noise,
-                spread=spread_s * grid.sample_rate_hz,
+                spread=track.spread_s() * grid.sample_rate_hz,
             )
             if found is not None and found[0].power > 8.0:
                 found = None if self._refiner.is_impulse(found[0], floor) else found

@@ -6,7 +6,6 @@ what is the same for all of them is done together (docs/decisions/0147). The pul
 of the detectors alone.
 """
 
-from collections import deque
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
 
@@ -14,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.band import advance_together
-from uavrt.detection.detector import LENGTHS_KEPT, PulseDetector
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.intake import LongestBlock
 from uavrt.detection.spectra import Workspace
 from uavrt.messages import Pulse
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -47,16 +47,14 @@ class _Channel:
     """Blocks that came before those."""
     samples: int = 0
     """Samples of all blocks so far."""
-    lengths: deque[int] = field(default_factory=lambda: deque(maxlen=LENGTHS_KEPT))
-    """Of the newest blocks."""
+    longest: LongestBlock = field(default_factory=LongestBlock)
     next_ns: float = 0.0
     """Time at which the next block begins if none is lost."""
     due: list[_Member] = field(default_factory=list)
 
     def catch_up(self, member: _Member) -> None:
         """Give a member the blocks that it has not taken; no step was due with any of them."""
-        for samples, time_ns in self.blocks[member.taken - self.before :]:
-            member.detector.take(samples, time_ns)
+        member.detector.take_all(self.blocks[member.taken - self.before :])
         member.taken = self.before + len(self.blocks)
 
     def wait(self, member: _Member) -> None:
@@ -122,13 +120,13 @@ class DetectorGroup:
             line.catch_up(member)
         line.blocks.append((samples, time_ns))
         line.samples += count
-        line.lengths.append(count)
+        line.longest.note(count)
         for member in hurried:
             self._pulses += member.detector.process(samples, time_ns)
             member.taken += 1
             line.wait(member)
         if regular:
-            upto = line.samples + max(line.lengths)
+            upto = line.samples + line.longest.length
             line.due = [m for m in line.members if upto > m.due and m not in hurried]
         if line.due:
             self._due.append(line)

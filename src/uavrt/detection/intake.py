@@ -12,6 +12,28 @@ from uavrt.messages import Tag
 REORDER_S = 0.1
 """So long the search waits for a block that another has overtaken: one block of a flight, and
 as long as only one block has come since."""
+_BLOCKS_KNOWN = 64
+
+
+class LongestBlock:
+    """How long the next block may be: as the longest of the 64 to 128 before it."""
+
+    def __init__(self) -> None:
+        self.length = 0
+        self._lately = 0
+        self._before = 0
+        self._count = 0
+
+    def note(self, length: int) -> None:
+        """Take the length of a block."""
+        self._count += 1
+        if self._count == _BLOCKS_KNOWN:
+            self._before, self._lately, self._count = self._lately, 0, 0
+            self.length = max(self._before, length)
+        if length > self._lately:
+            self._lately = length
+            if length > self.length:
+                self.length = length
 
 
 class Intake:

@@ -6,6 +6,7 @@ false alarm (reference/detector.md §8 D1). Here each row looks after itself.
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Literal
 
@@ -49,14 +50,21 @@ _NEIGHBOUR_REACH = 8
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Fixed-point step of the truncated mean, and the share of the cells that were kept."""
-    kept = (power < np.float32(TRUNCATION) * noise).astype(np.float32)
-    ones = np.ones(len(power), np.float32)
+    """Fixed-point step of the truncated mean, and the share of the cells that were kept.
+
+    Parameters
+    ----------
+    power : ndarray of float32, shape (..., columns, rows)
+    noise : ndarray of float32, shape (..., rows)
+    """
+    kept = (power < (np.float32(TRUNCATION) * noise)[..., np.newaxis, :]).astype(np.float32)
+    columns = power.shape[-2]
+    ones = np.ones(columns, np.float32)
     # Products with ones add columns several times faster than sums along an axis.
     count = ones @ kept
     np.multiply(kept, power, out=kept)
     mean = (ones @ kept) / (np.maximum(count, np.float32(1.0)) * np.float32(_KAPPA))
-    return np.where(count > 0, mean, noise), count / np.float32(len(power))
+    return np.where(count > 0, mean, noise), count / np.float32(columns)
 
 
 @lru_cache(maxsize=64)
@@ -175,46 +183,63 @@ class RowNoise:
 
     def update(self, power: NDArray[np.float32]) -> None:
         """Follow the noise with new columns, shape (columns, rows)."""
-        if self._long is None or self._exceeding is None or not len(power):
-            return
-        mean, kept = _truncated(power, self._long)
-        span_s = len(power) * self._column_s
+        if self._long is not None and len(power):
+            update_together([self], power[np.newaxis])
+
+    def _take(
+        self,
+        long: NDArray[np.float32],
+        exceeding: NDArray[np.float32],
+        span_s: float,
+        *,
+        risen: bool,
+    ) -> bool:
+        """Take new averages; whether the level is to be made anew from them."""
+        self._long, self._exceeding = long, exceeding
         self._seen_s += span_s
-        weight = min(1.0, span_s * _SLOPE_GAIN / min(self._seen_s, LONG_S))
-        short_weight = 1.0 - math.exp(-span_s / SHORT_S)
-        self._exceeding += np.float32(short_weight) * ((1.0 - kept) - self._exceeding)
-        self._long = self._long + np.float32(weight) * (mean - self._long)
-        if float(self._exceeding.max()) > _RISEN:
-            rise = np.float32(-TRUNCATION) / np.log(np.clip(self._exceeding, 1e-3, 0.98))
-            risen = rise > RISE
-            # Learn a rise at the short time constant; falls take the long one.
-            self._long[risen] *= 1.0 + short_weight * (rise[risen] - 1.0)
-            self._settle()
-            self._level[risen] = np.maximum(
-                self._level[risen], self._long[risen] * rise[risen] / (1.0 + short_weight)
-            )
-        elif self._seen_s - self._settled_s > _SETTLE_S:
-            self._settle()
+        if not risen:
+            return self._seen_s - self._settled_s > _SETTLE_S
+        short_weight = _short_weight(span_s)
+        rise = np.float32(-TRUNCATION) / np.log(np.clip(exceeding, 1e-3, 0.98))
+        rows = rise > RISE
+        # Learn a rise at the short time constant; falls take the long one.
+        long[rows] *= 1.0 + short_weight * (rise[rows] - 1.0)
+        self._settle()
+        self._level[rows] = np.maximum(
+            self._level[rows], long[rows] * rise[rows] / (1.0 + short_weight)
+        )
+        return False
 
     def _settle(self) -> None:
         """Take the median of the neighbours where a row does not stand out from it."""
         assert self._long is not None
-        self._settled_s = self._seen_s
         reach = self._reach(len(self._long))
-        # A mirror, not the edge itself repeated: that would be its own median.
-        mode: Literal["wrap", "reflect"] = "wrap" if self._circular else "reflect"
-        windows = self._long.take(_neighbours(len(self._long), reach, mode))
+        windows = self._long.take(_neighbours(len(self._long), reach, self._mode))
         windows.partition(reach, axis=1)
-        smooth = windows[:, reach]
-        spread = float(smooth.std()) / max(float(smooth.mean()), 1e-30)
-        if self._seen_s < _YOUNG_S and spread < _FLAT * self.relative_error:
+        self._settle_on(windows[:, reach], reach)
+
+    def _settle_on(self, smooth: NDArray[np.float32], reach: int) -> None:
+        """Make the level from the medians of the neighbours, shape (rows,)."""
+        assert self._long is not None
+        self._settled_s = self._seen_s
+        if self._seen_s < _YOUNG_S and self._is_flat(smooth):
             # No more structure than chance makes: all rows together know the noise better.
             smooth = np.full_like(smooth, np.median(self._long))
         else:
-            smooth = self._shaped(smooth, reach, mode)
+            smooth = self._shaped(smooth, reach)
         # A row 2.5 standard deviations above its neighbours is a line, not a fluctuation.
         line = self._long > smooth * np.float32(1.0 + 2.5 * self._row_error)
         self._level = np.where(line, self._long, smooth)
+
+    def _is_flat(self, smooth: NDArray[np.float32]) -> bool:
+        """Whether medians differ no more than they err."""
+        spread = float(smooth.std()) / max(float(smooth.mean()), 1e-30)
+        return spread < _FLAT * self.relative_error
+
+    @property
+    def _mode(self) -> Literal["wrap", "reflect"]:
+        """What lies beyond the last row: a mirror, for itself repeated is its own median."""
+        return "wrap" if self._circular else "reflect"
 
     @property
     def _row_error(self) -> float:
@@ -222,15 +247,13 @@ class RowNoise:
         seconds = min(self._seen_s, 2.0 * LONG_S)
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds, 1.0))
 
-    def _shaped(
-        self, smooth: NDArray[np.float32], reach: int, mode: Literal["wrap", "reflect"]
-    ) -> NDArray[np.float32]:
+    def _shaped(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
         """Noise of a spectrum that is not flat, from the medians of the neighbours."""
         assert self._long is not None
         straight = self._straight(smooth, reach) if self._seen_s < _YOUNG_S else None
         if straight is not None:
             return straight
-        around = _neighbours(len(self._long), reach, mode)
+        around = _neighbours(len(self._long), reach, self._mode)
         before, after = smooth[around[:, 0]], smooth[around[:, -1]]
         least = max(_STEEP * self.relative_error, _LEAST_STEEP)
         steep = np.abs(before - after) > least * np.maximum(before, after)
@@ -262,3 +285,45 @@ class RowNoise:
         """Rows on each side that the median takes in."""
         reach = _YOUNG_REACH if self._seen_s < _YOUNG_S else _NEIGHBOUR_REACH
         return min(reach, rows // 2)
+
+
+def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> None:
+    """Follow the noises of several bands of equal rows, as `RowNoise.update` each.
+
+    Parameters
+    ----------
+    noises : sequence of RowNoise
+        All started.
+    power : ndarray of float32, shape (noises, columns, rows)
+        New columns, at least one.
+    """
+    long = np.stack([noise._long for noise in noises if noise._long is not None])
+    exceeding = np.stack([n._exceeding for n in noises if n._exceeding is not None])
+    mean, kept = _truncated(power, long)
+    span_s = power.shape[1] * noises[0]._column_s
+    exceeding += np.float32(_short_weight(span_s)) * ((1.0 - kept) - exceeding)
+    weights = [
+        min(1.0, span_s * _SLOPE_GAIN / min(noise._seen_s + span_s, LONG_S)) for noise in noises
+    ]
+    long = long + np.array(weights, np.float32)[:, np.newaxis] * (mean - long)
+    risen = (exceeding.max(axis=1) > _RISEN).tolist()
+    due = [
+        index
+        for index, noise in enumerate(noises)
+        if noise._take(long[index], exceeding[index], span_s, risen=risen[index])
+    ]
+    if not due:
+        return
+    first, rows = noises[due[0]], long.shape[1]
+    reaches = {noises[index]._reach(rows) for index in due}
+    for reach in reaches:
+        some = [index for index in due if noises[index]._reach(rows) == reach]
+        windows = long[some].take(_neighbours(rows, reach, first._mode), axis=1)
+        windows.partition(reach, axis=2)
+        for index, smooth in zip(some, windows[:, :, reach], strict=True):
+            noises[index]._settle_on(smooth, reach)
+
+
+def _short_weight(span_s: float) -> float:
+    """What new columns of so many seconds weigh in the alarm of a rise."""
+    return 1.0 - math.exp(-span_s / SHORT_S)

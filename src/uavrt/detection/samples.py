@@ -5,6 +5,7 @@ either a slow clock (followed) or lost samples (filled with zeros that count as 
 """
 
 import bisect
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -98,22 +99,34 @@ class SampleBuffer:
         """Samples of indices [first, last), all of which must be kept."""
         return self._data[first - self.start : last - self.start]
 
-    def extend(self, samples: NDArray[np.complex64], time_ns: int) -> bool:
-        """Add a block that continues the last one; False, and nothing done, if it does not.
+    def extend(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> int:
+        """Add blocks while each continues the last; how many were added.
 
         Blocks come a thousand times a second for a hundred tags, and nearly all of them here.
+
+        Parameters
+        ----------
+        blocks : sequence of (ndarray of complex64, int)
+            Samples, and the time of the first.
         """
-        count, used = len(samples), self.end - self.start
-        if not count or not self._stamp_index or used + count > len(self._data):
-            return False
-        due_ns = self._stamp_ns[-1] + (self.end - self._stamp_index[-1]) * self._ns_per_sample
-        if not -self._tolerance_ns < time_ns - due_ns < self._tolerance_ns:
-            return False
-        self._stamp_index.append(self.end)
-        self._stamp_ns.append(time_ns)
-        self._data[used : used + count] = samples
-        self.end += count
-        return True
+        if not self._stamp_index:
+            return 0
+        data, begin, end = self._data, self.start, self.end
+        due_ns = self._stamp_ns[-1] + (end - self._stamp_index[-1]) * self._ns_per_sample
+        added = 0
+        for samples, time_ns in blocks:
+            count, used = len(samples), end - begin
+            early_ns = due_ns - time_ns
+            if not count or used + count > len(data) or abs(early_ns) >= self._tolerance_ns:
+                break
+            self._stamp_index.append(end)
+            self._stamp_ns.append(time_ns)
+            data[used : used + count] = samples
+            end += count
+            due_ns = time_ns + count * self._ns_per_sample
+            added += 1
+        self.end = end
+        return added
 
     def append(self, samples: NDArray[np.complex64], time_ns: int) -> None:
         """Add samples whose first has the given time."""
