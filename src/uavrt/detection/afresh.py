@@ -20,10 +20,10 @@ FoundPulse = tuple[int, float, int, Measured]
 """Place among the K, time [s], time [ns], and what was measured."""
 
 
-def continued(
+def joined(
     tracks: list[Track], pulses: list[FoundPulse], *, rate: int, sample_rate_hz: float
-) -> tuple[Track, int] | None:
-    """Find what a group goes on with.
+) -> Track | None:
+    """Put a group to the one that it goes on with, if there is one.
 
     Parameters
     ----------
@@ -36,9 +36,20 @@ def continued(
 
     Returns
     -------
-    (Track, int) or None
-        The track, and the place in its lattice of the group's place 0.
+    Track or None
     """
+    onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
+    if onto is None:
+        return None
+    track, base = onto
+    track.join(pulses, base)
+    return track
+
+
+def _continued(
+    tracks: list[Track], pulses: list[FoundPulse], *, rate: int, sample_rate_hz: float
+) -> tuple[Track, int] | None:
+    """Find what a group goes on with, and the place in its lattice of the group's place 0."""
     strongest = max((pulse[3] for pulse in pulses), key=lambda measured: measured.power)
     for track in tracks:
         if track.rate != rate:

@@ -151,15 +151,17 @@ class AnchorSearch(RateSearch):
         interval = self.intervals[strengths.argmax(axis=1)[strongest]]
         after = np.arange(self.k) - tested.place[part][which][:, np.newaxis]
         columns = tested.column[part][which][:, np.newaxis] + after * interval[:, np.newaxis]
+        score, strength, row = best[which], strength[strongest], tested.row[part][which]
+        if self.known is not None:
+            new = ~self.known.explain(columns, row, strength, reach=self.reach)
+            if not new.any():
+                return []
+            score, strength, row, columns = score[new], strength[new], row[new], columns[new]
         threshold = self.threshold
         return [
-            Candidate(one / threshold, strong, self.rate, row, tuple(where))
-            for one, strong, row, where in zip(
-                best[which].tolist(),
-                strength[strongest].tolist(),
-                tested.row[part][which].tolist(),
-                columns.tolist(),
-                strict=True,
+            Candidate(one / threshold, strong, self.rate, at, tuple(where))
+            for one, strong, at, where in zip(
+                score.tolist(), strength.tolist(), row.tolist(), columns.tolist(), strict=True
             )
         ]
 

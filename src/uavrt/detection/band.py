@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from uavrt.detection.anchors import AnchorSearch, search_together
 from uavrt.detection.evidence import gate
 from uavrt.detection.grid import Grid, Spectrogram
+from uavrt.detection.known import KnownPulses
 from uavrt.detection.noise import RowNoise, update_together
 from uavrt.detection.rates import make_searches
 from uavrt.detection.samples import SampleBuffer
@@ -131,6 +132,11 @@ class SearchBand:
                 return None
             key += (search.pushed - search.columns, id(search.memory))
         return (*key, *self._kind)
+
+    def know(self, pulses: KnownPulses | None) -> None:
+        """Leave out the candidates that known pulses explain, from the next step on."""
+        for search in self._searches:
+            search.known = pulses
 
     def anchor_searches(self) -> list[AnchorSearch]:
         """Get the searches whose cells may lie in one memory."""

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.afresh import continued, forget_old
+from uavrt.detection.afresh import forget_old, joined
 from uavrt.detection.band import SearchBand
 from uavrt.detection.checks import check_searchable
 from uavrt.detection.circle import apart_hz, in_channel_hz
@@ -292,6 +292,7 @@ class PulseDetector:
                 noise=self.band.noise,
                 floor=self._cleaner.mean_floor,
             )
+            self.band.know(self._judge.known(self._tracks))
         if self.operating_mode is OperatingMode.SEARCH_HARD_LOCK:
             self._lock()
         self._reporter.searched(self._buffer.time_ns(upto), self.band.noise, self.band.score())
@@ -300,11 +301,9 @@ class PulseDetector:
         """Turn candidates into groups; several candidates of the same pulses are one."""
         taken: list[list[Measured]] = []
         afresh = self.operating_mode is OperatingMode.ALL_NEVER_LOCK
-        followed = [] if afresh else self._tracks
-        known = [slot.measured for t in followed if t.confirmed for slot in t.slots]
+        known = None if afresh else self._judge.known(self._tracks)
         for candidate in self._judge.unexplained(found, search, known):
-            before = [pulse for group in taken for pulse in group]
-            if not self._judge.unexplained([candidate], search, before):
+            if not self._judge.is_new(candidate, search, taken):
                 continue
             if not self._judge.suffices(candidate, search, self.band.noise):
                 continue
@@ -328,22 +327,17 @@ class PulseDetector:
                 (place, self._follower.seconds(m.start), self._buffer.time_ns(m.start), m)
                 for place, m in places
             ]
-            onto = (
-                continued(
+            if afresh:
+                track = joined(
                     self._tracks,
                     pulses,
                     rate=search.rate,
                     sample_rate_hz=self.sample_rate_hz,
                 )
-                if afresh
-                else None
-            )
-            if onto is not None:
-                onto[0].join(pulses, onto[1])
-                self._reporter.report(onto[0])
-                continue
-            if afresh and clash:
-                continue  # of pulses that are known, at a frequency to which they leak
+                if track is not None:
+                    self._reporter.report(track)
+                if track is not None or clash:
+                    continue  # these are known pulses, at a frequency to which they leak
             self._begin(pulses, candidate, held=bool(clash))
 
     def _begin(

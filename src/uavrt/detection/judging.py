@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from uavrt.detection.circle import apart_hz
 from uavrt.detection.evidence import Evidence, gate
 from uavrt.detection.grid import Grid
+from uavrt.detection.known import KnownPulses
 from uavrt.detection.refine import TRACK_BAND_HZ, Measured, Refiner
 from uavrt.detection.rivals import log_evidence
 from uavrt.detection.samples import SampleBuffer
@@ -48,38 +49,32 @@ class Judge:
         """Whether a candidate near the search's threshold is likelier than noise."""
         return self._evidence.suffices(candidate, search, noise)
 
-    def unexplained(
-        self, candidates: list[Candidate], search: RateSearch, known: list[Measured]
-    ) -> list[Candidate]:
-        """Leave out the candidates that have one of their pulses from a known one, or its leak.
+    def known(self, tracks: list[Track]) -> KnownPulses | None:
+        """Get the pulses of confirmed tracks: they need not be found again."""
+        pulses = [slot.measured for t in tracks if t.confirmed for slot in t.slots]
+        return KnownPulses(self._grid, pulses) if pulses else None
 
-        Parameters
-        ----------
-        candidates : list of Candidate
-        search : RateSearch
-            That found them.
-        known : list of Measured
-            Pulses of confirmed tracks, or of groups just taken. Of a tag that is heard they
-            explain nearly all.
-        """
-        if not known or not candidates:
+    def unexplained(
+        self, candidates: list[Candidate], search: RateSearch, known: KnownPulses | None
+    ) -> list[Candidate]:
+        """Leave out the candidates of a search that known pulses explain."""
+        if known is None or not candidates:
             return candidates
-        grid = self._grid
-        bin_hz = grid.sample_rate_hz / grid.window
-        near = (search.reach + 1) * grid.hop + 0.75 * grid.window
-        columns = np.array([candidate.columns for candidate in candidates])
-        starts = columns * grid.hop - (grid.decimation - 1) / 2.0
-        at, offset_hz, power = np.array([(m.start, m.offset_hz, m.power) for m in known]).T
-        meet = (np.abs(starts[:, :, np.newaxis] - at) < near).any(axis=1)
-        rows = [candidate.row for candidate in candidates]
-        strength = np.array([candidate.strength for candidate in candidates])
-        away_hz = offset_hz - grid.offsets_hz[rows][:, np.newaxis]
-        away_hz -= grid.sample_rate_hz * np.rint(away_hz / grid.sample_rate_hz)
-        apart = np.abs(away_hz) / bin_hz
-        leak = power / np.maximum(1.0, math.pi * apart / 2.0) ** 2
-        meet &= (apart < 1.5) | (leak > 0.2 * strength[:, np.newaxis])
-        explained = meet.any(axis=1).tolist()
+        explained = known.explain(
+            np.array([candidate.columns for candidate in candidates]),
+            np.array([candidate.row for candidate in candidates]),
+            np.array([candidate.strength for candidate in candidates]),
+            reach=search.reach,
+        ).tolist()
         return [c for c, is_known in zip(candidates, explained, strict=True) if not is_known]
+
+    def is_new(
+        self, candidate: Candidate, search: RateSearch, taken: list[list[Measured]]
+    ) -> bool:
+        """Whether the groups just taken leave a candidate of a search unexplained."""
+        pulses = [pulse for group in taken for pulse in group]
+        known = KnownPulses(self._grid, pulses) if pulses else None
+        return bool(self.unexplained([candidate], search, known))
 
     def measure(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]

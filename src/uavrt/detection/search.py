@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.known import KnownPulses
+
 CELL_LIMIT = 14.0
 """Most that one cell adds to a sum of several, in noise powers: 0.5 of a K = 3 threshold.
 
@@ -117,6 +119,8 @@ class RateSearch(ABC):
         """Largest statistic over the threshold since it was last set to zero."""
         self.margin = 1.0
         """What the threshold is multiplied by while the noise is hardly known."""
+        self.known: KnownPulses | None = None
+        """What they explain need not be returned."""
 
     @property
     def steady(self) -> bool:
