@@ -1,19 +1,25 @@
 """Channel samples from the receiver to a detector, as Unix datagrams.
 
-One datagram carries one block of one channel: a 32-byte header, then complex64 samples, little
-endian::
+A radio block becomes a block in each channel; those for one detector travel together, so that
+it wakes once or twice for each radio block and not once for each channel. A datagram is 8 bytes
+and its blocks, little endian::
 
     offset  type  field
+    0       u16   blocks  in this datagram
+    2       u16   more    1: another datagram of the same radio block follows
+    4       u32   zero
+
     0       u64   sample_index         of the first sample, lost ones counted
     8       i64   time_ns              antenna time of the first sample [ns, UTC]
     16      f64   center_frequency_hz  centre of the channel
     24      f32   sample_rate_hz       of the channel
     28      u16   channel              number from 0
-    30      u16   sequence             rises by one with each datagram of this socket
+    30      u16   count                of samples
+    32            complex64            samples
 
 A socket pair has no queue limit but its send buffer. A detector that stalls or restarts is
 waited for: up to `BACKLOG_BYTES` the sender keeps the datagrams, then drops the oldest and
-counts them; the gap shows in `sequence` and `sample_index`.
+counts them; the gap shows in `sample_index`.
 """
 
 import socket
@@ -24,11 +30,14 @@ import numpy as np
 
 from uavrt.messages import ChannelBlock
 
+ENVELOPE = struct.Struct("<HHI")
 HEADER = struct.Struct("<QqdfHH")
 BACKLOG_BYTES = 16 * 1024 * 1024
 """Kept for one detector: 16 MiB are 280 s of one channel, 2.8 s of a hundred."""
 MAX_SAMPLES = 8192
-"""A larger block is cut, so that a datagram stays below the default send buffer of 208 KiB."""
+"""A larger block is cut."""
+MAX_DATAGRAM_BYTES = 128 * 1024
+"""Below the default send buffer of 208 KiB."""
 
 
 class ChannelSender:
@@ -37,38 +46,50 @@ class ChannelSender:
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)
         self._sock = sock
-        self._sequence = 0
+        self._parts: list[bytes] = []
+        """Headers and samples of the next datagram."""
+        self._size = ENVELOPE.size
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
         self.samples_dropped = 0
         """Samples given up because the detector did not take them in time."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Send a block, cut into datagrams; what the socket does not take now waits."""
+        """Take a block of a radio block, cut if it is long; `flush` sends it."""
         for start in range(0, len(block.samples), MAX_SAMPLES):
             part = block.samples[start : start + MAX_SAMPLES]
+            size = HEADER.size + 8 * len(part)
+            if self._size + size > MAX_DATAGRAM_BYTES:
+                self._enqueue(more=True)
             header = HEADER.pack(
                 block.sample_index + start,
                 block.time_ns + round(start * 1e9 / block.sample_rate_hz),
                 block.center_frequency_hz,
                 block.sample_rate_hz,
                 block.channel,
-                self._sequence & 0xFFFF,
+                len(part),
             )
-            self._sequence += 1
-            self._enqueue(header + np.ascontiguousarray(part, np.complex64).tobytes())
-        self.flush()
+            self._parts += (header, np.ascontiguousarray(part, np.complex64).tobytes())
+            self._size += size
 
-    def _enqueue(self, datagram: bytes) -> None:
-        self._waiting.append(datagram)
-        self._waiting_bytes += len(datagram)
+    def _enqueue(self, *, more: bool) -> None:
+        """Make a datagram of what was taken; over the limit the oldest is dropped."""
+        envelope = ENVELOPE.pack(len(self._parts) // 2, more, 0)
+        self._waiting.append(b"".join((envelope, *self._parts)))
+        self._waiting_bytes += self._size
+        self._parts.clear()
+        self._size = ENVELOPE.size
         while self._waiting_bytes > BACKLOG_BYTES:
             dropped = self._waiting.popleft()
             self._waiting_bytes -= len(dropped)
-            self.samples_dropped += (len(dropped) - HEADER.size) // 8
+            blocks = ENVELOPE.unpack_from(dropped)[0]
+            overhead = ENVELOPE.size + blocks * HEADER.size
+            self.samples_dropped += (len(dropped) - overhead) // 8
 
     def flush(self) -> None:
-        """Send what waits, as far as the socket takes it."""
+        """End a radio block; send what waits, as far as the socket takes it."""
+        if self._parts:
+            self._enqueue(more=False)
         while self._waiting:
             try:
                 self._sock.send(self._waiting[0])
@@ -85,42 +106,57 @@ class ChannelReceiver:
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)
         self._sock = sock
-        self._buffer = bytearray(HEADER.size + 8 * MAX_SAMPLES)
         self._next_index: dict[int, int] = {}
         self.refused = 0
-        """Datagrams too short to be a block."""
+        """Datagrams that are no blocks."""
+        self.complete = True
+        """Whether the last radio block has come in full."""
 
     def fileno(self) -> int:
         """File descriptor, for select."""
         return self._sock.fileno()
 
-    def receive(self) -> ChannelBlock | None:
-        """Get the next block, or None when nothing waits.
+    def receive(self) -> list[ChannelBlock]:
+        """Get the blocks of the next datagram, in the order of sending; none when none waits.
 
-        The samples are a copy; `lost_before` counts the samples of this channel that never
-        came.
+        `lost_before` counts the samples of a channel that never came.
         """
         while True:
             try:
-                size = self._sock.recv_into(self._buffer)
+                datagram = self._sock.recv(MAX_DATAGRAM_BYTES)
             except BlockingIOError:
-                return None
-            if size > HEADER.size and (size - HEADER.size) % 8 == 0:
-                return self._block(size)
-            self.refused += 1
+                return []
+            pieces = _pieces(datagram)
+            if not pieces:
+                self.refused += 1
+                continue
+            self.complete = not ENVELOPE.unpack_from(datagram)[1]
+            return [self._block(datagram, at) for at in pieces]
 
-    def _block(self, size: int) -> ChannelBlock:
-        index, time_ns, center_hz, rate_hz, channel, _ = HEADER.unpack_from(self._buffer)
-        count = (size - HEADER.size) // 8
-        samples = np.frombuffer(self._buffer, np.complex64, count, HEADER.size).copy()
+    def _block(self, datagram: bytes, at: int) -> ChannelBlock:
+        index, time_ns, center_hz, rate_hz, channel, count = HEADER.unpack_from(datagram, at)
         lost = max(0, index - self._next_index.get(channel, index))
         self._next_index[channel] = index + count
         return ChannelBlock(
             channel=channel,
             center_frequency_hz=center_hz,
-            samples=samples,
+            samples=np.frombuffer(datagram, np.complex64, count, at + HEADER.size),
             sample_index=index,
             time_ns=time_ns,
             sample_rate_hz=rate_hz,
             lost_before=lost,
         )
+
+
+def _pieces(datagram: bytes) -> list[int]:
+    """Where the blocks of a datagram begin; none if it is not made of blocks."""
+    if len(datagram) < ENVELOPE.size:
+        return []
+    places = []
+    at = ENVELOPE.size
+    for _ in range(ENVELOPE.unpack_from(datagram)[0]):
+        if at + HEADER.size > len(datagram):
+            return []
+        places.append(at)
+        at += HEADER.size + 8 * HEADER.unpack_from(datagram, at)[5]
+    return places if at == len(datagram) else []

@@ -7,7 +7,7 @@ them (`uavrt.supervisor.shapes`).
 from collections.abc import Mapping
 
 from uavrt.ipc import ProcessFrame
-from uavrt.messages import FlightInfo, IQBlock
+from uavrt.messages import FlightInfo
 from uavrt.processes.detector import DetectorBank, Searcher
 from uavrt.processes.receiver import Receiver, run
 
@@ -20,11 +20,6 @@ class Chain(Receiver):
         bank = DetectorBank(frame.assignment.tags, settings.frequency_window_hz)
         self._searcher = Searcher(frame, bank)
         super().__init__(frame, flight, [self._searcher])
-
-    def process(self, block: IQBlock) -> None:
-        """Decimate, record, channelize and search one block."""
-        super().process(block)
-        self.flush()
 
     def close(self) -> None:
         """Finish the search and the recording."""

@@ -4,6 +4,7 @@ For the comparison of shapes (`uavrt.supervisor.shapes`). Its first socket bring
 the decimator, the others lead to the detectors.
 """
 
+import itertools
 import select
 import socket
 import time
@@ -61,12 +62,14 @@ class BandSplitter:
             for channel in self._front_end.channelize(band):
                 for worker in self._workers[channel.channel]:
                     self._senders[worker].send(channel)
+            for sender in self._senders:
+                sender.flush()
 
     def _bands(self) -> Iterator[IQBlock]:
         """Join what waits as far as it is one piece: a radio block comes in four datagrams."""
         parts: list[ChannelBlock] = []
         size = 0
-        while (block := self.band.receive()) is not None:
+        for block in itertools.chain.from_iterable(iter(self.band.receive, [])):
             follows = parts and block.sample_index == parts[0].sample_index + size
             if parts and (not follows or size >= BAND_SAMPLES):
                 yield _joined(parts)

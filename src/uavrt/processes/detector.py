@@ -137,6 +137,7 @@ def main() -> None:
             detect_all(searcher, receiver)
             searcher.tell_health()
         detect_all(searcher, receiver)
+        searcher.flush()
         searcher.finish()
         frame.report("stopped", counters=searcher.counters, last=True)
 
@@ -208,11 +209,13 @@ class Searcher:
 
 def detect_all(searcher: Searcher, receiver: ChannelReceiver) -> None:
     """Process every block that waits and send what was found."""
-    while (block := receiver.receive()) is not None:
-        searcher.send(block)
+    while blocks := receiver.receive():
+        for block in blocks:
+            searcher.send(block)
         # After a restart seconds of samples may wait here; it must not seem dead meanwhile.
         searcher.tell_health()
-    searcher.flush()
+    if receiver.complete:
+        searcher.flush()
 
 
 if __name__ == "__main__":

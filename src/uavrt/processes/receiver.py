@@ -41,7 +41,7 @@ class ChannelSink(Protocol):
         """Take the next block of a channel."""
 
     def flush(self) -> None:
-        """Try again what could not be done yet."""
+        """End a radio block; try again what could not be done yet."""
 
 
 class Receiver:
@@ -142,6 +142,7 @@ class Receiver:
         if self._output is not None:
             self._output.process(band)
         self._pass_on(band)
+        self.flush()
 
     def _pass_on(self, band: IQBlock) -> None:
         for channel in self._front_end.channelize(band):
@@ -157,7 +158,7 @@ class Receiver:
         self._check = SampleCheck("the radio")
 
     def flush(self) -> None:
-        """Try again to send what the detectors have not taken yet."""
+        """End a radio block; try again to send what the detectors have not taken yet."""
         for sink in self._sinks:
             sink.flush()
 

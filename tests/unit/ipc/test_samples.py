@@ -1,13 +1,29 @@
+from collections.abc import Iterator
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ipc import samples as samples_module
 from uavrt.ipc.sample_sockets import make_sample_sockets
-from uavrt.ipc.samples import MAX_SAMPLES, ChannelReceiver, ChannelSender
+from uavrt.ipc.samples import (
+    ENVELOPE,
+    HEADER,
+    MAX_DATAGRAM_BYTES,
+    MAX_SAMPLES,
+    ChannelReceiver,
+    ChannelSender,
+)
 from uavrt.messages import ChannelBlock
 
 RATE_HZ = 7500.0
+
+
+def received(receiver: ChannelReceiver, sender: ChannelSender) -> Iterator[ChannelBlock]:
+    """All blocks, while the sender sends what the socket had no place for."""
+    while blocks := receiver.receive():
+        yield from blocks
+        sender.flush()
 
 
 def block(start: int, count: int, channel: int = 3) -> ChannelBlock:
@@ -29,13 +45,13 @@ def test_samples_arrive_whole_and_with_their_times(sizes: list[int]) -> None:
         start = 0
         for size in sizes:
             sender.send(block(start, size))
+            sender.flush()
             start += size
         got = []
-        while (part := receiver.receive()) is not None:
+        for part in received(receiver, sender):
             assert part.lost_before == 0
             assert abs(part.time_ns - part.sample_index * 1e9 / RATE_HZ) <= 1
             got.append(part.samples)
-            sender.flush()
         np.testing.assert_array_equal(np.concatenate(got), block(0, start).samples)
 
 
@@ -46,14 +62,14 @@ def test_a_stalled_detector_loses_the_oldest_samples_and_they_are_counted() -> N
         sent = 0
         while sender.samples_dropped == 0:
             sender.send(block(sent, MAX_SAMPLES))
-            sent += MAX_SAMPLES
-        received = lost = 0
-        while (part := receiver.receive()) is not None:
-            received += len(part.samples)
-            lost += part.lost_before
             sender.flush()
+            sent += MAX_SAMPLES
+        came = lost = 0
+        for part in received(receiver, sender):
+            came += len(part.samples)
+            lost += part.lost_before
         assert lost == sender.samples_dropped
-        assert received + lost == sent
+        assert came + lost == sent
 
 
 def test_two_channels_on_one_socket_are_counted_apart() -> None:
@@ -64,18 +80,58 @@ def test_two_channels_on_one_socket_are_counted_apart() -> None:
         sender.send(block(5000, 100, channel=2))
         sender.send(block(100, 100, channel=1))
         sender.send(block(5150, 100, channel=2))
-        parts = [receiver.receive() for _ in range(4)]
-        assert [part.lost_before for part in parts if part] == [0, 0, 0, 50]
+        sender.flush()
+        assert [part.lost_before for part in receiver.receive()] == [0, 0, 0, 50]
 
 
-def test_a_datagram_too_short_is_refused_and_counted() -> None:
+@given(st.integers(1, 100), st.integers(1, 2000))
+def test_the_channels_of_a_radio_block_travel_together_and_its_end_is_known(
+    channels: int, count: int
+) -> None:
+    ours, theirs = make_sample_sockets()
+    with ours, theirs:
+        sender, receiver = ChannelSender(ours), ChannelReceiver(theirs)
+        for channel in range(channels):
+            sender.send(block(0, count, channel))
+        assert not receiver.receive()
+        sender.flush()
+        complete = []
+        channels_seen = []
+        while blocks := receiver.receive():
+            channels_seen += [part.channel for part in blocks]
+            complete.append(receiver.complete)
+            sender.flush()
+        assert channels_seen == list(range(channels))
+        assert complete == [False] * (len(complete) - 1) + [True]
+        size = channels * (HEADER.size + 8 * count)
+        assert len(complete) <= 1 + size // (MAX_DATAGRAM_BYTES - 8 * count - 100)
+
+
+@pytest.mark.parametrize(
+    "datagram",
+    [
+        b"short",
+        ENVELOPE.pack(0, 0, 0),
+        ENVELOPE.pack(1, 0, 0) + bytes(HEADER.size - 1),
+        ENVELOPE.pack(1, 0, 0) + HEADER.pack(0, 0, 0.0, 0.0, 0, 3) + bytes(16),
+        ENVELOPE.pack(1, 0, 0) + HEADER.pack(0, 0, 0.0, 0.0, 0, 3) + bytes(32),
+    ],
+)
+def test_a_datagram_that_is_no_blocks_is_refused_and_counted(datagram: bytes) -> None:
     ours, theirs = make_sample_sockets()
     with ours, theirs:
         receiver = ChannelReceiver(theirs)
-        ours.send(b"short")
-        assert receiver.receive() is None
+        ours.send(datagram)
+        assert receiver.receive() == []
         assert receiver.refused == 1
 
 
-def test_the_header_is_32_bytes() -> None:
-    assert samples_module.HEADER.size == 32
+def test_a_datagram_begins_with_8_bytes_and_a_block_with_32() -> None:
+    ours, theirs = make_sample_sockets()
+    with ours, theirs:
+        sender = ChannelSender(ours)
+        sender.send(block(2, 1))
+        sender.flush()
+        head = "01000000 00000000 0200000000000000 ab11040000000000"
+        tail = "000000e044baa141 0060ea45 0300 0100 00000040 00000040"
+        assert theirs.recv(1000).hex() == (head + tail).replace(" ", "")
