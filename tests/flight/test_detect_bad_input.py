@@ -1,13 +1,11 @@
 """Whatever is wrong with what `uavrt detect` is given: one line with the remedy, status 2."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-from uavrt.cli import main
+from command_line import uavrt
 
 TAG = "2, 148710000, 1254, 20, 60, 10, 3, 0.005\n"
 RADIO = ("--sample-rate", "250e3", "--center-frequency", "148.7e6")
@@ -35,16 +33,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def run(*arguments: str) -> int:
-    """Run the command line; return its exit status."""
-    before = sys.argv
-    sys.argv = ["uavrt", "detect", *arguments]
-    try:
-        main()
-    except SystemExit as end:
-        return int(end.code or 0)
-    finally:
-        sys.argv = before
-    return 0
+    """Run `uavrt detect`; its exit status."""
+    return uavrt("detect", *arguments)
 
 
 @pytest.mark.parametrize(

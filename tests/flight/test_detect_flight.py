@@ -2,13 +2,12 @@
 
 import json
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import uavrt
 
-from uavrt.cli import main
 from uavrt.clock import iso_utc
 from uavrt.messages import FlightInfo, Pose, Poses, Tag
 from uavrt.pose import from_euler_deg, yaw_deg
@@ -70,14 +69,7 @@ def flown(tmp_path: Path) -> Path:
 
 def detect(*arguments: str) -> None:
     """Run the command line to its good end."""
-    before = sys.argv
-    sys.argv = ["uavrt", "detect", *arguments]
-    try:
-        with pytest.raises(SystemExit) as end:
-            main()
-    finally:
-        sys.argv = before
-    assert not end.value.code
+    assert uavrt("detect", *arguments) == 0
 
 
 def test_a_tag_added_afterwards_is_found_with_the_poses_of_the_flight(

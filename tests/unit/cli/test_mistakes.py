@@ -3,14 +3,13 @@
 In this process, for speed; `test_wrong_inputs` does the same with real ones.
 """
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import uavrt
 from pulses import pulse_at
 
-from uavrt.cli import main
 from uavrt.recording import PulseWriter
 
 TAG = "2, 148710000, 1254, 20, 60, 10, 3, 0.005\n"
@@ -31,19 +30,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         PulseWriter(stream, "jsonl").write(pulse_at(1_700_000_001_000_000_000))
     (tmp_path / "place").mkdir()
     return tmp_path
-
-
-def run(line: str) -> int:
-    """Run the command line; return its exit status."""
-    before = sys.argv
-    sys.argv = ["uavrt", *line.split()]
-    try:
-        main()
-    except SystemExit as end:
-        return int(end.code or 0)
-    finally:
-        sys.argv = before
-    return 0
 
 
 @pytest.mark.parametrize(
@@ -107,7 +93,7 @@ def test_a_mistake_is_told_with_what_to_do(
     folder: Path, capsys: pytest.CaptureFixture[str], line: str, says: str
 ) -> None:
     kept = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
-    assert run(line) == 2
+    assert uavrt(*line.split()) == 2
     said = capsys.readouterr()
     assert says in said.err + said.out
     assert "Traceback" not in said.err
@@ -122,7 +108,7 @@ def test_each_command_says_what_it_does_and_shows_how(
 
     monkeypatch.setenv("COLUMNS", "120")
     for name in COMMANDS:
-        assert run(f"{name} --help") == 0
+        assert uavrt(*name.split(), "--help") == 0
         said = capsys.readouterr().out
         # Commands with commands of their own show examples with these.
         assert "Examples:" in said or "COMMAND" in said, name
@@ -137,7 +123,7 @@ def test_every_example_is_a_command_with_options_that_exist(
     from uavrt.cli.examples import EXAMPLES
 
     for name, lines in EXAMPLES.items():
-        assert run(f"{name} --help") == 0
+        assert uavrt(*name.split(), "--help") == 0
         known = capsys.readouterr().out
         for line in lines:
             assert f"uavrt {name}" in line or line.endswith("|")
