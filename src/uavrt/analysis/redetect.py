@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.config.settings import AntennaSettings, Settings
+from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
 from uavrt.messages import AttitudeSample, FlightInfo, Poses, PositionSample, Pulse, Tag
 from uavrt.pose import PoseAttacher, PoseRing
 from uavrt.radio import SampleSource
@@ -30,6 +30,8 @@ class FlightWriter:
         What is searched.
     directory : Path, optional
         Where to write; None: a new directory beside the flight's.
+    searched : DetectionSettings
+        Window and operating mode of the search, for the new flight's settings.
 
     Raises
     ------
@@ -43,6 +45,7 @@ class FlightWriter:
         source: SampleSource,
         tags: Sequence[Tag],
         directory: Path | None = None,
+        searched: DetectionSettings | None = None,
     ) -> None:
         original = Path(flight.info.directory)
         if directory is None:
@@ -50,6 +53,8 @@ class FlightWriter:
         self.directory = directory
         settings = _settings(flight)
         antenna = AntennaSettings() if settings is None else settings.antenna
+        if searched is not None:
+            settings = _with_search(Settings() if settings is None else settings, searched)
         # A ring that holds the whole flight: nothing arrives late, so nothing waits.
         ring = PoseRing(antenna, capacity=max(len(flight.poses), 1))
         for pose in flight.poses:
@@ -116,6 +121,16 @@ class FlightWriter:
             self._recorder.write_status_text(text, time_ns)
         for time_ns, note in flight.notes:
             self._recorder.write_note(note, time_ns)
+
+
+def _with_search(settings: Settings, searched: DetectionSettings) -> Settings:
+    """The flight's settings, but with the search as it was done now."""
+    detection = replace(
+        settings.detection,
+        frequency_window_hz=searched.frequency_window_hz,
+        operating_mode=searched.operating_mode,
+    )
+    return replace(settings, detection=detection)
 
 
 def _settings(flight: Flight) -> Settings | None:

@@ -9,6 +9,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,6 +22,8 @@ from uavrt.analysis.redetect import FlightWriter
 from uavrt.analysis.tag_source import TagSource, read_tag_source
 from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import parse_iso_utc
+from uavrt.config.settings import DetectionSettings, OperatingModeName
+from uavrt.detection import OperatingMode
 from uavrt.errors import ConfigError, RecordingError
 from uavrt.messages import Pulse, Tag
 from uavrt.radio import SampleSource, open_channel, open_recording, open_stream
@@ -42,6 +45,7 @@ def detect(
     center_frequency: float | None = None,
     start_time: str | None = None,
     frequency_window: float = 500.0,
+    mode: OperatingModeName | None = None,
     output: Annotated[
         str | None, Parameter(name=["--output", "-o"], allow_leading_hyphen=True)
     ] = None,
@@ -73,6 +77,11 @@ def detect(
         file's last change less its duration; for - the time of arrival.
     frequency_window
         Half-width of the search around each tag's nominal frequency, in hertz.
+    mode
+        How the search follows a frequency that it has found. freqSearchSoftLock: the window,
+        always. freqSearchHardLock: once confirmed, ± 100 Hz around it. freqKnownHardLock:
+        ± 100 Hz around the nominal frequency. freqAllNeverLock: the whole channel, no track.
+        By default what a detectorConfig.txt says, else freqSearchSoftLock.
     output
         File.csv, File.jsonl, or - (JSON lines); by default -. With --flight a directory.
     flight
@@ -88,7 +97,7 @@ def detect(
         computer only. Needs the extra uavrt[ros2].
     """
     flown = None if flight is None else read_flight(flight)
-    known = _tags(tags, flown)
+    known = _with_mode(_tags(tags, flown), mode)
     wanted = known.tags
     start_ns = start_time_ns(start_time)
     with ExitStack() as stack:
@@ -105,8 +114,9 @@ def detect(
             write = stack.enter_context(_pulse_output(output or "-"))
         else:
             directory = None if output in (None, "-") else Path(str(output))
+            searched = _searched(known, frequency_window)
             writer = stack.enter_context(
-                closing(FlightWriter(flown, source, wanted, directory))
+                closing(FlightWriter(flown, source, wanted, directory, searched))
             )
             write = writer.write
         write = _to_all(write, listeners)
@@ -142,6 +152,22 @@ def _tags(path: Path | None, flown: Flight | None) -> TagSource:
     if flown is not None:
         return TagSource(tags=flown.info.tags)
     raise ConfigError("no tags to look for", remedy="Give --tags TagInfo.txt or tags.toml")
+
+
+def _with_mode(known: TagSource, mode: OperatingModeName | None) -> TagSource:
+    """Search all tags in the mode that was asked for; without one as their file says."""
+    if mode is None:
+        return known
+    modes = {tag.tag_id: OperatingMode(mode) for tag in known.tags}
+    return replace(known, operating_modes=modes)
+
+
+def _searched(known: TagSource, frequency_window_hz: float) -> DetectionSettings:
+    """What a flight's settings say of the search; no source has tags of several modes."""
+    settings = DetectionSettings(frequency_window_hz=frequency_window_hz)
+    for mode in known.operating_modes.values():
+        settings = replace(settings, operating_mode=mode.value)
+    return settings
 
 
 def _listeners(

@@ -8,13 +8,13 @@ metadata for ground stations and the manual derive from it. Names have at most 1
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from uavrt.config.settings import Settings
+from uavrt.config.settings import OperatingModeName, Settings
 from uavrt.errors import ConfigError
 from uavrt.messages import Tag
 
-Kind = Literal["whole", "real", "switch"]
+Kind = Literal["whole", "real", "switch", "choice"]
 
 GAIN_RANGES: dict[str, tuple[int, int]] = {
     # Airspy: "sensitivity" gain. HF+: steps of 6 dB, 8 is no attenuation. RTL-SDR: decibel; 0
@@ -49,6 +49,8 @@ class Parameter:
     meaning: str
     unit: str = ""
     decimals: int = 0
+    choices: tuple[str, ...] = ()
+    """Of a choice: what the numbers from 0 stand for."""
     absent: float | None = None
     """Number that stands for a setting that is left out; it lies outside `low` to `high`."""
     scale: float = 1.0
@@ -158,6 +160,19 @@ PARAMETERS: dict[str, Parameter] = {
             meaning="How far around each tag's frequency pulses are searched.",
         ),
         Parameter(
+            name="DET_MODE",
+            table="detection",
+            field="operating_mode",
+            kind="choice",
+            choices=get_args(OperatingModeName),
+            low=0,
+            high=len(get_args(OperatingModeName)) - 1,
+            default=0,
+            short="Operating mode",
+            meaning="How the search follows a frequency that it has found; the names are those"
+            " of the original's detectorConfig.txt.",
+        ),
+        Parameter(
             name="REC_IQ",
             table="recording",
             field="iq",
@@ -231,16 +246,20 @@ def _value(settings: Settings, parameter: Parameter) -> float:
     if setting is None:
         assert parameter.absent is not None
         return parameter.absent
+    if parameter.kind == "choice":
+        return float(parameter.choices.index(setting))
     number = float(setting) / parameter.scale
     return number if parameter.kind == "real" else float(round(number))
 
 
-def _setting(parameter: Parameter, value: float) -> float | int | bool | None:
+def _setting(parameter: Parameter, value: float) -> float | int | bool | str | None:
     if value == parameter.absent:
         return None
     match parameter.kind:
         case "switch":
             return bool(value)
+        case "choice":
+            return parameter.choices[int(value)]
         case "whole" if parameter.scale == 1.0:
             return int(value)
         case "whole":

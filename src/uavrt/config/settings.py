@@ -18,6 +18,10 @@ STRICT: dict[str, Any] = {
 costs the drone nothing (reference/style.md §B.3)."""
 
 Shape = Literal["workers", "stages", "one"]
+OperatingModeName = Literal[
+    "freqSearchSoftLock", "freqSearchHardLock", "freqKnownHardLock", "freqAllNeverLock"
+]
+"""Names of `uavrt.detection.OperatingMode`, those of the original's ``detectorConfig.txt``."""
 RadioKind = Literal["airspy", "airspyhf", "rtlsdr", "hackrf", "soapy"]
 RADIO_GROUP = "uavrt.radios"
 """Entry points of this group add kinds of radio (docs/how-to/extend.md)."""
@@ -125,6 +129,11 @@ class DetectionSettings:
 
     frequency_window_hz: Annotated[float, Gt(0.0)] = 500.0
     """Half-width of the search around each tag's nominal frequency."""
+    operating_mode: OperatingModeName = "freqSearchSoftLock"
+    """How the search follows a frequency that it has found: ``freqSearchSoftLock`` (search the
+    window always), ``freqSearchHardLock`` (once confirmed, ± 100 Hz around it for the rest of
+    the flight), ``freqKnownHardLock`` (± 100 Hz around the nominal frequency),
+    ``freqAllNeverLock`` (the whole channel, no track)."""
     workers: Annotated[int, Interval(ge=0, le=64)] = 0
     """Detector processes; 0: one for each spare core."""
     shape: Shape = "workers"

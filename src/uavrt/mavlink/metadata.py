@@ -76,6 +76,10 @@ def _described(row: Parameter, floats: bool) -> dict[str, Any]:
             {"value": 0, "description": "Off"},
             {"value": 1, "description": "On"},
         ]
+    if row.kind == "choice":
+        entry["values"] = [
+            {"value": number, "description": name} for number, name in enumerate(row.choices)
+        ]
     return entry
 
 

@@ -16,8 +16,7 @@ class Chain(Receiver):
     """A receiver whose channels go to detectors in the same process."""
 
     def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
-        settings = frame.assignment.settings.detection
-        bank = DetectorBank(frame.assignment.tags, settings.frequency_window_hz)
+        bank = DetectorBank(frame.assignment.tags, frame.assignment.settings.detection)
         self._searcher = Searcher(frame, bank)
         super().__init__(frame, flight, [self._searcher])
 

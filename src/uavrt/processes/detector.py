@@ -8,6 +8,7 @@ from dataclasses import asdict
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.config.settings import DetectionSettings
 from uavrt.detection import DetectorGroup, PulseDetector
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.samples import ChannelReceiver
@@ -27,13 +28,13 @@ class DetectorBank:
     ----------
     tags : tuple of Tag
         The tags this worker serves.
-    frequency_window_hz : float
-        Half-width of the search around each tag's nominal frequency.
+    settings : DetectionSettings
+        How they are searched: window and operating mode.
     """
 
-    def __init__(self, tags: tuple[Tag, ...], frequency_window_hz: float) -> None:
+    def __init__(self, tags: tuple[Tag, ...], settings: DetectionSettings) -> None:
         self._tags = tags
-        self._window_hz = frequency_window_hz
+        self._settings = settings
         self._group = DetectorGroup()
         self.samples = 0
         self.samples_lost = 0
@@ -108,7 +109,8 @@ class DetectorBank:
                 tag,
                 sample_rate_hz=block.sample_rate_hz,
                 center_frequency_hz=block.center_frequency_hz,
-                frequency_window_hz=self._window_hz,
+                frequency_window_hz=self._settings.frequency_window_hz,
+                operating_mode=self._settings.operating_mode,
             )
             for tag in nearest
         ]
@@ -129,7 +131,7 @@ def main() -> None:
     with ProcessFrame.start() as frame:
         assignment = frame.assignment
         receiver = ChannelReceiver(socket.socket(fileno=assignment.sample_fds[0]))
-        bank = DetectorBank(assignment.tags, assignment.settings.detection.frequency_window_hz)
+        bank = DetectorBank(assignment.tags, assignment.settings.detection)
         searcher = Searcher(frame, bank)
         while frame.running:
             select.select([receiver.fileno(), frame.link.fileno()], [], [], SELECT_S)

@@ -43,6 +43,7 @@ def detector_config(
     log_path: str = "",
     *,
     ports: Literal["current", "thesis"] = "thesis",
+    operating_mode: str = "freqSearchSoftLock",
 ) -> DetectorConfig:
     """Find the tag's channel of the original's 100 around the radio frequency.
 
@@ -58,6 +59,7 @@ def detector_config(
         sample_rate_hz=CHANNEL_RATE_HZ,
         data_port=_DATA_PORT + (1 + (ports == "current")) * (steps % CHANNELS) if inside else 0,
         log_path=log_path,
+        operating_mode=operating_mode,
     )
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import uavrt
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config.settings import Settings
+from uavrt.config.settings import DetectionSettings, Settings
 from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import (
     Command,
@@ -220,6 +220,7 @@ class FlightRecorder:
         if self._origin is None:
             return
         info, settings = self._origin
+        searched = DetectionSettings() if settings is None else settings.detection
         self.layout.make([tag.tag_id for tag in info.tags])
         for tag in info.tags:
             path = self.layout.tag_config(tag.tag_id)
@@ -232,6 +233,7 @@ class FlightRecorder:
                     info.center_frequency_hz,
                     output,
                     ports="thesis" if sent is None or not sent.enabled else sent.ports,
+                    operating_mode=searched.operating_mode,
                 )
                 write_detector_config(path, config, info.start_time_ns)
         try:

@@ -1,3 +1,4 @@
+import json
 import math
 from pathlib import Path
 
@@ -5,11 +6,17 @@ import pytest
 from pulses import pulse_at
 
 from uavrt.analysis.redetect import FlightWriter
-from uavrt.config.settings import AntennaSettings, Settings
+from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
 from uavrt.errors import RecordingError
 from uavrt.messages import FlightInfo, Pose, Poses, Pulse, StatusText, Tag
 from uavrt.pose import from_euler_deg, yaw_deg
-from uavrt.recording import Flight, FlightRecorder, read_flight
+from uavrt.recording import (
+    Flight,
+    FlightLayout,
+    FlightRecorder,
+    read_detector_config,
+    read_flight,
+)
 
 START_NS = 1_700_000_000_000_000_000
 TAGS = (
@@ -105,3 +112,14 @@ def test_pulses_outside_the_flight_are_kept_without_a_pose_and_counted(flown: Fl
 def test_a_directory_that_holds_a_flight_is_not_overwritten(flown: Flight) -> None:
     with pytest.raises(RecordingError, match="flight already"):
         FlightWriter(flown, Nothing(), TAGS, Path(flown.info.directory))
+
+
+def test_a_flight_searched_again_says_how_it_was_searched_this_time(flown: Flight) -> None:
+    searched = DetectionSettings(operating_mode="freqKnownHardLock", frequency_window_hz=80.0)
+    writer = FlightWriter(flown, Nothing(), TAGS, searched=searched)
+    writer.close()
+    config = read_detector_config(FlightLayout(writer.directory).tag_config(9))
+    assert config.operating_mode == "freqKnownHardLock"
+    again = json.loads(read_flight(writer.directory).settings_json or "")
+    assert again["detection"]["frequency_window_hz"] == 80.0
+    assert again["antenna"]["yaw_offset_deg"] == 90.0

@@ -91,6 +91,11 @@ def test_all_faults_are_told_at_once_each_with_its_line() -> None:
     ]
 
 
+def test_a_mode_that_no_detector_has_is_refused_with_the_four() -> None:
+    with pytest.raises(ConfigError, match="must be 'freqSearchSoftLock', 'freqSearchHardLock'"):
+        parse_settings(b'[detection]\noperating_mode = "hard"\n', name="uavrt.toml")
+
+
 @pytest.mark.parametrize("content", [b"[radio\n", b"\xff\xfe\xff", b"a = " + b"[" * 5000])
 def test_what_is_not_toml_is_refused(content: bytes) -> None:
     with pytest.raises(ConfigError, match="not TOML"):

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import get_args
 
 import pytest
 from hypothesis import given
@@ -14,7 +15,13 @@ from uavrt.config.parameters import (
     tags_with_overrides,
     with_parameter,
 )
-from uavrt.config.settings import DetectionSettings, RadioSettings, Settings
+from uavrt.config.settings import (
+    DetectionSettings,
+    OperatingModeName,
+    RadioSettings,
+    Settings,
+)
+from uavrt.detection import OperatingMode
 from uavrt.errors import ConfigError
 from uavrt.messages import Tag
 
@@ -66,6 +73,15 @@ def test_the_gain_is_judged_by_the_kind_of_radio() -> None:
 def test_an_unknown_parameter_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ConfigError, match="known are RADIO_GAIN"):
         with_parameter(Settings(), "GAIN", 1)
+
+
+def test_each_number_of_the_mode_is_one_that_a_detector_knows() -> None:
+    assert set(get_args(OperatingModeName)) == set(OperatingMode)
+    named = [
+        with_parameter(Settings(), "DET_MODE", n).detection.operating_mode for n in range(4)
+    ]
+    assert named == list(PARAMETERS["DET_MODE"].choices)
+    assert sorted(named) == sorted(OperatingMode)
 
 
 def test_k_and_false_alarm_probability_replace_those_of_every_tag() -> None:

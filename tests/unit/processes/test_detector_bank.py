@@ -1,5 +1,7 @@
 import numpy as np
+import pytest
 
+from uavrt.config.settings import DetectionSettings, OperatingModeName
 from uavrt.messages import ChannelBlock, Tag
 from uavrt.processes.detector import DetectorBank
 
@@ -53,13 +55,40 @@ def run(bank: DetectorBank, stream: list[ChannelBlock]) -> list[int]:
 
 def test_a_bank_finds_the_pulses_of_the_tags_of_its_channel_only() -> None:
     other = tag(4, CENTER_HZ + 3 * 3750.0)
-    bank = DetectorBank((tag(2, CENTER_HZ + 150.0), other), 500.0)
+    bank = DetectorBank((tag(2, CENTER_HZ + 150.0), other), DetectionSettings())
     assert len(run(bank, blocks(2.0))) == 10
     assert bank.counters()["detectors"] == 1
     assert not bank.complete  # the other tag's channel has not come
 
 
 def test_a_sample_that_is_no_number_costs_nothing_but_itself() -> None:
-    bank = DetectorBank((tag(2, CENTER_HZ + 150.0),), 500.0)
+    bank = DetectorBank((tag(2, CENTER_HZ + 150.0),), DetectionSettings())
     assert len(run(bank, blocks(2.0, bad_at_s=5.0))) == 10
     assert bank.counters()["samples_invalid"] == 1
+
+
+@pytest.mark.parametrize(
+    ("mode", "nominal_hz", "found"),
+    [
+        ("freqSearchSoftLock", 20.0, 10),
+        ("freqKnownHardLock", 20.0, 0),
+        ("freqKnownHardLock", 180.0, 10),
+        ("freqSearchSoftLock", -400.0, 0),
+        ("freqAllNeverLock", -400.0, 10),
+    ],
+)
+def test_a_bank_searches_in_the_mode_of_the_settings(
+    mode: OperatingModeName, nominal_hz: float, found: int
+) -> None:
+    settings = DetectionSettings(operating_mode=mode)
+    bank = DetectorBank((tag(2, CENTER_HZ + nominal_hz),), settings)
+    assert len(run(bank, blocks(2.0))) == pytest.approx(found, abs=1)
+
+
+def test_a_bank_with_a_hard_lock_keeps_to_the_frequency_that_it_found() -> None:
+    settings = DetectionSettings(operating_mode="freqSearchHardLock")
+    bank = DetectorBank((tag(2, CENTER_HZ + 20.0),), settings)
+    for block in blocks(2.0):
+        bank.put(block)
+        bank.collect()
+    assert bank.all()[0].locked_frequency_hz == pytest.approx(CENTER_HZ + 200.0, abs=5.0)

@@ -53,7 +53,7 @@ def test_the_original_finds_what_it_needs(tmp_path: Path) -> None:
         0.01,
     ]
     assert values["K"] == "3"
-    assert values["opMode"] == "freqSearchHardLock"
+    assert values["opMode"] == "freqSearchSoftLock"
     assert values["excldFreqs"] == "[Inf, -Inf]"
     assert float(values["falseAlarmProb"]) == 0.005
     assert values["timeStamp"] == "2023-11-17T07:16:59.230494Z"
@@ -120,7 +120,7 @@ def test_mode_and_excluded_stretches_are_written_and_read(tmp_path: Path, mode: 
     path = tmp_path / "detectorConfig.txt"
     excluded = ((-1200.0, -1100.5), (0.0, 10.0))
     config = replace(
-        detector_config(TAG, 148.7e6, "/logs"), operating_mode=mode, excluded_hz=excluded
+        detector_config(TAG, 148.7e6, "/logs", operating_mode=mode), excluded_hz=excluded
     )
     write_detector_config(path, config, TIME_NS)
     assert original_reader(path.read_text())["excldFreqs"] == "[-1200.0, -1100.5; 0.0, 10.0]"

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from uavrt.config import Settings
+from uavrt.config.settings import DetectionSettings
 from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import (
     Command,
@@ -111,10 +112,19 @@ def test_the_thesis_files_lie_where_the_thesis_put_them(
     tag_directory = root / "detector_log" / "tag_id_4"
     config = read_detector_config(tag_directory / "config" / "detectorConfig.txt")
     assert config.tag == info.tags[1]
+    assert config.operating_mode == "freqSearchSoftLock"
     own = read_pulse_pose_log(tag_directory / "output" / "pulse_pose_log.txt")
     assert [one.pulse.tag_id for one in own] == [4]
     everything = read_pulse_pose_log(root / "pulse_pose_log.txt")
     assert {one.pulse.tag_id for one in everything} == {2, 4}
+
+
+def test_a_flights_detector_config_says_in_which_mode_was_searched(make_info: MakeInfo) -> None:
+    info = make_info()
+    settings = Settings(detection=DetectionSettings(operating_mode="freqKnownHardLock"))
+    FlightRecorder.create(info, settings).close()
+    config = read_detector_config(FlightLayout(Path(info.directory)).tag_config(2))
+    assert config.operating_mode == "freqKnownHardLock"
 
 
 def test_a_repeated_pulse_is_recorded_once(
