@@ -92,6 +92,7 @@ class DetectionChain:
                     center_frequency_hz=centers_hz[channel],
                     frequency_window_hz=frequency_window_hz,
                     operating_mode=modes.get(tag.tag_id, OperatingMode.SEARCH_SOFT_LOCK),
+                    excluded_hz=excluded_hz,
                 )
             )
         self._group = DetectorGroup()

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.anchors import AnchorSearch, search_together
+from uavrt.detection.bounds import Bounds
 from uavrt.detection.evidence import gate
 from uavrt.detection.grid import Grid, Spectrogram
 from uavrt.detection.known import KnownPulses
@@ -38,24 +39,23 @@ class SearchBand:
 
     Parameters
     ----------
-    tag : Tag
     grid : Grid
     buffer : SampleBuffer
-    half_width_hz : float
-        Half-width of the band, maybe infinite.
+    bounds : Bounds
+        Half-width of the band, and what in it is not searched.
     batch_s : float
         Samples come in pieces of at most so much [s].
     """
 
     def __init__(
         self,
-        tag: Tag,
         *,
         grid: Grid,
         buffer: SampleBuffer,
-        half_width_hz: float,
+        bounds: Bounds,
         batch_s: float,
     ) -> None:
+        tag, half_width_hz = bounds.tag, bounds.half_width_hz
         self._grid = grid
         self._buffer = buffer
         self._batch = round(batch_s * grid.sample_rate_hz)
@@ -74,6 +74,7 @@ class SearchBand:
         if grid.halves is not None and len(self._anchor_searches) == len(self._searches):
             kinds = [search.kind() for search in self._anchor_searches]
             self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
+        self._excluded = bounds.excluded_rows(grid.offsets_hz)
         self._learnt: list[NDArray[np.float32]] = []
         self._column = 0
         self._heard_s = 0.0
@@ -110,6 +111,8 @@ class SearchBand:
         for search in self._searches:
             found: list[Candidate] = []
             for block in (power,) if was_ready else self._from_the_start(upto, last=last):
+                if len(self._excluded):
+                    block[:, self._excluded] = 0.0
                 found += search.push(block, level)
             if last:
                 found += search.finish(level)
@@ -266,6 +269,9 @@ def advance_together(
         workspace,
     )
     _learn_together(bands, power)
+    for band, columns in zip(bands, power, strict=True):
+        if len(band._excluded):
+            columns[band._excluded] = 0.0
     levels = np.stack([band._noise.level for band in bands])
     results: list[list[tuple[RateSearch, list[Candidate]]]] = [[] for _ in bands]
     for searches in zip(*(band.anchor_searches() for band in bands), strict=True):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from uavrt.detection.afresh import forget_old, joined
 from uavrt.detection.band import SearchBand
+from uavrt.detection.bounds import Bounds
 from uavrt.detection.checks import check_searchable
 from uavrt.detection.circle import apart_hz, in_channel_hz
 from uavrt.detection.cleaning import Cleaner
@@ -52,6 +53,8 @@ class PulseDetector:
         sample rate: the whole channel.
     operating_mode : OperatingMode or str
         What to do with a frequency once found.
+    excluded_hz : sequence of (float, float)
+        Absolute stretches, bounds included, in which nothing is the tag.
 
     Raises
     ------
@@ -67,6 +70,7 @@ class PulseDetector:
         center_frequency_hz: float,
         frequency_window_hz: float = 500.0,
         operating_mode: OperatingMode | str = OperatingMode.SEARCH_SOFT_LOCK,
+        excluded_hz: Sequence[tuple[float, float]] = (),
     ) -> None:
         self.tag = tag
         self.sample_rate_hz = float(sample_rate_hz)
@@ -81,6 +85,9 @@ class PulseDetector:
         elif self.operating_mode is OperatingMode.ALL_NEVER_LOCK:
             frequency_window_hz = math.inf
         self.frequency_window_hz = frequency_window_hz
+        self._excluded_hz = tuple(
+            (low - center_frequency_hz, high - center_frequency_hz) for low, high in excluded_hz
+        )
         self.counters = Counters()
         self.locked_frequency_hz: float | None = None
         """What a hard lock keeps to until `reset`, absolute; None before the first."""
@@ -99,7 +106,14 @@ class PulseDetector:
 
     def _look_around(self, offset_hz: float, half_width_hz: float) -> None:
         """Lay the grid of the search around a frequency."""
-        self._home_hz, self._half_width_hz = offset_hz, half_width_hz
+        self._home_hz = offset_hz
+        self._bounds = bounds = Bounds(
+            tag=self.tag,
+            home_hz=offset_hz,
+            half_width_hz=half_width_hz,
+            sample_rate_hz=self.sample_rate_hz,
+            excluded_hz=self._excluded_hz,
+        )
         self._grid = make_grid(
             sample_rate_hz=self.sample_rate_hz,
             pulse_width_s=self.tag.pulse_width_s,
@@ -108,17 +122,12 @@ class PulseDetector:
         )
         grid, buffer = self._grid, self._buffer
         self._refiner = Refiner(grid, buffer)
-        self._judge = Judge(self.tag, grid=grid, buffer=buffer, refiner=self._refiner)
-        self._follower = Follower(self.tag, grid=grid, buffer=buffer, refiner=self._refiner)
+        self._judge = Judge(bounds, grid=grid, buffer=buffer, refiner=self._refiner)
+        self._follower = Follower(bounds, grid=grid, buffer=buffer, refiner=self._refiner)
 
     def _make_band(self) -> SearchBand:
-        return SearchBand(
-            self.tag,
-            grid=self._grid,
-            buffer=self._buffer,
-            half_width_hz=self._half_width_hz,
-            batch_s=BATCH_S,
-        )
+        bounds = self._bounds
+        return SearchBand(grid=self._grid, buffer=self._buffer, bounds=bounds, batch_s=BATCH_S)
 
     def _start(self, epoch_ns: int = 0, tracks: tuple[Track, ...] = ()) -> None:
         """(Re)start everything that hangs on unbroken samples."""
@@ -301,6 +310,7 @@ class PulseDetector:
         """Turn candidates into groups; several candidates of the same pulses are one."""
         taken: list[list[Measured]] = []
         afresh = self.operating_mode is OperatingMode.ALL_NEVER_LOCK
+        rate_hz = self.sample_rate_hz
         known = None if afresh else self._judge.known(self._tracks)
         for candidate in self._judge.unexplained(found, search, known):
             if not self._judge.is_new(candidate, search, taken):
@@ -318,7 +328,7 @@ class PulseDetector:
             if any(t.confirmed or self._judge.equals(t, group) for t in clash) and not afresh:
                 continue
             reason = self._judge.refusal(
-                group, search, noise=self.band.noise, floor=self._cleaner.mean_floor
+                places, search, noise=self.band.noise, floor=self._cleaner.mean_floor
             )
             if reason is not None:
                 self.counters.reject(reason)
@@ -328,12 +338,7 @@ class PulseDetector:
                 for place, m in places
             ]
             if afresh:
-                track = joined(
-                    self._tracks,
-                    pulses,
-                    rate=search.rate,
-                    sample_rate_hz=self.sample_rate_hz,
-                )
+                track = joined(self._tracks, pulses, rate=search.rate, sample_rate_hz=rate_hz)
                 if track is not None:
                     self._reporter.report(track)
                 if track is not None or clash:
@@ -389,11 +394,7 @@ class PulseDetector:
         self._refiner.upto = self._clean
         self.band = self._make_band()
         self.band.take_over(before, self._clean)
-        self._tracks = [
-            t
-            for t in self._tracks
-            if abs(apart_hz(t.offset_hz, found_hz, rate_hz)) < half_width_hz
-        ]
+        self._tracks = [t for t in self._tracks if not self._bounds.left_by(t)]
 
     def _now_s(self) -> float:
         return self._follower.seconds(self._clean)

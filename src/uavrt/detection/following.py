@@ -6,13 +6,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.bounds import Bounds
 from uavrt.detection.grid import Grid
 from uavrt.detection.masking import hiding, is_due, stronger_beside, strongest_first
 from uavrt.detection.refine import TRACK_BAND_HZ, Refiner
 from uavrt.detection.rivals import become, lags, set_up_rivals, settle_rivalry
 from uavrt.detection.samples import SampleBuffer
 from uavrt.detection.tracks import Slot, Track
-from uavrt.messages import Tag
 
 
 class Follower:
@@ -20,14 +20,17 @@ class Follower:
 
     Parameters
     ----------
-    tag : Tag
+    bounds : Bounds
     grid : Grid
     buffer : SampleBuffer
     refiner : Refiner
     """
 
-    def __init__(self, tag: Tag, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner) -> None:
-        self._tag = tag
+    def __init__(
+        self, bounds: Bounds, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner
+    ) -> None:
+        self._tag = bounds.tag
+        self._bounds = bounds
         self._grid = grid
         self._buffer = buffer
         self._refiner = refiner
@@ -175,4 +178,8 @@ class Follower:
                 volume=track.volume(half_s, band),
             )
         )
+        # Else the flanks of a stronger signal lead it to that one's frequency or interval.
+        if self._bounds.left_by(track):
+            track.slots.pop()
+            track.dead = True
         return True

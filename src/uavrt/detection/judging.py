@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.bounds import Bounds
 from uavrt.detection.circle import apart_hz
 from uavrt.detection.evidence import Evidence, gate
 from uavrt.detection.grid import Grid
@@ -14,11 +15,13 @@ from uavrt.detection.rivals import log_evidence
 from uavrt.detection.samples import SampleBuffer
 from uavrt.detection.search import Candidate, RateSearch
 from uavrt.detection.tracks import Track
-from uavrt.messages import Tag
 
 _UNIFORMITY = 0.3
 _STRONG = 30.0
 _OFF_ROW_HZ = 8.0
+_FLANK_RATIO = 2.0
+"""Half a pulse earlier or later a pulse has a quarter of its power, and so it has 35 Hz beside
+its frequency. Twice as much there is another tag's: of another interval or frequency."""
 _FLANK_BINS = 1.9
 """A strong pulse's cells are at their limit far from its row, and partly beside it in time:
 from so far the top is gone to. One group in twenty of 50 dB was measured on the flank, 6 dB
@@ -30,14 +33,18 @@ class Judge:
 
     Parameters
     ----------
-    tag : Tag
+    bounds : Bounds
     grid : Grid
     buffer : SampleBuffer
     refiner : Refiner
     """
 
-    def __init__(self, tag: Tag, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner) -> None:
+    def __init__(
+        self, bounds: Bounds, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner
+    ) -> None:
+        tag = bounds.tag
         self._tag = tag
+        self._bounds = bounds
         self._grid = grid
         self._buffer = buffer
         self._refiner = refiner
@@ -113,13 +120,16 @@ class Judge:
 
     def refusal(
         self,
-        group: list[Measured],
+        places: list[tuple[int, Measured]],
         search: RateSearch,
         *,
         noise: NDArray[np.float32],
         floor: float,
     ) -> str | None:
         """Why a group above the threshold is no tag, or None."""
+        if (reason := self._bounds.refusal(places, search.rate)) is not None:
+            return reason
+        group = [pulse for _, pulse in places]
         rate_hz = self._grid.sample_rate_hz
         bin_hz = rate_hz / self._grid.window
         total = 0.0
@@ -129,6 +139,10 @@ class Judge:
         for pulse in group:
             offset, power = self._refiner.strongest(pulse)
             apart = abs(apart_hz(offset, pulse.offset_hz, rate_hz))
+            if power > _FLANK_RATIO * pulse.power and self._bounds.off_frequency(offset):
+                return "side lobe of a signal outside"
+            if apart < bin_hz / 2.0 and power > _FLANK_RATIO * max(pulse.power, 4.0):
+                return "flank of a stronger pulse"
             if apart > bin_hz and pulse.power > 4.0:
                 # A rectangular pulse elsewhere leaks at most 1 / (pi df tp)^2; double margin.
                 leak = 4.0 * power / (math.pi * apart / bin_hz) ** 2

@@ -51,6 +51,11 @@ class Measured:
         return max(self.power - 1.0, 0.1)
 
 
+def timing_error_s(width_s: float, power: float) -> float:
+    """Standard deviation of the time that is measured of a pulse, for its power."""
+    return 0.08 * width_s * math.sqrt(20.0 / max(power, 4.0))
+
+
 class Refiner:
     """Local search around expected pulses.
 

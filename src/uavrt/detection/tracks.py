@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal
 
-from uavrt.detection.refine import Measured
+from uavrt.detection.refine import Measured, timing_error_s
 from uavrt.detection.thresholds import group_tail
 from uavrt.messages import Tag
 
@@ -54,7 +54,7 @@ _SURE_POWER = 12.0
 """Three pulses of this power each, an interval apart, are no accident: confirmed at once."""
 _INTERVAL_WALK = 1.5e-4
 """Standard deviation of the interval's change from pulse to pulse, relative."""
-_CLOCK_ERROR = 3.0e-4
+CLOCK_ERROR = 3.0e-4
 """Relative error of the sample clock that the interval's uncertainty must cover."""
 MOST_DRIFT_HZ = 15.0
 """A crystal that warms up changes by some hertz from pulse to pulse; more is noise."""
@@ -346,14 +346,14 @@ class Track:
         self.drift_hz = max(-MOST_DRIFT_HZ, min(MOST_DRIFT_HZ, self.drift_hz))
 
     def _timing_variance(self, power: float) -> float:
-        own = 0.08 * self.tag.pulse_width_s * math.sqrt(20.0 / max(power, 4.0))
-        return own**2 + (self.tag.interval_jitter_s / 2.0) ** 2
+        noise_s = timing_error_s(self.tag.pulse_width_s, power)
+        return noise_s**2 + (self.tag.interval_jitter_s / 2.0) ** 2
 
     def _know_little(self, power: float, share: float = 1.0) -> None:
         """Phase as of one pulse; of the interval a share of what the tag leaves open."""
         spread_s = share * self.tag.interval_uncertainty_s / math.sqrt(3.0)
-        clock_s = _CLOCK_ERROR * self.interval_s
-        self.variance = [self._timing_variance(power), 0.0, spread_s**2 + clock_s**2]
+        interval = spread_s**2 + (CLOCK_ERROR * self.interval_s) ** 2
+        self.variance = [self._timing_variance(power), 0.0, interval]
 
     def _predict(self) -> None:
         phase, cross, interval = self.variance
