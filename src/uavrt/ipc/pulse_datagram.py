@@ -31,7 +31,7 @@ from typing import Final
 
 from uavrt.errors import FormatError, LinkError
 from uavrt.messages import DetectionStatus, Pulse, SearchReport
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 RECORD: Final = struct.Struct("<12d")
 DEFAULT_PORT: Final = 50_000
@@ -40,6 +40,9 @@ HEARTBEAT_S: Final = 1.0
 
 _STATES: Final[dict[DetectionStatus, int]] = {"subthreshold": 0, "detected": 1, "confirmed": 2}
 NOTHING_FOUND: Final = 3
+OVERDUE_NS: Final = ns_from_s(1.0)
+"""So long after its expected end a tag's next pulse is missed: pulses are told half a second
+after them, in steps of up to 0.44 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +146,8 @@ class PulseDatagramSender:
         self._socket.setblocking(False)
         self._tag_ids = tuple(tag_ids)
         self._last_heartbeat_s = -math.inf
+        self._found_ns: dict[int, tuple[int, int]] = {}
+        """For each tag the last stretch in which its pulses came as expected."""
         self.sent = 0
         self.dropped = 0
         """Not sent, for want of room or of a network."""
@@ -151,11 +156,18 @@ class PulseDatagramSender:
         """Send pulses, each once."""
         for pulse in pulses:
             self._send(record_of_pulse(pulse))
+            self._note_found(pulse)
 
     def send_reports(self, reports: Iterable[SearchReport]) -> None:
-        """Send what was searched in vain."""
+        """Send what was searched in vain, but nothing of a tag that is being found.
+
+        Reports come every second, pulses often less often; between two pulses of a tag nothing
+        was to be found, and a controller would take it for lost.
+        """
         for report in reports:
-            self._send(record_of_search(report))
+            begin_ns, end_ns = self._found_ns.get(report.tag_id, (0, -1))
+            if not begin_ns <= report.time_ns <= end_ns:
+                self._send(record_of_search(report))
 
     def heartbeat(self, now_s: float) -> None:
         """Send a heartbeat for each tag when a second has passed on a monotonic clock."""
@@ -163,6 +175,17 @@ class PulseDatagramSender:
             self._last_heartbeat_s = now_s
             for tag_id in self._tag_ids:
                 self._send(PulseRecord(tag_id=tag_id))
+
+    def _note_found(self, pulse: Pulse) -> None:
+        """Lengthen the stretch in which the tag is found, or begin another."""
+        next_ns = pulse.predicted_next_end_ns or pulse.end_time_ns
+        begin_ns, end_ns = pulse.start_time_ns, next_ns + OVERDUE_NS
+        before_ns, until_ns = self._found_ns.get(pulse.tag_id, (begin_ns, end_ns))
+        # Pulses of a block may come before its reports, and a weak one later than its next;
+        # stretches that are apart are a tag that was lost, or a clock that was set.
+        if begin_ns <= until_ns and before_ns <= end_ns:
+            begin_ns, end_ns = min(begin_ns, before_ns), max(end_ns, until_ns)
+        self._found_ns[pulse.tag_id] = begin_ns, end_ns
 
     def close(self) -> None:
         """Close the socket."""

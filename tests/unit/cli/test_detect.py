@@ -1,6 +1,7 @@
 """`uavrt detect` of a short recording of one channel."""
 
 import csv
+import socket
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from command_line import uavrt
 
 from uavrt.experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
+from uavrt.ipc.pulse_datagram import PulseRecord
 
 SECONDS = 14.0
 OFFSET_HZ = 300.0
@@ -70,3 +72,29 @@ def test_a_mode_that_does_not_exist_is_refused_with_the_four(
     assert uavrt("detect", "a.cf32", *RADIO, "--tags", "tags.txt", "--mode", "hard") != 0
     both = capsys.readouterr()
     assert "freqSearchHardLock" in both.out + both.err
+
+
+def test_a_controller_hears_that_nothing_was_found_only_while_nothing_is(folder: Path) -> None:
+    rng = np.random.default_rng(22)
+    heard = pulse_train(
+        rng, duration_s=20.0, interval_s=1.254, offset_hz=OFFSET_HZ, enr_db=20.0
+    )
+    make_samples(rng, heard, duration_s=35.0).tofile(folder / "lost.cf32")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as controller:
+        controller.bind(("127.0.0.1", 0))
+        controller.setblocking(False)
+        place = f"127.0.0.1:{controller.getsockname()[1]}"
+        start = ("--start-time", "2024-01-01T00:00:00Z")
+        arguments = ("lost.cf32", *RADIO, *start, "--tags", "tags.txt", "-o", "p.csv")
+        assert uavrt("detect", *arguments, "--udp-pulses", place) == 0
+        records = []
+        while True:
+            try:
+                records.append(PulseRecord.decode(controller.recv(200)))
+            except BlockingIOError:
+                break
+    pulses_s = [r.start_time_s for r in records if not r.is_heartbeat and r.snr_db > 15.0]
+    searches_s = [r.start_time_s for r in records if r.detection_status == 3]
+    assert len(pulses_s) == pytest.approx(16, abs=1)
+    assert not [s for s in searches_s if min(pulses_s) < s < max(pulses_s)]
+    assert len([s for s in searches_s if s > max(pulses_s) + 2.5]) >= 10
