@@ -108,6 +108,8 @@ def test_pulses_and_a_heartbeat_a_second_reach_who_listens() -> None:
         sender.close()
     assert [record.is_heartbeat for record in received] == [True] * 4 + [False]
     assert [record.tag_id for record in received[:4]] == [2, 4, 2, 4]
+    assert received[4].encode() == GOLDEN
+    assert sender.sent == 5
 
 
 def test_nothing_is_said_to_be_found_only_when_the_next_pulse_is_overdue() -> None:
@@ -140,3 +142,18 @@ def test_nothing_is_said_to_be_found_only_when_the_next_pulse_is_overdue() -> No
     assert told[:2] == [(2, 3, between), (2, 2, round(begin_ns / 1e9, 3))]
     assert told[2:4] == [(2, 3, set_back), (2, 3, missed)]
     assert [tag_id for tag_id, _, _ in told[4:]] == [4] * 4
+
+
+def test_nobody_listening_disturbs_nobody() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        port = sock.getsockname()[1]
+    sender = PulseDatagramSender("127.0.0.1", port, [])
+    sender.send_pulses([PULSE] * 10)
+    sender.close()
+    assert sender.sent + sender.dropped == 10
+
+
+def test_an_unknown_host_is_named() -> None:
+    with pytest.raises(LinkError, match=r"no\.such\.host\.invalid"):
+        PulseDatagramSender("no.such.host.invalid", 50_000, [])
