@@ -2,27 +2,33 @@
 
 Every pair of bursts votes for its distance. A beat of interval T makes votes at T, 2 T, 3 T …;
 the first strong one is its interval. Chance makes as many votes at any distance, which says
-what strong means. What a beat explains is taken away, and the rest may hold another: the
-second rate of the tag, or another tag.
+what strong means. A beat that runs on through the tag's other rate (1333 ms meets every second
+pulse of 2000 ms) is cut there. What a beat explains is taken away, and the rest may hold
+another: the second rate of the tag, or another tag.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.analysis.beat_chains import (
+    TOLERANCE_S,
+    chain_with_switches,
+    longest_chain,
+    tolerance_s,
+)
 from uavrt.analysis.interval_fit import Beat, fit_beat
 
 SHORTEST_S: Final = 0.25
 LONGEST_S: Final = 6.0
 """Intervals of the tags that are sold lie between 0.5 and 4 s."""
-TOLERANCE_S: Final = 0.022
-"""A pulse so far from its place belongs to the beat: jitter of ± 20 ms, and our own error."""
 FEWEST: Final = 5
 """Pulses that make a beat."""
-LONGEST_HOLE: Final = 6
-"""Missing pulses in a row that a chain passes over."""
+FEWEST_AT_OTHER_RATE: Final = 6
+"""Pulses of another rate for which a beat is cut."""
 HIGHEST_CHANCE: Final = 1e-4
 """Chance at which noise alone would make such a beat somewhere in the recording."""
 
@@ -65,19 +71,78 @@ def _best_beat(
 ) -> tuple[Beat, NDArray[np.intp]] | None:
     best: tuple[Beat, NDArray[np.intp]] | None = None
     for interval_s in _candidates(times_s):
-        chain = _longest_chains(times_s, interval_s)
+        chain = longest_chain(times_s, interval_s)
         if chain.size < FEWEST:
             continue
         # Votes tell the interval to some milliseconds, which breaks chains: once more with
         # what the first chain says.
-        again = _longest_chains(times_s, fit_beat(times_s[chain], interval_s).interval_s)
+        again = longest_chain(times_s, fit_beat(times_s[chain], interval_s).interval_s)
         chain = again if again.size > chain.size else chain
         beat = fit_beat(times_s[chain], interval_s)
-        if beat.scatter_s > TOLERANCE_S or _chance(beat, times_s.size, span_s) > HIGHEST_CHANCE:
+        if not _sure(beat, times_s.size, span_s):
             continue
         if best is None or _merit(beat) > _merit(best[0]):
             best = beat, chain
-    return best
+    return None if best is None else _at_one_rate(times_s, *best, span_s)
+
+
+def _at_one_rate(
+    times_s: NDArray[np.float64], beat: Beat, chain: NDArray[np.intp], span_s: float
+) -> tuple[Beat, NDArray[np.intp]]:
+    """Keep the longest stretch of a chain that runs on through another rate of the tag."""
+    low, high = int(chain[0]), int(chain[-1]) + 1
+    within_s = times_s[low:high]
+    best, kept = -np.inf, (beat, chain)
+    for interval_s in _others(beat.interval_s, _candidates(within_s)):
+        intervals_s = beat.interval_s, interval_s
+        merit, stretches = chain_with_switches(within_s, *intervals_s)
+        if merit <= best or len(stretches) < 2:
+            continue
+        found = [(fit_beat(within_s[at], intervals_s[rate]), at) for rate, at in stretches]
+        sure: set[int] = set()
+        for (rate, at), (one, _) in zip(stretches, found, strict=True):
+            others = sum(other.size for r, other in stretches if r != rate)
+            if at.size >= FEWEST_AT_OTHER_RATE and _sure(one, times_s.size - others, span_s):
+                sure.add(rate)
+        if len(sure) == 2:
+            longest, members = max(found, key=lambda one: one[1].size)
+            members = _without_strays(within_s, members, longest.interval_s)
+            best, kept = merit, (fit_beat(within_s[members], longest.interval_s), members + low)
+    return kept
+
+
+def _without_strays(
+    times_s: NDArray[np.float64], members: NDArray[np.intp], interval_s: float
+) -> NDArray[np.intp]:
+    """Leave out a burst at an end that is reached over a hole with bursts in it.
+
+    When the first pulse after a switch is lost, the place that both rates share comes later.
+    """
+    low, high = 0, members.size
+
+    def strays(k: int) -> bool:
+        hole = times_s[members[k + 1]] - times_s[members[k]] > 1.5 * interval_s
+        return bool(hole and members[k + 1] - members[k] > 1)
+
+    while high - low > FEWEST and strays(high - 2):
+        high -= 1
+    while high - low > FEWEST and strays(low):
+        low += 1
+    return members[low:high]
+
+
+def _others(interval_s: float, candidates_s: Iterable[float]) -> list[float]:
+    """Leave out candidates that are the interval itself, or each other."""
+    others: list[float] = []
+    for one in candidates_s:
+        new = all(abs(one - other) > 0.5 * TOLERANCE_S for other in others)
+        if new and abs(one - interval_s) > 2.0 * tolerance_s(interval_s):
+            others.append(one)
+    return others
+
+
+def _sure(beat: Beat, bursts: int, span_s: float) -> bool:
+    return beat.scatter_s <= TOLERANCE_S and _chance(beat, bursts, span_s) <= HIGHEST_CHANCE
 
 
 def _merit(beat: Beat) -> float:
@@ -112,39 +177,6 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
     return candidates
 
 
-def _longest_chains(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np.intp]:
-    """Bursts that follow each other at the interval; chains of at least three, all together."""
-    tolerance_s = TOLERANCE_S + 0.005 * interval_s
-    score = np.ones(times_s.size)
-    before = np.full(times_s.size, -1, dtype=np.intp)
-    for k in range(1, times_s.size):
-        first = int(np.searchsorted(times_s, times_s[k] - (LONGEST_HOLE + 1.5) * interval_s))
-        distance = times_s[k] - times_s[first:k]
-        steps = np.maximum(1.0, np.round(distance / interval_s))
-        error = np.abs(distance - steps * interval_s)
-        fits = error <= tolerance_s
-        if fits.any():
-            # Prefer long chains without holes, then the better fit.
-            merit = score[first:k] - 0.3 * (steps - 1.0) - 0.1 * error / tolerance_s
-            merit[~fits] = -np.inf
-            pick = int(np.argmax(merit))
-            if merit[pick] > 0.0:
-                score[k] = merit[pick] + 1.0
-                before[k] = first + pick
-    used = np.zeros(times_s.size, dtype=bool)
-    chains: list[int] = []
-    for end in np.argsort(-score, kind="stable"):
-        chain, k = [], int(end)
-        while k >= 0 and not used[k]:
-            chain.append(k)
-            k = int(before[k])
-        if len(chain) >= 3:
-            used[chain] = True
-            chains += chain
-            break
-    return np.array(sorted(chains), dtype=np.intp)
-
-
 def _chance(beat: Beat, bursts: int, span_s: float) -> float:
     """Expected number of such beats among bursts that fall at random.
 
@@ -153,7 +185,7 @@ def _chance(beat: Beat, bursts: int, span_s: float) -> float:
     that were missed give more ways yet.
     """
     density = bursts / max(span_s, 1e-9)
-    hit = min(1.0, 2.0 * (TOLERANCE_S + 0.005 * beat.interval_s) * density)
+    hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)
     count, places = beat.numbers.size, int(beat.numbers[-1]) + 1
     pairs = bursts * density * (LONGEST_S - SHORTEST_S)
     # Binomial tail, by its largest term: choose which of the places are hit.

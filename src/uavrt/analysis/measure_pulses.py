@@ -16,6 +16,8 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 SAME_RATE: Final = 0.004
 """Intervals that differ by less are one rate, in two stretches."""
+NEAR_RATE: Final = 0.05
+"""Stretches whose intervals differ by more never are: 1 : 2 would go on at half its pulses."""
 SIGNIFICANT: Final = 4.0
 """A drift of so many standard deviations is taken out before the jitter is judged."""
 
@@ -98,9 +100,12 @@ def _rates(
         times_s = np.sort(at_s[[k for k in chosen if good[k]]])
         if times_s.size < FEWEST - 1:
             continue
-        joined = _continued(*stretches[-1], times_s) if stretches else None
+        interval_s = beat.beat.interval_s
+        joined = None
+        if stretches and abs(interval_s / stretches[-1][1] - 1.0) <= NEAR_RATE:
+            joined = _continued(*stretches[-1], times_s)
         if joined is None:
-            stretches.append((times_s, beat.beat.interval_s))
+            stretches.append((times_s, interval_s))
         else:
             stretches[-1] = joined, stretches[-1][1]
     measured = [_rate(times_s, interval_s, start_ns) for times_s, interval_s in stretches]

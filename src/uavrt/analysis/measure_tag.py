@@ -37,6 +37,8 @@ FAR_ECHO_DB: Final = 30.0
 """A weaker burst at the same time as a tag's pulse is its flank, 6 dB down within 20 kHz and
 30 dB down anywhere (overload, mirror image); or another tag, whose next pulse comes alone."""
 MOST_BEATS: Final = 8
+STRAYS: Final = 2
+"""Bursts of a beat so few within another's time do not make two tags."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -229,17 +231,22 @@ def _of_one_tag(
     """A tag beats at one interval at a time: beats that overlap in time are several tags."""
     groups: list[list[FoundBeat]] = []
     for beat in beats:
-        first, last = times_s[beat.members[0]], times_s[beat.members[-1]]
         for group in groups:
-            if all(
-                last < times_s[other.members[0]] or first > times_s[other.members[-1]]
-                for other in group
-            ):
+            if not any(_overlap(times_s[beat.members], times_s[one.members]) for one in group):
                 group.append(beat)
                 break
         else:
             groups.append([beat])
     return groups
+
+
+def _overlap(first_s: NDArray[np.float64], second_s: NDArray[np.float64]) -> bool:
+    """Whether both beat at a time; a false burst or two make a beat seem longer than it is."""
+    inside = (
+        int(((one >= other[0]) & (one <= other[-1])).sum())
+        for one, other in ((first_s, second_s), (second_s, first_s))
+    )
+    return min(inside) > STRAYS
 
 
 # --- second pass ----------------------------------------------------------------------------

@@ -148,6 +148,23 @@ def test_a_tag_with_two_rates_has_both(tmp_path: Path) -> None:
     assert tag.entry(2).pulse_intervals_s == tuple(round(r.interval_s, 5) for r in tag.rates)
 
 
+@pytest.mark.parametrize("intervals_s", [(1.333, 2.0), (2.0, 1.333), (1.0, 2.0), (1.5, 0.75)])
+def test_rates_in_a_small_ratio_are_one_tag_with_both(
+    tmp_path: Path, intervals_s: tuple[float, float]
+) -> None:
+    rng = np.random.default_rng(3)
+    samples = noise(rng, 7500 * 60)
+    before = beat(rng, 0.4, 30.0, intervals_s[0], 0.002)
+    after = beat(rng, before[-1] + intervals_s[1], 60.0, intervals_s[1], 0.002)
+    add_tag(samples, 7500.0, np.concatenate((before, after)), offset_hz=1234.0)
+    (tag,) = measured(tmp_path, samples, 7500.0)
+    assert sorted(round(rate.interval_s, 2) for rate in tag.rates) == sorted(
+        round(interval_s, 2) for interval_s in intervals_s
+    )
+    assert sum(rate.pulses for rate in tag.rates) == before.size + after.size
+    assert sum(rate.missing for rate in tag.rates) == 0
+
+
 def test_drifts_of_frequency_and_interval_are_seen(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     samples = noise(rng, 7500 * 60)

@@ -1,0 +1,105 @@
+"""Bursts that follow each other at one interval, or at one and then at another."""
+
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+TOLERANCE_S: Final = 0.022
+"""A pulse so far from its place belongs to the beat: jitter of ± 20 ms, and our own error."""
+LONGEST_HOLE: Final = 6
+"""Missing pulses in a row that a chain passes over."""
+HOLE: Final = 0.3
+"""What a missing pulse costs a chain, where a pulse is worth 1."""
+HOLE_OR_SWITCH: Final = 0.5
+"""The same where the tag may have switched instead."""
+SWITCH: Final = 2.0
+"""What a change of the interval costs. Every second pulse missing is another rate from five or
+six in a row on at an end of the recording, from eight or nine in its middle; fewer are lost."""
+
+
+def tolerance_s(interval_s: float) -> float:
+    """How far from its place, counted from the pulse before, a pulse still belongs there."""
+    return TOLERANCE_S + 0.005 * interval_s
+
+
+def longest_chain(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np.intp]:
+    """Bursts that follow each other at the interval; empty for less than three."""
+    members, _ = _best_chain(times_s, (interval_s,), HOLE)
+    return members if members.size >= 3 else members[:0]
+
+
+def chain_with_switches(
+    times_s: NDArray[np.float64], first_s: float, second_s: float
+) -> tuple[float, list[tuple[int, NDArray[np.intp]]]]:
+    """Follow a tag that beats at one of two intervals at a time.
+
+    An interval that has a small ratio to another goes on through it: 1333 ms meets every
+    second pulse of 2000 ms. Followed with both, the chain switches where that explains more.
+
+    Parameters
+    ----------
+    times_s : (n,) float64 array
+        Bursts, ascending.
+    first_s, second_s : float
+        The intervals.
+
+    Returns
+    -------
+    merit : float
+        Pulses less what holes and switches cost.
+    stretches : list of (int, (m,) intp array)
+        Which interval, 0 or 1, and the bursts, in order of time; a burst at a switch is in
+        both of its stretches.
+    """
+    members, rates = _best_chain(times_s, (first_s, second_s), HOLE_OR_SWITCH)
+    cuts = np.flatnonzero(np.diff(rates)) + 1
+    edges = [0, *cuts.tolist(), rates.size]
+    stretches = [
+        (int(rates[low]), members[low : high + 1])
+        for low, high in pairwise(edges)
+        if high > low
+    ]
+    steps = np.round(np.diff(times_s[members]) / np.array((first_s, second_s))[rates])
+    holes = float(np.maximum(0.0, steps - 1.0).sum())
+    return members.size - HOLE_OR_SWITCH * holes - SWITCH * cuts.size, stretches
+
+
+def _best_chain(
+    times_s: NDArray[np.float64], intervals_s: tuple[float, ...], hole: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Bursts of the best chain, and by which interval each but the first was reached."""
+    count, rates = times_s.size, len(intervals_s)
+    score = np.ones((count, rates))
+    before = np.full((count, rates), -1, dtype=np.intp)  # burst · rates + rate
+    switch = SWITCH * (1.0 - np.eye(rates))
+    for k in range(1, count):
+        for rate, interval_s in enumerate(intervals_s):
+            reach_s = (LONGEST_HOLE + 1.5) * interval_s
+            first = int(np.searchsorted(times_s, times_s[k] - reach_s))
+            distance = times_s[k] - times_s[first:k]
+            steps = np.maximum(1.0, np.round(distance / interval_s))
+            error = np.abs(distance - steps * interval_s) / tolerance_s(interval_s)
+            fits = error <= 1.0
+            if not fits.any():
+                continue
+            # Prefer long chains without holes, then the better fit.
+            cost = hole * (steps - 1.0) + 0.1 * error
+            merit = score[first:k] - switch[rate] - cost[:, np.newaxis]
+            merit[~fits] = -np.inf
+            pick = int(np.argmax(merit))
+            if merit.flat[pick] > 0.0:
+                score[k, rate] = merit.flat[pick] + 1.0
+                before[k, rate] = first * rates + pick
+    members: list[int] = []
+    reached: list[int] = []
+    place = int(np.argmax(score)) if count else -1
+    while place >= 0:
+        members.append(place // rates)
+        reached.append(place % rates)
+        place = int(before.flat[place])
+    return (
+        np.array(members[::-1], dtype=np.intp),
+        np.array(reached[::-1][1:], dtype=np.intp),
+    )
