@@ -4,7 +4,8 @@ The same stretches (thesis's tag, K = 3, ± 500 Hz, noise of known power) are se
 the ways below. Thresholds come from stretches of noise, so that 1 % pass; the gain is the
 difference of the pulse energy at which half of the groups are found, with a 95 % interval by
 drawing the stretches anew (bootstrap). Nothing of `uavrt.detection` is used: the statistic is
-written out here, as reference/detector.md §4 has it.
+written out here, as reference/detector.md §4 has it. What following a tag is worth is measured
+on the product itself (`--following 10`).
 """
 
 import argparse
@@ -14,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
+from uavrt.detection import OperatingMode
 from uavrt.experiments.detection.signals import THESIS_TAG, noise
 from uavrt.experiments.detection.statistics import level_for
-from uavrt.experiments.detection.trials import RATE_HZ, Decision
+from uavrt.experiments.detection.trials import RATE_HZ, Decision, Flight, compare, detect
 
 BAND_HZ = 500.0
 ENRS_DB = (7.5, 8.5, 9.5, 10.5)
@@ -115,6 +117,31 @@ def half_found_db(found: NDArray[np.float64]) -> float:
     return level_for(points, 0.5)[0]
 
 
+def following(flights: int) -> None:
+    """Print how many pulses are reported of a tag that is followed, and of one that is not.
+
+    The same flights of 150 s, whole channel, pf 1 %, by the product's own detector.
+    """
+    modes = (OperatingMode.SEARCH_SOFT_LOCK, OperatingMode.ALL_NEVER_LOCK)
+    points: dict[OperatingMode, list[tuple[float, int, int]]] = {mode: [] for mode in modes}
+    for enr_db in (6.0, 7.0, 8.0, 9.0, 10.0):
+        heard, true = dict.fromkeys(modes, 0), 0
+        for seed in range(flights):
+            rng = np.random.default_rng((round(10.0 * enr_db), seed))
+            samples, truth = Flight(enr_db=enr_db, duration_s=150.0).samples(rng)
+            true += len(truth)
+            for mode in modes:
+                pulses, _ = detect(samples, THESIS_TAG, operating_mode=mode)
+                heard[mode] += compare(pulses, truth, THESIS_TAG).matched
+        for mode in modes:
+            points[mode].append((enr_db, heard[mode], true))
+            print(f"{enr_db:4.1f} dB {mode.value:20s} {heard[mode]} of {true}")
+    for mode in modes:
+        print(
+            f"{mode.value:20s} half of the pulses at {level_for(points[mode], 0.5)[0]:.2f} dB"
+        )
+
+
 def main() -> None:
     """Search, or read what earlier runs saved, and print the table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.choices", description=__doc__)
@@ -122,7 +149,11 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=600, help="stretches of each strength")
     parser.add_argument("--save", help="write the scores to this .npz file, print nothing")
     parser.add_argument("--read", nargs="*", help="add up what --save wrote")
+    parser.add_argument("--following", type=int, help="flights of each strength, and no more")
     chosen = parser.parse_args()
+    if chosen.following:
+        following(chosen.following)
+        return
     if chosen.read:
         parts = [np.load(name) for name in chosen.read]
         found = {name: np.concatenate([part[name] for part in parts], axis=1) for name in WAYS}
