@@ -5,6 +5,7 @@ The engine of ``uavrt channelize``. It stands in the place of the original's
 after it (the detectors) need not know.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -14,8 +15,10 @@ from uavrt.dsp import FrontEnd
 from uavrt.dsp.plan import channel_center_hz
 from uavrt.errors import ConfigError
 from uavrt.radio import ChannelDatagramSender, SampleSource
-from uavrt.radio.channel_datagram import PortScheme, StampStyle, channel_port
+from uavrt.radio.channel_datagram import PortScheme, channel_port
 
+ORIGINAL_CHANNELS: Final = 100
+ORIGINAL_CHANNEL_RATE_HZ: Final = 3750.0
 _LOOK_S: Final = 0.25
 
 
@@ -47,7 +50,8 @@ def plan_channels(
     Raises
     ------
     ConfigError
-        A channel that this band does not have.
+        A channel that this band does not have, or in the compatible mode a rate from which the
+        original's hundred channels cannot be made.
     TunerError
         In the default mode, a channel beyond the clean span.
     """
@@ -55,6 +59,8 @@ def plan_channels(
     whole = FrontEnd(
         sample_rate_hz=rate_hz, center_frequency_hz=center_hz, frequencies_hz=(), mode=mode
     )
+    if mode == "compatible":
+        _check_as_the_original(whole)
     count, spacing_hz = whole.plan.channel_count, whole.plan.channel_spacing_hz
     for channel in channels:
         if not 1 <= abs(channel) <= count:
@@ -71,6 +77,26 @@ def plan_channels(
             for channel in channels
         ],
         mode=mode,
+    )
+
+
+def _check_as_the_original(front_end: FrontEnd) -> None:
+    """Refuse what listeners would take for the original's channels and is not.
+
+    Raises
+    ------
+    ConfigError
+        Other than 100 channels of 3750 samples a second.
+    """
+    plan = front_end.plan
+    count, rate_hz = plan.channel_count, plan.channel_rate_hz
+    if count == ORIGINAL_CHANNELS and math.isclose(rate_hz, ORIGINAL_CHANNEL_RATE_HZ):
+        return
+    raise ConfigError(
+        f"{plan.sample_rate_hz:g} samples a second make {count} channels of {rate_hz:g}, not "
+        f"the original's {ORIGINAL_CHANNELS} of {ORIGINAL_CHANNEL_RATE_HZ:g}",
+        remedy="Take 375e3, 750e3, 1.5e6, 3e6 or 6e6 samples a second; or, for detectors that "
+        "are told rate and centre, --mode default",
     )
 
 
@@ -102,10 +128,8 @@ def ports_of(
 def channelize(
     source: SampleSource,
     front_end: FrontEnd,
-    ports: dict[int, list[int]],
+    sender: ChannelDatagramSender,
     *,
-    host: str = "127.0.0.1",
-    style: StampStyle = "seconds",
     speed: float = 1.0,
     pause: Callable[[float], None],
     should_stop: Callable[[], bool] = lambda: False,
@@ -119,12 +143,8 @@ def channelize(
         The band; the caller closes it.
     front_end : FrontEnd
         From `plan_channels`.
-    ports : dict of int to list of int
-        From `ports_of`.
-    host : str
-        Where to send.
-    style : {"seconds", "milliseconds"}
-        How stamps are written.
+    sender : ChannelDatagramSender
+        Where to send; the caller closes it.
     speed : float
         A file is played at so many times real time, since a listener's buffer loses what
         comes faster than it reads; 0 for no limit. A live band is never ahead of time.
@@ -136,29 +156,25 @@ def channelize(
         Filled while running.
     """
     summary = ChannelizeSummary() if summary is None else summary
-    sender = ChannelDatagramSender(ports, host=host, style=style)
     begun_s: float | None = None
-    try:
-        while not should_stop():
-            try:
-                block = source.read(_LOOK_S)
-            except EOFError:
-                break
-            if block is None:
-                continue
-            begun_s = monotonic_s() if begun_s is None else begun_s
-            summary.samples += len(block.samples)
-            summary.samples_lost += block.lost_before
-            for channel in front_end.process(block):
-                sender.send(channel)
-            summary.datagrams = sender.datagrams
-            summary.unheard, summary.dropped = sender.unheard, sender.dropped
-            if speed > 0.0:
-                played_s = (summary.samples + summary.samples_lost) / block.sample_rate_hz
-                ahead_s = played_s / speed - (monotonic_s() - begun_s)
-                # A second ahead is in the listeners' buffers at most.
-                if ahead_s > 1.0 / speed:
-                    pause(min(ahead_s, 1.0))
-    finally:
-        sender.close()
+    while not should_stop():
+        try:
+            block = source.read(_LOOK_S)
+        except EOFError:
+            break
+        if block is None:
+            continue
+        begun_s = monotonic_s() if begun_s is None else begun_s
+        summary.samples += len(block.samples)
+        summary.samples_lost += block.lost_before
+        for channel in front_end.process(block):
+            sender.send(channel)
+        summary.datagrams = sender.datagrams
+        summary.unheard, summary.dropped = sender.unheard, sender.dropped
+        if speed > 0.0:
+            played_s = (summary.samples + summary.samples_lost) / block.sample_rate_hz
+            ahead_s = played_s / speed - (monotonic_s() - begun_s)
+            # A second ahead is in the listeners' buffers at most.
+            if ahead_s > 1.0 / speed:
+                pause(min(ahead_s, 1.0))
     return summary

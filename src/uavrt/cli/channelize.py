@@ -7,7 +7,7 @@ import uavrt.cli.one_thread  # noqa: F401  before numpy
 import math
 import sys
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
@@ -22,7 +22,7 @@ from uavrt.analysis.channelize import (
 )
 from uavrt.cli.detect import open_source, start_time_ns, stop_on_signals
 from uavrt.errors import ConfigError
-from uavrt.radio import BandDatagramSource, SampleSource
+from uavrt.radio import BandDatagramSource, ChannelDatagramSender, SampleSource
 from uavrt.radio.udp_address import is_udp_address
 
 THESIS_RATE_HZ = 375_000.0
@@ -61,8 +61,9 @@ def channelize(
         Numbers as the original counts, with commas: 1 is the centre, 2 the next above, 100 the
         next below. A negative number is sent to its second port too. By default all.
     mode
-        compatible: the original's filter, 3750 samples a second in a channel.
-        default: ours, 7500 a second, in which no frequency lies on an edge.
+        compatible: the original's filter, 100 channels of 3750 samples a second; other bands
+        are refused. default: ours, of any band (375e3: 7500 samples a second in a channel), in
+        which no frequency lies on an edge.
     ports
         current: 20000 + 2 × (channel - 1), second port + 1. thesis: 20000 + channel - 1.
     stamps
@@ -92,10 +93,15 @@ def channelize(
         rate = THESIS_RATE_HZ if source == "-" and sample_rate is None else sample_rate
         opened = open_source(source, format, rate, center_frequency, start_ns)
     summary = ChannelizeSummary()
-    with closing(opened), stop_on_signals() as should_stop:
+    with ExitStack() as stack:
+        stack.enter_context(closing(opened))
+        should_stop = stack.enter_context(stop_on_signals())
         front_end = plan_channels(opened, numbers, mode)
         places = ports_of(front_end, numbers, ports)
         plan = front_end.plan
+        sender = stack.enter_context(
+            closing(ChannelDatagramSender(places, host=host, style=stamps))
+        )
         print(
             f"{len(places)} channels of {plan.channel_rate_hz:g} samples a second, "
             f"{plan.channel_spacing_hz:g} Hz apart, to {host} ports "
@@ -107,9 +113,7 @@ def channelize(
             run_channelizer(
                 opened,
                 front_end,
-                places,
-                host=host,
-                style=stamps,
+                sender,
                 speed=speed,
                 pause=time.sleep,
                 should_stop=lambda: should_stop() is not None,

@@ -249,9 +249,15 @@ def test_a_file_gives_the_samples_of_the_originals_formula(
         (["--channels", "101"], "channel 101"),
         (["--channels", "x"], "not numbers"),
         (["--channels", "-3", "--ports", "thesis"], "second"),
+        (["--sample-rate", "250e3"], "make 66 channels of 3787.88"),
+        (["--sample-rate", "374e3"], "--mode default"),
+        (["--sample-rate", "2.5e6"], "3e6"),
+        (["--host", "no.such.host.invalid"], "no.such.host.invalid"),
     ],
 )
-def test_channels_that_do_not_exist_are_refused(arguments: list[str], word: str) -> None:
+def test_what_no_channels_can_be_sent_of_is_refused_before_it_begins(
+    arguments: list[str], word: str
+) -> None:
     run = subprocess.run(
         [
             *(sys.executable, "-m", "uavrt.cli", "channelize"),
@@ -263,3 +269,11 @@ def test_channels_that_do_not_exist_are_refused(arguments: list[str], word: str)
     )
     assert run.returncode == 2
     assert word in run.stderr
+    assert "datagrams sent" not in run.stderr
+    assert "channels of 3750 samples" not in run.stderr
+
+
+@pytest.mark.parametrize("rate_hz", [375e3, 750e3, 1.5e6, 3e6, 6e6])
+def test_the_rates_that_the_refusal_names_give_the_originals_channels(rate_hz: float) -> None:
+    process = channelizer(f"udp://127.0.0.1:{free_port()}", "--sample-rate", f"{rate_hz:g}")
+    assert " 0 samples" in " " + stopped(process)
