@@ -6,12 +6,21 @@ crashes on that); the last record of a file counts; unknown keys are passed over
 channels that uavrt gives on request, and says to a person what was searched.
 """
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from uavrt.clock import iso_utc
+from uavrt.config.tag_rules import (
+    MAX_FREQUENCY_HZ,
+    MAX_INTERVAL_MS,
+    MAX_K,
+    MAX_PULSE_WIDTH_MS,
+    MIN_FREQUENCY_HZ,
+    MIN_PULSE_WIDTH_MS,
+)
 from uavrt.config.text_files import write_text_atomically
 from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import Tag
@@ -20,6 +29,21 @@ from uavrt.units import hz_from_mhz, mhz_from_hz
 CHANNELS = 100
 CHANNEL_RATE_HZ = 3750.0
 _DATA_PORT, _CONTROL_PORT = 20_000, 30_000
+_MHZ = (MIN_FREQUENCY_HZ / 1e6, MAX_FREQUENCY_HZ / 1e6, "MHz")
+_INTERVAL_S = (0.001, MAX_INTERVAL_MS / 1e3, "seconds")
+_BOUNDS = {
+    "channelCenterFreqMHz": _MHZ,
+    "tagFreqMHz": _MHZ,
+    "Fs": (1.0, 100e6, "samples a second"),
+    "tp": (MIN_PULSE_WIDTH_MS / 1e3, MAX_PULSE_WIDTH_MS / 1e3, "seconds"),
+    "tip": _INTERVAL_S,
+    "tip2": _INTERVAL_S,
+    "tipu": (0.0, MAX_INTERVAL_MS / 1e3, "seconds"),
+    "tipj": (0.0, MAX_INTERVAL_MS / 1e3, "seconds"),
+    "K": (1, MAX_K, "pulses"),
+    "portData": (0, 65_535, "a port"),
+}
+"""Least and greatest number of a key, and of what; tags as in other tag files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +141,7 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
     Raises
     ------
     FormatError
-        The file cannot be read, or a needed key is missing or no number.
+        The file cannot be read, or a needed key is missing, no number or beyond all bounds.
     """
     name = os.fspath(path)
     try:
@@ -138,6 +162,7 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
         intervals = [float(values[key]) for key in ("tip", "tip2") if key in values]
         if "tip" not in values:
             raise KeyError("tip")
+        _check(values)
         tag = Tag(
             tag_id=int(values["ID"]),
             frequency_hz=hz_from_mhz(float(values["tagFreqMHz"])),
@@ -168,21 +193,60 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
         ) from None
 
 
-def _stretches(text: str) -> tuple[tuple[float, float], ...]:
-    """Read MATLAB's ``[lo, hi; lo, hi]``; an empty stretch like ``[Inf, -Inf]`` is none.
+def _check(values: dict[str, str]) -> None:
+    """Refuse numbers that no detector can do anything with, by their keys.
 
     Raises
     ------
     ValueError
-        Not pairs of numbers.
+        One of them is.
+    """
+    for key, (low, high, unit) in _BOUNDS.items():
+        if key in values and not low <= float(values[key]) <= high:
+            raise ValueError(
+                f"{key} is {values[key]}, but must be {low:.10g} to {high:.10g} ({unit})"
+            )
+    share = values.get("falseAlarmProb", "0.01")
+    if not 0.0 < float(share) < 1.0:
+        raise ValueError(f"falseAlarmProb is {share}, but must lie between 0 and 1")
+    shortest = min(
+        (key for key in ("tip", "tip2") if key in values), key=lambda k: float(values[k])
+    )
+    for key, part, least in (
+        ("tp", 1.0, "shorter than"),
+        ("tipu", 0.5, "under half of"),
+        ("tipj", 0.5, "under half of"),
+    ):
+        if float(values.get(key, "0")) >= part * float(values[shortest]):
+            raise ValueError(
+                f"{key} is {values[key]}, but must be {least} {shortest}, {values[shortest]}"
+            )
+
+
+def _stretches(text: str) -> tuple[tuple[float, float], ...]:
+    """Read MATLAB's ``[lo, hi; lo, hi]``; the original's ``[Inf, -Inf]`` is none.
+
+    Raises
+    ------
+    ValueError
+        Not pairs of numbers, the lower one first.
     """
     found = []
     for row in text.strip().removeprefix("[").removesuffix("]").split(";"):
         cells = row.replace(",", " ").split()
-        if cells:
+        if not cells:
+            continue
+        try:
             low, high = map(float, cells)
-            if low <= high:
-                found.append((low, high))
+        except ValueError:
+            low = high = math.nan
+        if low <= high:
+            found.append((low, high))
+        elif (low, high) != (math.inf, -math.inf):
+            raise ValueError(
+                f"excldFreqs is {text}, but must be pairs of hertz, the lower first, as in "
+                "[-1300, -700; 200, 300], or [Inf, -Inf] for none"
+            )
     return tuple(found)
 
 

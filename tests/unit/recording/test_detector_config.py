@@ -135,6 +135,40 @@ def test_no_excluded_stretch_is_read_as_none(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("Fs", "nan", "Fs is nan, but must be 1 to 100000000"),
+        ("Fs", "0", "Fs is 0"),
+        ("tp", "-0.02", r"tp is -0.02, but must be 0.001 to 1 \(seconds\)"),
+        ("tp", "20", "tp is 20"),
+        ("tip", "inf", "tip is inf"),
+        ("tip2", "0", "tip2 is 0"),
+        ("tipu", "0.7", "tipu is 0.7, but must be under half of tip, 1.254"),
+        ("tipj", "-1", "tipj is -1"),
+        ("K", "0", "K is 0, but must be 1 to 100"),
+        ("falseAlarmProb", "1", "falseAlarmProb is 1, but must lie between 0 and 1"),
+        ("falseAlarmProb", "nan", "falseAlarmProb is nan"),
+        ("tagFreqMHz", "148710000", "tagFreqMHz is 148710000, but must be 20 to 1000"),
+        ("channelCenterFreqMHz", "nan", "channelCenterFreqMHz is nan"),
+        ("portData", "-5", "portData is -5"),
+        ("excldFreqs", "[-1300; -700]", r"excldFreqs is \[-1300; -700\], but must be pairs"),
+        ("excldFreqs", "[-700, -1300]", "the lower first"),
+        ("excldFreqs", "[nan, 3]", "pairs"),
+        ("excldFreqs", "[low, high]", "pairs"),
+    ],
+)
+def test_a_number_that_cannot_be_is_refused_by_its_key(
+    tmp_path: Path, key: str, value: str, says: str
+) -> None:
+    path = tmp_path / "detectorConfig.txt"
+    write_detector_config(path, detector_config(TAG, 148.7e6), TIME_NS)
+    lines = [line for line in path.read_text().splitlines() if not line.startswith(f"{key}:")]
+    path.write_text("\n".join([*lines, f"{key}:\t{value}"]) + "\n")
+    with pytest.raises(FormatError, match=says):
+        read_detector_config(path)
+
+
+@pytest.mark.parametrize(
     ("text", "word"),
     [
         (
