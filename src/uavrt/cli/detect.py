@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
@@ -24,7 +24,7 @@ from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import parse_iso_utc
 from uavrt.config.settings import DetectionSettings, OperatingModeName
 from uavrt.detection import OperatingMode
-from uavrt.errors import ConfigError, RecordingError
+from uavrt.errors import ConfigError, RecordingError, UavrtError
 from uavrt.messages import Pulse, Tag
 from uavrt.radio import SampleSource, open_channel, open_recording, open_stream
 from uavrt.radio.udp_address import is_udp_address
@@ -122,6 +122,7 @@ def detect(
         write = _to_all(write, listeners)
         should_stop = stack.enter_context(stop_on_signals())
         summary = DetectionSummary()
+        stack.enter_context(_finishing(listeners, summary))
         try:
             with _progress(source) as on_progress:
                 run_detectors(
@@ -139,8 +140,6 @@ def detect(
                 )
         finally:
             _report(summary, wanted, writer)
-        for listener in listeners:
-            listener.finish()
         number = should_stop()
     if number is not None:
         sys.exit(128 + number)
@@ -200,6 +199,24 @@ def _to_all(write: Write, listeners: "Sequence[Listener]") -> Write:
             listener.pulses(pulses)
 
     return write_and_tell
+
+
+@contextmanager
+def _finishing(listeners: "Sequence[Listener]", summary: DetectionSummary) -> Iterator[None]:
+    """Draw what there is in the end, also when the samples ended with a fault; then tell it."""
+    try:
+        yield
+    except UavrtError:
+        if summary.samples:
+            with suppress(UavrtError):
+                _finish(listeners)
+        raise
+    _finish(listeners)
+
+
+def _finish(listeners: "Sequence[Listener]") -> None:
+    for listener in listeners:
+        listener.finish()
 
 
 def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:

@@ -34,7 +34,7 @@ class Listener:
         """Hear of searches in vain; at least twice a second."""
 
     def finish(self) -> None:
-        """Hear that it has ended well."""
+        """Hear that it has ended, maybe with a fault of the source."""
 
 
 class PulseDatagrams(Listener):

@@ -98,3 +98,25 @@ def test_a_controller_hears_that_nothing_was_found_only_while_nothing_is(folder:
     assert len(pulses_s) == pytest.approx(16, abs=1)
     assert not [s for s in searches_s if min(pulses_s) < s < max(pulses_s)]
     assert len([s for s in searches_s if s > max(pulses_s) + 2.5]) >= 10
+
+
+@pytest.mark.parametrize("cut", [0, 3])
+def test_pictures_are_drawn_of_what_there_is_also_when_the_file_is_cut_off(
+    folder: Path, capsys: pytest.CaptureFixture[str], cut: int
+) -> None:
+    whole = (folder / "a.cf32").read_bytes()
+    (folder / "cut.cf32").write_bytes(whole[: len(whole) - cut])
+    arguments = ("cut.cf32", *RADIO, "--tags", "tags.txt", "-o", "p.csv", "--plot", "pictures")
+    assert uavrt("detect", *arguments) == (2 if cut else 0)
+    assert len(found(folder / "p.csv")) == pytest.approx(11, abs=1)
+    assert len(list((folder / "pictures").glob("*.png"))) == 3
+    said = capsys.readouterr().err
+    assert ("middle of a sample" in said) == bool(cut)
+    assert said.index("pulses, ") < said.index(".png")
+
+
+def test_nothing_is_drawn_when_nothing_was_read(folder: Path) -> None:
+    (folder / "far.txt").write_text("2, 151710000, 1254, 20, 60, 10, 3, 0.01\n")
+    arguments = ("a.cf32", *RADIO, "--tags", "far.txt", "-o", "p.csv", "--plot", "pictures")
+    assert uavrt("detect", *arguments) == 2
+    assert not list((folder / "pictures").glob("*"))
