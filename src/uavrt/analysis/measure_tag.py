@@ -18,7 +18,7 @@ from uavrt.analysis.measure_pulses import PulseWindow, measure_pulses
 from uavrt.analysis.measured_tag import MeasuredTag
 from uavrt.analysis.pulse_search import SIDE_HZ, Bursts, BurstSearch
 from uavrt.dsp import FrontEnd
-from uavrt.errors import ConfigError, UsageError
+from uavrt.errors import ConfigError, UavrtError, UsageError
 from uavrt.messages import ChannelBlock, IQBlock
 from uavrt.radio import SampleSource
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -59,6 +59,7 @@ def measure_tags(
     frequency_hz: float | None = None,
     window_hz: float = WINDOW_HZ,
     on_progress: Callable[[float], None] | None = None,
+    on_fault: Callable[[UavrtError], None] | None = None,
 ) -> tuple[MeasuredTag, ...]:
     """Find and measure all tags in a recording.
 
@@ -72,6 +73,9 @@ def measure_tags(
         Half-width of the search about it.
     on_progress : callable, optional
         Takes the part that is done, 0 to 1.
+    on_fault : callable, optional
+        Takes, once, what keeps the recording from being read to its end; what was read till
+        then is measured. Without it that is raised.
 
     Returns
     -------
@@ -89,13 +93,16 @@ def measure_tags(
         raise ConfigError(f"a window of {window_hz} Hz", remedy="Give --window in hertz")
     report = on_progress or (lambda _part: None)
     with closing(open_source()) as source:
-        bursts, span_s = _search(source, frequency_hz, window_hz, lambda p: report(0.5 * p))
+        blocks = _blocks(source, lambda p: report(0.5 * p), on_fault)
+        bursts, span_s = _search(source, blocks, frequency_hz, window_hz)
     found = _gather(bursts, span_s)
     if not found:
         raise _nothing(bursts, span_s)
     with closing(open_source()) as source:
         center_hz = source.center_frequency_hz
-        windows = _cut(source, found, lambda p: report(0.5 + 0.5 * p))
+        again = None if on_fault is None else lambda _fault: None  # told already
+        blocks = _blocks(source, lambda p: report(0.5 + 0.5 * p), again)
+        windows = _cut(source, blocks, found)
     measured = [
         measure_pulses(one.beats, cut, center_hz + one.frequency_hz)
         for one, cut in zip(found, windows, strict=True)
@@ -119,9 +126,9 @@ def _nothing(bursts: Bursts, span_s: float) -> UsageError:
 
 def _search(
     source: SampleSource,
+    blocks: Iterator[IQBlock],
     frequency_hz: float | None,
     window_hz: float,
-    report: Callable[[float], None],
 ) -> tuple[Bursts, float]:
     """Bursts of the whole band or about a frequency; relative to the band's centre."""
     rate_hz = source.sample_rate_hz
@@ -139,7 +146,7 @@ def _search(
             )
     search = BurstSearch(sample_rate_hz=rate_hz, low_hz=low_hz, high_hz=high_hz)
     samples = 0
-    for block in _blocks(source, report):
+    for block in blocks:
         for first in range(0, block.lost_before, 1 << 18):
             count = min(1 << 18, block.lost_before - first)
             search.process(np.zeros(count, np.complex64))
@@ -148,13 +155,22 @@ def _search(
     return search.finish(), samples / rate_hz
 
 
-def _blocks(source: SampleSource, report: Callable[[float], None]) -> Iterator[IQBlock]:
-    """Read a recording to its end."""
+def _blocks(
+    source: SampleSource,
+    report: Callable[[float], None],
+    on_fault: Callable[[UavrtError], None] | None,
+) -> Iterator[IQBlock]:
+    """Read a recording to its end, or as far as it goes."""
     done = 0
     while True:
         try:
             block = source.read()
         except EOFError:
+            return
+        except UavrtError as fault:
+            if on_fault is None or not done:
+                raise
+            on_fault(fault)
             return
         if block is not None:
             yield block
@@ -253,7 +269,7 @@ def _overlap(first_s: NDArray[np.float64], second_s: NDArray[np.float64]) -> boo
 
 
 def _cut(
-    source: SampleSource, found: Sequence[_Found], report: Callable[[float], None]
+    source: SampleSource, blocks: Iterator[IQBlock], found: Sequence[_Found]
 ) -> list[list[PulseWindow]]:
     """Cut the samples about each burst out of a narrow channel."""
     center_hz = source.center_frequency_hz
@@ -265,7 +281,7 @@ def _cut(
     cutters = [_Cutter(one, center_hz + one.frequency_hz) for one in found]
     channels = front_end.plan.frequency_channels
     start_ns: int | None = None
-    for block in _blocks(source, report):
+    for block in blocks:
         start_ns = block.time_ns if start_ns is None else start_ns
         for channel in front_end.process(block):
             for cutter, number in zip(cutters, channels, strict=True):

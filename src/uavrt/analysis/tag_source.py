@@ -1,6 +1,7 @@
 """Tags from whatever file describes them, with what that file says beside."""
 
 import os
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,6 +10,8 @@ from uavrt.detection import OperatingMode
 from uavrt.errors import FormatError
 from uavrt.messages import Tag
 from uavrt.recording import read_detector_config
+
+_KEYS_OF_ITS_OWN = re.compile(rb"(?:^|[\r\n])[ \t]*(?:tagFreqMHz|channelCenterFreqMHz)[ \t]*:")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,9 +62,9 @@ def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
 
 
 def _is_detector_config(path: Path) -> bool:
-    """Tell by a key that no other tag file has; a file that cannot be read is none."""
+    """Tell by keys that no other tag file has; a file that cannot be read is none."""
     try:
         with path.open("rb") as file:
-            return b"tagFreqMHz:" in file.read(65_536)
+            return _KEYS_OF_ITS_OWN.search(file.read(65_536)) is not None
     except OSError:
         return False

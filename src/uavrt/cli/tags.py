@@ -1,7 +1,7 @@
 """``uavrt tags``: check a tag file, write it in the other format, measure an unknown tag."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,15 +11,18 @@ from cyclopts import App, Parameter
 from uavrt.cli.examples import examples
 from uavrt.cli.outputs import check_place, keep_inputs
 from uavrt.clock import iso_utc
-from uavrt.errors import ConfigError
+from uavrt.errors import ConfigError, TagFileError, UavrtError
 
 if TYPE_CHECKING:
     from uavrt.analysis.measured_tag import MeasuredRate, MeasuredTag
+    from uavrt.analysis.tag_source import TagSource
     from uavrt.messages import Tag
 
 tags = App(
     name="tags", help="Check and convert tag files (TagInfo.txt, tags.toml); measure tags."
 )
+
+IN_HERTZ = "Give --center-frequency in hertz, 148.7e6"
 
 
 @tags.command(help_epilogue=examples("tags check"))
@@ -29,11 +32,9 @@ def check(file: Path) -> None:
     Parameters
     ----------
     file
-        A TagInfo.txt or tags.toml.
+        A TagInfo.txt, tags.toml, or the original's detectorConfig.txt.
     """
-    from uavrt.config.tag_files import read_tags
-
-    found = read_tags(file)
+    found = _read(file).tags
     for tag in found:
         print(_sentence(tag))
     print(f"{file}: {len(found)} tag(s), no fault")
@@ -46,21 +47,37 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     Parameters
     ----------
     source
-        A tag file.
+        A TagInfo.txt, tags.toml, or the original's detectorConfig.txt.
     target
         The file to write.
     overwrite
         Replace the target if it exists.
     """
-    from uavrt.config.tag_files import read_tags, write_tags
+    from uavrt.config.tag_files import check_tag_file_name, write_tags
 
-    found = read_tags(source)
+    known = _read(source)
+    found = known.tags
     check_place(target, overwrite=overwrite)
+    check_tag_file_name(target)
     write_tags(target, found)
     named = sum(tag.name is not None for tag in found)
     print(f"{target}: {len(found)} tag(s) written")
     if named and target.suffix.lower() != ".toml":
         print(f"The names of {named} tag(s) are left out: TagInfo.txt has no place for them")
+    if known.operating_modes:
+        print("Channel, operating mode and excluded stretches are left out: no place for them")
+
+
+def _read(path: Path) -> "TagSource":
+    """Read whatever describes tags, by the rules of tag files."""
+    from uavrt.analysis.tag_source import read_tag_source
+    from uavrt.config.tag_files import faults_of_tags
+
+    known = read_tag_source(path)
+    faults = faults_of_tags(known.tags) if known.operating_modes else []
+    if faults:
+        raise TagFileError(str(path), faults)
+    return known
 
 
 @tags.command(help_epilogue=examples("tags measure"))
@@ -95,7 +112,7 @@ def measure(
     id
         Number of the first tag; the others get every second one after it.
     name
-        Name of the tag, when there is one.
+        Name of the tag; several are numbered, Luna 1, Luna 2.
     format
         cf32, cs16, cu8, ci8, sigmf or wav; by default told by the file's name.
     sample_rate
@@ -106,17 +123,20 @@ def measure(
         Replace the output if it exists.
     """
     from uavrt.analysis.measure_tag import measure_tags
-    from uavrt.config.tag_files import write_tags
+    from uavrt.config.tag_files import check_tag_file_name, write_tags
     from uavrt.config.tag_rules import MAX_ID
     from uavrt.config.tags_toml import format_tags_toml
     from uavrt.radio import open_recording
 
     if not 1 <= id <= MAX_ID:
         raise ConfigError(f"a tag cannot have the number {id}", remedy="Give --id from 1 on")
+    _check_center(center_frequency)
     if output is not None:
         check_place(output, overwrite=overwrite)
         keep_inputs(output, (recording,))
-    with _progress("measuring") as on_progress:
+        check_tag_file_name(output)
+    faults: list[UavrtError] = []
+    with _progress("measuring") as on_progress, _telling(faults):
         found = measure_tags(
             lambda: open_recording(
                 recording,
@@ -127,18 +147,62 @@ def measure(
             frequency_hz=frequency,
             window_hz=window,
             on_progress=on_progress,
+            on_fault=faults.append,
         )
-    entries = [
-        tag.entry(id + 2 * place, name if len(found) == 1 else None)
-        for place, tag in enumerate(found)
-    ]
+    names = _numbered(name, len(found))
+    entries = [tag.entry(id + 2 * place, names[place]) for place, tag in enumerate(found)]
     for tag, entry in zip(found, entries, strict=True):
         print("\n".join(_measured_lines(entry.tag_id, tag)), file=sys.stderr)
-    if output is None:
-        print(format_tags_toml(entries), end="")
-        return
-    write_tags(output, entries)
-    print(f"{output}: {len(entries)} tag(s) written", file=sys.stderr)
+    with _telling(faults):
+        _check_entries(entries)
+        if output is None:
+            print(format_tags_toml(entries), end="")
+        else:
+            write_tags(output, entries)
+            print(f"{output}: {len(entries)} tag(s) written", file=sys.stderr)
+    if faults:
+        raise faults[0]
+
+
+def _check_center(center_frequency_hz: float | None) -> None:
+    """Refuse megahertz for hertz before the work."""
+    from uavrt.config.tag_rules import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
+
+    if center_frequency_hz is not None and not (
+        MIN_FREQUENCY_HZ <= center_frequency_hz <= MAX_FREQUENCY_HZ
+    ):
+        raise ConfigError(
+            f"a band about {center_frequency_hz:.10g} Hz holds no tag", remedy=IN_HERTZ
+        )
+
+
+def _check_entries(entries: "Sequence[Tag]") -> None:
+    """Write nothing that `uavrt tags check` would refuse."""
+    from uavrt.config.tag_files import faults_of_tags
+
+    faults = faults_of_tags(entries)
+    if faults:
+        raise ConfigError(
+            f"what was measured makes no tag file: {'; '.join(faults)}",
+            remedy=f"{IN_HERTZ}, where the recording says another",
+        )
+
+
+def _numbered(name: str | None, count: int) -> "list[str | None]":
+    if name is None or count == 1:
+        return [name] * count
+    return [f"{name} {number}" for number in range(1, count + 1)]
+
+
+@contextmanager
+def _telling(faults: list[UavrtError]) -> Iterator[None]:
+    """Tell also what is wrong with the recording when something else ends the work."""
+    try:
+        yield
+    except UavrtError:
+        for fault in faults:
+            print(f"uavrt: {fault}", file=sys.stderr)
+        raise
 
 
 def _measured_lines(tag_id: int, tag: "MeasuredTag") -> list[str]:

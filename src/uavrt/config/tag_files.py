@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uavrt.config.tag_info import format_tag_info, parse_tag_info
-from uavrt.config.tag_rules import Fault, tags_from_drafts
+from uavrt.config.tag_rules import Entry, Fault, Quantity, TagDraft, tags_from_drafts
 from uavrt.config.tags_toml import format_tags_toml, parse_tags_toml
 from uavrt.config.text_files import decode_text, write_text_atomically
 from uavrt.errors import ConfigError, TagFileError
@@ -61,14 +61,83 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
     return tags
 
 
-def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
-    """Write tags: as ``tags.toml`` when the name ends in ``.toml``, else as ``TagInfo.txt``.
+def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
+    """Judge tags that come from elsewhere by the rules of tag files; empty when all are good.
+
+    Parameters
+    ----------
+    tags : sequence of Tag
+        From a measurement, or another program's file.
+    """
+    faults: list[Fault] = []
+    tags_from_drafts([_draft(tag, place) for place, tag in enumerate(tags)], faults)
+    # The same fault of the same place, which here is the tag's, once.
+    return list(
+        dict.fromkeys(f"tag {tags[fault.line].tag_id}: {fault.text}" for fault in faults)
+    )
+
+
+def _draft(tag: Tag, place: int) -> TagDraft:
+    numbers: list[tuple[Quantity, str, float, str]] = [
+        ("id", "id", tag.tag_id, ""),
+        ("frequency", "frequency", tag.frequency_hz, "Hz"),
+        ("interval", "interval_ms", 1e3 * tag.pulse_intervals_s[0], ""),
+        ("pulse_width", "pulse_width_ms", 1e3 * tag.pulse_width_s, ""),
+        (
+            "interval_uncertainty",
+            "interval_uncertainty_ms",
+            1e3 * tag.interval_uncertainty_s,
+            "",
+        ),
+        ("interval_jitter", "interval_jitter_ms", 1e3 * tag.interval_jitter_s, ""),
+        ("k", "k", tag.k, ""),
+        ("false_alarm_probability", "false_alarm_probability", tag.false_alarm_probability, ""),
+    ]
+    numbers += [
+        ("second_interval", "second_interval_ms", 1e3 * interval_s, "")
+        for interval_s in tag.pulse_intervals_s[1:2]
+    ]
+    entries = {
+        quantity: Entry(
+            number=number, label=f"{name} {number:.10g} {unit}".rstrip(), line=place, unit=unit
+        )
+        for quantity, name, number, unit in numbers
+    }
+    return TagDraft(line=place, entries=entries, name=tag.name)
+
+
+def check_tag_file_name(path: str | os.PathLike[str]) -> None:
+    """Refuse a name that tells no format in which tags are written.
 
     Raises
     ------
     ConfigError
-        ``TagInfo.txt`` cannot hold a tag with two intervals, or the file cannot be written.
+        It ends neither in ``.toml`` nor in ``.txt``, or is the original detector's
+        ``detectorConfig.txt``, which is another format.
     """
+    target = Path(path)
+    if target.name.lower() == "detectorconfig.txt":
+        raise ConfigError(
+            f"{target} would be the original detector's file, which is not written here",
+            remedy="Write .toml or TagInfo.txt; a flight directory holds one for each tag",
+        )
+    if target.suffix.lower() not in (".toml", ".txt"):
+        raise ConfigError(
+            f"{target} has no name of a tag file",
+            remedy="Write .toml, or .txt for the original's TagInfo.txt",
+        )
+
+
+def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
+    """Write tags: ``tags.toml`` when the name ends in ``.toml``, ``TagInfo.txt`` in ``.txt``.
+
+    Raises
+    ------
+    ConfigError
+        The name is no tag file's, ``TagInfo.txt`` cannot hold a tag with two intervals, or the
+        file cannot be written.
+    """
+    check_tag_file_name(path)
     target = Path(path)
     if target.suffix.lower() == ".toml":
         text = format_tags_toml(tags)

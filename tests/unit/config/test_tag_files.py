@@ -1,10 +1,12 @@
 """Tag files as people write them, right and wrong."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from uavrt.config import parse_tags, read_tags, write_tags
+from uavrt.config.tag_files import faults_of_tags
 from uavrt.errors import ConfigError, TagFileError
 from uavrt.messages import Tag
 
@@ -247,3 +249,25 @@ def test_a_second_interval_is_not_lost_silently_in_tag_info(tmp_path: Path) -> N
 def test_a_directory_that_is_not_there_is_told_on_writing(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot write the tag file"):
         write_tags(tmp_path / "none" / "TagInfo.txt", [THESIS_TAG])
+
+
+@pytest.mark.parametrize(
+    "name", ["tags.csv", "tags", "detectorConfig.txt", "flight.sigmf-meta"]
+)
+def test_no_tags_are_written_under_a_name_that_is_another_formats(
+    tmp_path: Path, name: str
+) -> None:
+    with pytest.raises(ConfigError, match=r"Write \.toml"):
+        write_tags(tmp_path / name, [THESIS_TAG])
+    assert not (tmp_path / name).exists()
+
+
+def test_tags_from_elsewhere_are_judged_by_the_rules_of_the_files() -> None:
+    double = replace(THESIS_TAG, tag_id=4, pulse_intervals_s=(1.333, 2.0), name="Luna")
+    assert faults_of_tags([THESIS_TAG, double]) == []
+    wrong = replace(double, frequency_hz=-39.8, pulse_width_s=1.4, k=0)
+    assert faults_of_tags([THESIS_TAG, wrong]) == [
+        "tag 4: frequency -39.8 Hz is not a tag's frequency: 20 to 1000 MHz",
+        "tag 4: pulse_width_ms 1400 must be 1 to 1000 ms",
+        "tag 4: k 0 must be a whole number from 1 to 100",
+    ]

@@ -1,0 +1,158 @@
+"""`uavrt tags`: what is measured is written, and only where and what can be read again."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import uavrt
+
+from uavrt.config import read_tags
+
+RATE_HZ = 8000.0
+RADIO = ("--sample-rate", "8e3", "--center-frequency", "148.7e6")
+CONFIG = """\
+####
+ID:\t4
+channelCenterFreqMHz:\t148.71
+Fs:\t3750
+tagFreqMHz:\t148.7105
+tp:\t0.02
+tip:\t1.254
+tipu:\t0.06
+tipj:\t0.01
+K:\t3
+opMode:\tfreqKnownHardLock
+"""
+
+
+def recording(path: Path, *tags: tuple[float, float]) -> None:
+    """Write 25 s of noise with tags of 25 dB, each a frequency offset and an interval."""
+    rng = np.random.default_rng(31)
+    parts = rng.standard_normal((round(25 * RATE_HZ), 2)).astype(np.float32)
+    samples = (parts * np.float32(0.5**0.5)).view(np.complex64).ravel()
+    for place, (offset_hz, interval_s) in enumerate(tags):
+        amplitude = np.sqrt(10**2.5 / (0.02 * RATE_HZ))
+        for start_s in np.arange(0.4 + 0.3 * place, 24.5, interval_s):
+            t = np.arange(round(start_s * RATE_HZ), round((start_s + 0.02) * RATE_HZ))
+            wave = amplitude * np.exp(2j * np.pi * offset_hz * t / RATE_HZ)
+            samples[t] += wave.astype(np.complex64)
+    samples.tofile(path)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    recording(tmp_path / "a.cf32", (1200.0, 1.254))
+    (tmp_path / "detectorConfig.txt").write_text(CONFIG)
+    (tmp_path / "tags.txt").write_text("2, 148710000, 1254, 20, 60, 10, 3, 0.01\n")
+    return tmp_path
+
+
+def test_a_recording_cut_off_in_mid_sample_is_measured_and_its_fault_told(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = (folder / "a.cf32").read_bytes()
+    (folder / "a.cf32").write_bytes(whole[: len(whole) * 4 // 5 + 3])
+    assert uavrt("tags", "measure", "a.cf32", *RADIO, "-o", "m.toml") == 2
+    said = capsys.readouterr().err
+    assert said.count("All whole samples were used") == 1
+    assert "16 pulses" in said
+    (tag,) = read_tags(folder / "m.toml")
+    assert abs(tag.frequency_hz - 148_701_200.0) <= 2.0
+    assert tag.pulse_intervals_s[0] == pytest.approx(1.254, abs=1e-3)
+
+
+def test_a_cut_off_recording_without_a_tag_is_told_with_both_reasons(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording(folder / "a.cf32")
+    with (folder / "a.cf32").open("ab") as file:
+        file.write(b"123")
+    assert uavrt("tags", "measure", "a.cf32", *RADIO, "-o", "m.toml") == 2
+    said = capsys.readouterr().err
+    assert "All whole samples were used" in said
+    assert "beats like a tag" in said
+    assert not (folder / "m.toml").exists()
+
+
+@pytest.mark.parametrize("center", ["148.7", "0", "148700"])
+def test_a_centre_that_is_not_in_hertz_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str], center: str
+) -> None:
+    line = f"tags measure a.cf32 --sample-rate 8e3 --center-frequency {center} -o m.toml"
+    assert uavrt(*line.split()) == 2
+    said = capsys.readouterr()
+    assert "in hertz, 148.7e6" in said.err
+    assert said.out == ""
+    assert not (folder / "m.toml").exists()
+
+
+def test_a_recording_that_says_a_wrong_centre_gives_no_entries(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "a.cf32").rename(folder / "a.sigmf-data")
+    (folder / "a.sigmf-meta").write_text(
+        '{"global": {"core:datatype": "cf32_le", "core:version": "1.0.0", '
+        '"core:sample_rate": 8000}, "captures": [{"core:sample_start": 0, '
+        '"core:frequency": 148.7}], "annotations": []}'
+    )
+    assert uavrt("tags", "measure", "a.sigmf-meta", "-o", "m.toml") == 2
+    said = capsys.readouterr().err
+    assert "interval   125" in said  # what was measured is shown all the same
+    assert "is not a tag's frequency" in said
+    assert "in hertz, 148.7e6" in said
+    assert not (folder / "m.toml").exists()
+
+
+def test_the_names_of_several_tags_are_numbered(folder: Path) -> None:
+    recording(folder / "a.cf32", (-2000.0, 1.254), (2000.0, 1.1))
+    line = ("tags", "measure", "a.cf32", *RADIO, "--id", "6", "--name", "Luna", "-o", "m.toml")
+    assert uavrt(*line) == 0
+    assert [(tag.tag_id, tag.name) for tag in read_tags(folder / "m.toml")] == [
+        (6, "Luna 1"),
+        (8, "Luna 2"),
+    ]
+
+
+def test_a_detector_config_is_checked_and_converted(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert uavrt("tags", "check", "detectorConfig.txt") == 0
+    assert "tag 4: 148.710500 MHz, 20 ms every 1254 ms" in capsys.readouterr().out
+    assert uavrt("tags", "convert", "detectorConfig.txt", "m.toml") == 0
+    assert "operating mode" in capsys.readouterr().out
+    (tag,) = read_tags(folder / "m.toml")
+    assert (tag.tag_id, tag.frequency_hz, tag.k) == (4, 148_710_500.0, 3)
+
+
+@pytest.mark.parametrize(
+    ("written", "instead", "says"),
+    [
+        ("tagFreqMHz:\t148.7105\n", "", "has no tagFreqMHz"),
+        ("tagFreqMHz:\t148.7105", "tagFreqMHz:\t148710500", "tagFreqMHz is 148710500"),
+        ("tip:\t1.254", "tip:\t-1", "tip is -1"),
+        ("ID:\t4", "ID:\t0", "must be a whole number from 1"),
+    ],
+)
+def test_faults_of_a_detector_config_are_named(
+    folder: Path, capsys: pytest.CaptureFixture[str], written: str, instead: str, says: str
+) -> None:
+    (folder / "detectorConfig.txt").write_text(CONFIG.replace(written, instead))
+    assert uavrt("tags", "check", "detectorConfig.txt") == 2
+    said = capsys.readouterr().err
+    assert says in said
+    assert "values where" not in said
+    assert uavrt("tags", "convert", "detectorConfig.txt", "m.toml") == 2
+    assert not (folder / "m.toml").exists()
+
+
+@pytest.mark.parametrize("target", ["m.csv", "m", "m.json", "DetectorConfig.txt"])
+def test_tags_are_written_only_under_names_of_tag_files(
+    folder: Path, capsys: pytest.CaptureFixture[str], target: str
+) -> None:
+    for line in (("convert", "tags.txt", target), ("measure", "a.cf32", *RADIO, "-o", target)):
+        assert uavrt("tags", *line) == 2
+        said = capsys.readouterr()
+        assert "Write .toml" in said.err
+        assert "pulses" not in said.err  # told before the work
+        assert not (folder / target).exists()
