@@ -85,6 +85,10 @@ class SearchBand:
         """Noise power of each row, shape (rows,)."""
         return self._noise.level
 
+    def note_lines(self, *, many: bool) -> None:
+        """Say whether many lines are being taken out of the samples."""
+        self._noise.ragged = many
+
     def advance(
         self, upto: int, *, last: bool
     ) -> list[tuple[RateSearch, list[Candidate]]] | None:

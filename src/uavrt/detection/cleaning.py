@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from uavrt.detection.lines import LineCanceller
+from uavrt.detection.lines import FEW_LINES, LineCanceller
 from uavrt.detection.samples import Counters, SampleBuffer, blank_impulses
 
 _LINES_EVERY_S = 2.4
@@ -42,6 +42,11 @@ class Cleaner:
     def margin(self) -> int:
         """Samples that must be there beyond a stretch."""
         return self.flank + self._short
+
+    @property
+    def many_lines(self) -> bool:
+        """Whether more than a few carriers are taken out: mains hum."""
+        return len(self._lines.frequencies_hz) > FEW_LINES
 
     @property
     def mean_floor(self) -> float:
