@@ -42,8 +42,8 @@ _LEAST_STEEP = 0.15
 _EDGE_FLAT = 1.5
 """Spread of the rows on one side over a row's error, up to which that side is flat."""
 _RAGGED_SIGMAS = 0.5
-"""With hum a line every 100 Hz: halfway between two there is 3 to 5 % more noise than the median
-of the rows, and there were 3.4 times the false groups."""
+"""With hum a line every 100 Hz: halfway between two there is 3 to 5 % more noise than the
+median of the rows, and there were 3.4 times the false groups."""
 _USUAL_THRESHOLD = 25.0
 """Noise powers that make a group, for what an uncertain noise does to the false alarms."""
 _NEIGHBOUR_REACH = 8
@@ -136,8 +136,8 @@ class RowNoise:
         self._settled_s = 0.0
         self._level: NDArray[np.float32] = np.ones(1, np.float32)
         self.ragged = False
-        """Whether many lines are taken out of the samples, and noise with each: the rows between
-        them then have more than the median of all."""
+        """Whether many lines are taken out of the samples, and noise with each: the rows
+        between them then have more than the median of all."""
 
     @property
     def ready(self) -> bool:
