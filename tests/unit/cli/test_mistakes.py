@@ -86,7 +86,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("channelize udp://192.0.2.1:10000", "of this computer"),
         (f"channelize a.cf32 {RADIO} --speed nan", "--speed"),
         (f"channelize a.cf32 {RADIO} --speed -1", "--speed"),
-        (f"channelize a.cf32 {RADIO} --host nowhere.invalid --channels 1", "Check the name"),
+        (
+            f"channelize a.cf32 {RADIO} --mode default --host no.invalid --channels 1",
+            "Check the name",
+        ),
     ],
 )
 def test_a_mistake_is_told_with_what_to_do(
