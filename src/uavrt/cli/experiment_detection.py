@@ -47,7 +47,7 @@ def detection(
     only
         Experiments to run, as E3,E8; all without it.
     trials
-        Decisions for each point of a Pd curve, everything else in proportion. 50 take five
+        Decisions for each point of a Pd curve, everything else in proportion. 50 take eight
         minutes on two quiet cores; the bars ask for 600.
     seed
         Seed of all signals.
