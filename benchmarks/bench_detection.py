@@ -73,19 +73,12 @@ def case(
         )
         for i in range(count)
     ]
-    # As `DetectionChain` does, or each by itself.
-    groups = [detectors] if together else [[detector] for detector in detectors]
-    return Case(name=name, run=feed(groups, samples), signal_s=SIGNAL_S)
+    run = feed_together if together and count > 1 else feed
+    return Case(name=name, run=run(detectors, samples), signal_s=SIGNAL_S)
 
 
-def feed(groups: list[list[PulseDetector]], samples: Samples) -> Callable[[], object]:
-    """Go on with the same samples at later times, without a gap; a channel for each tag."""
-    fed = []
-    for detectors in groups:
-        group = DetectorGroup()
-        for channel, detector in enumerate(detectors):
-            group.add(channel, [detector])
-        fed.append((group, len(detectors)))
+def feed(detectors: list[PulseDetector], samples: Samples) -> Callable[[], object]:
+    """Go on with the same samples at later times, without a gap."""
     position = 0
 
     def go() -> None:
@@ -93,10 +86,28 @@ def feed(groups: list[list[PulseDetector]], samples: Samples) -> Callable[[], ob
         for first in range(0, len(samples), BLOCK):
             block = samples[first : first + BLOCK]
             time_ns = START_NS + round(position / RATE_HZ * 1e9)
-            for group, channels in fed:
-                for channel in range(channels):
-                    group.put(channel, block, time_ns)
-                group.collect()
+            for detector in detectors:
+                detector.process(block, time_ns)
+            position += len(block)
+
+    return go
+
+
+def feed_together(detectors: list[PulseDetector], samples: Samples) -> Callable[[], object]:
+    """As `feed`, all detectors as a group, as `DetectionChain` does."""
+    group = DetectorGroup()
+    for channel, detector in enumerate(detectors):
+        group.add(channel, [detector])
+    position = 0
+
+    def go() -> None:
+        nonlocal position
+        for first in range(0, len(samples), BLOCK):
+            block = samples[first : first + BLOCK]
+            time_ns = START_NS + round(position / RATE_HZ * 1e9)
+            for channel in range(len(detectors)):
+                group.put(channel, block, time_ns)
+            group.collect()
             position += len(block)
 
     return go

@@ -116,7 +116,35 @@ def machine() -> str:
     return (
         f"{os.cpu_count()} × {model}, {platform.system()} {platform.machine()}, "
         f"Python {platform.python_version()}, NumPy {np.__version__}, "
-        f"SciPy {scipy.__version__}, one thread, load {load:.1f}"
+        f"SciPy {scipy.__version__}, one thread, load {load:.1f}; yardsticks: {yardsticks()}"
+    )
+
+
+def yardsticks() -> str:
+    """How fast this machine is now, at what the programs here do most.
+
+    Beside what the reference's machine took (reference/perf.md §1, §2a): the bars are figures
+    of that machine, and virtual machines of one name differ by a factor of two.
+    """
+    import numpy as np
+    from scipy.signal import upfirdn
+
+    def least_s(work: Callable[[], object], rounds: int) -> float:
+        times = []
+        for _ in range(rounds):
+            begun = time.process_time()
+            work()
+            times.append(time.process_time() - begun)
+        return min(times)
+
+    few = np.zeros(8, np.float32)
+    call_us = 1e2 * least_s(lambda: [np.add(few, few) for _ in range(10_000)], 20)
+    taps = np.hamming(81).astype(np.float32)
+    samples = np.ones(300_000, np.complex64)
+    filter_percent = 1e3 * least_s(lambda: upfirdn(taps, samples, down=8), 10)
+    return (
+        f"a small NumPy call {call_us:.2f} µs (the bars' machine 0.3), "
+        f"upfirdn of 3 MS/s {filter_percent:.1f} % (11.4)"
     )
 
 
