@@ -3,13 +3,16 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+CC_X86_64  ?= x86_64-linux-gnu-gcc
+CC_AARCH64 ?= aarch64-linux-gnu-gcc
+LOCK   := --universal --generate-hashes --python-version 3.11 --no-header -q
 PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
 
 # Several processes with several BLAS threads each on a few cores fight.
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: demo test check lint types contracts bench browser screenshots video docs clean setup
+.PHONY: demo test check lint types contracts bench locks licences browser screenshots video docs clean setup wheels
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
@@ -19,7 +22,17 @@ test: $(STAMP) browser  ## lint, types, import contracts, manual, all tests
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/sphinx-build -W -q docs docs/_build
+	$(BIN)/python deploy/licences.py --check
 	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -r fEsxR
+
+locks: $(STAMP)         ## pin what the drone installs, with hashes (needs uv)
+	uv pip compile pyproject.toml $(LOCK) -o deploy/locks/drone.txt
+	uv pip compile pyproject.toml --extra ros2 $(LOCK) -c deploy/locks/drone.txt -o deploy/locks/drone-ros2.txt
+	$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"], sep="\n")' \
+	  | uv pip compile - $(LOCK) -o deploy/locks/build.txt
+
+licences: $(STAMP)      ## what runs on the drone, and under which licence
+	$(BIN)/python deploy/licences.py --check
 
 bench: $(STAMP)         ## speed of every stage, written to benchmarks/results.md
 	$(BIN)/python -m benchmarks
@@ -41,7 +54,7 @@ video: $(STAMP) browser  ## a captioned film of a flight through the page, uavrt
 
 setup: $(STAMP)         ## only the environment
 
-$(STAMP): pyproject.toml hatch_build.py src/uavrt/mavlink/dialect.toml src/uavrt/mavlink/extra.xml $(PAGE)
+$(STAMP): pyproject.toml hatch_build.py $(wildcard native/*) src/uavrt/mavlink/dialect.toml src/uavrt/mavlink/extra.xml $(PAGE)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet -e '.[ground,analysis,ros2,dev]'
@@ -49,5 +62,12 @@ $(STAMP): pyproject.toml hatch_build.py src/uavrt/mavlink/dialect.toml src/uavrt
 	-$(BIN)/python -m pip install --quiet --no-deps 'MAVProxy==1.8.75'
 	touch $@
 
+# Needs Debian's gcc-x86-64-linux-gnu (on x86-64: gcc) and gcc-aarch64-linux-gnu.
+wheels: $(STAMP)        ## wheels: pure, and with kernels for x86-64 and 64-bit ARM, in dist
+	rm -rf dist build
+	UAVRT_PURE=1 $(BIN)/hatchling build -t wheel
+	CC=$(CC_X86_64) UAVRT_PLATFORM=manylinux_2_17_x86_64 $(BIN)/hatchling build -t wheel
+	CC=$(CC_AARCH64) UAVRT_PLATFORM=manylinux_2_17_aarch64 $(BIN)/hatchling build -t wheel
+
 clean:
-	rm -rf $(VENV) docs/_build dist
+	rm -rf $(VENV) docs/_build dist build

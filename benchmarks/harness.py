@@ -15,6 +15,11 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+from uavrt.experiments.measured import measured_now
+
+FOLDERS = ("detection", "dsp", "localization", "tunnel")
+"""Of the package: code whose changes may change a figure here."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
@@ -112,11 +117,14 @@ def machine() -> str:
     import numpy as np
     import scipy
 
+    from uavrt import native
+
     load = os.getloadavg()[0]
     return (
         f"{os.cpu_count()} × {model}, {platform.system()} {platform.machine()}, "
         f"Python {platform.python_version()}, NumPy {np.__version__}, "
-        f"SciPy {scipy.__version__}, one thread, load {load:.1f}; yardsticks: {yardsticks()}"
+        f"SciPy {scipy.__version__}, {native.description()}, one thread, load {load:.1f}; "
+        f"yardsticks: {yardsticks()}"
     )
 
 
@@ -151,7 +159,7 @@ def yardsticks() -> str:
 def render_section(section: str, tables: Sequence[Table]) -> str:
     """Markdown of a section, with machine and date."""
     stamp = f"{datetime.now(tz=UTC):%Y-%m-%d %H:%M} UTC"
-    parts = [f"## {section}", f"{stamp}; {machine()}."]
+    parts = [f"## {section}", f"{stamp}; {machine()}.", measured_now(FOLDERS)]
     for table in tables:
         lines = [
             "| " + " | ".join(table.header) + " |",

@@ -5,7 +5,7 @@
 #   sudo deploy/install.sh [options]
 #
 #   --radio NAME     airspy (default), airspyhf, rtlsdr, hackrf or none
-#   --user NAME      who the service runs as; by default who called sudo
+#   --user NAME      who the service runs as (default uavrt, made for it)
 #   --directory DIR  settings and flights (default /var/lib/uavrt)
 #   --prefix DIR     the program (default /opt/uavrt)
 #   --ros2           also the gateway to ROS 2
@@ -15,11 +15,11 @@ set -eu
 say() { printf '%s\n' "uavrt: $*"; }
 fail() { printf '%s\n' "uavrt: $*" >&2; exit 1; }
 
-radio=airspy user=${SUDO_USER:-$(id -un)} directory=/var/lib/uavrt prefix=/opt/uavrt
-extras= root=
+radio=airspy user=uavrt directory=/var/lib/uavrt prefix=/opt/uavrt
+lock=drone.txt root=
 while [ $# -gt 0 ]; do
     case $1 in
-        --ros2) extras='[ros2]'; shift; continue ;;
+        --ros2) lock=drone-ros2.txt; shift; continue ;;
         -h | --help) sed -n '2,14s/^# \{0,1\}//p' "$0"; exit 0 ;;
     esac
     [ $# -ge 2 ] || fail "$1 needs a value, or is unknown (--help)"
@@ -70,22 +70,30 @@ environment=$root$prefix/venv
 stamp=$environment/.uavrt-source
 # What the source is: the sum over its files, so that an unchanged one is not built again.
 fingerprint() {
-    (cd "$source" && find pyproject.toml hatch_build.py src -type f \
+    (cd "$source" && find pyproject.toml hatch_build.py src deploy/locks -type f \
         ! -path '*/__pycache__/*' -exec cksum {} + | sort -k3 | cksum)
-    printf '%s' "$extras"
+    printf '%s' "$lock"
 }
 if [ "$(cat "$stamp" 2>/dev/null)" = "$(fingerprint)" ]; then
     say "the program is up to date"
 else
     say "installing the program into $environment"
+    # Only files whose hashes stand in deploy/locks come from outside, to build and to run.
+    work=$(mktemp -d)
+    trap 'rm -rf "$work"' EXIT
+    "$python" -m venv "$work/venv"
+    "$work/venv/bin/python" -m pip install --quiet --require-hashes -r "$source/deploy/locks/build.txt"
     # A drone finds animals without the ground station's page: no Node must not stop it here.
-    UAVRT_PAGE=optional "$environment/bin/python" -m pip install --quiet --upgrade "$source$extras"
+    UAVRT_PAGE=optional "$work/venv/bin/python" -m pip wheel --quiet --no-deps \
+        --no-build-isolation --wheel-dir "$work" "$source"
+    "$environment/bin/python" -m pip install --quiet --require-hashes -r "$source/deploy/locks/$lock"
+    "$environment/bin/python" -m pip install --quiet --no-deps --force-reinstall "$work"/uavrt-*.whl
     # After the build, which writes the MAVLink dialect into the source.
     fingerprint >"$stamp"
 fi
 
 # The DDS binding has no wheel for 64-bit ARM; all else runs without it.
-if [ -n "$extras" ] && ! "$environment/bin/python" -c 'import cyclonedds.core' 2>/dev/null; then
+if [ "$lock" = drone-ros2.txt ] && ! "$environment/bin/python" -c 'import cyclonedds.core' 2>/dev/null; then
     say "no DDS binding for $(uname -m): the gateway to ROS 2 stays off (docs/how-to/ros2.md)"
 fi
 
@@ -98,11 +106,22 @@ if [ ! -e "$root$directory/uavrt.toml" ]; then
     say "wrote $root$directory/uavrt.toml: please read it"
 fi
 if [ -z "$root" ]; then
+    id "$user" >/dev/null 2>&1 || {
+        say "making the user $user"
+        useradd --system --user-group --home-dir "$directory" --shell /usr/sbin/nologin "$user"
+    }
+    join() { id -nG "$2" | tr ' ' '\n' | grep -qx "$1" || usermod -a -G "$1" "$2"; }
     for group in dialout plugdev; do
         getent group "$group" >/dev/null || groupadd --system "$group"
-        id -nG "$user" | tr ' ' '\n' | grep -qx "$group" || usermod -a -G "$group" "$user"
+        join "$group" "$user"
     done
-    chown "$user:" "$directory" "$directory/uavrt.toml"
+    chown -R "$user:" "$directory"
+    if [ "$user" = uavrt ]; then
+        # Who is in its group reads flights, edits the settings and uses `uavrt monitor`.
+        chmod 770 "$directory"
+        chmod 660 "$directory/uavrt.toml"
+        [ -z "${SUDO_USER:-}" ] || [ "$SUDO_USER" = root ] || join uavrt "$SUDO_USER"
+    fi
 fi
 
 # 4. Unit and udev rule; the service starts now and at every boot.

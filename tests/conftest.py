@@ -78,6 +78,13 @@ class RosPeer:
         self, topic: str, type_name: str, *, prefix: str = "rt/", keep: bool = False
     ) -> Callable[[], list[bytes]]:
         """Subscribe like `ros2 topic echo`; the result gives the bytes that came since."""
+        reader = self.reader(topic, type_name, prefix=prefix, keep=keep)
+        return lambda: [s.cdr for s in reader.take(1000) if hasattr(s, "cdr")]
+
+    def reader(
+        self, topic: str, type_name: str, *, prefix: str = "rt/", keep: bool = False
+    ) -> Any:
+        """Get the reader itself."""
         from cyclonedds.core import Policy, Qos
         from cyclonedds.sub import DataReader
         from cyclonedds.util import duration
@@ -89,8 +96,7 @@ class RosPeer:
             Policy.DataRepresentation(use_cdrv0_representation=True),
         )
         topic_entity = self._topic(prefix + topic, type_name)
-        reader = DataReader(self._participant, topic_entity, qos=qos)
-        return lambda: [s.cdr for s in reader.take(1000) if hasattr(s, "cdr")]
+        return DataReader(self._participant, topic_entity, qos=qos)
 
     def advertise(self, topic: str, type_name: str, *, subscribers: int = 1) -> Any:
         """Make a publisher like `ros2 topic pub -w N`; wait until so many listen."""

@@ -243,7 +243,8 @@ function drawCards(): void {
     card.root.dataset.fresh = state;
     say(card.fresh, { live: "live", stale: "stale", lost: "detector lost", never: "not heard" }[state]);
     const snr = one ? store.pulses.get("snr")[one.last]! : NaN;
-    say(card.snr, fixed(snr, 1, "dB"));
+    const clipped = one !== undefined && store.pulses.get("clipped")[one.last]! > 0;
+    say(card.snr, (clipped ? "≥\u202f" : "") + fixed(snr, 1, "dB"));
     const part = Math.min(1, Math.max(0.02, snr / SNR_HIGH));
     card.bar.style.width = Number.isFinite(snr) ? `${part * 100}%` : "0";
     card.bar.style.background = snrColour(snr);
@@ -257,7 +258,11 @@ function factsOf(one: Latest, age: number, row: TagRow | undefined, now: number)
   const interval = Number(rate === 2 ? row?.second_interval_ms : row?.interval_ms);
   const start = store.review ? store.review.start_time_ns : (store.state?.flight.start_time_ns ?? now);
   const minutes = Math.min(1, Math.max(1 / 60, (now - start) / RATE_WINDOW_NS));
+  const also = store.pulses.get("also")[one.last]!;
+  const ghost = store.pulses.get("ghost")[one.last]!;
+  const id = store.pulses.get("tag")[one.last]!;
   const parts = [
+    Number.isFinite(ghost) ? `ghost of ${ghost}` : Number.isFinite(also) ? `${id} or ${also}` : null,
     ago(age),
     `${Math.round(one.minute / minutes)}/min`,
     `${frequency.toFixed(4)}\u202fMHz`,

@@ -3,7 +3,7 @@
 import { yawOf } from "./geo";
 import type { PulseRecord } from "./types";
 
-const COLUMNS = ["tag", "time", "frequency", "snr", "status", "rate", "lat", "lon", "height", "yaw"] as const;
+const COLUMNS = ["tag", "time", "frequency", "snr", "status", "rate", "lat", "lon", "height", "yaw", "also", "ghost", "clipped"] as const;
 export type Column = (typeof COLUMNS)[number];
 
 /** What the server calls them, in the same order. */
@@ -18,6 +18,9 @@ export const PULSE_NAMES = [
   "longitude_deg",
   "altitude_relative_m",
   "yaw_deg",
+  "also_possible_tag_id",
+  "ghost_of_tag_id",
+  "clipped",
 ] as const;
 
 export class Pulses {
@@ -66,6 +69,9 @@ export class Pulses {
       lon: record.longitude_deg,
       height: record.altitude_relative_m,
       yaw: q === null ? null : yawOf(...q),
+      also: record.also_possible_tag_ids[0] ?? null,
+      ghost: record.ghost_of_tag_id,
+      clipped: Number(record.clipped),
     };
     for (const name of COLUMNS) this.columns[name][this.count] = values[name] ?? NaN;
     this.count += 1;

@@ -11,6 +11,9 @@ export interface PulseRecord {
   longitude_deg: number | null;
   altitude_relative_m: number | null;
   quaternion_wxyz: [number, number, number, number] | null;
+  also_possible_tag_ids: number[];
+  ghost_of_tag_id: number | null;
+  clipped: boolean;
   received_ns: number;
   flight_id: string | null;
 }

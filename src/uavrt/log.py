@@ -57,6 +57,21 @@ class Logger:
         """Log what the operator should know now."""
         self.log(logging.WARNING, event, **facts)
 
+    def seldom(self, count: int, event: str, **facts: Any) -> None:
+        """Log what may come in floods: of equals the first, second, fourth, eighth …
+
+        Parameters
+        ----------
+        count : int
+            How many there have been, this one included; it is logged, too.
+        event : str
+            What happened.
+        **facts
+            Of this one.
+        """
+        if count.bit_count() == 1:
+            self.log(logging.WARNING, event, count=count, **facts)
+
     def error(self, event: str, **facts: Any) -> None:
         """Log what does not work."""
         self.log(logging.ERROR, event, **facts)

@@ -77,6 +77,13 @@ class Pulse:
     """Which of the tag's intervals, from 1."""
     predicted_next_start_ns: int | None
     predicted_next_end_ns: int | None
+    also_possible_tag_ids: tuple[int, ...] = ()
+    """Other listed tags that may have sent it: nothing measured so far tells them apart. The
+    pulse is reported once, as `tag_id`, the likeliest."""
+    ghost_of_tag_id: int | None = None
+    """The stronger tag of which the receiver made it: its image, or by saturation."""
+    clipped: bool = False
+    """The receiver's converter was at its limits during it: `snr_db` is a lower bound."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +112,8 @@ class Pose:
     quaternion_wxyz: tuple[float, float, float, float]
     """Unit quaternion, antenna body frame (forward, right, down) to north-east-down."""
     extrapolated: bool = False
-    """True when no pose later than this instant was known in time."""
+    """True when no pose later than this instant was known in time, or when the autopilot had
+    not told its clock for more than 10 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,10 +184,24 @@ class Delivered:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Taken:
+    """How far a process is with what it was sent; the rest goes to its successor again."""
+
+    records: int
+    """Records that it has dealt with for good since its start: they are on the disk, or were
+    not for the disk. Its assignment does not count."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Poses:
     """Several raw poses of the vehicle in a row, batched for the recorder."""
 
     poses: tuple[Pose, ...]
+
+
+STATION_COUNTER = "station_silent_s_"
+"""Begins the name of a count of the connection's health, which ends with a ground station's
+numbers: ``station_silent_s_255_190``, how long it has not been heard [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,6 +243,10 @@ class SystemStatus:
     center_frequency_hz: float | None
     tags: tuple[Tag, ...]
     processes: tuple[ProcessStatus, ...]
+    commander: str | None = None
+    """Whose commands count, as their source: ``"mavlink 255/190"``; None before the first."""
+    ending: bool = False
+    """Stop was asked for: the state holds until the last pulses are recorded."""
 
 
 CommandName = Literal[
@@ -254,6 +280,10 @@ class Command:
     """What it is to be."""
     source: str = ""
     """Who asked: ``"mavlink 255/190"``, ``"ros2"``, ``"command line"``."""
+    sealed: bool = False
+    """It came with a seal of the drone's key."""
+    tag_count: int | None = None
+    """With a start: as many tags were sent; with fewer it is refused. None: not told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -321,6 +351,8 @@ class IQBlock:
     """Rate as measured, near the nominal one."""
     lost_before: int = 0
     """Samples missing between the previous block and this one."""
+    unsure_before: int = 0
+    """So many of `lost_before` a crystal far off its rate would explain as well."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -339,3 +371,6 @@ class ChannelBlock:
     """Time at the antenna that the first sample stands for: filter delays are taken out."""
     sample_rate_hz: float
     lost_before: int = 0
+    clipped_ns: tuple[tuple[int, int], ...] = ()
+    """Begin and end of the stretches [ns, UTC], in order, in which the radio's converter was at
+    its limits, as far as no block before told of them."""

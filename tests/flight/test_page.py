@@ -288,7 +288,7 @@ def test_the_drones_own_bearing_is_marked_and_every_generation_can_be_chosen(
     )
     payload = encode_bearing(bearing)
     tunnel = dialect.Tunnel(
-        target_system=255,
+        target_system=254,
         target_component=190,
         payload_type=BEARING_TYPE,
         payload_length=len(payload),

@@ -97,7 +97,7 @@ def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_s
     monkeypatch.setenv("STEP_FILE", str(step))
     monkeypatch.setenv("PYTHONPATH", f"{site}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
     monkeypatch.setenv("TZ", "Pacific/Kiritimati")
-    options = ("--companion-jitter-s", "0.003", "--clock-skew-ppm", "50")
+    options = ("--companion-jitter-s", "0.003", "--clock-skew-ppm", "-15000")
     drone = drone_bay.launch(turning_scenario(90.0), autopilot_options=options)
     received: list[PulsePose] = []
 

@@ -91,6 +91,7 @@ def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
 ) -> None:
     key = tmp_path / "key"
     key.write_text("5a" * 32)
+    key.chmod(0o600)
     drone = drone_bay.launch(
         thesis_scenario,
         autopilot_options=("--flavour", "ardupilot"),
@@ -124,7 +125,11 @@ def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
             with pytest.raises(CommandRefused, match="stays 7"):
                 await link.parameters.set("RADIO_GAIN", 77)
             await until(lambda: any(isinstance(event, PulsePose) for event in operator.heard))
-            await link.stop_detection()
+            await until(lambda: any(text.startswith("Tag ") for text in operator.texts()))
+            assert (await link.parameters.list_all())["DET_RUN"] == 1
+            assert await link.parameters.set("DET_RUN", 0) == 0
+            await until(lambda: "Detection stopped" in operator.texts())
+            await link.stop_detection()  # repeated
 
     asyncio.run(main())
     assert operator.link.refused == {}

@@ -5,8 +5,10 @@ from pathlib import Path
 import pytest
 
 from uavrt.experiments.recovery import Plan, run_recovery
+from uavrt.experiments.recovery.run import BURST_NAMES
 from uavrt.experiments.resources import Plan as ResourcePlan
 from uavrt.experiments.resources import run_resources
+from uavrt.experiments.resources.report import WRITTEN_LIMIT_MB_H
 
 pytestmark = [pytest.mark.flight, pytest.mark.timeout(400)]
 
@@ -14,20 +16,26 @@ pytestmark = [pytest.mark.flight, pytest.mark.timeout(400)]
 def test_every_process_the_supervisor_and_the_power_may_go_and_no_pulse_is_lost(
     tmp_path: Path,
 ) -> None:
-    # Five processes and their helper once each, the supervisor once, everything at once five
-    # times.
-    report = run_recovery(Plan(kills=6, supervisor_kills=1, power_cuts=5, seed=3), tmp_path)
+    # Five processes and their helper once each, the connection stopped, connection and recorder
+    # killed six times each as fast as they come back, the supervisor, everything at once.
+    plan = Plan(kills=6, stops=1, bursts=2, supervisor_kills=1, power_cuts=3, seed=3)
+    report = run_recovery(plan, tmp_path)
     assert report.faults == ()
     killed = [kill.process for kill in report.kills]
     processes = ["recorder", "connection", "detector-1", "detector-2", "receiver", "nursery"]
-    assert killed == [*processes, "supervisor", *["power"] * 5]
+    # The order is drawn; each is killed once.
+    assert sorted(killed[: len(processes)]) == sorted(processes)
+    after = ["connection", *BURST_NAMES, "supervisor", *["power"] * 3]
+    assert killed[len(processes) :] == after
     assert report.pulses_recorded > 10
+    assert report.pulses_promised > 60
     assert report.lost_from_database == 0
     assert report.lost_from_log == 0
+    assert report.lost_on_ground == 0
     assert report.orphans == 0
     # A flight that is cut off goes on in its own directory.
     assert report.flights == 1
-    assert report.as_dict()["resumed_s"]["power SIGKILL"]["count"] == 5
+    assert report.as_dict()["resumed_s"]["power SIGKILL"]["count"] == 3
 
 
 def test_resources_are_measured_for_every_process_and_no_sample_is_lost() -> None:
@@ -38,6 +46,10 @@ def test_resources_are_measured_for_every_process_and_no_sample_is_lost() -> Non
     for moment in report.moments:
         assert names <= moment.cpu_percent.keys()
         assert all(moment.pss_mb[name] > 1.0 for name in names)
+    # Four tags, one of them heard, for six seconds: a commit more or less is half of it.
+    assert report.written.mb_h["recorder"] > 1.0
+    assert report.written.together_mb_h < 3 * WRITTEN_LIMIT_MB_H
+    assert 0 < report.written.syncs_h < 3600
     assert report.growth.keys() >= {*names, "all but the radio"}
     assert report.most_tags == 8
     assert report.loads[0].cpu_percent > 0.0

@@ -38,6 +38,7 @@ def test_the_page_of_the_companion_finds_its_drone_side_and_ends_with_it(
     # A drone that takes only what is sealed and signed: the page has the keys from it.
     for name in ("command.key", "signing.key"):
         (tmp_path / name).write_text(secrets.token_hex(32))
+        (tmp_path / name).chmod(0o600)
     (tmp_path / "uavrt.toml").write_text(
         '[mavlink]\naddress = ""\nkey_file = "command.key"\n'
         'signing_key_file = "signing.key"\n[recording]\ndirectory = "flights"\n'

@@ -1,5 +1,6 @@
 """Lines of ``pulse_pose_log.txt``: the thesis's own, and ours beside them."""
 
+import json
 import math
 from pathlib import Path
 
@@ -9,7 +10,12 @@ from uavrt.errors import FormatError
 from uavrt.messages import Pose, Pulse, PulsePose
 from uavrt.pose import yaw_deg
 from uavrt.recording import read_pulse_pose_log
-from uavrt.recording.pulse_pose_log import PulsePoseLog, format_line, parse_line
+from uavrt.recording.pulse_pose_log import (
+    READ_BYTES,
+    PulsePoseLog,
+    format_line,
+    parse_line,
+)
 
 # Thesis, Fig. 5.7, row 1 (reference/control.md §3.3): six digits, and a saturated column 10.
 THESIS_ROW = (
@@ -123,10 +129,22 @@ def test_a_line_cut_off_by_a_power_cut_is_passed_over(tmp_path: Path, tail: str)
     assert len(read_pulse_pose_log(path)) == 2
 
 
-def test_a_damaged_line_inside_is_told_with_its_number(tmp_path: Path) -> None:
+def test_a_damaged_line_inside_is_read_around_and_told_with_its_number(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "pulse_pose_log.txt"
     path.write_text(THESIS_ROW + "2, 148.71\n" + THESIS_ROW)
-    with pytest.raises(FormatError, match="line 2 is not a pulse: 2 columns where 23 belong"):
+    assert len(read_pulse_pose_log(path)) == 2
+    told = json.loads(capsys.readouterr().err)
+    assert told["event"] == "damaged lines passed over"
+    assert (told["lines"], told["first"]) == (1, 2)
+    assert told["reason"] == "2 columns where 23 belong"
+
+
+def test_a_file_of_damaged_lines_is_no_log(tmp_path: Path) -> None:
+    path = tmp_path / "pulse_pose_log.txt"
+    path.write_text("2, 148.71\n" + THESIS_ROW + "3, 1\n" * 2)
+    with pytest.raises(FormatError, match="line 1 is not a pulse: 2 columns where 23 belong"):
         read_pulse_pose_log(path)
 
 
@@ -135,11 +153,25 @@ def test_a_missing_log_is_refused_with_its_name(tmp_path: Path) -> None:
         read_pulse_pose_log(tmp_path / "pulse_pose_log.txt")
 
 
+def test_repair_finds_the_last_line_however_long_what_follows_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "pulse_pose_log.txt"
+    log = PulsePoseLog(path)
+    for rest in ("x", "x" * READ_BYTES, "x" * (3 * READ_BYTES - len(THESIS_ROW))):
+        path.write_text(THESIS_ROW + rest)
+        log.repair()
+        assert path.read_text() == THESIS_ROW
+        path.write_text(rest)
+        log.repair()
+        assert path.read_text() == ""
+
+
 def test_repair_cuts_the_unfinished_line_and_tells_what_is_there(tmp_path: Path) -> None:
     path = tmp_path / "pulse_pose_log.txt"
     log = PulsePoseLog(path)
-    assert log.repair() == set()
+    log.repair()
+    assert list(log.keys()) == []
     log.append([THESIS_ROW])
     path.write_text(path.read_text() + OUR_ROW[:60])
-    assert log.repair() == {(2, 1_700_205_419_230_494_976)}
+    log.repair()
+    assert list(log.keys()) == [(2, 1_700_205_419_230_494_976)]
     assert path.read_text() == THESIS_ROW

@@ -58,15 +58,16 @@ def tags(draw: st.DrawFn, *, toml: bool) -> Tag:
     if toml and draw(st.booleans()):
         intervals.append(milliseconds(6000, 60000))
     name = st.text(st.characters(exclude_categories=["Cs"]))
+    k = draw(st.integers(1, 100))
     return Tag(
         tag_id=draw(st.integers(1, 2**32 - 1)),
         frequency_hz=draw(st.integers(20_000_000_000, 1_000_000_000_000)) / 1000,
         pulse_width_s=milliseconds(1, 50),
         pulse_intervals_s=tuple(intervals),
-        interval_uncertainty_s=milliseconds(0, 149),
+        interval_uncertainty_s=milliseconds(0, min(149, 299 // max(1, k - 1))),
         interval_jitter_s=milliseconds(0, 149),
-        k=draw(st.integers(1, 100)),
-        false_alarm_probability=draw(st.integers(1, 999_999)) / 1_000_000,
+        k=k,
+        false_alarm_probability=draw(st.integers(1, 500_000)) / 1_000_000,
         name=draw(st.none() | name) if toml else None,
     )
 

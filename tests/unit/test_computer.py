@@ -1,6 +1,9 @@
 """Unit, udev rule and doctor, below another root and without hardware."""
 
 import configparser
+import re
+import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -82,12 +85,81 @@ def test_no_path_breaks_out_of_its_place_in_the_unit(name: str) -> None:
 
 
 def test_the_unit_has_the_form_of_a_unit_and_no_key_twice() -> None:
+    # These two are lists, which systemd adds up.
+    lists = re.compile(r"^(DeviceAllow|SystemCallFilter)=.*\n", re.MULTILINE)
     parser = configparser.ConfigParser(interpolation=None, strict=True)
     parser.optionxform = str  # type: ignore[assignment, method-assign]
-    parser.read_string(unit_text(PLAN))
+    parser.read_string(lists.sub("", unit_text(PLAN)))
     assert parser.sections() == ["Unit", "Service", "Install"]
     assert parser["Unit"]["StartLimitIntervalSec"] == "0"
     assert parser["Service"]["WatchdogSignal"] == "SIGKILL"
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
+def test_systemd_finds_the_unit_well_confined_and_without_faults(tmp_path: Path) -> None:
+    unit = tmp_path / "uavrt.service"
+    plan = replace(PLAN, program=Path("/bin/true"), user="root", directory=Path("/var/lib"))
+    unit.write_text(unit_text(plan))
+    exposure = subprocess.run(
+        ["systemd-analyze", "security", "--offline=yes", "--threshold=30", str(unit)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert exposure.returncode == 0, exposure.stdout[-200:] + exposure.stderr
+    verified = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(unit)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "uavrt.service" not in verified.stderr, verified.stderr
+
+
+def test_radios_and_serial_ports_stay_open_to_a_confined_service() -> None:
+    lines = unit_text(PLAN).splitlines()
+    for kind in ("usb_device", "ttyUSB", "ttyACM", "ttyAMA", "ttyS"):
+        assert f"DeviceAllow=char-{kind} rw" in lines
+    assert "SupplementaryGroups=dialout plugdev" in lines
+    assert "PrivateDevices=yes" not in lines
+
+
+@pytest.mark.parametrize(
+    ("changes", "access"),
+    [
+        ({"directory": Path("/var/lib/uavrt")}, "yes"),
+        ({"directory": Path("/home/pi/flights")}, "read-only"),
+        (
+            {"directory": Path("/var/lib/uavrt"), "program": Path("/home/pi/.venv/bin/uavrt")},
+            "read-only",
+        ),
+    ],
+)
+def test_home_directories_are_closed_unless_the_service_lives_in_one(
+    changes: dict[str, Path], access: str
+) -> None:
+    lines = unit_text(replace(PLAN, **changes)).splitlines()  # type: ignore[arg-type]
+    assert f"ProtectHome={access}" in lines
+
+
+def test_what_the_settings_name_for_writing_stays_writable(tmp_path: Path) -> None:
+    place = tmp_path / "var/lib/uavrt"
+    place.mkdir(parents=True)
+    (place / "uavrt.toml").write_text(
+        '[recording]\ndirectory = "/data/flights 1"\nsave_directory = "/mnt/stick"\n'
+    )
+    app(
+        [
+            *("service", "install", "--user", "pi", "--directory", "/var/lib/uavrt"),
+            *("--root", str(tmp_path)),
+        ],
+        result_action="return_value",
+    )
+    unit = (tmp_path / UNIT_PATH).read_text()
+    assert (
+        'ReadWritePaths=-/var/lib/uavrt "-/data/flights 1" -/mnt/stick -/media -/run/media\n'
+        in unit
+    )
 
 
 def test_the_rule_names_every_radio_once() -> None:

@@ -8,7 +8,7 @@ import heapq
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from uavrt.errors import FormatError, UsageError
 from uavrt.messages import FlightInfo, StatusText
 from uavrt.pose import Mounting
 from uavrt.recording import FlightLayout, read_flight, read_search_reports
-from uavrt.recording.flight_reader import Flight
+from uavrt.recording.flight_reader import Flight, read_stops
 from uavrt.ros2 import convert, encode, full_definition, full_name, graph, type_hash
 from uavrt.ros2.gateway import LOG_LEVELS
 from uavrt.ros2.messages import (
@@ -33,6 +33,8 @@ from uavrt.ros2.messages import (
 )
 
 CHUNK_BYTES = 65536
+RECORDED = "recorded/"
+"""Before the topics of orders, which a gateway obeys."""
 METADATA_VERSION = 5
 """rosbag2's format of ``metadata.yaml``: that of Humble, which all later ones read too."""
 
@@ -50,8 +52,13 @@ class Bag:
     """Number of messages on each topic."""
 
 
-def export_bag(flight_directory: str | os.PathLike[str], target: Path) -> Bag:
+def export_bag(
+    flight_directory: str | os.PathLike[str], target: Path, *, as_sent: bool = False
+) -> Bag:
     """Write a flight as a rosbag2 directory.
+
+    A recording that is played must not command a drone that listens: what a drone obeys is
+    under `RECORDED` unless `as_sent`.
 
     Parameters
     ----------
@@ -59,6 +66,8 @@ def export_bag(flight_directory: str | os.PathLike[str], target: Path) -> Bag:
         A flight directory.
     target : Path
         Directory to make.
+    as_sent : bool
+        Orders have the names of the live topics.
 
     Raises
     ------
@@ -68,8 +77,10 @@ def export_bag(flight_directory: str | os.PathLike[str], target: Path) -> Bag:
         The extra ``uavrt[analysis]`` is not installed, or `target` cannot be made.
     """
     flight = read_flight(flight_directory)
+    prefix = "" if as_sent else RECORDED
     entries = heapq.merge(
-        _orders(flight.info),
+        _orders(flight.info, prefix),
+        _stops(read_stops(flight_directory), prefix),
         _pulses(flight),
         _heartbeats(Path(flight_directory), flight.info),
         _poses(flight),
@@ -151,18 +162,32 @@ def _register(writer: Any, topic: str, message: type[RosMessage]) -> int:
 # ------------------------------------------------------------------- the flight
 
 
-def _orders(info: FlightInfo) -> Iterator[Entry]:
+def _orders(info: FlightInfo, prefix: str) -> Iterator[Entry]:
     """What started the flight: its tags, and the order to start."""
     start_ns = info.start_time_ns
     for tag in info.tags:
-        yield start_ns, "store_tag_information", convert.tag_to_ros(tag)
-    yield start_ns, "release_tag_information", Flag(data=True)
+        yield start_ns, f"{prefix}store_tag_information", convert.tag_to_ros(tag)
+    yield start_ns, f"{prefix}release_tag_information", Flag(data=True)
     center = {"center_frequency": f"{info.center_frequency_hz / 1e6:.6f}"}
+    yield start_ns, f"{prefix}control_start_subprocess", _order("start", start_ns, center)
+
+
+def _stops(times_ns: Iterable[int], prefix: str) -> Iterator[Entry]:
+    """What ended it."""
+    for time_ns in times_ns:
+        yield time_ns, f"{prefix}control_stop_subprocess", _order("stop", time_ns, {})
+
+
+def _order(what: str, time_ns: int, values: Mapping[str, object]) -> DiagnosticArray:
     status = DiagnosticStatus(
-        name="NA", message="start", hardware_id="start all", values=convert.key_values(center)
+        name="NA",
+        message=what,
+        hardware_id=f"{what} all",
+        values=convert.key_values(values),
     )
-    header = Header(stamp=convert.time_to_ros(start_ns), frame_id="start_command_subprocesses")
-    yield start_ns, "control_start_subprocess", DiagnosticArray(header=header, status=(status,))
+    frame = f"{what}_command_subprocesses"
+    header = Header(stamp=convert.time_to_ros(time_ns), frame_id=frame)
+    return DiagnosticArray(header=header, status=(status,))
 
 
 def _pulses(flight: Flight) -> Iterator[Entry]:
@@ -269,7 +294,7 @@ def _qos_yaml(topic: str) -> str:
         [
             {
                 "history": 1,
-                "depth": graph.LOG_DEPTH if late else graph.TOPICS[topic].depth,
+                "depth": graph.LOG_DEPTH if late else graph.TOPICS[_live(topic)].depth,
                 "reliability": 1,
                 "durability": 1 if late else 2,
                 "deadline": forever,
@@ -283,4 +308,8 @@ def _qos_yaml(topic: str) -> str:
 
 
 def _message_of(topic: str) -> type[RosMessage]:
-    return graph.LOG_MESSAGE if topic == graph.LOG_TOPIC else graph.TOPICS[topic].message
+    return graph.LOG_MESSAGE if topic == graph.LOG_TOPIC else graph.TOPICS[_live(topic)].message
+
+
+def _live(topic: str) -> str:
+    return topic.removeprefix(RECORDED)

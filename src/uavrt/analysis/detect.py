@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from uavrt.clock import monotonic_s
-from uavrt.detection import DetectorGroup, OperatingMode, PulseDetector
-from uavrt.dsp import FrontEnd
+from uavrt.detection import DetectorGroup, OperatingMode, PulseDetector, Receiver
+from uavrt.dsp import Clipping, FrontEnd
 from uavrt.errors import ConfigError, UavrtError
 from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
 from uavrt.radio import SampleSource
@@ -68,6 +68,7 @@ class DetectionChain:
                 f"a frequency window of {frequency_window_hz} Hz finds nothing",
                 remedy="Give --frequency-window in hertz, e.g. 500",
             )
+        self.clipping = Clipping()
         self.invalid_samples = 0
         """Samples of a channel that were not numbers and were replaced by zero."""
         self._suspect_s = 0.0
@@ -95,12 +96,13 @@ class DetectionChain:
                     excluded_hz=excluded_hz,
                 )
             )
-        self._group = DetectorGroup()
+        self._group = DetectorGroup(Receiver(center_frequency_hz, sample_rate_hz))
         for channel, some in detectors.items():
             self._group.add(channel, some)
 
     def process(self, block: IQBlock) -> list[Pulse]:
         """Take the next block; get the pulses that are certain by now."""
+        self.clipping.look(block)
         # A value that is no number runs through the filters, and stops here: the detectors'
         # noise levels would never get rid of it.
         with np.errstate(invalid="ignore", over="ignore"):
@@ -137,9 +139,12 @@ class DetectionChain:
         return [r for detector in self._group.detectors for r in detector.search_reports()]
 
     def _reported(self, pulses: list[Pulse]) -> list[Pulse]:
-        """Leave out the pulses in excluded stretches."""
+        """Leave out the pulses in excluded stretches; mark those that were clipped."""
+        covers = self.clipping.times.covers
         return [
-            pulse
+            replace(pulse, clipped=True)
+            if covers(pulse.start_time_ns, pulse.end_time_ns)
+            else pulse
             for pulse in pulses
             if not any(low <= pulse.frequency_hz <= high for low, high in self._excluded_hz)
         ]
@@ -151,6 +156,8 @@ class DetectionSummary:
 
     samples: int = 0
     samples_lost: int = 0
+    samples_unsure: int = 0
+    """Missing by the arrivals of a live stream, unless the radio's crystal is far off."""
     signal_s: float = 0.0
     """Duration of the samples, lost ones counted."""
     elapsed_s: float = 0.0
@@ -160,6 +167,14 @@ class DetectionSummary:
     pulses: dict[int, int] = field(default_factory=dict)
     """For each tag's number."""
     confirmed: dict[int, int] = field(default_factory=dict)
+    ambiguous: dict[int, int] = field(default_factory=dict)
+    """Of the confirmed those that may be of another listed tag."""
+    ghosts: dict[tuple[int, int], int] = field(default_factory=dict)
+    """Of the others those that the receiver made of another tag: for each tag and that one."""
+    clipped: int = 0
+    """Pulses during which the receiver's converter was at its limits."""
+    clipped_share: float = 0.0
+    """Of the time that in which it was."""
 
     @property
     def times_real_time(self) -> float:
@@ -170,6 +185,12 @@ class DetectionSummary:
         """Count a pulse that was written."""
         self.pulses[pulse.tag_id] += 1
         self.confirmed[pulse.tag_id] += pulse.confirmed
+        self.clipped += pulse.clipped
+        if pulse.ghost_of_tag_id is not None:
+            pair = pulse.tag_id, pulse.ghost_of_tag_id
+            self.ghosts[pair] = self.ghosts.get(pair, 0) + 1
+        if pulse.confirmed and pulse.also_possible_tag_ids:
+            self.ambiguous[pulse.tag_id] = self.ambiguous.get(pulse.tag_id, 0) + 1
 
 
 def detect(
@@ -254,6 +275,7 @@ def detect(
     hand_over(chain.flush())
     summary.stopped = stopped
     summary.invalid_samples = chain.invalid_samples
+    summary.clipped_share = chain.clipping.share
     summary.elapsed_s = monotonic_s() - begun_s
     if fault is not None:
         raise fault
@@ -262,5 +284,6 @@ def detect(
 
 def _account(summary: DetectionSummary, block: IQBlock) -> None:
     summary.samples += len(block.samples)
-    summary.samples_lost += block.lost_before
+    summary.samples_lost += block.lost_before - block.unsure_before
+    summary.samples_unsure += block.unsure_before
     summary.signal_s += (len(block.samples) + block.lost_before) / block.sample_rate_hz

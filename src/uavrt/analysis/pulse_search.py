@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import scipy.fft
 from numpy.typing import NDArray
+
+from uavrt.dsp.fourier import transform_columns
+from uavrt.dsp.medians import medians
 
 WINDOW_S: Final = 0.016
 """Hann window, for pulses of 8 to 50 ms: it loses 3 dB of one of 16 ms, 1 dB of one of 30."""
@@ -59,9 +61,9 @@ class BurstSearch:
         self._rate_hz = sample_rate_hz
         length = max(16, round(WINDOW_S * sample_rate_hz))
         self._hop = max(4, round(HOP_S * sample_rate_hz))
-        self._size = int(scipy.fft.next_fast_len(length))
+        self._size = _fast_length(length)
         self._window = np.hanning(length + 2)[1:-1].astype(np.float32)
-        frequencies = scipy.fft.fftfreq(self._size, 1.0 / sample_rate_hz)
+        frequencies = np.fft.fftfreq(self._size, 1.0 / sample_rate_hz)
         inside = np.flatnonzero((frequencies >= low_hz) & (frequencies <= high_hz))
         self._bins = inside[np.argsort(frequencies[inside])]
         self._low_hz = float(frequencies[self._bins[0]]) if self._bins.size else 0.0
@@ -87,8 +89,9 @@ class BurstSearch:
         for first in range(0, frames, step):
             count = min(step, frames - first)
             at = (first + np.arange(count)[:, None]) * hop + np.arange(length)
-            spectrum = scipy.fft.fft(data[at] * self._window, self._size, axis=1)
-            part = spectrum[:, self._bins]
+            framed = np.zeros((count, self._size), np.complex64)
+            np.multiply(data[at], self._window, out=framed[:, :length])
+            part = transform_columns(framed.T)[self._bins].T
             self._frames.append(part.real**2 + part.imag**2)
             self._count += count
         self._tail = data[frames * hop :].copy()
@@ -114,7 +117,7 @@ class BurstSearch:
         power = np.concatenate(self._frames)
         self._frames, self._count = [], 0
         first, self._first_frame = self._first_frame, self._first_frame + len(power)
-        usual = np.median(power, axis=0)
+        usual = medians(power)
         # A bin whose level is next to nothing (a filter's stop band, zeros) is never up.
         usual = np.maximum(usual, np.float32(1e-6) * np.median(usual) + np.float32(1e-37))
         up = power > (usual * np.float32(self._factor))
@@ -161,6 +164,19 @@ class BurstSearch:
             own = (distance <= 3) | ((distance <= sides) & (level < weak * level[k]))
             free &= ~(same_time & own)
         return kept
+
+
+def _fast_length(least: int) -> int:
+    """The next length that has no prime factor above 11: quick to transform."""
+    length = least
+    while True:
+        rest = length
+        for prime in (2, 3, 5, 7, 11):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return length
+        length += 1
 
 
 def _peak(

@@ -26,7 +26,9 @@ from uavrt.config.settings import DetectionSettings, OperatingModeName
 from uavrt.detection import OperatingMode
 from uavrt.errors import ConfigError, RecordingError, UavrtError
 from uavrt.messages import Pulse, Tag
+from uavrt.processes.search_cost import search_cost
 from uavrt.radio import SampleSource, open_channel, open_recording, open_stream
+from uavrt.radio.losses import most_lost
 from uavrt.radio.udp_address import is_udp_address
 from uavrt.recording import Flight, PulseWriter, pulse_format, read_flight
 
@@ -53,6 +55,7 @@ def detect(
     plot: Path | None = None,
     udp_pulses: str | None = None,
     ros2: str | None = None,
+    ros2_namespace: str = "",
 ) -> None:
     """Find the pulses of tags in a recording or a live stream.
 
@@ -95,19 +98,33 @@ def detect(
     ros2
         Also publish the pulses on ROS 2: network interfaces with commas, eth0; lo for this
         computer only. Needs the extra uavrt[ros2].
+    ros2_namespace
+        Namespace of the drone that takes the pulses, as in its [ros2] namespace.
     """
     flown = None if flight is None else read_flight(flight)
     known = _with_mode(_tags(tags, flown), mode)
     wanted = known.tags
     start_ns = start_time_ns(start_time)
     with ExitStack() as stack:
-        listeners = _listeners(stack, wanted, plot, udp_pulses, ros2, frequency_window)
+        listeners = _listeners(stack, wanted, plot, udp_pulses, frequency_window)
+        if ros2 is not None:
+            from uavrt.cli.listeners import RosPulses  # 4 MB
+
+            named = RosPulses(ros2, wanted, ros2_namespace)
+            listeners.append(stack.enter_context(closing(named)))
         if is_udp_address(recording):
             sample_rate = sample_rate or known.sample_rate_hz
             center_frequency = center_frequency or known.center_frequency_hz
         source = stack.enter_context(
             closing(open_source(recording, format, sample_rate, center_frequency, start_ns))
         )
+        if origin := getattr(source, "origin", ""):
+            print(origin, file=sys.stderr)
+        if source.total_samples is not None:
+            from uavrt.cli.listeners import Outside  # 4 MB
+
+            listeners.append(Outside(wanted, frequency_window))
+        _warn_of_cost(wanted, frequency_window, live=source.total_samples is None)
         writer = None
         if flown is None:
             keep_inputs(output or "-", (recording, tags))
@@ -145,6 +162,26 @@ def detect(
         sys.exit(128 + number)
 
 
+def _warn_of_cost(tags: Sequence[Tag], frequency_window_hz: float, *, live: bool) -> None:
+    """Say before the work begins that a tag list needs more than a core in real time."""
+    cores = search_cost(
+        tags, settings=DetectionSettings(frequency_window_hz=frequency_window_hz)
+    )
+    if cores <= 1.0:
+        return
+    effect = (
+        "a live stream will fall behind and lose samples"
+        if live
+        else f"it takes about {cores:.1f} times as long as the recording"
+    )
+    print(
+        f"the search for these {len(tags)} tags needs {cores:.1f} of this computer's cores, "
+        f"and one is used: {effect}. Fewer tags, a smaller K or a narrower interval "
+        "uncertainty cost less",
+        file=sys.stderr,
+    )
+
+
 def _tags(path: Path | None, flown: Flight | None) -> TagSource:
     if path is not None:
         return read_tag_source(path)
@@ -174,21 +211,18 @@ def _listeners(
     tags: Sequence[Tag],
     plot: Path | None,
     udp_pulses: str | None,
-    ros2: str | None,
     frequency_window_hz: float,
 ) -> "list[Listener]":
     """Make those who hear of the detection; what cannot work shows before it begins."""
-    if plot is None and udp_pulses is None and ros2 is None:
+    if plot is None and udp_pulses is None:
         return []
-    from uavrt.cli.listeners import Plots, PulseDatagrams, RosPulses  # 4 MB
+    from uavrt.cli.listeners import Plots, PulseDatagrams  # 4 MB
 
     found: list[Listener] = []
     if plot is not None:
         found.append(Plots(plot, tags, frequency_window_hz))
     if udp_pulses is not None:
         found.append(stack.enter_context(closing(PulseDatagrams(udp_pulses, tags))))
-    if ros2 is not None:
-        found.append(stack.enter_context(closing(RosPulses(ros2, tags))))
     return found
 
 
@@ -375,10 +409,36 @@ def _report(
         f"{summary.pulses[tag.tag_id]} pulses, {summary.confirmed[tag.tag_id]} confirmed"
         for tag in tags
     ]
+    lines += [
+        f"tag {tag.tag_id}: {count} of its confirmed pulses may be of another tag "
+        "(also_possible_tag_ids; `uavrt tags check` says what would tell them apart)"
+        for tag in tags
+        if (count := summary.ambiguous.get(tag.tag_id, 0))
+    ]
+    lines += [
+        f"tag {tag_id}: {count} pulses are a ghost of tag {original}, made in the receiver"
+        for (tag_id, original), count in summary.ghosts.items()
+    ]
+    if summary.clipped:
+        lines.append(
+            f"{summary.clipped} pulses were clipped ({100.0 * summary.clipped_share:.2g} % of "
+            "the time): their SNR is a lower bound. Reduce the radio's gain"
+        )
     lines.append(
         f"{summary.signal_s:.1f} s of samples in {summary.elapsed_s:.1f} s "
         f"({summary.times_real_time:.1f} × real time), {summary.samples_lost} samples lost"
     )
+    if summary.samples_unsure:
+        share = summary.samples_unsure / (summary.samples + summary.samples_unsure)
+        most = most_lost(
+            summary.samples_unsure,
+            samples=summary.samples,
+            sample_rate_hz=summary.samples / max(summary.signal_s, 1e-3),
+        )
+        lines.append(
+            f"rate or loss: the radio is {1e6 * share:.0f} ppm slow, or up to {most} more "
+            "samples are lost"
+        )
     if summary.invalid_samples:
         lines.append(f"{summary.invalid_samples} channel samples were not numbers")
     if writer is not None:

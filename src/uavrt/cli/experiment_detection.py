@@ -2,8 +2,6 @@
 
 import json
 import os
-import shutil
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -63,6 +61,7 @@ def detection(
     from uavrt.experiments.detection import run_experiments
     from uavrt.experiments.detection.plots import draw_all, require_matplotlib
     from uavrt.experiments.detection.tables import (
+        FOLDERS,
         RESULTS,
         Origin,
         Results,
@@ -70,6 +69,7 @@ def detection(
         read_results,
         write_results,
     )
+    from uavrt.experiments.measured import measured_now
 
     chosen = _chosen(only)
     if trials < 1 or (workers is not None and workers < 1):
@@ -78,6 +78,8 @@ def detection(
         require_matplotlib()
     make_directory(output_dir, "--output-dir")
     earlier = read_results(output_dir / RESULTS)
+    # Of the code that was loaded: an edit while the campaign runs must not count.
+    measured = measured_now(FOLDERS)
     with _progress() as on_progress:
         rows = run_experiments(
             chosen,
@@ -86,7 +88,7 @@ def detection(
             workers=workers or os.cpu_count() or 1,
             on_progress=on_progress,
         )
-    origin = Origin(version=_version(), seed=seed, trials=trials)
+    origin = Origin(version=uavrt.__version__, seed=seed, trials=trials, measured=measured)
     new = Results(rows=tuple(rows), origins={e.name: origin for e in chosen})
     results = earlier.merged(new)
     paths = write_results(output_dir, results)
@@ -98,16 +100,6 @@ def detection(
         _show(new)
         print("Written: " + ", ".join(str(path) for path in paths))
     sys.exit(1 if any(row.contradicted for row in new.rows) else 0)
-
-
-def _version() -> str:
-    """Version, and the commit when it runs from a clone."""
-    root = Path(uavrt.__file__).parents[2]
-    command = ("git", "-C", str(root), "describe", "--always", "--dirty")
-    if not (root / ".git").exists() or shutil.which("git") is None:
-        return uavrt.__version__
-    told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=10.0)
-    return f"{uavrt.__version__} ({told.stdout.strip()})" if told.stdout else uavrt.__version__
 
 
 def _chosen(only: str | None) -> "list[Experiment]":

@@ -26,6 +26,7 @@ def localization(
     """
     from uavrt.errors import UsageError
     from uavrt.experiments.localization import COLUMNS, EXPERIMENTS, Result, cells, table
+    from uavrt.experiments.measured import measured_now
 
     if runs < 1:
         raise UsageError(f"{runs} runs measure nothing", remedy="Give --runs of 1 or more")
@@ -47,6 +48,7 @@ def localization(
     missed = sum(not one.passed for one in results)
     barred = sum(one.least is not None or one.most is not None for one in results)
     print(f"{barred - missed} of {barred} bars kept, {runs} runs each")
+    print(measured_now(("localization",)))
     if output is not None:
         with output.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)

@@ -17,6 +17,8 @@ from uavrt.recording import require_writable
 def recovery(
     *,
     kills: int = 50,
+    stops: int = 3,
+    bursts: int = 3,
     supervisor_kills: int = 5,
     power_cuts: int = 100,
     seed: Seed = 1,
@@ -25,12 +27,17 @@ def recovery(
 ) -> None:
     """Kill every process of a simulated flight: how fast is it back, is a pulse lost?
 
-    Exits with 1 when a limit is not met. In real time: about 15 minutes by default.
+    A pulse that was detected must be in the flight's database, in its log and on the ground.
+    Exits with 1 when a limit is not met. In real time: about 20 minutes by default.
 
     Parameters
     ----------
     kills
         Of single processes: each by SIGKILL and by SIGSTOP, then at random.
+    stops
+        Of the connection, by SIGSTOP, one after the other.
+    bursts
+        Times that one process is killed six times, each time as soon as it runs again.
     supervisor_kills
         Of the supervisor, under a stand-in for systemd.
     power_cuts
@@ -42,15 +49,21 @@ def recovery(
     json_summary
         Print one JSON object as the last line.
     """
-    if min(kills, supervisor_kills, power_cuts) < 0:
+    if min(kills, stops, bursts, supervisor_kills, power_cuts) < 0:
         raise UsageError(
             "nothing is killed less than no times",
-            remedy="Give --kills, --supervisor-kills and --power-cuts of 0 or more",
+            remedy="Give --kills, --stops, --bursts, --supervisor-kills and --power-cuts of 0 "
+            "or more",
         )
     require_writable(flight_dir)
     console = Console(stderr=True)
     plan = Plan(
-        kills=kills, supervisor_kills=supervisor_kills, power_cuts=power_cuts, seed=seed
+        kills=kills,
+        stops=stops,
+        bursts=bursts,
+        supervisor_kills=supervisor_kills,
+        power_cuts=power_cuts,
+        seed=seed,
     )
     report = run_recovery(plan, flight_dir, say=lambda line: console.print(line))
     if json_summary:

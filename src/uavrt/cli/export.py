@@ -16,6 +16,7 @@ def export(
         list[str] | None, Parameter(name="--format", consume_multiple=True, negative="")
     ] = None,
     mcap: Annotated[bool, Parameter(negative="")] = False,
+    as_sent: Annotated[bool, Parameter(negative="")] = False,
     antenna: str = "RA-23K",
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
@@ -30,8 +31,12 @@ def export(
         kmz, gpx, geopackage, movebank, geotiff (heat maps); by default all of them.
     mcap
         As a ROS 2 recording for `ros2 bag play` and Foxglove: pulses, poses, commands and log
-        with the messages of the live topics. Needs the extra uavrt[analysis]. Alone unless
-        --format is given too.
+        with the messages of the live topics; tags, start and stop under /recorded, so that
+        playing them commands no drone. Needs the extra uavrt[analysis]. Alone unless --format
+        is given too.
+    as_sent
+        With --mcap: orders under the names of the live topics. Play such a recording only where
+        no drone listens.
     antenna
         Name of the antenna's pattern, for the bearings; monopole: positions and a map of the
         strongest signal from strength along the flight.
@@ -43,7 +48,8 @@ def export(
         from uavrt.analysis.bag import export_bag
 
         target = flight / "bag" if output is None else output
-        bag = export_bag(flight, target / "bag" if formats and output else target)
+        inside = target / "bag" if formats and output else target
+        bag = export_bag(flight, inside, as_sent=as_sent)
         for topic, count in sorted(bag.messages.items()):
             print(f"{count:8d}  /{topic}")
         print(bag.file)

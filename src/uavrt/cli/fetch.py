@@ -26,6 +26,7 @@ from uavrt.ground.fetch import (
     FileClient,
     RemoteEntry,
     fetch_file,
+    require_room,
 )
 from uavrt.mavlink.signing import read_signing_key
 
@@ -88,6 +89,7 @@ async def _fetch(
                 print(f"{size:>12}  {entry.path}{'/' if entry.size is None else ''}")
             return
         entries = await _wanted(client, flight, everything)
+        require_room(entries, output, samples=any("/iq/" in one.path for one in entries))
         await _fetch_all(client, entries, output)
 
 

@@ -4,6 +4,8 @@ import asyncio
 import contextlib
 import os
 import signal
+import sys
+import threading
 import webbrowser
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,11 +19,14 @@ from uavrt.config import read_tags
 from uavrt.errors import ConfigError
 from uavrt.ground.keys import read_link_keys
 from uavrt.ground.station import Station, StationSettings, json_line
+from uavrt.recording.plain_database import ended as queries_ended
 
 if TYPE_CHECKING:
     from uavrt.ground.page import PageStation
 
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
+LAST_THREADS_S = 1.5
+"""How long threads that still work are waited for when everything else has ended."""
 PASSWORD = "UAVRT_GROUND_PASSWORD"
 
 Flag = Annotated[bool, Parameter(negative="")]
@@ -45,6 +50,7 @@ def ground(
     command_key: Path | None = None,
     signing_key: Path | None = None,
     component_id: int = 190,
+    as_gcs: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Talk to the drone: a page in the browser, or without one as a program for scripts.
 
@@ -90,12 +96,15 @@ def ground(
     signing_key
         Key file that the drone has as mavlink.signing_key_file: MAVLink frames are signed.
     component_id
-        Our MAVLink component id in system 255. Ground stations that listen to one drone at the
-        same time need different ones; QGroundControl has 190, too.
+        Our MAVLink component id in system 254. Ground stations of ours that listen to one drone
+        at the same time need different ones.
+    as_gcs
+        Be MAVLink system 255 of type GCS, as the original's drone side needs it. The autopilot
+        then takes us for the operator's own ground station, and does not notice its loss.
     """
     if start and tags is None:
         raise ConfigError("there is nothing to detect", remedy="Give the tags with --tags FILE")
-    keys = read_link_keys(command_key, signing_key, component_id)
+    keys = read_link_keys(command_key, signing_key, component_id, as_gcs=as_gcs)
     show = _print_json if json_lines else _print_text
     tag_list = read_tags(tags) if tags is not None else None
     if not page and (headless or json_lines or start or tags is not None):
@@ -128,7 +137,12 @@ def ground(
     )
     if browser and not json_lines:
         show = _opening(show)
-    asyncio.run(_serve_page(lambda: PageStation(page_settings, show)))
+    ended = threading.Event()
+    try:
+        asyncio.run(_serve_page(lambda: PageStation(page_settings, show), ended))
+    finally:
+        ended.set()
+        queries_ended.clear()  # for whoever goes on in this program
 
 
 async def _serve_station(settings: StationSettings, show: Any) -> None:
@@ -137,10 +151,26 @@ async def _serve_station(settings: StationSettings, show: Any) -> None:
     await station.run()
 
 
-async def _serve_page(make: "Any") -> None:
+async def _serve_page(make: "Any", ended: threading.Event) -> None:
     station: PageStation = make()
     _on_signals(station.stop)
-    await station.run()
+    code = 1
+    try:
+        await station.run()
+        code = 0
+    finally:
+        # What still reads or computes in a thread, from a disk that hangs, is not waited for.
+        queries_ended.set()
+        threading.Thread(target=_end_anyway, args=(code, ended), daemon=True).start()
+
+
+def _end_anyway(code: int, ended: threading.Event) -> None:
+    """End the program when the event loop, which waits for its threads, does not."""
+    if ended.wait(LAST_THREADS_S):
+        return
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
 
 
 def _on_signals(stop: Any) -> None:
@@ -199,6 +229,12 @@ def _print_text(event: dict[str, Any]) -> None:
             print(f"waiting: {reason}")
         case {"event": "drone", "system": system}:
             print(f"drone found: system {system}")
+        case {"event": "already detecting"}:
+            print("the drone detects these tags already: listening. Ctrl-C stops the search")
+        case {"event": "others detected", "reason": reason}:
+            print(f"other tags are searched ({reason.removesuffix(': send stop first')}).")
+            print("Listening to them. To listen only, leave --tags and --start out; to search")
+            print("for yours, let whoever searches for these end it, then run this again.")
         case {"event": "stopped", "pulses": pulses}:
             print(f"stopped; {pulses} pulses received")
         case {"event": "acknowledged", "accepted": False, "command": command}:

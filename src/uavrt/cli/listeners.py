@@ -1,12 +1,15 @@
 """Who else hears of a detection than the file of pulses: plots, and the original's programs."""
 
+import os
+import re
+import socket
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config.settings import Ros2Settings
+from uavrt.config.settings import Ros2Settings, is_ros_namespace
 from uavrt.errors import UsageError
 from uavrt.ipc.pulse_datagram import PulseDatagramSender
 from uavrt.messages import ChannelBlock, Pulse, SearchReport, Tag
@@ -58,6 +61,12 @@ class PulseDatagrams(Listener):
         self._sender.close()
 
 
+def remote_node_name() -> str:
+    """Name this detector as no other on the network: ``Detector_fieldlaptop_4711``."""
+    host = re.sub(r"[^A-Za-z0-9]+", "_", socket.gethostname()).strip("_")
+    return f"Detector_{host[:60]}_{os.getpid()}"
+
+
 class RosPulses(Listener):
     """Publishes pulses on ROS 2, as the node of a detector.
 
@@ -67,9 +76,11 @@ class RosPulses(Listener):
         Network interfaces with commas; ``lo``: this computer only.
     tags : sequence of Tag
         For each a sign of life once a second while samples come.
+    namespace : str
+        That of the drone that takes the pulses.
     """
 
-    def __init__(self, interfaces: str, tags: Sequence[Tag]) -> None:
+    def __init__(self, interfaces: str, tags: Sequence[Tag], namespace: str = "") -> None:
         try:
             from uavrt.ros2.dds import Participant
         except ImportError as error:
@@ -77,8 +88,15 @@ class RosPulses(Listener):
                 f"ROS 2 needs more packages: {error}", remedy="pip install 'uavrt[ros2]'"
             ) from error
         named = tuple(name for name in interfaces.split(",") if name not in ("", "lo"))
-        settings = Ros2Settings(enabled=True, interfaces=named)
-        self._participant = Participant(settings, nodes=(DETECTOR,))
+        if not is_ros_namespace(namespace):
+            raise UsageError(
+                f"{namespace!r} is not a ROS namespace",
+                remedy="Give letters, digits and single underscores, like drone1",
+            )
+        settings = Ros2Settings(enabled=True, interfaces=named, namespace=namespace)
+        self._participant = Participant(
+            settings, nodes=(DETECTOR,), names={DETECTOR: remote_node_name()}
+        )
         self._tags = tags
         self._clock = Clock.start()
         self._next_beat_s = 0.0
@@ -99,6 +117,24 @@ class RosPulses(Listener):
     def close(self) -> None:
         """Leave the network."""
         self._participant.close()
+
+
+class Outside(Listener):
+    """Tells at the end of pulses like a tag's beside its window."""
+
+    def __init__(self, tags: Sequence[Tag], frequency_window_hz: float) -> None:
+        from uavrt.analysis.outside import OutsideSearch
+
+        self._search: OutsideSearch = OutsideSearch(tags, frequency_window_hz)
+
+    def channel(self, block: ChannelBlock) -> None:
+        """Look for bursts."""
+        self._search.add(block)
+
+    def finish(self) -> None:
+        """Say what was found."""
+        for found in self._search.finish():
+            print(found, file=sys.stderr)
 
 
 class Plots(Listener):

@@ -2,6 +2,7 @@
 
 import getpass
 import os
+import pwd
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -13,12 +14,15 @@ from uavrt.computer import ServicePlan
 from uavrt.computer import install as install_service
 from uavrt.computer import remove as remove_service
 from uavrt.computer import status as service_status
+from uavrt.config import load_settings
 
 service = App(
     name="service", help="Start uavrt at boot (systemd), and let it use the radio (udev)."
 )
 
 ROOT = Path("/")
+SERVICE_USER = "uavrt"
+"""Made by deploy/install.sh; it owns the flights and nothing else."""
 
 
 @service.command(help_epilogue=examples("service install"))
@@ -34,7 +38,8 @@ def install(
     Parameters
     ----------
     user
-        Who the service runs as; the user who called sudo if not given.
+        Who the service runs as; if not given the user uavrt, where there is one, else the user
+        who called sudo.
     directory
         Where it runs, and makes its flights by default; here if not given.
     config
@@ -42,12 +47,16 @@ def install(
     root
         Write below another directory than /, and start nothing.
     """
+    place = (directory or Path.cwd()).resolve()
+    settings = config.resolve() if config is not None else None
     plan = ServicePlan(
         program=Path(sys.executable).parent / "uavrt",
-        user=user or os.environ.get("SUDO_USER") or getpass.getuser(),
-        directory=(directory or Path.cwd()).resolve(),
-        config=config.resolve() if config is not None else None,
+        user=user or _own_user() or os.environ.get("SUDO_USER") or getpass.getuser(),
+        directory=place,
+        config=settings,
+        writable=_writable(root, place, settings),
     )
+    print(f"the service runs as {plan.user} in {plan.directory}")
     _print(install_service(plan, root))
 
 
@@ -73,6 +82,28 @@ def remove(*, root: Path = ROOT) -> None:
         Another directory than /.
     """
     _print(remove_service(root))
+
+
+def _own_user() -> str | None:
+    """Get the user that was made for the service, if there is one."""
+    try:
+        return pwd.getpwnam(SERVICE_USER).pw_name
+    except KeyError:
+        return None
+
+
+def _writable(root: Path, directory: Path, config: Path | None) -> tuple[Path, ...]:
+    """Get what the settings name for writing outside of the service's directory."""
+    path = root / (config or directory / "uavrt.toml").relative_to("/")
+    if not path.exists():
+        return ()
+    settings = load_settings(path)
+    named = [settings.recording.directory, settings.recording.save_directory]
+    if settings.status_socket is not None:
+        named.append(str(Path(settings.status_socket).parent))
+    places = (Path(os.path.normpath(directory / name)) for name in named if name)
+    outside = (place for place in places if not place.is_relative_to(directory))
+    return tuple(dict.fromkeys(outside))
 
 
 def _print(lines: list[str]) -> None:

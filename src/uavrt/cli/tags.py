@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,6 +38,8 @@ def check(file: Path) -> None:
     found = _read(file).tags
     for tag in found:
         print(_sentence(tag))
+    for warning in _likenesses(found):
+        print(f"warning: {warning}")
     print(f"{file}: {len(found)} tag(s), no fault")
 
 
@@ -239,6 +242,36 @@ def _progress(what: str) -> Iterator[Callable[[float], None] | None]:
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda part: bar.update(task, completed=part)
+
+
+def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
+    """Say which tags of one band may be taken for each other, and what would part them."""
+    from uavrt.config.settings import DetectionSettings
+    from uavrt.config.tag_bands import tags_by_band
+    from uavrt.detection.senders import part
+
+    window_hz = DetectionSettings().frequency_window_hz
+    for together in tags_by_band(found, window_hz):
+        for one, two in combinations(together, 2):
+            if abs(one.frequency_hz - two.frequency_hz) >= 2.0 * window_hz:
+                continue
+            parting = part(one, two)
+            if parting.certain and parting.pulses is not None:
+                continue
+            gap_ms = 1e3 * parting.gap_s
+            apart_hz = abs(one.frequency_hz - two.frequency_hz)
+            begin = (
+                f"tags {one.tag_id} and {two.tag_id} are {apart_hz:.0f} Hz and {gap_ms:.3g} ms "
+                f"apart: their pulses may be reported as {one.tag_id} or {two.tag_id}"
+            )
+            if parting.pulses is None or parting.uncertainty_s == 0.0:
+                yield f"{begin}; tags drift by more, so nothing but the frequency parts them"
+                continue
+            yield (
+                f"{begin} while only one is heard. With ± {1e3 * parting.uncertainty_s:.3g} ms "
+                f"or less for each, one alone is told apart after {parting.pulses} pulses "
+                f"({parting.seconds:.3g} s); `uavrt tags measure` measures intervals"
+            )
 
 
 def _sentence(tag: "Tag") -> str:

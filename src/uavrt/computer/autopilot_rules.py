@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from uavrt.errors import ConfigError
+from uavrt.mavlink.discovery import STATION_SYSTEM_ID
 
 PX4_PORTS = {"TELEM1": (101, "TEL1"), "TELEM2": (102, "TEL2"), "TELEM3": (103, "TEL3")}
 """Number of a port for MAV_n_CONFIG, and its name in SER_…_BAUD."""
@@ -60,15 +61,46 @@ def px4_port(port: str) -> tuple[int, str]:
     return PX4_PORTS[port]
 
 
+def has_serial_ports(values: Mapping[str, float | None]) -> bool:
+    """Whether a PX4 tells which ports speak MAVLink; one in simulation does not."""
+    return any(values.get(f"MAV_{n}_CONFIG") is not None for n in PX4_INSTANCES)
+
+
+def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bool, str, str]:
+    """Say what the autopilot does when the operator's ground station is lost.
+
+    PX4 counts every heartbeat of type GCS, ArduPilot those of the system MAV_GCS_SYSID
+    (SYSID_MYGCS before 4.7); a ground station of ours is neither.
+
+    Returns
+    -------
+    good : bool
+    text, remedy : str
+    """
+    if px4:
+        action = values.get("NAV_DLL_ACT")
+        text = {None: "not told", 0.0: "none"}.get(action, f"NAV_DLL_ACT = {action}")
+        return True, f"action when the operator's ground station is lost: {text}", ""
+    enabled = values.get("FS_GCS_ENABLE")
+    operator = values.get("MAV_GCS_SYSID", None) or values.get("SYSID_MYGCS")
+    if operator == STATION_SYSTEM_ID:
+        text = f"the operator's ground station is system {operator:g}, as `uavrt ground` is"
+        return False, f"{text}: its loss would go unnoticed", "Set MAV_GCS_SYSID to 255"
+    text = {None: "not told", 0.0: "none"}.get(enabled, f"FS_GCS_ENABLE = {enabled}")
+    return True, f"action when the operator's ground station is lost: {text}", ""
+
+
 def names_to_read(px4: bool, port: str | None) -> list[str]:
     """List the parameters that the rules look at."""
     if px4:
         names = [
             f"MAV_{n}_{what}" for n in PX4_INSTANCES for what in ("CONFIG", "MODE", "FORWARD")
         ]
+        names.append("NAV_DLL_ACT")
         return names if port is None else [*names, f"SER_{px4_port(port)[1]}_BAUD"]
     names = [f"SERIAL{n}_{w}" for n in ARDUPILOT_SERIALS for w in ("PROTOCOL", "OPTIONS")]
     names += [f"MAV{n}_OPTIONS" for n in ARDUPILOT_CHANNELS]
+    names += ["FS_GCS_ENABLE", "MAV_GCS_SYSID", "SYSID_MYGCS"]
     return names if port is None else [*names, f"SERIAL{serial_number(port)}_BAUD"]
 
 
@@ -98,6 +130,8 @@ def needs(
 
 def _px4(values: Mapping[str, float | None], port: str | None, baud: int) -> list[Need]:
     found: list[Need] = []
+    if not has_serial_ports(values):
+        return found
 
     def need(name: str, wanted: float, why: str) -> None:
         found.append(Need(name=name, value=values.get(name), wanted=wanted, why=why))

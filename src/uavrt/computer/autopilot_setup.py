@@ -3,7 +3,13 @@
 import asyncio
 from collections.abc import Iterator
 
-from uavrt.computer.autopilot_rules import Need, names_to_read, needs
+from uavrt.computer.autopilot_rules import (
+    Need,
+    has_serial_ports,
+    names_to_read,
+    needs,
+    operator_failsafe,
+)
 from uavrt.computer.checks import Finding
 from uavrt.errors import UavrtError
 from uavrt.mavlink.address import Address, parse_address
@@ -60,6 +66,11 @@ async def _examine(place: Address, port: str | None, baud: int, fix: bool) -> li
             finding, done = await _judge(client, need, fix)
             found.append(finding)
             changed = changed or done
+        if px4 and not has_serial_ports(values):
+            text = "this PX4 tells no serial ports (simulated?): forwarding was not checked"
+            found.append(Finding(what=WHAT, ok=True, text=text))
+        good, text, remedy = operator_failsafe(px4, values)
+        found.append(Finding(what=WHAT, ok=good, text=text, remedy=remedy))
         if changed:
             text = "the changes are in force after a restart of the autopilot"
             remedy = "Take its power away and give it again, then run this once more"

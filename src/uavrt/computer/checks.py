@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from uavrt import native
 from uavrt.clock import Clock, wall_ns
 from uavrt.computer.service import RADIOS
 from uavrt.config.settings import Settings
@@ -254,7 +255,7 @@ def check_processor(measure_s: float = 1.0) -> Finding:
     return Finding(
         what="processor",
         ok=idle >= IDLE_CORES_NEEDED,
-        text=f"{idle:.1f} of {cores} cores idle",
+        text=f"{idle:.1f} of {cores} cores idle; detection by {native.description()}",
         remedy="" if idle >= IDLE_CORES_NEEDED else "See what else runs: top",
     )
 

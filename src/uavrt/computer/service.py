@@ -1,9 +1,10 @@
 """Start at boot: a systemd unit and a udev rule.
 
 The unit is ``Type=notify`` with a watchdog (systemd.service(5)): systemd starts the supervisor
-again when it ends or falls silent, and the supervisor goes on with the flight. The rule lets
-the group ``plugdev`` use the radio: Debian's own rule (``TAG+="uaccess"``) opens it only to who
-sits at the screen, not to ssh and not to a service.
+again when it ends or falls silent, and the supervisor goes on with the flight. It is confined
+to what a drone needs (systemd.exec(5)): its directory, removable drives, USB radios, serial
+ports and the network. The rule lets the group ``plugdev`` use the radio: Debian's own rule
+(``TAG+="uaccess"``) opens it only to who sits at the screen, not to ssh and not to a service.
 """
 
 import shutil
@@ -31,6 +32,20 @@ RADIOS = (
 )
 """USB vendor, product and name."""
 
+DRIVES = ("/media", "/run/media")
+"""Where drives that are plugged in appear: "save logs" copies the flights there."""
+DEVICES = (
+    "char-usb_device",
+    "char-ttyUSB",
+    "char-ttyACM",
+    "char-ttyAMA",
+    "char-ttyS",
+    "char-ttyTHS",
+)
+"""Kernel names (``/proc/devices``) of USB radios and of serial ports: USB cables, boards with a
+USB port of their own, the Raspberry Pi's, a PC's and the Jetson's pins."""
+_HOMES = (Path("/home"), Path("/root"), Path("/run/user"))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServicePlan:
@@ -43,12 +58,18 @@ class ServicePlan:
     """Working directory: relative paths of the settings begin here."""
     config: Path | None = None
     """Settings file; None: ``uavrt.toml`` in the directory, if it is there."""
+    writable: tuple[Path, ...] = ()
+    """Directories outside of `directory` that the settings name: flights, save logs."""
 
 
 def unit_text(plan: ServicePlan) -> str:
     """Write the unit."""
     config = ["--config", str(plan.config)] if plan.config is not None else []
     command = " ".join(_quoted(word) for word in (str(plan.program), "run", *config))
+    places = [str(plan.directory), *(str(path) for path in plan.writable)]
+    # A directory that is not there yet must not keep the drone on the ground.
+    writable = " ".join(_place(place) for place in (*places, *DRIVES))
+    devices = "\n".join(f"DeviceAllow={name} rw" for name in DEVICES)
     return f"""\
 [Unit]
 Description=uavrt: find radio-tagged animals from a drone
@@ -73,9 +94,56 @@ TimeoutStartSec=30
 TimeoutStopSec=20
 OOMScoreAdjust=-500
 
+# What it may touch: its own files, drives, radios, serial ports and the network.
+UMask=0027
+NoNewPrivileges=yes
+CapabilityBoundingSet=
+AmbientCapabilities=
+ProtectSystem=strict
+ReadWritePaths={writable}
+ProtectHome={_home_access(plan)}
+PrivateTmp=yes
+DevicePolicy=closed
+{devices}
+ProtectKernelTunables=yes
+ProtectKernelModules=yes
+ProtectKernelLogs=yes
+ProtectControlGroups=yes
+ProtectClock=yes
+ProtectHostname=yes
+ProtectProc=invisible
+RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK
+RestrictNamespaces=yes
+RestrictRealtime=yes
+RestrictSUIDSGID=yes
+LockPersonality=yes
+MemoryDenyWriteExecute=yes
+RemoveIPC=yes
+KeyringMode=private
+SystemCallArchitectures=native
+SystemCallFilter=@system-service
+SystemCallFilter=~@privileged @resources
+# Some processes lower their own priority; setpriv, which starts the radio, drops capabilities.
+SystemCallFilter=setpriority capset
+SystemCallErrorNumber=EPERM
+
 [Install]
 WantedBy=multi-user.target
 """
+
+
+def _place(path: str) -> str:
+    """Quote a path for ``ReadWritePaths=``, which expands ``%`` but not ``$``."""
+    return _quoted(f"-{path}").replace("$$", "$")
+
+
+def _home_access(plan: ServicePlan) -> str:
+    """Close home directories, unless the program or its files lie in one."""
+    used = (plan.program, plan.directory, plan.config, *plan.writable)
+    within = any(
+        path.is_relative_to(home) for path in used if path is not None for home in _HOMES
+    )
+    return "read-only" if within else "yes"
 
 
 def rule_text() -> str:

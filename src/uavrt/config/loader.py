@@ -177,7 +177,8 @@ def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
         "less_than": f"must be below {context.get('lt')}",
         "less_than_equal": f"must be at most {context.get('le')}",
     }
-    return f"{label} is {given}, but {words.get(detail['type'], detail['msg'].lower())}"
+    reason = words.get(detail["type"]) or _rule(detail["type"], detail["msg"])
+    return f"{label} is {given}, but {reason}"
 
 
 def _setting_lines(key: str, entry: dict[str, Any]) -> list[str]:
@@ -198,3 +199,10 @@ def _plain(text: str) -> str:
     sourceless = re.sub(r"\s*\(reference/[^)]*\)", "", text)
     joined = " ".join(sourceless.replace("``", "").split())
     return textwrap.fill(joined, _WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def _rule(kind: str, text: str) -> str:
+    """Say in words what a rule of its own asks for; pydantic names only the function."""
+    if kind == "predicate_failed" and "is_ros_namespace" in text:
+        return "a ROS namespace has letters, digits and single underscores, like drone1"
+    return text.lower()

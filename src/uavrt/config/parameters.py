@@ -57,6 +57,8 @@ class Parameter:
     """What one unit of the parameter is in the setting's unit."""
     live: bool = False
     """In force at once; otherwise from the next start of detection."""
+    volatile: bool = False
+    """Tells a state, which changes by itself; it is no setting and is not kept."""
 
     def allows(self, value: float) -> bool:
         """Whether a number may be set."""
@@ -200,8 +202,40 @@ PARAMETERS: dict[str, Parameter] = {
 }
 
 
+RUN = Parameter(
+    name="DET_RUN",
+    table="",
+    field="",
+    kind="switch",
+    low=0,
+    high=1,
+    default=0,
+    live=True,
+    volatile=True,
+    short="Detect",
+    meaning="1 starts detection with the last tags, 0 stops it; shows which of the two it is.",
+)
+"""An order and a state as a parameter, for ground stations that know nothing else."""
+
+OFFERED: dict[str, Parameter] = {**PARAMETERS, RUN.name: RUN}
+"""What a ground station sees: the settings' parameters, and this one at the end."""
+
+
+def run_wanted(value: float) -> bool:
+    """Read what `DET_RUN` is to be: True to detect.
+
+    Raises
+    ------
+    ConfigError
+        It is neither 0 nor 1.
+    """
+    if not (math.isfinite(value) and RUN.allows(value)):
+        raise ConfigError(f"{RUN.name} cannot be {value:g}: 1 starts, 0 stops")
+    return bool(value)
+
+
 def parameter_values(settings: Settings) -> dict[str, float]:
-    """Get the number of every parameter, in the table's order."""
+    """Get the number of every setting's parameter, in the table's order."""
     return {name: _value(settings, parameter) for name, parameter in PARAMETERS.items()}
 
 

@@ -3,10 +3,11 @@
 Each class is one table of the file; each default is what a first flight needs.
 """
 
+import re
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal
 
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Gt, Interval, Predicate
 
 STRICT: dict[str, Any] = {
     "extra": "forbid",
@@ -17,11 +18,22 @@ STRICT: dict[str, Any] = {
 """How `uavrt.config.loader` has pydantic read each table; a plain dict, so that this module
 costs the drone nothing (reference/style.md §B.3)."""
 
+
+def is_ros_namespace(text: str) -> bool:
+    """Whether ROS 2 takes a text for a namespace: names of letters, digits and underscores.
+
+    Rules: design.ros2.org, "Topic and Service name mapping to DDS".
+    """
+    named = re.fullmatch(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*", text)
+    return text == "" or (named is not None and "__" not in text and len(text) <= 100)
+
+
 Shape = Literal["workers", "stages", "one"]
 OperatingModeName = Literal[
     "freqSearchSoftLock", "freqSearchHardLock", "freqKnownHardLock", "freqAllNeverLock"
 ]
 """Names of `uavrt.detection.OperatingMode`, those of the original's ``detectorConfig.txt``."""
+NamedValuesName = Literal["all", "snr", "off"]
 RadioKind = Literal["airspy", "airspyhf", "rtlsdr", "hackrf", "soapy"]
 RADIO_GROUP = "uavrt.radios"
 """Entry points of this group add kinds of radio (docs/how-to/extend.md)."""
@@ -79,11 +91,20 @@ class MavlinkSettings:
     """How whole numbers travel in parameters; auto: as the autopilot does it (PX4 bytewise,
     ArduPilot cast), which is what most ground stations expect; float: all parameters are of
     type float, which everyone reads alike, MAVProxy beside a PX4, too."""
+    named_values: NamedValuesName = "all"
+    """SNR and count of each tag as NAMED_VALUE_FLOAT (``SNR_2``, ``CNT_2``), while a ground
+    station that is not ours is there; snr: that alone, for plots of one tag; off: none."""
     commanders: tuple[Annotated[int, Interval(ge=1, le=255)], ...] = ()
     """System ids of the ground stations that may command; empty: all."""
+    first_commands: bool = True
+    """Whoever commands a flight first, by MAVLink or ROS 2, commands it alone: others watch,
+    until that has been silent for 60 s, or with a sealed command; false: everybody commands."""
     key_file: str | None = None
     """File with a key of 32 or more hexadecimal digits that the ground station has too; then
     only commands sealed with it are taken, and other ground stations can only listen."""
+    key_required: bool = True
+    """With a key: false takes unsealed commands, too, from the first who commands; whoever has
+    the key commands at any time."""
     signing_key_file: str | None = None
     """File with a key of 64 hexadecimal digits: MAVLink 2 signing, for direct links and through
     ArduPilot. PX4 1.17 breaks the signatures of what it passes on; there use key_file."""
@@ -139,6 +160,9 @@ class DetectionSettings:
     shape: Shape = "workers"
     """Which stage runs in which process: ``workers`` (a receiver and several detectors),
     ``one`` (all in one process, for a single core), ``stages`` (each on its own)."""
+    maximum_tags: Annotated[int, Interval(ge=1, le=1000)] = 100
+    """Most tags that are taken: as many as the computer is known to carry. 100 were measured on
+    two cores of a small companion computer; a slower one carries fewer."""
     k: Annotated[int, Interval(ge=0, le=100)] = 0
     """Pulses summed for one decision, for all tags; 0: as each tag says."""
     false_alarm_probability: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.0
@@ -205,8 +229,13 @@ class Ros2Settings:
     interfaces: tuple[str, ...] = ()
     """Network interfaces besides the loopback, like ["eth0"]; whoever is on them may listen,
     and command unless accept_commands is false."""
+    namespace: Annotated[str, Predicate(is_ros_namespace)] = ""
+    """Put before all nodes and topics, like "drone1": one for each vehicle of a ROS domain."""
     domain_id: Annotated[int, Interval(ge=0, le=232)] | None = None
     """ROS domain; left out: the environment's ROS_DOMAIN_ID, else 0."""
+    node_per_tag: bool = False
+    """A node for each tag's detector, Detector_tag_2, that publishes its pulses, as in the
+    original; false: DetectorComponent publishes all."""
     gid_bytes: Literal[16, 24] = 16
     """Size of an identifier in ROS 2's node list: 24 for Humble and Galactic, else 16."""
     accept_commands: bool = True

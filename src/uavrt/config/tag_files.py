@@ -67,7 +67,7 @@ def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
     Parameters
     ----------
     tags : sequence of Tag
-        From a measurement, or another program's file.
+        From a measurement, another program's file, or a wire.
     """
     faults: list[Fault] = []
     tags_from_drafts([_draft(tag, place) for place, tag in enumerate(tags)], faults)

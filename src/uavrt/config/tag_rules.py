@@ -1,6 +1,7 @@
 """What makes sense for a tag, in the words of the person who typed it.
 
-Both tag file formats are read into `TagDraft` and judged here, so they have the same rules.
+Both tag file formats are read into `TagDraft` and judged here, so they have the same rules; and
+so has a tag that came by a wire (`uavrt.config.tag_files.faults_of_tags`).
 Bounds are those of wildlife tags with room to spare: pulses of 15 to 20 ms every 1 to 2 s near
 150 MHz (thesis §1.1; reference/detector.md §2).
 """
@@ -28,6 +29,7 @@ MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
 MAX_INTERVAL_MS = 60_000.0
 MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
 MAX_K = 100
+MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's (reference/control.md §6.2)
 MAX_ID = 2**32 - 1  # uint32 on the wire (reference/control.md §2.2)
 
 _FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
@@ -144,9 +146,9 @@ def _fault_of_number(quantity: Quantity, entry: Entry) -> str | None:
             if n != int(n) or not 1 <= n <= MAX_K:
                 return f"must be a whole number from 1 to {MAX_K}"
         case "false_alarm_probability":
-            if not 0.0 < n < 1.0:
+            if not 0.0 < n <= MAX_FALSE_ALARM_PROBABILITY:
                 hint = f"; {n:g} % is {n / 100:g}" if 1.0 <= n < 100.0 else ""
-                return f"must be between 0 and 1{hint}"
+                return f"must be above 0 and at most {MAX_FALSE_ALARM_PROBABILITY:g}{hint}"
     return None
 
 
@@ -180,4 +182,22 @@ def _fault_of_pairs(entries: dict[Quantity, Entry]) -> list[tuple[Entry, str]]:
         if entry is not None and entry.number >= shortest.number / 2:
             text = f"must be under half of the interval, {shortest.label}"
             found.append((entry, text))
+    return found or _fault_of_group(entries, shortest)
+
+
+def _fault_of_group(entries: dict[Quantity, Entry], shortest: Entry) -> list[tuple[Entry, str]]:
+    """Judge what a detector makes of the numbers together."""
+    uncertainty = entries.get("interval_uncertainty")
+    width, k = entries.get("pulse_width"), entries.get("k")
+    loose_ms = 0.0 if uncertainty is None else uncertainty.number
+    found: list[tuple[Entry, str]] = []
+    if width is not None and shortest.number - loose_ms <= 2.0 * width.number:
+        less = "" if uncertainty is None else f" less {uncertainty.label}"
+        found.append((width, f"must be under half of the interval, {shortest.label}{less}"))
+    if k is not None and (k.number - 1.0) * loose_ms > shortest.number and uncertainty:
+        text = (
+            f"is too many for {uncertainty.label}: after so many pulses the next is unknown "
+            f"by more than the interval, {shortest.label}"
+        )
+        found.append((k, text))
     return found

@@ -6,6 +6,7 @@ are simulated.
 
 import json
 import os
+import random
 import shutil
 import signal
 import socket
@@ -13,6 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,12 +75,45 @@ def free_udp_port() -> int:
         return port
 
 
+def free_ros_domain() -> int:
+    """Get a ROS domain for the demo alone: nobody on this computer uses it, nor means to.
+
+    A real drone in the lab is in the environment's domain, or in 0. Up to 101, the ports of a
+    domain lie below those that Linux gives to anybody (32768).
+
+    Raises
+    ------
+    UavrtError
+        All are in use.
+    """
+    domains = random.sample(range(1, 102), 101)
+    for domain in domains:
+        if str(domain) == os.environ.get("ROS_DOMAIN_ID", "").strip():
+            continue
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock, suppress(OSError):
+            # Unicast discovery port of the domain's first participant (DDSI-RTPS §9.6.1).
+            sock.bind(("127.0.0.1", 7400 + 250 * domain + 10))
+            return domain
+    raise UavrtError("no ROS domain is free", remedy="Stop programs that use ROS 2")
+
+
+def demo_environment() -> dict[str, str]:
+    """Get the environment of the demo's programs; no site's ROS 2 network reaches into it."""
+    kept = {name: v for name, v in os.environ.items() if name != "CYCLONEDDS_URI"}
+    return kept | blas_environment({}) | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
 def drone_settings(
-    scenario: Scenario, paths: DemoPaths, companion_port: int, *, ros2: bool = False
+    scenario: Scenario,
+    paths: DemoPaths,
+    companion_port: int,
+    *,
+    ros_domain: int | None = None,
 ) -> Settings:
     """Make the drone side's settings: as in a real ``uavrt.toml`` but for the radio program.
 
-    With `ros2`, the drone is also seen as ROS 2 nodes, on this computer only.
+    With `ros_domain`, the drone is also seen as ROS 2 nodes, in that domain and on this
+    computer only.
     """
     antenna = scenario.antenna
     return Settings(
@@ -103,7 +138,7 @@ def drone_settings(
             offset_down_m=antenna.offset_down_m,
         ),
         recording=RecordingSettings(directory=str(paths.flights)),
-        ros2=Ros2Settings(enabled=ros2),
+        ros2=Ros2Settings(enabled=ros_domain is not None, domain_id=ros_domain),
         status_socket=str(paths.status_socket),
     )
 
@@ -124,7 +159,7 @@ class Program:
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                env=os.environ | blas_environment({}),
+                env=demo_environment(),
                 process_group=0,
             )
         self.pid = self._process.pid

@@ -14,7 +14,13 @@ from rich.live import Live
 
 from uavrt.clock import Clock
 from uavrt.config import write_tags
-from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.demo.programs import (
+    DemoPaths,
+    Program,
+    drone_settings,
+    free_ros_domain,
+    free_udp_port,
+)
 from uavrt.demo.summary import DemoSummary, summarize_tag
 from uavrt.demo.view import DemoView, TagView
 from uavrt.demo.watch import Cpu
@@ -107,8 +113,11 @@ class Demo:
         self._start_ns = start_ns
         write_scenario(self.scenario, paths.scenario)
         # The gateway is part of the demo wherever its extra is installed.
-        ros2 = find_spec("cyclonedds") is not None
-        settings = drone_settings(self.scenario, paths, companion_port, ros2=ros2)
+        if find_spec("cyclonedds") is not None:
+            self.view.ros_domain = free_ros_domain()
+        settings = drone_settings(
+            self.scenario, paths, companion_port, ros_domain=self.view.ros_domain
+        )
         self._programs = [
             self._program(
                 paths,

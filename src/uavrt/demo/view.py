@@ -56,6 +56,8 @@ class DemoView:
     cpu_percent: dict[str, float] = field(default_factory=dict)
     flight_directory: str = ""
     page_address: str = ""
+    ros_domain: int | None = None
+    """Where `ros2 topic list` sees the drone."""
 
     def render(self, now_s: float) -> RenderableType:
         """Draw the view at an instant of the viewer's clock."""
@@ -101,10 +103,13 @@ class DemoView:
         bar = Table.grid(expand=True)  # alone, a bar does not end its line
         done_s = min(self.elapsed_s, self.duration_s)
         bar.add_row(ProgressBar(total=self.duration_s, completed=done_s))
-        if not self.page_address:
-            return Group(grid, bar)
-        page = Text.assemble(("page ", "dim"), (self.page_address, "bold cyan"))
-        return Group(grid, bar, page)
+        rows: list[RenderableType] = [grid, bar]
+        if self.page_address:
+            rows.append(Text.assemble(("page ", "dim"), (self.page_address, "bold cyan")))
+        if self.ros_domain is not None:
+            named = f"ROS_DOMAIN_ID={self.ros_domain}"
+            rows.append(Text.assemble(("ROS 2 ", "dim"), (named, "bold cyan")))
+        return Group(*rows)
 
     def _tag_table(self, now_s: float) -> RenderableType:
         table = Table(expand=True, box=None, header_style="dim")

@@ -8,7 +8,9 @@ original, reference/detector.md §5).
 """
 
 import math
+from collections.abc import Callable
 
+from uavrt.detection.chance import OnAir
 from uavrt.detection.circle import apart_hz
 from uavrt.detection.refine import Measured
 from uavrt.detection.tracks import Track
@@ -21,7 +23,12 @@ FoundPulse = tuple[int, float, int, Measured]
 
 
 def joined(
-    tracks: list[Track], pulses: list[FoundPulse], *, rate: int, sample_rate_hz: float
+    tracks: list[Track],
+    pulses: list[FoundPulse],
+    *,
+    rate: int,
+    sample_rate_hz: float,
+    around: Callable[[Track, Measured], OnAir],
 ) -> Track | None:
     """Put a group to the one that it goes on with, if there is one.
 
@@ -33,6 +40,8 @@ def joined(
         A group that reached the threshold.
     rate : int
     sample_rate_hz : float
+    around : callable
+        Tells what else is on air around a track's place.
 
     Returns
     -------
@@ -42,7 +51,7 @@ def joined(
     if onto is None:
         return None
     track, base = onto
-    track.join(pulses, base)
+    track.join(pulses, base, around)
     return track
 
 

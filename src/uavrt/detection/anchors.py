@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.bursts import Bursts
 from uavrt.detection.search import Candidate, RateSearch, best_first
+from uavrt.native import kernels
 
 _ANCHORS_AT_ONCE = 96
 _CANDIDATES_AT_ONCE = 24
@@ -43,14 +45,17 @@ class AnchorSearch(RateSearch):
         self.width = self.length + max(self.stretch, self.piece + 2 * reach)
         """Columns with those that lie twice."""
         self.base = 0
-        self.memory = np.zeros(self.rows * self.width, np.float32)
-        self.cells = self.memory.reshape(self.rows, self.width)
+        # Its own when it is first needed: of a hundred tags in a group 48 MB never are.
+        self.memory = np.zeros(0, np.float32)
+        self.cells = self.memory.reshape(0, self.width)
         self.pushed = 0
         self.anchor_columns: list[int] = []
         self.anchor_rows: list[int] = []
         self.anchor_powers: list[float] = []
         self.tested = [0] * k
         """How many of the anchors were tested in each place."""
+        self.bursts: Bursts | None = None
+        """Takes the anchors that are done with."""
 
     def begin_at(self, column: int) -> None:
         """Begin in mid-stream: the first column that will be pushed is this one."""
@@ -76,12 +81,20 @@ class AnchorSearch(RateSearch):
         piece. The cells of one row lie side by side.
         """
         cells = memory[base : base + self.size].reshape(self.rows, self.width)
-        if self.pushed or not empty:
+        if len(self.cells):
             cells[:] = self.cells
+        elif not empty:
+            cells[:] = 0.0
         self.memory, self.base, self.cells = memory, base, cells
+
+    def settle(self) -> None:
+        """See that there is a ring: in memory of its own if it has not settled in another."""
+        if not len(self.memory):
+            self.settle_in(np.zeros(self.size, np.float32), 0, empty=True)
 
     def append(self, power: NDArray[np.float32]) -> None:
         """Put new columns, shape (rows, columns), into the ring."""
+        self.settle()
         count, cells, length = power.shape[1], self.cells, self.length
         at = self.pushed % length
         cells[:, at : at + count] = power
@@ -130,6 +143,10 @@ class AnchorSearch(RateSearch):
         # Those tested as the first of K, which waits longest, are done with.
         keep = tested[0]
         if keep:
+            if self.bursts is not None:
+                self.bursts.add(
+                    columns[:keep], self.anchor_rows[:keep], self.anchor_powers[:keep]
+                )
             del columns[:keep], self.anchor_rows[:keep], self.anchor_powers[:keep]
             self.tested = [upto - keep for upto in tested]
         due.members += [member] * (len(due.columns) - len(due.members))
@@ -152,6 +169,36 @@ class AnchorSearch(RateSearch):
         after = np.arange(self.k) - tested.place[part][which][:, np.newaxis]
         columns = tested.column[part][which][:, np.newaxis] + after * interval[:, np.newaxis]
         score, strength, row = best[which], strength[strongest], tested.row[part][which]
+        return self._unknown(score, strength, row, columns)
+
+    def candidates(
+        self, due: "_Due", hits: list[tuple[int, float, float, int]]
+    ) -> list[Candidate]:
+        """Make candidates of the anchors that the compiled kernel found above threshold.
+
+        Parameters
+        ----------
+        due : _Due
+        hits : list of (int, float, float, int)
+            Which of these, the best sum and the strength in noise powers, and the interval.
+        """
+        hits = sorted(hits, key=lambda hit: -hit[2])[:_CANDIDATES_AT_ONCE]
+        which, score, strength, interval = zip(*hits, strict=True)
+        place = np.array([due.places[index] for index in which])
+        column = np.array([due.columns[index] for index in which])
+        after = np.arange(self.k) - place[:, np.newaxis]
+        columns = column[:, np.newaxis] + after * self.intervals[list(interval), np.newaxis]
+        row = np.array([due.rows[index] for index in which])
+        return self._unknown(np.array(score), np.array(strength), row, columns)
+
+    def _unknown(
+        self,
+        score: NDArray[np.floating],
+        strength: NDArray[np.floating],
+        row: NDArray[np.intp],
+        columns: NDArray[np.float64],
+    ) -> list[Candidate]:
+        """Candidates that no known pulse explains; arrays along them."""
         if self.known is not None:
             new = ~self.known.explain(columns, row, strength, reach=self.reach)
             if not new.any():
@@ -215,6 +262,11 @@ def search_together(
     list of list of Candidate
         For each search, best first.
     """
+    if kernels() is not None:
+        return [
+            _search_by_kernel(search, columns, level)
+            for search, columns, level in zip(searches, power, noise, strict=True)
+        ]
     found: list[list[Candidate]] = [[] for _ in searches]
     for search, columns in zip(searches, power, strict=True):
         search.append(columns)
@@ -229,6 +281,39 @@ def search_together(
         for some in found:
             best_first(some)
     return found
+
+
+def _search_by_kernel(
+    search: AnchorSearch, power: NDArray[np.float32], level: NDArray[np.float32]
+) -> list[Candidate]:
+    """Do as `search_together` for one search: its powers (rows, columns), its noise (rows,)."""
+    native = kernels()
+    if power.strides[1] != power.itemsize:
+        power = np.ascontiguousarray(power)
+    search.settle()
+    at, first = search.pushed % search.length, search.columns
+    search.pushed += power.shape[1]
+    fresh = search.fresh
+    begin = search.advance(fresh) if fresh else 0
+    ring = (search.memory, search.base, search.rows, search.width, search.length)
+    share = search.threshold / search.k
+    search.note(*native.note(*ring, at, begin, fresh, first, search.reach, share, level, power))
+    due = _Due()
+    if fresh:
+        search.take_due(due, 0)
+    if not due.columns:
+        return []
+    least = search.threshold * search.margin
+    largest, hits = native.rate(
+        *(*ring, search.stretch, search.reach, search.limit, search.lows, search.rest, level),
+        *(due.columns, due.rows, due.powers, due.places, least),
+    )
+    search.best = max(search.best, largest / search.threshold)
+    if hits and len(due.columns) > _ANCHORS_AT_ONCE:
+        found: list[list[Candidate]] = [[]]
+        _test_all([search], due, level[np.newaxis], found)
+        return best_first(found[0])
+    return best_first(search.candidates(due, hits)) if hits else []
 
 
 def _note_anchors(searches: Sequence[AnchorSearch], noise: NDArray[np.float32]) -> None:

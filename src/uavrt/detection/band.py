@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from uavrt.detection.anchors import AnchorSearch, search_together
 from uavrt.detection.bounds import Bounds
+from uavrt.detection.bursts import Bursts, Known
 from uavrt.detection.evidence import gate
 from uavrt.detection.grid import Grid, Spectrogram
 from uavrt.detection.known import KnownPulses
+from uavrt.detection.levelling import SLOT, Leveller, level_together
 from uavrt.detection.noise import RowNoise, update_together
 from uavrt.detection.rates import make_searches
 from uavrt.detection.samples import SampleBuffer
@@ -20,7 +22,7 @@ from uavrt.detection.spectra import Workspace, columns_ahead, push_together
 from uavrt.detection.thresholds import young_margin
 from uavrt.messages import Tag
 
-NOISE_STRIDE = 4
+NOISE_STRIDE = SLOT
 """Of the columns, eight to a pulse, every fourth tells the noise as much as all."""
 _LEARN_BATCHES = 3
 """The noise is followed so many batches at a time: a call costs more than its data."""
@@ -30,6 +32,8 @@ _LEAST_CLEAN = 0.2
 dense that fewer are left are in nearly all, which then have about the same noise."""
 _LAG_S = 0.07
 """The newest columns lag a window and a filter behind the samples."""
+_KEPT_S = 4.0
+"""Besides a group's span, levels are kept so long: pulses are measured some time later."""
 _YOUNG_NOISE_S = 2.5
 """Until so much is heard the noise is measured anew from all of it with each batch."""
 
@@ -68,7 +72,21 @@ class SearchBand:
         self._searches = make_searches(tag, grid, half_width_hz)
         for search in self._searches:
             search.margin = gate(search.k)
+        steady = self._searches[0]
+        self.leveller = Leveller(
+            rows=grid.rows,
+            keep=max(search.span for search in self._searches)
+            + math.ceil(_KEPT_S / grid.hop_s),
+            steepness=steady.threshold / steady.k,
+            circular=half_width_hz >= grid.sample_rate_hz / 2.0,
+        )
+        """How loud the noise is at each time, over `noise`."""
         self._anchor_searches = [s for s in self._searches if isinstance(s, AnchorSearch)]
+        self._bursts = Bursts(grid, tag.pulse_width_s)
+        if self._anchor_searches:
+            # The cells of all rates are the same.
+            self._anchor_searches[0].bursts = self._bursts
+        self._begun = 0
         self._kind: tuple[int, ...] | None = None
         """What never changes of what bands that go on together have in common; None: alone."""
         if grid.halves is not None and len(self._anchor_searches) == len(self._searches):
@@ -82,8 +100,13 @@ class SearchBand:
 
     @property
     def noise(self) -> NDArray[np.float32]:
-        """Noise power of each row, shape (rows,)."""
+        """Noise power of each row at a level of one, shape (rows,)."""
         return self._noise.level
+
+    @property
+    def noise_now(self) -> NDArray[np.float32]:
+        """Noise power of each row in the newest columns, shape (rows,)."""
+        return self._noise.level * self.leveller.rows_now
 
     def note_lines(self, *, many: bool) -> None:
         """Say whether many lines are being taken out of the samples."""
@@ -107,6 +130,10 @@ class SearchBand:
         """
         power = self._columns(self._spectrogram, upto, last=last)
         was_ready = self._noise.ready
+        if was_ready and len(power):
+            whole = self._whole_columns(self._column, len(power)) if self._broken else None
+            self.leveller.level(power.T, self.noise, self._column, whole)
+            self._noise.only_rises = self.leveller.uneven
         self._take(power, last=last)
         if not self._noise.ready:
             return None
@@ -155,6 +182,25 @@ class SearchBand:
         if len(power):
             self._learn(power, begin, last=last)
 
+    def bursts(self, known: Sequence[Known]) -> Bursts:
+        """What else is on air, up to the present.
+
+        Parameters
+        ----------
+        known : sequence of Known
+            Pulses of tags that are sure: no bursts.
+        """
+        if self._anchor_searches:
+            search = self._anchor_searches[0]
+            self._bursts.look(
+                (search.anchor_columns, search.anchor_rows, search.anchor_powers),
+                self._noise.level,
+                now_column=search.columns,
+                begin_column=self._begun,
+                known=known,
+            )
+        return self._bursts
+
     def score(self) -> float:
         """Best statistic since the last call over its threshold, of what did not reach it."""
         best = max(search.best for search in self._searches)
@@ -166,10 +212,10 @@ class SearchBand:
         """Begin at an index, in mid-stream, with the noise of a band that holds this one."""
         grid = self._grid
         column = 8 * math.ceil((upto + grid.reach) / grid.hop / 8.0)
-        self._column = column
+        self._column = self._begun = column
         self._spectrogram.consumed = column * grid.hop // grid.decimation
         offsets = other._grid.offsets_hz
-        level = np.interp(grid.offsets_hz, offsets, other.noise).astype(np.float32)
+        level = np.interp(grid.offsets_hz, offsets, other.noise_now).astype(np.float32)
         self._noise.take_over(other._noise, level)
         self._heard_s = other._heard_s
         for search in self._searches:
@@ -202,6 +248,11 @@ class SearchBand:
                 yield self._columns(spectrogram, at, last=last and at == upto)
 
     @property
+    def _broken(self) -> bool:
+        """Whether samples are lost, or were taken out as impulses."""
+        return bool(self._buffer.holes or self._buffer.blanked)
+
+    @property
     def _knows_noise(self) -> bool:
         """Whether the noise is only followed from here on."""
         return self._noise.ready and self._heard_s >= _YOUNG_NOISE_S
@@ -209,7 +260,7 @@ class SearchBand:
     def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
         """Feed the noise with columns that hold no lost samples."""
         whole = power
-        if self._buffer.holes or self._buffer.blanked:
+        if self._broken:
             whole = power[self._whole_columns(begin, len(power))]
         self._learnt.append(whole[::NOISE_STRIDE].copy())
         known = self._knows_noise
@@ -272,6 +323,18 @@ def advance_together(
         ],
         workspace,
     )
+    level_together(
+        [band.leveller for band in bands],
+        power,
+        [band.noise for band in bands],
+        [band._column for band in bands],
+        [
+            band._whole_columns(band._column, power.shape[2]) if band._broken else None
+            for band in bands
+        ],
+    )
+    for band in bands:
+        band._noise.only_rises = band.leveller.uneven
     _learn_together(bands, power)
     for band, columns in zip(bands, power, strict=True):
         if len(band._excluded):
@@ -291,7 +354,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
     count = power.shape[2]
     plain = []
     for index, band in enumerate(bands):
-        if band._knows_noise and not band._buffer.holes and not band._buffer.blanked:
+        if band._knows_noise and not band._broken:
             plain.append(index)
         else:
             band._take(power[index].T, last=False)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from uavrt.detection.circle import apart_hz
 from uavrt.detection.refine import Measured, timing_error_s
-from uavrt.detection.tracks import CLOCK_ERROR, WEAKEST_SHARE, Track
+from uavrt.detection.tracks import CLOCK_ERROR, Track, least_real
 from uavrt.messages import Tag
 
 _EDGE_BINS = 0.5
@@ -54,8 +54,8 @@ class Bounds:
             Places among the K, in order of time.
         rate : int
         """
-        mean = sum(pulse.power for _, pulse in places) / len(places)
-        real = [pair for pair in places if pair[1].power >= WEAKEST_SHARE * mean]
+        floor = least_real([pulse.power for _, pulse in places])
+        real = [pair for pair in places if pair[1].power >= floor]
         strongest = max((pulse for _, pulse in real), key=lambda pulse: pulse.power)
         if (reason := self.off_frequency(strongest.offset_hz)) is not None:
             return reason

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from uavrt.detection.afresh import forget_old, joined
 from uavrt.detection.band import SearchBand
 from uavrt.detection.bounds import Bounds
+from uavrt.detection.bursts import Bursts
+from uavrt.detection.chance import OnAir
 from uavrt.detection.checks import check_searchable
 from uavrt.detection.circle import apart_hz, in_channel_hz
 from uavrt.detection.cleaning import Cleaner
@@ -26,6 +28,7 @@ from uavrt.detection.refine import Measured, Refiner
 from uavrt.detection.report import Reporter
 from uavrt.detection.samples import Counters
 from uavrt.detection.search import Candidate, RateSearch
+from uavrt.detection.senders import Senders
 from uavrt.detection.tracks import Track
 from uavrt.messages import Pulse, SearchReport, Tag
 
@@ -91,6 +94,8 @@ class PulseDetector:
         self.counters = Counters()
         self.locked_frequency_hz: float | None = None
         """What a hard lock keeps to until `reset`, absolute; None before the first."""
+        self.senders: Senders[PulseDetector] | None = None
+        """Which of its tracks are its tag's, decided with the detectors of the same band."""
         self._longest = LongestBlock()
         self._intake = Intake(tag, sample_rate_hz=self.sample_rate_hz, counters=self.counters)
         self._buffer = self._intake.buffer
@@ -129,10 +134,15 @@ class PulseDetector:
         bounds = self._bounds
         return SearchBand(grid=self._grid, buffer=self._buffer, bounds=bounds, batch_s=BATCH_S)
 
+    def _take_band(self, band: SearchBand) -> None:
+        """Search in a band, and measure by its noise."""
+        self.band = band
+        self._refiner.leveller = band.leveller
+
     def _start(self, epoch_ns: int = 0, tracks: tuple[Track, ...] = ()) -> None:
         """(Re)start everything that hangs on unbroken samples."""
         self._intake.clear()
-        self.band = self._make_band()
+        self._take_band(self._make_band())
         self._cleaner = Cleaner(
             sample_rate_hz=self.sample_rate_hz,
             pulse_width_s=self.tag.pulse_width_s,
@@ -140,6 +150,7 @@ class PulseDetector:
         )
         self._advances = 0
         self._clean = 0
+        self._bursts: Bursts | None = None
         # All tags of a flight at the same block: what they share is done once, and caches are
         # warm. 100 cost 40 % less than spread over five blocks, and take 20 ms of one's 87.
         self._patience = round(self._batch * _FIRST_STEP)
@@ -202,6 +213,8 @@ class PulseDetector:
         if outcome in ("later", "earlier"):
             if outcome == "later":
                 self._advance(self._buffer.end)
+                if self.senders is not None:
+                    self.senders.settle()
                 self._start(time_ns, self._follower.carried(self._tracks))
             else:
                 self._start(time_ns)
@@ -242,12 +255,21 @@ class PulseDetector:
         -------
         list of Pulse
         """
+        self.end()
+        return self.leave()
+
+    def end(self) -> None:
+        """Search what is left; `flush` in pieces, as `leave` is, for a `DetectorGroup`."""
         if not self._buffer.empty:
             # A track looks a little past where it expects its pulse: nothing lies there.
             beyond_s = 3.0 * self.tag.interval_uncertainty_s + self.tag.interval_jitter_s
             beyond = math.ceil(beyond_s * self.sample_rate_hz) + 2 * self._grid.window
             self._buffer.append_hole(beyond)
             self._advance(self._buffer.end, last=True)
+
+    def leave(self) -> list[Pulse]:
+        """Report all that is complete, and start anew."""
+        if not self._buffer.empty:
             for track in self._tracks:
                 self._reporter.report(track, last=True)
         pulses = self._reporter.drain()
@@ -263,6 +285,38 @@ class PulseDetector:
         """Take the reports of stretches searched since the last call, one a second."""
         return self._reporter.drain_reports()
 
+    @property
+    def tracks(self) -> list[Track]:
+        """All that it follows, its tag or not."""
+        return self._tracks
+
+    @property
+    def now_s(self) -> float:
+        """Up to when it has searched, in its tracks' seconds."""
+        return self._follower.seconds(self._clean)
+
+    @property
+    def half_width_hz(self) -> float:
+        """Of the search around the nominal frequency."""
+        return min(self.frequency_window_hz, self.sample_rate_hz / 2.0)
+
+    def absolute_hz(self, track: Track) -> float:
+        """Frequency of a track, the one nearest to the tag's of those that look alike."""
+        away_hz = apart_hz(track.offset_hz, self._nominal_hz, self.sample_rate_hz)
+        return self.tag.frequency_hz + away_hz
+
+    def could_be(self, frequency_hz: float) -> bool:
+        """Whether its tag may be at an absolute frequency."""
+        return self._bounds.off_frequency(frequency_hz - self.center_frequency_hz) is None
+
+    def time_ns(self, time_s: float) -> float:
+        """Absolute time of its tracks' seconds."""
+        return self._follower.epoch_ns + 1e9 * time_s
+
+    def report(self, track: Track) -> None:
+        """Tell the pulses of a track, if it is not held."""
+        self._reporter.report(track)
+
     def other_signals(self) -> list[Track]:
         """Tracks with the tag's interval that are not the tag: further from its frequency."""
         return [t for t in self._tracks if t.confirmed and t.held]
@@ -276,7 +330,8 @@ class PulseDetector:
 
     def prepare(self, upto: int) -> None:
         """Clean the samples up to an index."""
-        self._cleaner.clean(self._buffer, self._clean, upto, renew=self._advances % 6 == 1)
+        renew = self._advances % 6 == 1 or self.band.leveller.unsteady
+        self._cleaner.clean(self._buffer, self._clean, upto, renew=renew)
         self.band.note_lines(many=self._cleaner.many_lines)
         self._advances += 1
         self._refiner.upto = upto
@@ -288,11 +343,12 @@ class PulseDetector:
         if results is None:
             return
         upto = self._clean
+        self._bursts = None
         for search, found in results:
             if found:
                 self._consider(found, search)
         if self.operating_mode is OperatingMode.ALL_NEVER_LOCK:
-            forget_old(self._tracks, self._now_s())
+            forget_old(self._tracks, self.now_s)
         else:
             self._follower.follow(
                 self._tracks,
@@ -300,11 +356,14 @@ class PulseDetector:
                 self._settle,
                 noise=self.band.noise,
                 floor=self._cleaner.mean_floor,
+                around=self._around,
             )
             self.band.know(self._judge.known(self._tracks))
         if self.operating_mode is OperatingMode.SEARCH_HARD_LOCK:
             self._lock()
-        self._reporter.searched(self._buffer.time_ns(upto), self.band.noise, self.band.score())
+        self._reporter.searched(
+            self._buffer.time_ns(upto), self.band.noise_now, self.band.score()
+        )
 
     def _consider(self, found: list[Candidate], search: RateSearch) -> None:
         """Turn candidates into groups; several candidates of the same pulses are one."""
@@ -327,8 +386,12 @@ class PulseDetector:
             clash = [t for t in self._tracks if self._judge.overlaps(t, group)]
             if any(t.confirmed or self._judge.equals(t, group) for t in clash) and not afresh:
                 continue
-            reason = self._judge.refusal(
-                places, search, noise=self.band.noise, floor=self._cleaner.mean_floor
+            places, reason = self._judge.own_pulses(
+                places,
+                search,
+                score=candidate.score,
+                noise=self.band.noise,
+                floor=self._cleaner.mean_floor,
             )
             if reason is not None:
                 self.counters.reject(reason)
@@ -338,7 +401,13 @@ class PulseDetector:
                 for place, m in places
             ]
             if afresh:
-                track = joined(self._tracks, pulses, rate=search.rate, sample_rate_hz=rate_hz)
+                track = joined(
+                    self._tracks,
+                    pulses,
+                    rate=search.rate,
+                    sample_rate_hz=rate_hz,
+                    around=self._around,
+                )
                 if track is not None:
                     self._reporter.report(track)
                 if track is not None or clash:
@@ -356,26 +425,62 @@ class PulseDetector:
         track = Track(
             tag=self.tag, rate=candidate.rate, offset_hz=0.0, score=max(1.0, candidate.score)
         )
-        track.begin(pulses)
-        if self.operating_mode is not OperatingMode.ALL_NEVER_LOCK:
-            owner = self._reporter.owner(self._tracks, self._home_hz, self._now_s())
-            track.held = held or owner is not None
+        track.begin(pulses, self._around)
+        track.clashing = held
+        if self.senders is not None:
+            track.held = True  # until they have decided
+        elif self.operating_mode is not OperatingMode.ALL_NEVER_LOCK:
+            track.held = held or self._owner() is not None
         self.counters.tracks += 1
         self._tracks.append(track)
         self._reporter.report(track)
         if len(self._tracks) > _MAXIMUM_TRACKS:
             self._tracks.remove(
-                min(self._tracks, key=lambda t: (t.confirmed, not t.held, t.score))
+                min(
+                    self._tracks,
+                    key=lambda t: (t.confirmed, not t.held, min(t.odds, 0.0), t.score),
+                )
             )
+
+    def _around(self, track: Track, found: Measured) -> OnAir:
+        """What else is on air around a track's place."""
+        if self._bursts is None:
+            known = [
+                (slot.measured.start, slot.measured.offset_hz, math.inf)
+                for t in self._tracks
+                if t.sure
+                for slot in t.slots
+                if slot.state in ("accepted", "reported")
+            ]
+            if self.senders is not None:
+                known += [
+                    (self._buffer.index(time_ns), hz - self.center_frequency_hz, power)
+                    for time_ns, (hz, power) in self.senders.heard.items()
+                    if self.could_be(hz)
+                ]
+            self._bursts = self.band.bursts(known)
+        return self._bursts.around(track, found)
 
     def _settle(self) -> None:
         """Decide which track is the tag, and report what it has found."""
-        if self._tracks:
-            self._reporter.settle(self._tracks, self._home_hz, self._now_s())
+        if self.senders is not None:
+            for track in self._tracks:
+                # Of what has just been confirmed they decide first whose it is.
+                if track.confirmed == track.shared_as_confirmed:
+                    self._reporter.report(track)
+        elif self._tracks:
+            self._reporter.settle(self._tracks, self._home_hz, self.now_s)
+
+    def _owner(self) -> Track | None:
+        """The track that is the tag."""
+        if self.senders is None:
+            return self._reporter.owner(self._tracks, self._home_hz, self.now_s)
+        tags = (t for t in self._tracks if t.confirmed and t.ghost_of is None)
+        return next((t for t in tags if not (t.held or t.dead)), None)
 
     def _lock(self) -> None:
         """Keep to the frequency of the tag once two of its groups were heard."""
-        owner = self._reporter.owner(self._tracks, self._home_hz, self._now_s())
+        owner = self._owner()
         if owner is None or owner.number < 2 * self.tag.k - 1 or owner.since_accepted:
             return
         locked = self.locked_frequency_hz is not None
@@ -392,9 +497,6 @@ class PulseDetector:
         self._look_around(found_hz, half_width_hz)
         self._follower.epoch_ns = epoch_ns
         self._refiner.upto = self._clean
-        self.band = self._make_band()
+        self._take_band(self._make_band())
         self.band.take_over(before, self._clean)
         self._tracks = [t for t in self._tracks if not self._bounds.left_by(t)]
-
-    def _now_s(self) -> float:
-        return self._follower.seconds(self._clean)

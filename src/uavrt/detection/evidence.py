@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from uavrt.detection.grid import Grid
 from uavrt.detection.refine import Refiner
 from uavrt.detection.search import Candidate, RateSearch
-from uavrt.detection.thresholds import decision_interval_s, decision_span_s
+from uavrt.detection.thresholds import begun_within_s, decision_interval_s
 from uavrt.messages import Tag
 
 POWER_LIMIT = 16.0
@@ -96,14 +96,15 @@ class Evidence:
         starts = np.array([self._grid.start(column) for column in candidate.columns])
         offset = float(self._grid.offsets_hz[candidate.row])
         strength = search.threshold / search.k
-        return self.weigh(starts, offset, float(noise[candidate.row]), strength) >= bound
+        level = np.array([self._refiner.noise_at(offset, noise, at) for at in starts.tolist()])
+        return self.weigh(starts, offset, level, strength) >= bound
 
     def _bounds_of(self, rate: int) -> tuple[float, float]:
         """Least evidence for a group: usually, and in the first decision interval."""
         tag, grid = self._tag, self._grid
         width_s = tag.pulse_width_s
         usual_s = decision_interval_s(tag, rate)
-        begun_s = decision_span_s(tag, rate) - (tag.k - 1) * tag.pulse_intervals_s[rate - 1]
+        begun_s = begun_within_s(tag, rate)
         band_hz = float(grid.offsets_hz[-1] - grid.offsets_hz[0]) + 1.0 / width_s
         lattices = (
             band_hz * usual_s * (1.0 + (tag.k - 1) * tag.interval_uncertainty_s / width_s)
@@ -114,7 +115,11 @@ class Evidence:
         return bound, bound + math.log(_FIRST_SHARE * min(1.0, begun_s / usual_s))
 
     def weigh(
-        self, starts: NDArray[np.float64], offset_hz: float, level: float, strength: float
+        self,
+        starts: NDArray[np.float64],
+        offset_hz: float,
+        level: float | NDArray[np.float64],
+        strength: float,
     ) -> float:
         """Logarithm of the likelihood ratio around a candidate.
 
@@ -124,8 +129,8 @@ class Evidence:
             Index of the first sample of each pulse. What the samples do not hold speaks neither
             for a pulse nor against it.
         offset_hz : float
-        level : float
-            Noise power of a sample.
+        level : float or ndarray of float64, shape (K,)
+            Noise power of a sample, at all pulses or each.
         strength : float
             ENR (not in dB) of a pulse, were there one.
 
@@ -144,7 +149,7 @@ class Evidence:
         )
         ratios = np.ones((len(starts), _FREQUENCIES, points), np.float64)
         if power is not None:
-            scale = 1.0 / (window * level * _TABLE_STEP)
+            scale = 1.0 / (window * _TABLE_STEP * np.asarray(level).reshape(-1, 1, 1))
             cells = np.minimum(power * scale, len(table) - 1).astype(np.intp)
             at = np.arange(points) * step
             for place, shift in enumerate(offset.tolist()):

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.bounds import Bounds
+from uavrt.detection.chance import QUIET, OnAir
 from uavrt.detection.grid import Grid
 from uavrt.detection.masking import hiding, is_due, stronger_beside, strongest_first
-from uavrt.detection.refine import TRACK_BAND_HZ, Refiner
+from uavrt.detection.refine import TRACK_BAND_HZ, Measured, Refiner
 from uavrt.detection.rivals import become, lags, set_up_rivals, settle_rivalry
 from uavrt.detection.samples import SampleBuffer
 from uavrt.detection.tracks import Slot, Track
@@ -37,6 +38,7 @@ class Follower:
         self.epoch_ns = 0
         """Zero of the tracks' seconds."""
         self._tracks: list[Track] = []
+        self._around: Callable[[Track, Measured], OnAir] = lambda track, found: QUIET
 
     def seconds(self, index: float) -> float:
         """Time of a sample, as the tracks count it [s]."""
@@ -50,6 +52,7 @@ class Follower:
         *,
         noise: NDArray[np.float32],
         floor: float,
+        around: Callable[[Track, Measured], OnAir],
     ) -> None:
         """Look where the tracks expect their next pulses; drop the dead.
 
@@ -64,8 +67,11 @@ class Follower:
         noise : ndarray of float32, shape (rows,)
         floor : float
             Mean power of a sample without pulses.
+        around : callable
+            Tells what else is on air around a track's place.
         """
         self._tracks = tracks
+        self._around = around
         if not tracks:
             return
         for track in strongest_first(tracks):
@@ -168,18 +174,69 @@ class Follower:
         if found is None:
             track.skip()
             return True
-        measured = found[0]
-        track.step(
-            Slot(
-                number=0,
-                time_s=self.seconds(measured.start),
-                time_ns=self._buffer.time_ns(measured.start),
-                measured=measured,
-                volume=track.volume(half_s, band),
-            )
-        )
+        slot = self._slot(track, found[0], half_s)
+        if slot.on_air.alike_per_s > 0.0 and track.against_bursts(slot) < 0.0:
+            slot = self._beside(track, slot, start, half, noise) or slot
+        track.step(slot)
         # Else the flanks of a stronger signal lead it to that one's frequency or interval.
         if self._bounds.left_by(track):
             track.slots.pop()
             track.dead = True
         return True
+
+    def _slot(self, track: Track, measured: Measured, half_s: float) -> Slot:
+        """Make a place of a track of what was found there."""
+        return Slot(
+            number=0,
+            time_s=self.seconds(measured.start),
+            time_ns=self._buffer.time_ns(measured.start),
+            measured=measured,
+            volume=track.volume(half_s, TRACK_BAND_HZ),
+            on_air=self._around(track, measured),
+        )
+
+    def _beside(
+        self,
+        track: Track,
+        burst: Slot,
+        start: float,
+        half: float,
+        noise: NDArray[np.float32],
+    ) -> Slot | None:
+        """Look before and after a burst for the pulse that is weaker than it.
+
+        Parameters
+        ----------
+        track : Track
+        burst : Slot
+            The strongest of the place, likelier something else's.
+        start, half : float
+            Where the pulse is expected, and how far beside it may lie [samples].
+        noise : ndarray of float32, shape (rows,)
+
+        Returns
+        -------
+        Slot or None
+            The likeliest; None where nothing is likelier the tag's than a burst.
+        """
+        at, window = burst.measured.start, self._grid.window
+        best: Slot | None = None
+        least = 0.0
+        with self._refiner.without([burst.measured]):
+            for low, high in ((start - half, at - window), (at + window, start + half)):
+                if high < low:
+                    continue
+                found = self._refiner.search(
+                    np.array([0.5 * (low + high)]),
+                    0.5 * (high - low),
+                    track.offset_hz,
+                    TRACK_BAND_HZ,
+                    noise,
+                )
+                if found is None:
+                    continue
+                slot = self._slot(track, found[0], half / self._grid.sample_rate_hz)
+                odds = track.against_bursts(slot)
+                if odds > least:
+                    best, least = slot, odds
+        return best

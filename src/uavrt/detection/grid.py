@@ -14,6 +14,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.native import kernels
+
 HOPS_PER_PULSE = 8
 ROWS_PER_BIN = 4
 _SINGLE_THREAD_PRODUCT = 200_000
@@ -23,6 +25,8 @@ _DECIMATED_WINDOW = 24
 """Least samples of a pulse after decimation: below, the hop gets too coarse."""
 OUTPUTS_PER_ROW = 8
 _STOPBAND_DB = 55.0
+_KERNEL_WINDOW = 254
+"""Longest window of the compiled kernel."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +56,10 @@ class Grid:
         was shifted to put the tag at zero: `half_transforms`.
     turn_hz : float
         What the narrow band is shifted down by after the filter.
+    pairs : pair of ndarray, or None
+        The filter for the compiled kernel: real and imaginary parts of its taps, each twice
+        (float32, shape (2, 2 × taps), filled up to a multiple of eight taps), and how outputs
+        of one row are turned against the first (complex64).
     """
 
     sample_rate_hz: float
@@ -65,6 +73,7 @@ class Grid:
     matrix: NDArray[np.complex64] | None
     halves: tuple[NDArray[np.float32], NDArray[np.float32]] | None
     turn_hz: float
+    pairs: tuple[NDArray[np.float32], NDArray[np.complex64]] | None
 
     @property
     def hop_s(self) -> float:
@@ -79,6 +88,10 @@ class Grid:
     def start(self, column: float) -> float:
         """Channel sample at which a column's window starts."""
         return column * self.hop - (self.decimation - 1) / 2.0
+
+    def column(self, start: float) -> float:
+        """Column whose window starts at a channel sample; the inverse of `start`."""
+        return (start + (self.decimation - 1) / 2.0) / self.hop
 
     def power(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
         """Power of every cell.
@@ -98,7 +111,9 @@ class Grid:
         hop = self.hop // self.decimation
         count = max(0, (len(samples) - self.length) // hop + 1)
         result = np.empty((self.rows, count), np.float32)
-        if self.halves is not None:
+        if self.halves is not None and self.for_kernel:
+            self.power_by_kernel(samples, result, 0, count)
+        elif self.halves is not None:
             self._power_by_halves(samples, result)
         elif self.matrix is not None:
             chunk = max(1, _SINGLE_THREAD_PRODUCT // self.matrix.size)
@@ -110,6 +125,27 @@ class Grid:
                 np.multiply(product.real, product.real, out=some)
                 some += product.imag * product.imag
         return result.T
+
+    @property
+    def for_kernel(self) -> bool:
+        """Whether there is a compiled kernel for the power of the cells."""
+        small = self.halves is not None and self.length <= _KERNEL_WINDOW
+        return small and kernels() is not None
+
+    def power_by_kernel(
+        self,
+        samples: NDArray[np.complex64],
+        power: NDArray[np.float32],
+        first: int,
+        columns: int,
+    ) -> None:
+        """Power of so many columns, (rows, columns), into `power` from its item `first` on."""
+        assert self.halves is not None
+        hop = self.hop // self.decimation
+        work = np.empty(2 * hop * (columns + self.length // hop + 32), np.float32)
+        kernels().powers(
+            *(samples, hop, self.length, *self.halves, power, first, columns, work)
+        )
 
     def _power_by_halves(
         self, samples: NDArray[np.complex64], result: NDArray[np.float32]
@@ -177,10 +213,27 @@ class Spectrogram:
     def push(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
         """Take channel samples from index `needed` on; the new columns, (columns, rows)."""
         grid = self.grid
-        block = np.concatenate((self.band, self.decimate(samples)))
+        block = self.lengthened(samples)
         power = grid.power(block)
         self.band = block[len(power) * (grid.hop // grid.decimation) :].copy()
         return power
+
+    def lengthened(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
+        """The narrow band that was left, and what new channel samples add to it."""
+        grid, native = self.grid, kernels()
+        if native is None or grid.filter is None or grid.pairs is None:
+            return np.concatenate((self.band, self.decimate(samples)))
+        length, outputs = grid.filter.shape
+        count = max(0, (len(samples) - length) // (outputs * grid.decimation) + 1)
+        carried, new = len(self.band), count * outputs
+        block = np.empty(carried + new, np.complex64)
+        block[:carried] = self.band
+        turned = self._turned(self.consumed // outputs, count)
+        taps, turn = grid.pairs
+        used = length - (outputs - 1) * grid.decimation
+        native.narrow(samples, taps, used, grid.decimation, turned, turn, block, carried)
+        self.consumed += new
+        return block
 
     def decimate(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
         """Filter and decimate, in whole rows of `OUTPUTS_PER_ROW` outputs."""
@@ -256,7 +309,7 @@ def make_grid(
         reach = math.ceil(half_width_hz / step_hz)
         offsets = offset_hz + np.arange(-reach, reach + 1) * step_hz
         offsets = offsets[np.abs(offsets) <= nyquist_hz]
-    bank, side = None, 0
+    bank, side, pairs = None, 0, None
     if decimation > 1:
         taps = _band_filter(
             sample_rate_hz=sample_rate_hz,
@@ -270,6 +323,9 @@ def make_grid(
         )
         for output in range(OUTPUTS_PER_ROW):
             bank[output * decimation : output * decimation + len(taps), output] = taps
+        padded = np.concatenate((taps, np.zeros(-len(taps) % 8)))  # whole vectors
+        parts = np.stack((padded.real, padded.imag)).repeat(2, axis=1).astype(np.float32)
+        pairs = (parts, np.ones(OUTPUTS_PER_ROW, np.complex64))
     scale = decimation / math.sqrt(length * decimation)
     symmetric = bank is not None and len(offsets) == 2 * reach + 1
     matrix, halves = None, None
@@ -277,6 +333,8 @@ def make_grid(
         shift = 2.0 * math.pi * offset_hz * decimation / sample_rate_hz
         turn = np.exp(-1j * shift * np.arange(OUTPUTS_PER_ROW)).astype(np.complex64)
         bank *= turn
+        assert pairs is not None
+        pairs = (pairs[0], turn)
         halves = half_transforms(length, reach + 1, scale)
     else:
         n = (np.arange(length) * decimation)[:, np.newaxis]
@@ -294,6 +352,7 @@ def make_grid(
         matrix=matrix,
         halves=halves,
         turn_hz=offset_hz if symmetric else 0.0,
+        pairs=pairs,
     )
 
 

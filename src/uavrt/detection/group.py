@@ -3,18 +3,24 @@
 A detector looks at its samples every 0.44 s. Between, its blocks wait here, once for all tags
 of a channel; when tags are due at the same time and stand at the same place of their streams,
 what is the same for all of them is done together (docs/decisions/0147). The pulses are those
-of the detectors alone.
+of the detectors alone, but where bands overlap: there each train of pulses is one tag's
+(docs/decisions/0159).
 """
 
 from collections.abc import Hashable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.config.ghost_places import Receiver
+from uavrt.config.tag_bands import overlapping
 from uavrt.detection.band import advance_together
 from uavrt.detection.detector import PulseDetector
+from uavrt.detection.ghosts import mark_ghosts
 from uavrt.detection.intake import LongestBlock
+from uavrt.detection.modes import OperatingMode
+from uavrt.detection.senders import Senders
 from uavrt.detection.spectra import Workspace
 from uavrt.messages import Pulse
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -64,9 +70,16 @@ class _Channel:
 
 
 class DetectorGroup:
-    """Detectors fed channel by channel; their pulses are collected when all channels are in."""
+    """Detectors fed channel by channel; their pulses are collected when all channels are in.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    receiver : Receiver, optional
+        What the channels come from: ghosts that it makes of a strong tag are not confirmed.
+    """
+
+    def __init__(self, receiver: Receiver | None = None) -> None:
+        self._receiver = receiver
         self._channels: dict[Hashable, _Channel] = {}
         self._due: list[_Channel] = []
         self._pulses: list[Pulse] = []
@@ -74,6 +87,10 @@ class DetectorGroup:
         self._memory = np.zeros(0, np.float32)
         self._homes: dict[_Member, list[tuple[int, int]]] = {}
         """Where in the memory a member's rings lie, and their sizes."""
+        self.alone: frozenset[int] = frozenset()
+        """Ids of tags that are searched by themselves: one of them may be at fault."""
+        self.in_hand: tuple[PulseDetector, ...] = ()
+        """Whose turn it was last: when a search fails, one of them is at fault."""
 
     def add(self, channel: Hashable, detectors: Iterable[PulseDetector]) -> None:
         """Add the detectors of a channel, at least one, before its first block."""
@@ -87,6 +104,7 @@ class DetectorGroup:
             tolerance_ns=0.99 * width_s / 8.0 * NANOSECONDS_PER_SECOND,
         )
         self._homes.clear()
+        self._find_company()
 
     def __contains__(self, channel: Hashable) -> bool:
         """Whether a channel was added."""
@@ -121,10 +139,17 @@ class DetectorGroup:
         line.blocks.append((samples, time_ns))
         line.samples += count
         line.longest.note(count)
+        together = []
         for member in hurried:
-            self._pulses += member.detector.process(samples, time_ns)
+            self.in_hand = (member.detector,)
             member.taken += 1
-            line.wait(member)
+            if member.detector.senders is None:
+                self._pulses += member.detector.process(samples, time_ns)
+                line.wait(member)
+            else:
+                together.append((line, member, member.detector.take(samples, time_ns)))
+        if together:
+            self._go_on(together)
         if regular:
             upto = line.samples + line.longest.length
             line.due = [m for m in line.members if upto > m.due and m not in hurried]
@@ -144,10 +169,16 @@ class DetectorGroup:
         self._search()
         for line in self._channels.values():
             for member in line.members:
+                self.in_hand = (member.detector,)
                 line.catch_up(member)
-                self._pulses += member.detector.flush()
+                member.detector.end()
                 member.due = 0
             _forget(line)
+        self._look_for_ghosts()
+        self._settle(self.detectors)
+        for detector in self.detectors:
+            self.in_hand = (detector,)
+            self._pulses += detector.leave()
         return self.collect()
 
     def _search(self) -> None:
@@ -161,11 +192,17 @@ class DetectorGroup:
                 active.append((line, member, length))
             line.due = []
             _forget(line)
+        self._go_on(active)
+
+    def _go_on(self, active: list[tuple[_Channel, _Member, int]]) -> None:
+        """Let detectors search as far as they can, those of one band step by step."""
+        members = [member for _, member, _ in active]
         while active:
             steps: dict[Hashable, list[tuple[PulseDetector, int]]] = {}
             again = []
             for line, member, length in active:
                 detector = member.detector
+                self.in_hand = (detector,)
                 upto = detector.next_step(length)
                 if upto is None:
                     self._pulses += detector.drain()
@@ -174,15 +211,72 @@ class DetectorGroup:
                 again.append((line, member, length))
                 self._house(member)
                 detector.prepare(upto)
-                key = detector.band.company(upto)
+                key = None
+                if detector.tag.tag_id not in self.alone:
+                    key = detector.band.company(upto)
                 steps.setdefault(member if key is None else key, []).append((detector, upto))
             for some in steps.values():
                 for first in range(0, len(some), _TOGETHER):
                     self._step(some[first : first + _TOGETHER])
             active = again
+            if again:
+                self._look_for_ghosts()
+            self._settle([member.detector for _, member, _ in again])
+        for senders in self._company(member.detector for member in members):
+            for hearer in senders.hearers:
+                self.in_hand = (hearer,)
+                self._pulses += hearer.drain()
+
+    def _look_for_ghosts(self) -> None:
+        """Find the trains that are a stronger tag's; take back what was not collected yet."""
+        if self._receiver is None:
+            return
+        self.in_hand = ()  # no one tag's search
+        for detector, track in mark_ghosts(self.detectors, self._receiver):
+            self._pulses += detector.drain()
+            times_ns = {slot.time_ns for slot in track.slots}
+            self._pulses = [
+                replace(
+                    pulse,
+                    confirmed=False,
+                    detection_status="detected",
+                    ghost_of_tag_id=track.ghost_of,
+                )
+                if pulse.tag_id == detector.tag.tag_id and pulse.start_time_ns in times_ns
+                else pulse
+                for pulse in self._pulses
+            ]
+
+    def _settle(self, detectors: Iterable[PulseDetector]) -> None:
+        """Decide what is whose, where these detectors' bands are those of others too."""
+        for senders in self._company(detectors):
+            self.in_hand = tuple(senders.hearers)
+            senders.settle()
+
+    @staticmethod
+    def _company(detectors: Iterable[PulseDetector]) -> list[Senders[PulseDetector]]:
+        """Those with whom detectors must share, each once."""
+        found = {id(d.senders): d.senders for d in detectors if d.senders is not None}
+        return list(found.values())
+
+    def _find_company(self) -> None:
+        """Put the detectors whose bands overlap together."""
+        able = [
+            detector
+            for detector in self.detectors
+            if detector.operating_mode is not OperatingMode.ALL_NEVER_LOCK
+        ]
+        for places in overlapping([_band_hz(detector) for detector in able]):
+            company = [able[place] for place in places]
+            known = company[0].senders
+            if len(company) > 1 and (known is None or len(known.hearers) < len(company)):
+                senders = Senders(company)
+                for detector in company:
+                    detector.senders = senders
 
     def _step(self, steps: list[tuple[PulseDetector, int]]) -> None:
         """Let prepared detectors in each other's company go on."""
+        self.in_hand = tuple(detector for detector, _ in steps)
         if len(steps) == 1:
             detector, upto = steps[0]
             detector.conclude(detector.band.advance(upto, last=False))
@@ -190,6 +284,7 @@ class DetectorGroup:
         bands = [detector.band for detector, _ in steps]
         results = advance_together(bands, [upto for _, upto in steps], self._workspace)
         for (detector, _), result in zip(steps, results, strict=True):
+            self.in_hand = (detector,)
             detector.conclude(result)
 
     def _house(self, member: _Member) -> None:
@@ -219,6 +314,12 @@ class DetectorGroup:
             searches = member.detector.band.anchor_searches()
             for search, (base, _) in zip(searches, homes, strict=True):
                 search.settle_in(self._memory, base, empty=True)
+
+
+def _band_hz(detector: PulseDetector) -> tuple[float, float]:
+    """Edges of a detector's search."""
+    nominal_hz, half_hz = detector.tag.frequency_hz, detector.half_width_hz
+    return nominal_hz - half_hz, nominal_hz + half_hz
 
 
 def _forget(line: _Channel) -> None:

@@ -14,14 +14,26 @@ from uavrt.detection.refine import TRACK_BAND_HZ, Measured, Refiner
 from uavrt.detection.rivals import log_evidence
 from uavrt.detection.samples import SampleBuffer
 from uavrt.detection.search import Candidate, RateSearch
-from uavrt.detection.tracks import Track
+from uavrt.detection.tracks import MORE_CELLS, Track, independent_cells
 
 _UNIFORMITY = 0.3
+_FEW_PULSES = 3
+"""Up to here each pulse of a group is strong by itself, and one that is not is missing."""
 _STRONG = 30.0
 _OFF_ROW_HZ = 8.0
 _FLANK_RATIO = 2.0
 """Half a pulse earlier or later a pulse has a quarter of its power, and so it has 35 Hz beside
 its frequency. Twice as much there is another tag's: of another interval or frequency."""
+_LOBE_RATIO = 3.0
+_WEAK = 4.0
+"""What lies beside a weaker pulse says nothing: the noise of a whole channel reaches twice as
+much in most windows, and one place of noise carries no group."""
+_LOUD = 8.0
+_MOST_BESIDE = 6.0
+"""Sum over a group of what exceeds the allowed on the flanks. Noise exceeds it in one window
+of 800, by this much in one of 300 000; pulses of a tag with another interval in many."""
+_MOST_ANOTHERS = 4
+"""Of so many pulses of a group one may be another's."""
 _FLANK_BINS = 1.9
 """A strong pulse's cells are at their limit far from its row, and partly beside it in time:
 from so far the top is gone to. One group in twenty of 50 dB was measured on the flank, 6 dB
@@ -118,48 +130,93 @@ class Judge:
         assert found is not None
         return list(zip(np.flatnonzero(kept).tolist(), found, strict=True))
 
-    def refusal(
+    def own_pulses(
         self,
         places: list[tuple[int, Measured]],
         search: RateSearch,
         *,
+        score: float,
         noise: NDArray[np.float32],
         floor: float,
-    ) -> str | None:
-        """Why a group above the threshold is no tag, or None."""
+    ) -> tuple[list[tuple[int, Measured]], str | None]:
+        """Tell a tag's group from something else, and its pulses from those of others.
+
+        Among many weak pulses there is always one beside which noise, an impulse or another
+        signal is stronger: such a pulse is left out, and the group must be one without it. What
+        says so of more than one pulse in four, or of one that carries the group, speaks of the
+        group.
+
+        Parameters
+        ----------
+        places : list of (int, Measured)
+            A group above the threshold: places among the K, in order of time.
+        search : RateSearch
+            That found it.
+        score : float
+            The search's statistic over its threshold.
+        noise : ndarray of float32, shape (rows,)
+        floor : float
+            Mean power of a sample without pulses.
+
+        Returns
+        -------
+        own : list of (int, Measured)
+            The pulses that are the tag's.
+        reason : str or None
+            Why the group is no tag.
+        """
         if (reason := self._bounds.refusal(places, search.rate)) is not None:
-            return reason
+            return [], reason
         group = [pulse for _, pulse in places]
-        rate_hz = self._grid.sample_rate_hz
-        bin_hz = rate_hz / self._grid.window
-        total = 0.0
-        least = _UNIFORMITY * min(60.0, max(pulse.power for pulse in group))
         if self._is_the_other_rate(group, search, noise):
-            return "a pulse of the other rate between"
-        for pulse in group:
-            offset, power = self._refiner.strongest(pulse)
-            apart = abs(apart_hz(offset, pulse.offset_hz, rate_hz))
-            if power > _FLANK_RATIO * pulse.power and self._bounds.off_frequency(offset):
-                return "side lobe of a signal outside"
-            if apart < bin_hz / 2.0 and power > _FLANK_RATIO * max(pulse.power, 4.0):
-                return "flank of a stronger pulse"
-            if apart > bin_hz and pulse.power > 4.0:
-                # A rectangular pulse elsewhere leaks at most 1 / (pi df tp)^2; double margin.
-                leak = 4.0 * power / (math.pi * apart / bin_hz) ** 2
-                if power > 3.0 * pulse.power and leak > pulse.power:
-                    return "side lobe of a stronger signal"
-            if pulse.power > 8.0 and self._refiner.is_impulse(pulse, floor):
-                return "an impulse"
-            if len(self._tag.pulse_intervals_s) > 1 and pulse.power < least:
-                return "a pulse of the rate is missing"
+            return [], "a pulse of the other rate between"
+        if len(self._tag.pulse_intervals_s) > 1 and _has_gaps(places):
+            return [], "a pulse of the rate is missing"
+        own: list[tuple[int, Measured]] = []
+        total, without, beside = 0.0, score * search.threshold, 0.0
+        reason = None
+        for place, pulse in places:
+            anothers, more = self._anothers(pulse, floor)
+            if anothers is not None:
+                reason = reason or anothers
+                without -= max(0.0, min(pulse.power, search.limit) - 1.0)
+                beside += more
+                continue
+            own.append((place, pulse))
             pulse.contrast = self._refiner.contrast(pulse)
             if pulse.contrast <= 0.0:
                 continue  # its samples are lost: nothing there, nothing beside it to compare
             local = pulse.power / pulse.contrast
             total += min(pulse.power / (local if local > 3.0 else 1.0), search.limit)
-        if total < search.threshold * gate(search.k) * 0.97:
-            return "no contrast with its surroundings"
-        return None
+        least = search.threshold * gate(search.k)
+        few = _MOST_ANOTHERS * (len(places) - len(own)) <= len(places)
+        if reason is not None and (not few or without < least or beside > _MOST_BESIDE):
+            return [], reason
+        if total < least * 0.97:
+            return [], "no contrast with its surroundings"
+        return own, None
+
+    def _anothers(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
+        """Why a pulse is not the tag's but made by something stronger, or None.
+
+        The second figure is by how much noise would have to exceed what it may be at the tag's
+        own frequency, in noise powers.
+        """
+        rate_hz = self._grid.sample_rate_hz
+        bin_hz = rate_hz / self._grid.window
+        offset, power = self._refiner.strongest(pulse)
+        apart = abs(apart_hz(offset, pulse.offset_hz, rate_hz))
+        allowed = _FLANK_RATIO * max(pulse.power, _WEAK)
+        if apart < bin_hz / 2.0 and power > allowed:
+            return "flank of a stronger pulse", power - allowed
+        if pulse.power > _WEAK and _leak(power, apart / bin_hz) > pulse.power:
+            if self._bounds.off_frequency(offset) and power > _FLANK_RATIO * pulse.power:
+                return "side lobe of a signal outside", 0.0
+            if apart > bin_hz and power > _LOBE_RATIO * pulse.power:
+                return "side lobe of a stronger signal", 0.0
+        if pulse.power > _LOUD and self._refiner.is_impulse(pulse, floor):
+            return "an impulse", 0.0
+        return None, 0.0
 
     def _is_the_other_rate(
         self, group: list[Measured], search: RateSearch, noise: NDArray[np.float32]
@@ -179,6 +236,10 @@ class Judge:
         strength = min(max(sum(p.enr for p in group) / len(group), 8.0), 30.0)
         width = self._grid.window
         half = self._tag.interval_jitter_s * self._grid.sample_rate_hz + width / 8.0
+        # The best of so many cells is looked at: noise has one that is likelier than none.
+        half_s = half / self._grid.sample_rate_hz
+        cells = independent_cells(half_s, TRACK_BAND_HZ, self._tag.pulse_width_s)
+        price = math.log(MORE_CELLS * cells)
         evidence = 0.0
         at = group[0].start + other
         while at < group[-1].start - width:
@@ -187,7 +248,7 @@ class Judge:
                     np.array([at]), half, group[0].offset_hz, TRACK_BAND_HZ, noise
                 )
                 if found is not None:
-                    evidence += log_evidence(found[0].power, strength)
+                    evidence += log_evidence(found[0].power, strength) - price
             at += other
         return evidence > 0.0
 
@@ -200,6 +261,34 @@ class Judge:
         own = [s.measured for s in track.slots]
         shared = sum(share_a_pulse([m], own, self._grid.window) for m in group)
         return shared >= len(group) - 1
+
+
+def _leak(power: float, apart_bins: float) -> float:
+    """Most that a rectangular pulse leaks so far from its frequency, or a piece of one.
+
+    At most 1 / (pi df tp)^2 of its power; doubled in amplitude as a margin.
+    """
+    return power if apart_bins < 2.0 / math.pi else 4.0 * power / (math.pi * apart_bins) ** 2
+
+
+def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
+    """Whether pulses of a rate are missing: every second one, if it is another rate's train.
+
+    Of few pulses each is compared with the strongest. Of many weak ones some always fall short:
+    there every second place is judged as a whole, a pulse as strong as those between against
+    none.
+    """
+    powers = [pulse.power for _, pulse in places]
+    if len(places) <= _FEW_PULSES:
+        return min(powers) < _UNIFORMITY * min(60.0, max(powers))
+    halves = [[m.power for place, m in places if place % 2 == odd] for odd in (0, 1)]
+    if not all(halves):
+        return False
+    for half, between in (halves, halves[::-1]):
+        strength = min(max(sum(between) / len(between) - 1.0, 0.1), 60.0)
+        if sum(log_evidence(power, strength) for power in half) < 0.0:
+            return True
+    return False
 
 
 def share_a_pulse(one: list[Measured], two: list[Measured], window: int) -> bool:

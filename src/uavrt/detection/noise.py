@@ -13,6 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.dsp.medians import medians
+
 TRUNCATION = 4.0
 """Cells above so many times the noise are not noise: 1.8 % of noise, all of a pulse."""
 _KEPT = 1.0 - math.exp(-TRUNCATION)
@@ -135,6 +137,9 @@ class RowNoise:
         self._seen_s = 0.0
         self._settled_s = 0.0
         self._level: NDArray[np.float32] = np.ones(1, np.float32)
+        self.only_rises = False
+        """Whether rows are louder now than usually, not all by as much: what is taken off each
+        is a little too much beside an edge, and must not be learnt."""
         self.ragged = False
         """Whether many lines are taken out of the samples, and noise with each: the rows
         between them then have more than the median of all."""
@@ -164,7 +169,7 @@ class RowNoise:
         ----------
         power : ndarray of float32, shape (columns, rows)
         """
-        noise = (np.median(power, axis=0) / np.float32(math.log(2.0))).astype(np.float32)
+        noise = medians(power) / np.float32(math.log(2.0))
         noise = np.maximum(noise, np.float32(1e-30))
         for _ in range(6):
             noise, kept = _truncated(power, noise)
@@ -312,7 +317,10 @@ def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> N
     weights = [
         min(1.0, span_s * _SLOPE_GAIN / min(noise._seen_s + span_s, LONG_S)) for noise in noises
     ]
-    long = long + np.array(weights, np.float32)[:, np.newaxis] * (mean - long)
+    before, long = long, long + np.array(weights, np.float32)[:, np.newaxis] * (mean - long)
+    for index, noise in enumerate(noises):
+        if noise.only_rises:
+            np.maximum(long[index], before[index], out=long[index])
     risen = (exceeding.max(axis=1) > _RISEN).tolist()
     due = [
         index

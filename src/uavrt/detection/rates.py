@@ -7,6 +7,7 @@ from uavrt.detection.grid import Grid
 from uavrt.detection.long_groups import LongSearch
 from uavrt.detection.search import RateSearch, jitter_reach
 from uavrt.detection.thresholds import (
+    begun_within_s,
     decision_interval_s,
     decision_span_s,
     effective_hypotheses,
@@ -38,7 +39,7 @@ def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[Rate
         reach_s = jitter_reach(tag.interval_jitter_s, grid.hop_s) * grid.hop_s
         interval_time_s = decision_interval_s(tag, rate)
         first_s = decision_span_s(tag, rate)
-        begun_s = _FIRST_SHARE * min(first_s - (tag.k - 1) * interval_s, interval_time_s)
+        begun_s = _FIRST_SHARE * min(begun_within_s(tag, rate), interval_time_s)
         steady, first = (
             threshold(
                 k=tag.k,

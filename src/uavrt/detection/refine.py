@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.grid import Grid
+from uavrt.detection.levelling import Leveller
 from uavrt.detection.samples import SampleBuffer
 
 TRACK_BAND_HZ = 20.0
@@ -72,14 +73,16 @@ class Refiner:
         self._window = grid.window
         self.upto = 0
         """Index after the last sample that is clean."""
+        self.leveller: Leveller | None = None
+        """How loud the noise was at each time; None: always as loud."""
         self._moments = _moments(grid.window)
         self._bin_hz = grid.sample_rate_hz / grid.window
         offsets = grid.offsets_hz
         self._lowest_hz = float(offsets[0])
         self._row_hz = float(offsets[1] - offsets[0]) if len(offsets) > 1 else 1.0
 
-    def noise_at(self, offset_hz: float, noise: NDArray[np.float32]) -> float:
-        """Noise power of one sample at a frequency."""
+    def noise_at(self, offset_hz: float, noise: NDArray[np.float32], start: float) -> float:
+        """Noise power of one sample at a frequency, in the window from a sample on."""
         # Rows lie equally far apart; numpy.interp, which must search for them, takes ten times.
         at = (offset_hz - self._lowest_hz) / self._row_hz
         if not 0.0 <= at < len(noise):
@@ -89,7 +92,11 @@ class Refiner:
         below = min(max(int(at), 0), len(noise) - 2) if len(noise) > 1 else 0
         share = min(max(at - below, 0.0), 1.0)
         low = float(noise[below])
-        return low + share * (float(noise[below + 1]) - low) if share else low
+        if share:
+            low += share * (float(noise[below + 1]) - low)
+        if self.leveller is not None:
+            low *= self.leveller.at(below + share, self._grid.column(start))
+        return low
 
     def search(
         self,
@@ -137,14 +144,16 @@ class Refiner:
         )
         turns = turns[:, :length]
         power = self._filtered(first, length, offset_hz, turns)
-        level = window * self.noise_at(offset_hz, noise)
+        level = window * np.array(
+            [self.noise_at(offset_hz, noise, float(start)) for start in starts]
+        )
         if math.isfinite(spread):
             away = (
                 first[:, np.newaxis] + np.arange(power.shape[2]) - starts[:, np.newaxis]
             ) / spread
-            power -= (0.5 * level) * away[:, np.newaxis] ** 2
+            power -= (0.5 * level)[:, np.newaxis, np.newaxis] * away[:, np.newaxis] ** 2
             np.maximum(power, 0.0, out=power)
-        best = power.max(axis=2) / level
+        best = power.max(axis=2) / level[:, np.newaxis]
         # The root keeps one strong pulse from choosing alone for all.
         common = int(np.sqrt(best).sum(axis=0).argmax())
         at = power[:, common].argmax(axis=1)
@@ -238,7 +247,7 @@ class Refiner:
             if abs(step) < 0.05:
                 break
         zero = complex(np.dot(x, np.exp(1j * radian * frequency * n)))
-        level = max(self.noise_at(frequency, noise), 1e-30)
+        level = max(self.noise_at(frequency, noise, start), 1e-30)
         return Measured(
             start=float(start),
             offset_hz=frequency,

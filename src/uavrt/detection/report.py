@@ -5,10 +5,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.chance import log_doubt
 from uavrt.detection.circle import EDGE_HZ, apart_hz, in_channel_hz
 from uavrt.detection.refine import Measured
 from uavrt.detection.rivals import PATIENCE_INTERVALS
 from uavrt.detection.samples import Counters
+from uavrt.detection.thresholds import decision_interval_s
 from uavrt.detection.tracks import Slot, Track
 from uavrt.messages import DetectionStatus, Pulse, SearchReport, Tag
 from uavrt.units import db_from_power, ns_from_s
@@ -43,6 +45,7 @@ class Reporter:
         self._sample_rate_hz = sample_rate_hz
         self._patience_s = PATIENCE_INTERVALS * max(tag.pulse_intervals_s)
         self._counters = counters
+        self._doubt = log_doubt(tag.false_alarm_probability, decision_interval_s(tag))
         self._pulses: list[Pulse] = []
         self._reports: list[SearchReport] = []
         self._sequence = dict.fromkeys(range(1, len(tag.pulse_intervals_s) + 1), 0)
@@ -72,6 +75,7 @@ class Reporter:
             for t in tracks
             if t.confirmed
             and not t.dead
+            and t.ghost_of is None
             and now_s - t.last_accepted_s < _ACTIVE_INTERVALS * t.interval_s
         ]
         if not alive:
@@ -100,7 +104,7 @@ class Reporter:
         last : bool
             Nothing follows: what waits for its rate's label waits in vain.
         """
-        if track.held:
+        if self.doubts(track, last=last) or track.held:
             return
         oldest_open = track.number - self._tag.k + 1
         for slot in track.slots:
@@ -110,6 +114,7 @@ class Reporter:
                     continue
                 slot.state = "reported"
                 sure = track.confirmed and certain and not slot.disputed
+                sure = sure and track.ghost_of is None
                 self._record(track, slot, "confirmed" if sure else "detected")
             elif slot.state == "open" and track.confirmed and slot.number < oldest_open:
                 if slot.measured.power > 4.0:
@@ -117,6 +122,18 @@ class Reporter:
                     self._record(track, slot, "subthreshold")
                 else:
                     slot.state = "missed"
+
+    def doubts(self, track: Track, *, last: bool = False) -> bool:
+        """Whether bursts alone make more tracks like it than false alarms are asked for.
+
+        What was in doubt once waits for its confirmation: all its pulses are told as confirmed.
+        """
+        if track.confirmed:
+            return False
+        doubtful = track.odds < self._doubt
+        waiting = track.in_doubt and not (track.dead or last)
+        track.in_doubt |= doubtful
+        return doubtful or waiting
 
     def searched(self, time_ns: int, noise: NDArray[np.float32], best: float) -> None:
         """Note a searched stretch; about once a second it becomes a report."""
@@ -202,6 +219,8 @@ class Reporter:
                 rate=track.rate,
                 predicted_next_start_ns=center - half_ns,
                 predicted_next_end_ns=center + half_ns + width_ns,
+                also_possible_tag_ids=track.alternatives,
+                ghost_of_tag_id=track.ghost_of,
             )
         )
 

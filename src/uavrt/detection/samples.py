@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.native import kernels
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 BACKWARD_RESTART_BLOCKS = 3
@@ -58,7 +59,9 @@ class SampleBuffer:
         self._ns_per_sample = NANOSECONDS_PER_SECOND / sample_rate_hz
         self._keep = keep
         self._tolerance_ns = tolerance_s * NANOSECONDS_PER_SECOND
-        self._data = np.zeros(keep + keep // 5 + 1024, np.complex64)
+        # What is kept moves to the front when the rest is full: half as much, every two
+        # seconds. With a fifth, 10 MB less for 100 tags, that took one per cent of their time.
+        self._data = np.zeros(keep + keep // 2 + 1024, np.complex64)
         self.start = 0
         """Index of the oldest sample kept."""
         self.end = 0
@@ -111,21 +114,21 @@ class SampleBuffer:
         """
         if not self._stamp_index:
             return 0
-        data, begin, end = self._data, self.start, self.end
-        due_ns = self._stamp_ns[-1] + (end - self._stamp_index[-1]) * self._ns_per_sample
-        added = 0
+        data, used, step_ns = self._data, self.end - self.start, self._ns_per_sample
+        indices, times_ns, room = self._stamp_index, self._stamp_ns, len(self._data)
+        due_ns = times_ns[-1] + (self.end - indices[-1]) * step_ns
+        least_ns, added = self._tolerance_ns, 0
         for samples, time_ns in blocks:
-            count, used = len(samples), end - begin
-            early_ns = due_ns - time_ns
-            if not count or used + count > len(data) or abs(early_ns) >= self._tolerance_ns:
+            upto = used + len(samples)
+            if upto == used or upto > room or not -least_ns < due_ns - time_ns < least_ns:
                 break
-            self._stamp_index.append(end)
-            self._stamp_ns.append(time_ns)
-            data[used : used + count] = samples
-            end += count
-            due_ns = time_ns + count * self._ns_per_sample
+            indices.append(self.start + used)
+            times_ns.append(time_ns)
+            data[used:upto] = samples
+            due_ns = time_ns + (upto - used) * step_ns
+            used = upto
             added += 1
-        self.end = end
+        self.end = self.start + used
         return added
 
     def append(self, samples: NDArray[np.complex64], time_ns: int) -> None:
@@ -228,10 +231,14 @@ def blank_impulses(
     list of (int, int)
         Stretches blanked, first and end.
     """
-    parts = samples.view(np.float32)
-    if not len(parts):
+    if not len(samples):
         return []
-    largest = max(float(np.maximum.reduce(parts)), -float(np.minimum.reduce(parts)))
+    native = kernels()
+    if native is not None:
+        largest = native.largest(samples)
+    else:
+        parts = samples.view(np.float32)
+        largest = max(float(np.maximum.reduce(parts)), -float(np.minimum.reduce(parts)))
     if 2.0 * largest**2 < 24.0 * floor:
         return []
     power = samples.real**2 + samples.imag**2

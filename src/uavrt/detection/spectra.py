@@ -65,6 +65,14 @@ def push_together(
     count = columns_ahead(spectrograms[0], len(stretches[0]))
     used = count * (grid.hop // grid.decimation)
     power = workspace.take("power", (len(stretches), grid.rows, count))
+    if grid.for_kernel:
+        for index, (spectrogram, stretch) in enumerate(
+            zip(spectrograms, stretches, strict=True)
+        ):
+            block = spectrogram.lengthened(stretch)
+            spectrogram.band = block[used:].copy()
+            grid.power_by_kernel(block, power, index * grid.rows * count, count)
+        return power
     for begin in range(0, len(stretches), _TAGS_AT_ONCE):
         some = slice(begin, begin + _TAGS_AT_ONCE)
         blocks = []

@@ -15,6 +15,8 @@ from uavrt.messages import Tag
 
 _STEP = 0.01
 _ORIGINAL_RATE_HZ = 3750.0
+_LEAST_BEGUN = 0.25
+"""Least share of an interval in which a group can have begun; up to K = 40 it is more."""
 USUAL_NOISE_ERROR = 0.033
 """Relative error of the noise after 2.5 s, with which the factors below were calibrated."""
 
@@ -43,7 +45,17 @@ def decision_span_s(tag: Tag, rate: int = 1) -> float:
     return decision_interval_s(tag, rate) + overlap_s
 
 
-@lru_cache(maxsize=8)  # of 20 kB; a threshold looks forty times, and is then kept itself
+def begun_within_s(tag: Tag, rate: int = 1) -> float:
+    """Length of the stretch in which a group of the first decision can have begun.
+
+    The original's steps are whole columns, of which K pulses of a tag with small uncertainties
+    round away up to a millisecond each; from K = 60 on nothing would be left.
+    """
+    interval_s = tag.pulse_intervals_s[rate - 1]
+    begun_s = decision_span_s(tag, rate) - (tag.k - 1) * interval_s
+    return max(begun_s, _LEAST_BEGUN * interval_s)
+
+
 def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
     """Tail of a sum of one exponential and k - 1 maxima of `spread` exponentials."""
     top = limit if math.isfinite(limit) else 60.0
@@ -60,12 +72,19 @@ def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(total_length) * _STEP, tail
 
 
+@lru_cache(maxsize=8)  # of 20 kB; a threshold looks fifty times, and is then kept itself
+def _log_tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same, its logarithm."""
+    x, tail = _tail(k, spread, limit)
+    return x, np.log(np.maximum(tail, 1e-300))
+
+
 def group_tail(k: int, spread: float, threshold: float) -> float:
     """Chance that one hypothesis of noise reaches the threshold."""
     if k == 1:
         return math.exp(-threshold)
-    x, tail = _tail(k, round(spread, 3), CELL_LIMIT)
-    return float(np.exp(np.interp(threshold, x, np.log(np.maximum(tail, 1e-300)))))
+    x, log_tail = _log_tail(k, round(spread, 3), CELL_LIMIT)
+    return float(np.exp(np.interp(threshold, x, log_tail)))
 
 
 _FACTOR_K = np.log(np.array([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0]))
@@ -111,6 +130,7 @@ def spread(*, reach_s: float, pulse_width_s: float) -> float:
     return 1.0 + 2.5 * 2.0 * reach_s / pulse_width_s
 
 
+@lru_cache(maxsize=1024)
 def threshold(
     *,
     k: int,

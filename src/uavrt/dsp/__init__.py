@@ -5,9 +5,19 @@
 """
 
 from uavrt.dsp.channelizer import Channelizer
+from uavrt.dsp.clipping import ClippedTimes, Clipping
 from uavrt.dsp.decimator import Decimator
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.dsp.plan import FrontEndPlan
 from uavrt.dsp.tuner import TunerPlan, tune
 
-__all__ = ["Channelizer", "Decimator", "FrontEnd", "FrontEndPlan", "TunerPlan", "tune"]
+__all__ = [
+    "Channelizer",
+    "ClippedTimes",
+    "Clipping",
+    "Decimator",
+    "FrontEnd",
+    "FrontEndPlan",
+    "TunerPlan",
+    "tune",
+]

@@ -20,6 +20,7 @@ from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import bank_taps, compatible_bank_taps
 from uavrt.dsp.fourier import transform_columns
 from uavrt.errors import UsageError
+from uavrt.native import kernels
 
 MATRIX_CHANNELS = 32
 """Up to so many channels a small DFT matrix is cheaper than all M of an FFT (measured)."""
@@ -76,7 +77,7 @@ class Channelizer:
         """Group delay in samples of the band."""
         phases = self.taps.reshape(-1, channels)
         # Real weights for interleaved real and imaginary parts.
-        weights = np.repeat(phases, 2, axis=1).astype(np.float32)
+        self._pairs = weights = np.repeat(phases, 2, axis=1).astype(np.float32)
         self._weights = np.tile(weights, (1, GROUP))
         self._window = self.taps.size
         self._all = self.in_use == tuple(range(channels))
@@ -88,7 +89,13 @@ class Channelizer:
         if len(self.in_use) <= MATRIX_CHANNELS:
             turns = np.outer(self._selection, np.arange(channels)) % channels / channels
             self._matrix = np.exp(-2j * np.pi * turns).astype(np.complex64)
-        self._folded = np.empty((ROWS, 2 * channels), dtype=np.float32)
+        self._folded = np.empty((0, 2 * channels), dtype=np.float32)
+        """For NumPy; made when it is first needed."""
+        turns = np.arange(channels) / channels
+        self._turns = np.exp(-2j * np.pi * turns).astype(np.complex64)
+        self._chosen = self._selection.astype(np.int32)
+        self._work = np.empty(0, dtype=np.float32)
+        """For the compiled kernel."""
         self.reset()
 
     @property
@@ -131,25 +138,56 @@ class Channelizer:
             return np.concatenate([self.process(part) for part in parts], axis=1)
         tail, hop = self._tail, self.hop
         rows = max(0, (tail.size + block.size - self._window) // hop)
-        folded = self._folded[:rows]
         # Outputs that need the tail of the block before; the rest reads the block in place.
         head = min(rows, -(-tail.size // hop))
+        pieces = []
         if head:
             need = (head - 1) * hop + self._window - tail.size
-            self._fold_rows(np.concatenate((tail, block[:need])), folded[:head])
+            pieces.append((0, head, np.concatenate((tail, block[:need]))))
         if rows > head:
-            self._fold_rows(block[head * hop - tail.size :], folded[head:])
+            pieces.append((head, rows, block[head * hop - tail.size :]))
+        out = self._outputs(rows, pieces)
         used = rows * hop - tail.size
         if used >= 0:
             self._tail = block[used:].copy()
         else:
             self._tail = np.concatenate((tail[used:], block))
+        self._odd_row ^= bool(rows % 2)
+        return out
+
+    def _outputs(
+        self, rows: int, pieces: list[tuple[int, int, NDArray[np.complex64]]]
+    ) -> NDArray[np.complex64]:
+        """Get outputs, shape (channels in use, rows).
+
+        Parameters
+        ----------
+        rows : int
+        pieces : list of (int, int, ndarray of complex64)
+            First and last of some outputs, and samples, the first of which is the oldest that
+            the first output needs.
+        """
+        native = kernels()
+        if native is not None:
+            out = np.empty((len(self.in_use), rows), np.complex64)
+            if not self._work.size:
+                self._work = np.empty(96 * self.channels, dtype=np.float32)
+            for first, last, samples in pieces:
+                odd = int(self._odd_row) + first
+                native.bank(
+                    *(samples, self._pairs, self._turns, self._chosen, self.channels),
+                    *(self.hop, odd, last - first, out, first, self._work),
+                )
+            return out
+        if not len(self._folded):
+            self._folded = np.empty((ROWS, 2 * self.channels), dtype=np.float32)
+        folded = self._folded[:rows]
+        for first, last, samples in pieces:
+            self._fold_rows(samples, folded[first:last])
         out = self._transform(folded.view(np.complex64))
-        if hop != self.channels:
+        if self.hop != self.channels:
             # Odd rows of the whole stream, odd channels: half a turn (see the module's text).
-            first = 0 if self._odd_row else 1
-            out[self._odd, first::2] *= -1
-            self._odd_row ^= bool(rows % 2)
+            out[self._odd, 0 if self._odd_row else 1 :: 2] *= -1
         return out
 
     def _fold_rows(self, samples: NDArray[np.complex64], folded: NDArray[np.float32]) -> None:

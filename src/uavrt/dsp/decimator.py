@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from uavrt.dsp.filters import compatible_decimator_taps, decimator_taps
 from uavrt.errors import UsageError
+from uavrt.native import kernels
 
 Mode = Literal["default", "compatible"]
 
@@ -73,7 +74,9 @@ class Decimator:
         # An output reaches into so many blocks after the one that it starts in.
         self._reach = -(-((taps.size - 1) // factor) // self._starts)
         self._pass = max(128, PASS_SAMPLES // (self._starts * factor))
-        self._parts = np.empty((self._pass, self._matrix.shape[1]), dtype=np.complex64)
+        self._parts = np.empty((0, self._matrix.shape[1]), dtype=np.complex64)
+        """For NumPy; made when it is first needed."""
+        self._pairs = np.repeat(taps[::-1], 2).astype(np.float32)
         self.reset()
 
     @property
@@ -118,6 +121,12 @@ class Decimator:
 
     def _filter(self, samples: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
         """Fill `out` from `samples`, whose first is the oldest that ``out[0]`` needs."""
+        native = kernels()
+        if native is not None:
+            native.decimate(samples, self._pairs, self.factor, out)
+            return
+        if not len(self._parts):
+            self._parts = np.empty((self._pass, self._matrix.shape[1]), dtype=np.complex64)
         starts, size = self._starts, self._starts * self.factor
         blocks, width, reach = samples.size // size, self._matrix.shape[1], self._reach
         groups = max(0, min(blocks - reach, out.size // starts))

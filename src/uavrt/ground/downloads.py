@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uavrt.errors import LinkError, UavrtError, UsageError
-from uavrt.ground.fetch import FileClient, RemoteEntry, fetch_file
+from uavrt.ground.fetch import FileClient, RemoteEntry, fetch_file, require_room
 from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
@@ -153,6 +153,8 @@ class Downloads:
 
     async def _fetch_files(self, flight_id: str, entries: list[RemoteEntry]) -> None:
         assert self.current is not None
+        samples = any(SAMPLES in entry.path for entry in entries)
+        require_room(entries, self._place(flight_id), samples=samples)
         whole = sum(entry.size or 0 for entry in entries)
         before = 0
         for entry in entries:

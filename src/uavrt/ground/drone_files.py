@@ -13,7 +13,7 @@ from uavrt.errors import LinkError
 from uavrt.ground.fetch import DRONE_COMPONENT, FileClient
 from uavrt.ground.ways import Ways
 from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.discovery import STATION_SYSTEM_ID, Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.signing import Signing, SigningKey
 
@@ -47,7 +47,7 @@ class DroneFiles:
         self,
         now_ns: Callable[[], int],
         *,
-        system_id: int = 255,
+        system_id: int = STATION_SYSTEM_ID,
         component_id: int = 197,
         signing_key: SigningKey | None = None,
     ) -> None:

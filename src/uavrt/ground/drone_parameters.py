@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 
 from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
@@ -101,7 +102,8 @@ class DroneParameters:
         before = self._answered.get(name, 0)
         for _ in range(TRIES):
             # Sealed anew each time: a drone takes no seal twice.
-            self._send(self._wish(name, value, drone))
+            with suppress(LinkError):  # its session comes within a second
+                self._send(self._wish(name, value, drone))
             deadline_s = monotonic_s() + self._wait_s
             while self._answered.get(name, 0) == before and monotonic_s() < deadline_s:
                 await self._wait_for_news(deadline_s - monotonic_s())

@@ -48,6 +48,8 @@ def _csv(summary: FlightSummary, columns: Columns, found: Estimates) -> bytes:
         cells: list[Any] = [known(value) for value in pulse]
         cells[0], cells[1], cells[7] = int(pulse[0]), int(pulse[1]), int(pulse[7])
         cells[6] = STATUSES[int(pulse[6])]
+        # Other tags' numbers, and whether it was clipped.
+        cells[15:] = [None if value is None else int(value) for value in cells[15:]]
         writer.writerow((iso_utc(int(pulse[1])), *cells))
     return stream.getvalue().encode()
 

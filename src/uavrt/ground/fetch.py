@@ -3,14 +3,21 @@
 It asks for bursts and, after each, again for what was lost; goes on where an earlier attempt
 ended; and compares the checksum of the whole file. `FileClient` is pure: give it the replies
 and the time, send what it gives. `uavrt.ground.drone_files` puts it on links.
+
+Who answers may not be the drone. Whatever comes, no answer, burst or list is waited for longer
+than a minute without getting on, none takes more memory or disk than it should, and no file
+here is replaced but by a later state of the same flight (`uavrt.ground.same_flight`).
 """
 
 import asyncio
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from uavrt.clock import monotonic_s
 from uavrt.errors import LinkError, RecordingError
+from uavrt.ground.same_flight import others, place_for
 from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
 from uavrt.units import ns_from_s
 
@@ -19,6 +26,23 @@ REPLY_NS = ns_from_s(1.5)
 TRIES = 10
 QUIET_NS = ns_from_s(2.0)
 """A burst of which nothing came for so long is over."""
+BURST_NS = ns_from_s(20.0)
+"""Longest that a burst is listened to; what has come of it counts."""
+BURST_BYTES = 1 << 20
+"""Most that is taken of a burst; a server that sends more is asked again from there."""
+STALL_NS = ns_from_s(60.0)
+LEAST_BYTES, LEAST_ENTRIES = 1024, 10
+"""What must come within `STALL_NS`: the slowest radio brings twenty times as much."""
+MOST_REPLIES = 4096
+"""Replies that wait; a flood drops its rest."""
+CHECKSUM_TRIES = 30
+"""A drone computes the checksum of 1 GB in 10 s."""
+MOST_GROWTH = 16_000_000
+"""A file may be longer than it was in the list: the flight goes on."""
+MOST_BYTES = 2_000_000_000
+"""Of a flight without its recorded samples; ten hours with 100 tags have a tenth."""
+ROOM_LEFT = 100_000_000
+"""Bytes that are left free on the disk here."""
 PART_SUFFIX = ".part"
 MOST_DEEP = 8
 """Directories within each other. A flight of ours has 4; whoever answers in the drone's place
@@ -74,17 +98,24 @@ class FileClient:
         self._now_ns = now_ns
         self._session = session
         self._sequence = 0
-        self._replies: asyncio.Queue[FtpPacket] = asyncio.Queue()
+        self._replies: asyncio.Queue[FtpPacket] = asyncio.Queue(MOST_REPLIES)
         self.repeats = 0
+        self.dropped = 0
+        """Replies that were too many."""
 
     def receive(self, payload: bytes) -> None:
         """Take a reply."""
-        self._replies.put_nowait(FtpPacket.decode(payload))
+        if self._replies.full():
+            self.dropped += 1
+        else:
+            self._replies.put_nowait(FtpPacket.decode(payload))
 
     async def list_directory(self, path: str) -> list[RemoteEntry]:
         """List a directory; raises `LinkError` when it cannot be, or has no end."""
         entries: list[RemoteEntry] = []
+        pace = _Pace(LEAST_ENTRIES, f"the list of {path}")
         while len(entries) < MOST_ENTRIES:
+            pace.check(len(entries))
             reply = await self._ask(
                 Opcode.LIST_DIRECTORY, data=path.encode(), offset=len(entries)
             )
@@ -105,7 +136,9 @@ class FileClient:
         files: list[RemoteEntry] = []
         waiting = [(path, 1)]
         seen = left_out = 0
+        pace = _Pace(LEAST_ENTRIES, f"the list of what is in {path}")
         while waiting:
+            pace.check(seen)
             directory, depth = waiting.pop()
             for entry in await self.list_directory(directory):
                 seen += 1
@@ -124,7 +157,9 @@ class FileClient:
 
     async def checksum(self, path: str) -> int:
         """Checksum that the drone computes of a file."""
-        reply = await self._ask(Opcode.CALC_FILE_CRC32, data=path.encode(), patience=60)
+        reply = await self._ask(
+            Opcode.CALC_FILE_CRC32, data=path.encode(), tries=CHECKSUM_TRIES
+        )
         _check(reply, path)
         return int.from_bytes(reply.data[:4], "little")
 
@@ -135,6 +170,7 @@ class FileClient:
         *,
         start: int = 0,
         progress: Callable[[int, int], None] = lambda done, size: None,
+        allow: Callable[[int], None] = lambda size: None,
     ) -> int:
         """Read a file from `start` to its end; give its size.
 
@@ -148,18 +184,23 @@ class FileClient:
             Bytes that are here already.
         progress : callable
             Gets the bytes that are here, and the size.
+        allow : callable
+            Gets the size before anything is read; raises when it is too much.
 
         Raises
         ------
         LinkError
-            The drone refuses, or does not answer.
+            The drone refuses, does not answer, or does not get on.
         """
         opened = await self._ask(Opcode.OPEN_FILE_RO, data=path.encode())
         _check(opened, path)
         size = int.from_bytes(opened.data[:4], "little")
+        allow(size)
         done, failures = start, 0
         ahead: dict[int, bytes] = {}
+        pace = _Pace(LEAST_BYTES, path, start)
         while done < size:
+            pace.check(done)
             if ahead:  # something before it was lost: only that again
                 hole = min(DATA_SIZE, min(ahead) - done)
                 reply = await self._ask(Opcode.READ_FILE, offset=done, size=hole)
@@ -170,22 +211,22 @@ class FileClient:
                     )
                 ahead[done] = reply.data[:hole]
             else:
-                parts = await self._burst(done)
-                ahead = {offset: data for offset, data in parts if offset >= done}
+                ahead = await self._burst(done, size)
                 failures = 0 if ahead else failures + 1
                 if failures:
                     self._unanswered()
                 if failures >= TRIES:
                     raise _silent(path)
             while (data := ahead.pop(done, b"")) != b"":
-                write(data)
-                done += len(data)
+                write(data[: size - done])
+                done = min(size, done + len(data))
+            ahead = {offset: data for offset, data in ahead.items() if offset > done}
             progress(done, size)
         await self._ask(Opcode.TERMINATE_SESSION)
         return size
 
-    async def _burst(self, offset: int) -> list[tuple[int, bytes]]:
-        """Ask for a burst and take what comes of it."""
+    async def _burst(self, offset: int, end: int) -> dict[int, bytes]:
+        """Ask for a burst and take what comes of it between `offset` and `end`, by place."""
         self._clear()
         self._sequence += 1
         first = self._sequence
@@ -197,8 +238,9 @@ class FileClient:
             offset=offset,
         )
         self._send(request.encode())
-        got: list[tuple[int, bytes]] = []
-        while (reply := await self._reply(QUIET_NS)) is not None:
+        got: dict[int, bytes] = {}
+        until_s = _soon(BURST_NS)
+        while (reply := await self._reply(QUIET_NS, until_s)) is not None:
             if reply.request_opcode != Opcode.BURST_READ_FILE:
                 continue
             self._sequence = max(self._sequence, reply.sequence)
@@ -206,8 +248,9 @@ class FileClient:
                 if _error(reply) not in (FtpError.END_OF_FILE, None):
                     _check(reply, "the file")
                 break
-            got.append((reply.offset, reply.data))
-            if reply.burst_complete:
+            if reply.data and offset <= reply.offset < end:
+                got[reply.offset] = reply.data
+            if reply.burst_complete or len(got) * DATA_SIZE > BURST_BYTES:
                 break
         return got
 
@@ -218,7 +261,7 @@ class FileClient:
         data: bytes = b"",
         offset: int = 0,
         size: int | None = None,
-        patience: int = TRIES,
+        tries: int = TRIES,
     ) -> FtpPacket:
         """Ask until there is an answer; the same bytes each time."""
         if len(data) > DATA_SIZE:
@@ -237,20 +280,25 @@ class FileClient:
         ).encode()
         wanted = (self._sequence + 1) & 0xFFFF
         self._clear()
-        for attempt in range(patience):
+        for attempt in range(tries):
             self.repeats += attempt > 0
             if attempt > 0:
                 self._unanswered()
             self._send(request)
-            while (reply := await self._reply(REPLY_NS)) is not None:
+            until_s = _soon(REPLY_NS)
+            while (reply := await self._reply(REPLY_NS, until_s)) is not None:
                 if reply.sequence == wanted and reply.request_opcode == opcode:
                     self._sequence += 1
                     return reply
         raise _silent("the drone's file server")
 
-    async def _reply(self, wait_ns: int) -> FtpPacket | None:
+    async def _reply(self, wait_ns: int, until_s: float) -> FtpPacket | None:
+        """Get the next reply, or None when none came in time, also in a flood of others."""
+        left_s = min(wait_ns / 1e9, until_s - monotonic_s())
+        if left_s <= 0.0:
+            return None
         try:
-            async with asyncio.timeout(wait_ns / 1e9):
+            async with asyncio.timeout(left_s):
                 return await self._replies.get()
         except TimeoutError:
             return None
@@ -258,6 +306,76 @@ class FileClient:
     def _clear(self) -> None:
         while not self._replies.empty():
             self._replies.get_nowait()
+
+
+class _Pace:
+    """Ends what does not get on.
+
+    Parameters
+    ----------
+    least : int
+        What must come within `STALL_NS`.
+    what : str
+        Of what, for the error.
+    start : int
+        What is here already.
+    """
+
+    def __init__(self, least: int, what: str, start: int = 0) -> None:
+        self._least, self._what = least, what
+        self._from, self._until_s = start, _soon(STALL_NS)
+
+    def check(self, done: int) -> None:
+        """Take how much is here now; raises `LinkError` when it is too slow."""
+        if done - self._from >= self._least:
+            self._from, self._until_s = done, _soon(STALL_NS)
+        elif monotonic_s() > self._until_s:
+            raise LinkError(
+                f"{self._what} does not get on: {done - self._from} in {STALL_NS / 1e9:.0f} s",
+                remedy="Try again nearer to the drone; what has come is kept",
+            )
+
+
+def _soon(wait_ns: int) -> float:
+    return monotonic_s() + wait_ns / 1e9
+
+
+def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
+    """Refuse a flight that is too large, for what it can be or for the disk here.
+
+    Parameters
+    ----------
+    entries : iterable of RemoteEntry
+        What is to be fetched.
+    place : Path
+        Where to.
+    samples : bool
+        Recorded samples are among it, which may have any size.
+
+    Raises
+    ------
+    RecordingError
+        It is too large.
+    """
+    whole = sum(entry.size or 0 for entry in entries)
+    if whole > MOST_BYTES and not samples:
+        raise RecordingError(
+            f"the drone lists {whole / 1e9:.1f} GB: too much for a flight without samples",
+            remedy="Somebody else may answer in its place; or fetch its files one by one",
+        )
+    _require_free(place, whole)
+
+
+def _require_free(place: Path, size: int) -> None:
+    parent = place
+    while not parent.exists() and parent != parent.parent:
+        parent = parent.parent
+    free = shutil.disk_usage(parent).free - ROOM_LEFT
+    if size > free:
+        raise RecordingError(
+            f"{size / 1e6:.0f} MB are wanted in {parent}, and {max(0, free) / 1e6:.0f} MB free",
+            remedy="Make room, or give another place with -o",
+        )
 
 
 async def fetch_file(
@@ -269,29 +387,46 @@ async def fetch_file(
     """Fetch one file; False if it was here already.
 
     It grows as ``NAME.part`` and gets its name when its checksum is right. A part that was
-    there is gone on with; if the whole is then wrong it is fetched anew, once.
+    there is gone on with; if the whole is then wrong it is fetched anew, once. A file of that
+    name that is here and is no earlier state of this one stays; the new one is then
+    ``NAME.other-1``.
 
     Raises
     ------
     LinkError
-        The drone does not answer or refuses.
+        The drone does not answer, refuses, or does not get on.
     RecordingError
-        The file cannot be written, or is wrong twice.
+        The file cannot be written, is too large, or is wrong twice.
     """
-    if _size(place) == entry.size and (
-        await client.checksum(entry.path) == file_checksum(place)
-    ):
-        progress(entry.size or 0, entry.size or 0)
-        return False
+    alike = [there for there in (place, *others(place)) if _size(there) == entry.size]
+    if alike:
+        wanted = await client.checksum(entry.path)
+        if any(file_checksum(there) == wanted for there in alike):
+            progress(entry.size or 0, entry.size or 0)
+            return False
     part = place.with_name(place.name + PART_SUFFIX)
+    if part.exists() and not part.is_file():
+        raise RecordingError(f"{part} is no file", remedy="Remove it")
+
+    def allow(size: int) -> None:
+        listed = entry.size or 0
+        if size > listed + max(listed, MOST_GROWTH):
+            raise LinkError(
+                f"{entry.path} has {size} bytes now, and was listed with {listed}",
+                remedy="Fetch it again; or somebody else answers in the drone's place",
+            )
+        _require_free(part, size - (_size(part) or 0))
+
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
         for _ in range(2):
             start = _size(part) or 0
             with part.open("ab", buffering=0) as file:
-                await client.read(entry.path, file.write, start=start, progress=progress)
+                await client.read(
+                    entry.path, file.write, start=start, progress=progress, allow=allow
+                )
             if file_checksum(part) == await client.checksum(entry.path):
-                part.replace(place)
+                part.replace(place_for(part, place))
                 return True
             part.unlink()
     except OSError as error:

@@ -16,6 +16,7 @@ from uavrt.ground.flights import GROUND_NOTE, PULSE_COLUMNS, STATUSES, Columns
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, Pose, Poses, PulsePose, SearchReport, StatusText, Tag
 from uavrt.recording import FlightLayout, FlightRecorder, new_flight_directory
+from uavrt.recording.plain_database import open_plain
 
 log = get_logger()
 
@@ -82,8 +83,7 @@ class FlightKeeper:
             return False
         try:
             self._recorder = FlightRecorder.reopen(path)
-            database_path = FlightLayout(path).database.absolute().as_uri()
-            with closing(sqlite3.connect(f"{database_path}?mode=ro", uri=True)) as database:
+            with closing(open_plain(FlightLayout(path).database)) as database:
                 (start_ns,) = database.execute("SELECT start_time_ns FROM flight").fetchone()
                 self._forget(flight_id, start_ns)
                 keys = database.execute("SELECT tag_id, start_time_ns FROM pulses")
@@ -202,4 +202,7 @@ def pulse_row(item: PulsePose) -> tuple[float, ...]:
         STATUSES.index(pulse.detection_status),
         pulse.rate,
         *placed,
+        next(iter(pulse.also_possible_tag_ids), math.nan),
+        math.nan if pulse.ghost_of_tag_id is None else pulse.ghost_of_tag_id,
+        pulse.clipped,
     )

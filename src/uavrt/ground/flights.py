@@ -19,6 +19,7 @@ from uavrt.errors import FormatError, UsageError
 from uavrt.ground.prepared import PreparedColumns
 from uavrt.messages import Tag
 from uavrt.recording import FlightLayout, schema
+from uavrt.recording.plain_database import open_plain
 
 CHUNK = 4000
 STATUSES = ("subthreshold", "detected", "confirmed")
@@ -39,16 +40,24 @@ PULSE_COLUMNS = (
     "quaternion_x",
     "quaternion_y",
     "quaternion_z",
+    "also_possible_tag_id",
+    "ghost_of_tag_id",
+    "clipped",
 )
-"""What `FlightLibrary.pulses` reads; the status as its place in `STATUSES`."""
+"""What `FlightLibrary.pulses` reads; the status as its place in `STATUSES`, and of the other
+tags that a pulse may be of the first."""
 
 _SELECT_PULSES = (
     "SELECT p.tag_id, p.start_time_ns, p.frequency_hz, p.snr_db, p.group_snr_db, p.noise_psd, "
     "CASE p.detection_status WHEN 'confirmed' THEN 2 WHEN 'detected' THEN 1 ELSE 0 END, "
     "p.rate, q.latitude_deg, q.longitude_deg, q.altitude_relative_m, "
-    "q.quaternion_w, q.quaternion_x, q.quaternion_y, q.quaternion_z "
+    "q.quaternion_w, q.quaternion_x, q.quaternion_y, q.quaternion_z, "
+    # As a number a text between spaces is its first.
+    "CAST(p.also_possible_tag_ids AS INTEGER), p.ghost_of_tag_id, coalesce(p.clipped, 0){more} "
     "FROM pulses p LEFT JOIN pulse_poses q USING (pulse_id) ORDER BY p.pulse_id"
 )
+_SELECT_CELLS = _SELECT_PULSES.format(more="")
+_SELECT_RECORDS = _SELECT_PULSES.format(more=", p.also_possible_tag_ids")
 _SELECT_POSES = (
     "SELECT time_ns, latitude_deg, longitude_deg, altitude_relative_m, "
     "quaternion_w, quaternion_x, quaternion_y, quaternion_z FROM poses "
@@ -107,7 +116,7 @@ class FlightLibrary:
         for database in self.directory.glob("*/flight.sqlite"):
             try:
                 found.append(self.summary(database.parent.name))
-            except (FormatError, OSError):
+            except (FormatError, UsageError, OSError):
                 continue
         return sorted(found, key=lambda flight: flight.start_time_ns, reverse=True)
 
@@ -153,15 +162,15 @@ class FlightLibrary:
             ours = database.execute(
                 "SELECT count(*) FROM notes WHERE text = ?", (GROUND_NOTE,)
             ).fetchone()[0]
-        start_ns = int(row[0])
-        summary = FlightSummary(
-            flight_id=flight_id,
-            start_time_ns=start_ns,
-            end_time_ns=max(start_ns, last or 0, last_pose or 0),
-            pulses=count,
-            tags=tuple(map(schema.tag_from_row, tags)),
-            source="ground" if ours else "drone",
-        )
+            start_ns = int(row[0])
+            summary = FlightSummary(
+                flight_id=flight_id,
+                start_time_ns=start_ns,
+                end_time_ns=max(start_ns, last or 0, last_pose or 0),
+                pulses=count,
+                tags=tuple(map(schema.tag_from_row, tags)),
+                source="ground" if ours else "drone",
+            )
         self._known[flight_id] = (stamp, summary)
         return summary
 
@@ -223,7 +232,7 @@ class FlightLibrary:
 
     def _read_pulses(self, flight_id: str) -> NDArray[np.float64]:
         with self._database(flight_id) as database:
-            return _columns(database, "pulses", _SELECT_PULSES, len(PULSE_COLUMNS))
+            return _columns(database, "pulses", _SELECT_CELLS, len(PULSE_COLUMNS))
 
     def _read_poses(self, flight_id: str) -> NDArray[np.float64]:
         with self._database(flight_id) as database:
@@ -241,14 +250,19 @@ class FlightLibrary:
         """
         with self._database(flight_id) as database:
             rows = database.execute(
-                f"{_SELECT_PULSES} LIMIT ? OFFSET ?", (limit, after)
+                f"{_SELECT_RECORDS} LIMIT ? OFFSET ?", (limit, after)
             ).fetchall()
-        records = []
-        for row in rows:
-            record = dict(zip(PULSE_COLUMNS, row, strict=True))
-            record["detection_status"] = STATUSES[record["detection_status"]]
-            record["confirmed"] = record["detection_status"] == "confirmed"
-            records.append(record)
+            records = []
+            for *row, others in rows:
+                record = dict(zip(PULSE_COLUMNS, row, strict=True))
+                del record["also_possible_tag_id"]
+                record["also_possible_tag_ids"] = [
+                    int(number) for number in str(others or "").split()
+                ]
+                record["clipped"] = bool(record["clipped"])
+                record["detection_status"] = STATUSES[record["detection_status"]]
+                record["confirmed"] = record["detection_status"] == "confirmed"
+                records.append(record)
         return records
 
     def log(self, flight_id: str) -> list[dict[str, Any]]:
@@ -267,10 +281,10 @@ class FlightLibrary:
     def _database(self, flight_id: str) -> Iterator[sqlite3.Connection]:
         path = FlightLayout(self.path(flight_id)).database
         try:
-            address = f"{path.absolute().as_uri()}?mode=ro"
-            with closing(sqlite3.connect(address, uri=True, timeout=5.0)) as database:
+            with closing(open_plain(path)) as database:
+                schema.read_older(database)
                 yield database
-        except (sqlite3.Error, ValueError, TypeError) as error:
+        except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
             raise FormatError(f"{path} cannot be read: {error}") from error
 
 

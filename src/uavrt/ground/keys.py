@@ -14,8 +14,10 @@ class LinkKeys:
     """The number, and none, one or both of the secrets."""
 
     component_id: int = 190
-    """Ours, in system 255; 190 is the usual one. Two stations of one drone need different ones,
+    """Ours, in system 254; 190 is the usual one. Two stations of one drone need different ones,
     for it speaks to each by one link only."""
+    as_gcs: bool = False
+    """Be system 255 of type GCS, which the original's drone side insists on."""
     command: Key | None = None
     """Seals commands inside their payload; also through PX4."""
     signing: SigningKey | None = None
@@ -26,7 +28,11 @@ NO_KEYS = LinkKeys()
 
 
 def read_link_keys(
-    command: Path | None, signing: Path | None, component_id: int = 190
+    command: Path | None,
+    signing: Path | None,
+    component_id: int = 190,
+    *,
+    as_gcs: bool = False,
 ) -> LinkKeys:
     """Read the keys from their files; raises `ConfigError` for what is none."""
     if not 2 <= component_id <= 255 or component_id == DRONE_COMPONENT:
@@ -36,6 +42,7 @@ def read_link_keys(
         )
     return LinkKeys(
         component_id=component_id,
+        as_gcs=as_gcs,
         command=None if command is None else read_key(command),
         signing=None if signing is None else read_signing_key(signing),
     )

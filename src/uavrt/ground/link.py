@@ -23,7 +23,7 @@ from uavrt.ground.received import new_store
 from uavrt.ground.ways import Ways
 from uavrt.ground.writing import Writing
 from uavrt.mavlink.dialect import Tunnel
-from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.discovery import GCS_SYSTEM_ID, STATION_SYSTEM_ID, Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
@@ -74,6 +74,10 @@ class GroundLink:
     generation : {"G0", "G1", "G2v1", "G2"}
         Wire format; G1 unless the drone runs the thesis's software, or the original's numbered
         versions.
+    system_id, component_id : int
+        Our own numbers; 254/190, or 255/190 with `as_gcs`.
+    as_gcs : bool
+        Be seen as a ground station of type GCS, as the original's drone side insists on.
     ack_wait_s : float
         How long to wait for each acknowledgement before the command is sent again.
     on_frame : callable, optional
@@ -95,20 +99,25 @@ class GroundLink:
         *,
         on_event: Callable[[GroundEvent], None] | None = None,
         generation: Generation = "G1",
-        system_id: int = 255,
+        system_id: int | None = None,
         component_id: int = 190,
+        as_gcs: bool = False,
         ack_wait_s: float = ACK_WAIT_S,
         on_frame: Callable[[Frame], None] | None = None,
         receipts: Receipts | None = None,
         key: Key | None = None,
         signing_key: SigningKey | None = None,
     ) -> None:
+        if system_id is None:
+            system_id = GCS_SYSTEM_ID if as_gcs else STATION_SYSTEM_ID
         if receipts is None and generation != "G0":
             receipts = Receipts(new_store())
         sealer = None if key is None else Sealer(key, (system_id, component_id))
         if receipts is not None and key is not None:
             receipts.most = MAX_SEALED_HASHES
-        self.protocol = GroundProtocol(system_id, component_id, receipts, sealer, generation)
+        self.protocol = GroundProtocol(
+            system_id, component_id, receipts, sealer, generation, as_gcs=as_gcs
+        )
         self._clock_ns = clock_ns
         self._on_event = on_event
         self._on_frame = on_frame
@@ -119,6 +128,7 @@ class GroundLink:
             (system_id, component_id), self._receive, clock_ns, signing=self._signing
         )
         self._serving = False
+        self._drone_signs = self._drone_refused = False
         self._events: deque[GroundEvent] = deque(maxlen=EVENTS)
         self._event_there = asyncio.Event()
         self._drone_there = asyncio.Event()
@@ -177,13 +187,36 @@ class GroundLink:
             async with asyncio.timeout(timeout_s):
                 await self._drone_there.wait()
         except TimeoutError:
-            raise LinkError(
-                f"no component {DRONE_COMPONENT} was heard in {timeout_s:g} s",
-                remedy="Check the drone's power, the radio, and that the autopilot forwards "
-                "MAVLink between its companion and ground ports",
-            ) from None
+            raise self._unheard(timeout_s) from None
         assert self.protocol.drone is not None
         return self.protocol.drone
+
+    def _unheard(self, waited_s: float) -> LinkError:
+        """Say why there is no drone: it is locked with another key, or not there."""
+        if self._drone_refused:
+            return LinkError(
+                f"component {DRONE_COMPONENT} is heard, but its frames are not signed with the "
+                "key given",
+                remedy="Give the key that the drone has as mavlink.signing_key_file, or none "
+                "if it has none",
+            )
+        return LinkError(
+            f"no component {DRONE_COMPONENT} was heard in {waited_s:g} s",
+            remedy="Check the drone's power, the radio, and that the autopilot forwards "
+            "MAVLink between its companion and ground ports",
+        )
+
+    def _unanswered(self, number: int) -> LinkError:
+        """Say why a command has no answer: the drone wants it signed, or is away."""
+        text = f"the drone did not answer command {number} in {TRIES * self._ack_wait_s:g} s"
+        if self._drone_signs and self._signing is None:
+            return LinkError(
+                f"{text}: it signs its frames, and may take signed ones only",
+                remedy="Give the drone's key with --signing-key",
+            )
+        return LinkError(
+            text, remedy="Check the radio link and try again; repeated commands do no harm"
+        )
 
     async def upload_tags(
         self, tags: Sequence[Tag], progress: Callable[[int, int], None] | None = None
@@ -260,8 +293,14 @@ class GroundLink:
                 future = asyncio.get_running_loop().create_future()
                 self._waiting = (number, request_id, future)
                 order = self._ways.best()
-                message = self.protocol.tunnel_message(payload)
-                self._ways.send(message, order[attempt % len(order)])
+                try:
+                    message = self.protocol.tunnel_message(payload)
+                except LinkError:  # the drone's session comes within a second
+                    if self.protocol.drone is None or attempt == TRIES - 1:
+                        self._waiting = None
+                        raise
+                else:
+                    self._ways.send(message, order[attempt % len(order)])
                 try:
                     async with asyncio.timeout(self._ack_wait_s):
                         ack: Acknowledged = await future
@@ -277,10 +316,7 @@ class GroundLink:
                 if not ack.accepted:
                     raise CommandRefused(ack.message or f"the drone refused command {number}")
                 return ack
-        raise LinkError(
-            f"the drone did not answer command {number} in {TRIES * self._ack_wait_s:g} s",
-            remedy="Check the radio link and try again; repeated commands do no harm",
-        )
+        raise self._unanswered(number)
 
     async def events(self) -> AsyncIterator[GroundEvent]:
         """Give events as they come."""
@@ -295,12 +331,20 @@ class GroundLink:
         """Frames refused for their signatures, by reason."""
         return {} if self._signing is None else dict(self._signing.counters)
 
+    @property
+    def faults(self) -> int:
+        """Frames that could not be handled, on all links."""
+        return sum(link.counters.faults for link in self._ways.links)
+
     def send(self, message: Message) -> None:
         """Send a message that needs no acknowledgement."""
         self._ways.send(message)
 
     def _receive(self, frame: Frame, link: int) -> None:
+        if frame.component_id == DRONE_COMPONENT:
+            self._drone_signs = frame.signed
         if self._signing is not None and not self._signing.accepts(frame):
+            self._drone_refused |= frame.component_id == DRONE_COMPONENT
             return
         if self._on_frame is not None:
             self._on_frame(frame)

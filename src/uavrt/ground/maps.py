@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from uavrt.errors import FormatError, UsageError
+from uavrt.recording.plain_database import watch
 
 SUFFIXES = (".pmtiles", ".mbtiles")
 _NAME = re.compile(r"[\w][\w .()-]{0,120}\.(pmtiles|mbtiles)", re.IGNORECASE)
@@ -123,4 +124,6 @@ def _mbtiles(path: Path) -> dict[str, Any]:
 
 def _opened(path: Path) -> "closing[sqlite3.Connection]":
     address = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
-    return closing(sqlite3.connect(address, uri=True))
+    database = sqlite3.connect(address, uri=True)
+    watch(database)
+    return closing(database)

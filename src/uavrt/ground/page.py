@@ -20,6 +20,7 @@ from uavrt.ground.session import ESSENTIAL, GroundSession
 from uavrt.ground.settings import GroundStore
 from uavrt.heap import HeapKeeper
 from uavrt.messages import PulsePose, Tag
+from uavrt.recording.plain_database import ended as queries_ended
 from uavrt.recording.pulse_files import pulse_record
 
 RETRY_S = 2.0
@@ -95,6 +96,7 @@ class PageStation:
                 if task.done():
                     task.result()
         finally:
+            queries_ended.set()
             tidying.cancel()
             work.cancel()
             session.cancel()
@@ -102,6 +104,7 @@ class PageStation:
                 await session
             await _ended(server, serving)
             sock.close()
+            queries_ended.clear()  # for whoever goes on in this program
 
     async def _work(self, sock: socket.socket) -> None:
         if self._settings.address is not None:

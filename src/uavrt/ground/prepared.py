@@ -11,7 +11,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-VERSION = 1
+VERSION = 2
 """Of the columns' meaning; files of others are not read, and are removed."""
 SUFFIX = f".v{VERSION}.npz"
 

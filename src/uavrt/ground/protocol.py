@@ -9,7 +9,7 @@ from uavrt.errors import LinkError, TunnelError
 from uavrt.ground.receipts import Receipts
 from uavrt.log import get_logger
 from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.discovery import STATION_SYSTEM_ID, Peer, station_heartbeat
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.statustext import TextAssembler
 from uavrt.messages import LiveBearing, PulsePose, SearchReport, StatusText, SystemState, Tag
@@ -17,7 +17,7 @@ from uavrt.tunnel import CommandId, Generation
 from uavrt.tunnel.gate import Sealer
 from uavrt.tunnel.heartbeat import STATES
 from uavrt.tunnel.live_bearing import BEARING_TYPE, decode_bearing
-from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE
+from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE, SESSION_TYPE
 from uavrt.units import ns_from_s
 
 log = get_logger()
@@ -83,24 +83,30 @@ class GroundProtocol:
     Parameters
     ----------
     system_id, component_id : int
-        Our own numbers; 255/190 is what the original's drone side insists on.
+        Our own numbers.
     receipts : Receipts, optional
         What to acknowledge; None for a station that does not.
     sealer : Sealer, optional
         Seals what is sent.
     generation : {"G0", "G1", "G2v1", "G2"}
         What the drone speaks.
+    as_gcs : bool
+        Be seen as a ground station of type GCS, as the original's drone side insists on (with
+        255/190); the autopilot then takes us for the operator's own.
     """
 
     def __init__(
         self,
-        system_id: int = 255,
+        system_id: int = STATION_SYSTEM_ID,
         component_id: int = 190,
         receipts: Receipts | None = None,
         sealer: Sealer | None = None,
         generation: Generation = "G1",
+        *,
+        as_gcs: bool = False,
     ) -> None:
         self.own = Peer(system_id, component_id)
+        self._as_gcs = as_gcs
         self._sealer = sealer
         self._generation: Generation = generation
         self.receipts = receipts
@@ -118,17 +124,10 @@ class GroundProtocol:
 
     def heartbeat(self) -> dialect.Heartbeat:
         """Our heartbeat."""
-        return dialect.Heartbeat(
-            type=dialect.MavType.GCS,
-            autopilot=dialect.MavAutopilot.INVALID,
-            base_mode=0,
-            custom_mode=0,
-            system_status=dialect.MavState.ACTIVE,
-            mavlink_version=3,
-        )
+        return station_heartbeat(as_gcs=self._as_gcs)
 
     def stored(self) -> None:
-        """What `receive` gave since the last call is safe: it may be acknowledged."""
+        """What the last `receive` gave is safe: it may be acknowledged."""
         if self.receipts is not None:
             for payload in self._unstored:
                 self.receipts.stored(payload)
@@ -137,6 +136,8 @@ class GroundProtocol:
     def receipt(self, now_ns: int) -> dialect.Tunnel | None:
         """Give the receipt that is due, if one is and the drone is known."""
         if self.receipts is None or self.drone is None:
+            return None
+        if self._sealer is not None and not self._sealer.ready:
             return None
         receipt = self.receipts.take(now_ns)
         if receipt is None:
@@ -178,6 +179,7 @@ class GroundProtocol:
 
     def receive(self, frame: Frame, now_ns: int) -> list[GroundEvent]:
         """Take a frame; give what it says."""
+        self._unstored.clear()  # what could not be stored is to come again
         if frame.component_id != DRONE_COMPONENT:
             return []
         peer = Peer(frame.system_id, frame.component_id)
@@ -193,20 +195,34 @@ class GroundProtocol:
         if isinstance(message, dialect.Tunnel) and self._for_us(message):
             if message.payload_type == BEARING_TYPE:
                 return self._bearing(message.payload[: message.payload_length])
+            if message.payload_type == SESSION_TYPE and self._sealer is not None:
+                self._hear_session(message.payload[: message.payload_length], peer)
             if message.payload_type != tunnel.PAYLOAD_TYPE:
                 return []
             return self._tunnel(message.payload[: message.payload_length])
         return []
+
+    def _hear_session(self, payload: bytes, drone: Peer) -> None:
+        assert self._sealer is not None
+        try:
+            self._sealer.hear(payload, (drone.system_id, drone.component_id))
+        except TunnelError as error:
+            self.counters["bad_payloads"] += 1
+            self._log_bad("bad session", error)
 
     def _bearing(self, payload: bytes) -> list[GroundEvent]:
         try:
             bearing = decode_bearing(payload)
         except TunnelError as error:
             self.counters["bad_payloads"] += 1
-            log.warning("bad bearing", reason=error.message, payload=payload.hex())
+            self._log_bad("bad bearing", error)
             return []
         self.counters["LiveBearing"] += 1
         return [bearing]
+
+    def _log_bad(self, event: str, error: TunnelError) -> None:
+        count = self.counters["bad_payloads"]
+        log.seldom(count, event, reason=error.message, payload=error.payload.hex())
 
     def _for_us(self, message: dialect.Tunnel) -> bool:
         return message.target_system in (0, self.own.system_id) and (
@@ -218,7 +234,7 @@ class GroundProtocol:
             event = self._event(tunnel.decode(payload, self._generation))
         except TunnelError as error:
             self.counters["bad_payloads"] += 1
-            log.warning("bad tunnel payload", reason=error.message, payload=payload.hex())
+            self._log_bad("bad tunnel payload", error)
             if tunnel.acked_command_of(payload) == CommandId.PULSE:
                 self._unstored.append(payload)  # in the log; again it would be no better
             return []

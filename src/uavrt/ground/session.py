@@ -108,6 +108,7 @@ class GroundSession:
         self._skew = ClockSkew()
         self._was_present = False
         self._last_pose_ns = 0
+        self._faults_told = 0
         self.last_pulse_s = 0.0
 
     @property
@@ -155,6 +156,7 @@ class GroundSession:
             generation=settings.generation,
             receipts=open_receipts(self.store.directory),
             component_id=self._keys.component_id,
+            as_gcs=self._keys.as_gcs,
             key=self._keys.command,
             signing_key=self._keys.signing,
         )
@@ -171,6 +173,7 @@ class GroundSession:
             self.send_state()
             raise LinkError(self.link_error)
         self.link, self._serving, self.link_error = link, task, None
+        self._faults_told = 0
         self.note(6, f"connected to {settings.address}")
         self.send_state()
 
@@ -262,7 +265,7 @@ class GroundSession:
                 self.flight.add_text(event.severity, event.text, now_ns)
                 self.note(event.severity, event.text, source="drone")
             case Acknowledged():
-                name = tunnel.CommandId(event.command).name.lower().replace("_", " ")
+                name = tunnel.command_name(event.command)
                 answer = "done" if event.accepted else "refused"
                 text = f"{name}: {answer}" + (f" – {event.message}" if event.message else "")
                 self.note(6 if event.accepted else 4, text, source="acknowledgement")
@@ -355,6 +358,7 @@ class GroundSession:
                 link.send(message)
             link.send(watch.ping(now_ns))
             self._watch_presence(link.protocol.present(now_ns))
+            self._tell_faults(link.faults)
         self.flight.commit()
         self.send_state()
 
@@ -364,6 +368,12 @@ class GroundSession:
             self.note(6 if present else 3, "drone found" if present else "drone lost")
             if not present:
                 self.state = None
+
+    def _tell_faults(self, faults: int) -> None:
+        """Tell of frames that could not be handled: of the first, then when they double."""
+        if faults.bit_length() > self._faults_told.bit_length():
+            self._faults_told = faults
+            self.note(3, f"{faults} frames could not be handled: this program's log says why")
 
     def _start_estimate(self) -> None:
         self._estimate_due = False

@@ -28,7 +28,8 @@ from uavrt.ground.records import PULSES_NAME
 from uavrt.messages import PulsePose, SearchReport, StatusText, SystemState, Tag
 from uavrt.recording import PulseWriter
 from uavrt.recording.pulse_files import pulse_record
-from uavrt.tunnel import CommandId, Generation
+from uavrt.tunnel import Generation, command_name
+from uavrt.tunnel.tag_lists import digest_in, tag_list_digest
 
 START_RETRY_S = 2.0
 QUIET_S = 1.0
@@ -96,6 +97,7 @@ class Station:
                 generation=self._settings.generation,
                 receipts=open_receipts(self._settings.directory),
                 component_id=self._settings.keys.component_id,
+                as_gcs=self._settings.keys.as_gcs,
                 key=self._settings.keys.command,
                 signing_key=self._settings.keys.signing,
             )
@@ -120,9 +122,8 @@ class Station:
             try:
                 drone = await link.wait_for_drone(START_RETRY_S)
                 self._show({"event": "drone", "system": drone.system_id})
-                if self._settings.tags:
-                    await link.upload_tags(self._settings.tags)
-                    self._show({"event": "tags", "count": len(self._settings.tags)})
+                if self._settings.tags and not await self._upload(link):
+                    return
                 if self._settings.start:
                     directory = await link.start_detection()
                     self._started = True
@@ -130,6 +131,29 @@ class Station:
                 return
             except LinkError as error:
                 self._show({"event": "waiting", "reason": str(error)})
+
+    async def _upload(self, link: GroundLink) -> bool:
+        """Send the tags; False when the drone detects already and there is nothing to start.
+
+        A station that was restarted finds its own tags searched: it goes on as the one that
+        started them. Others' it listens to, and leaves alone.
+        """
+        tags = self._settings.tags
+        try:
+            await link.upload_tags(tags)
+        except CommandRefused as error:
+            searched = digest_in(str(error))
+            if searched is None:
+                raise
+            if searched == tag_list_digest(tags):
+                self._started = self._settings.start
+                link.protocol.tags = {tag.tag_id: tag for tag in tags}
+                self._show({"event": "already detecting", "tags": [t.tag_id for t in tags]})
+            else:
+                self._show({"event": "others detected", "reason": str(error)})
+            return False
+        self._show({"event": "tags", "count": len(tags)})
+        return True
 
     async def _end(self, link: GroundLink) -> None:
         """Stop detection; wait until the drone has stopped and no pulse comes any more."""
@@ -168,7 +192,7 @@ class Station:
                 self._show(
                     {
                         "event": "acknowledged",
-                        "command": CommandId(event.command).name,
+                        "command": command_name(event.command).upper().replace(" ", "_"),
                         "accepted": event.accepted,
                         "message": event.message,
                     }

@@ -10,7 +10,14 @@ from typing import Any
 
 from uavrt.config import parse_tags
 from uavrt.config.tag_info import format_tag_info
-from uavrt.config.tag_rules import Entry, Fault, Quantity, TagDraft, tags_from_drafts
+from uavrt.config.tag_rules import (
+    MAX_FALSE_ALARM_PROBABILITY,
+    Entry,
+    Fault,
+    Quantity,
+    TagDraft,
+    tags_from_drafts,
+)
 from uavrt.config.tags_toml import format_tags_toml
 from uavrt.errors import TagFileError, UsageError
 from uavrt.messages import Tag
@@ -202,8 +209,9 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
             found.append(FieldFault(row=index, field=field, text="is not a number"))
             continue
         if field == "false_alarm_percent":
-            if not 0.0 < number < 100.0:
-                text = "must be between 0 and 100 %"
+            most = 100.0 * MAX_FALSE_ALARM_PROBABILITY
+            if not 0.0 < number <= most:
+                text = f"must be above 0 and at most {most:g} %"
                 found.append(FieldFault(row=index, field=field, text=text))
                 continue
             number /= 100.0

@@ -52,8 +52,11 @@ class ChildLink:
         self._lines = LineBuffer()
         self._received: deque[tuple[str, Any]] = deque()
         self._unsent = bytearray()
+        self._gone = False
         self.refused = 0
         """Lines that were not records."""
+        self.lines = 0
+        """Lines that `receive` has given or that were refused, since the start."""
 
     @classmethod
     def from_environment(cls) -> "ChildLink":
@@ -114,17 +117,20 @@ class ChildLink:
         Raises
         ------
         SupervisorGone
-            The supervisor has ended.
+            The supervisor has ended, and all that it had sent was received before.
         """
-        if not self._received and timeout_s > 0:
+        if not self._received and timeout_s > 0 and not self._gone:
             if self._unsent:
                 self.flush()
             select.select([self._sock], [], [], timeout_s)
         self._read_all()
-        if self._unsent:
+        if self._gone and not self._received:
+            raise SupervisorGone
+        if self._unsent and not self._gone:
             self.flush()
         records = list(self._received)
         self._received.clear()
+        self.lines += len(records)
         return records
 
     def wait_for_assignment(self, timeout_s: float = 10.0) -> Assignment:
@@ -133,23 +139,26 @@ class ChildLink:
         while not self._received and time.monotonic() < deadline:
             select.select([self._sock], [], [], deadline - time.monotonic())
             self._read_all()
+            if self._gone and not self._received:
+                raise SupervisorGone
         topic, record = self._received.popleft()
         if not isinstance(record, Assignment):
             raise TypeError(f"the first record is {topic}, not an assignment")
         return record
 
     def _read_all(self) -> None:
-        while True:
+        while not self._gone:
             try:
                 data = self._sock.recv(65536)
             except BlockingIOError:
                 return
-            except ConnectionResetError as error:
-                raise SupervisorGone from error
+            except ConnectionResetError:
+                data = b""
             if not data:
-                raise SupervisorGone
+                self._gone = True
             for line in self._lines.feed(data):
                 try:
                     self._received.append(decode_record(line))
                 except ValueError:
                     self.refused += 1
+                    self.lines += 1

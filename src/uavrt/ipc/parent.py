@@ -19,15 +19,16 @@ def adopt_orphans() -> None:
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
-def die_with_parent() -> None:
+def die_with_parent(number: signal.Signals = signal.SIGKILL) -> None:
     """Be killed when the parent ends, even by SIGKILL, even while this process is stopped.
 
     The parent may have ended before the kernel was told, and this process have got another
-    one; then it ends now.
+    one; then it ends now. With SIGTERM as `number` it has time to finish; while stopped it then
+    outlives the parent until it is continued, as systemd does with what it ends.
     """
     if not sys.platform.startswith("linux"):
         return
     parent = int(os.environ.get(PARENT_VARIABLE) or os.getppid())
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)
     if os.getppid() != parent or parent == 1:
         os.kill(os.getpid(), signal.SIGKILL)

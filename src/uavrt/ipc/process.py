@@ -52,13 +52,16 @@ class ProcessFrame:
         self._last_status: tuple[str, bool] = ("", True)
 
     @classmethod
-    def start(cls) -> "ProcessFrame":
+    def start(cls, *, finishes: bool = False) -> "ProcessFrame":
         """Take the link and the assignment; end the loop on SIGTERM, ignore SIGINT.
+
+        With `finishes` the end of the supervisor is a SIGTERM, too: there is something that
+        must still be brought to the disk.
 
         A Ctrl-C in a terminal reaches every process of the group; the supervisor alone decides
         in which order they end.
         """
-        die_with_parent()
+        die_with_parent(signal.SIGTERM if finishes else signal.SIGKILL)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         link = ChildLink.from_environment()
         assignment = link.wait_for_assignment()

@@ -1,14 +1,20 @@
 """Channel samples from the receiver to a detector, as Unix datagrams.
 
 A radio block becomes a block in each channel; those for one detector travel together, so that
-it wakes once or twice for each radio block and not once for each channel. A datagram is 8 bytes
-and its blocks, little endian::
+it wakes once or twice for each radio block and not once for each channel. A datagram is 8
+bytes, in the first of a radio block the stretches with clipped samples, and the blocks, little
+endian::
 
     offset  type  field
     0       u16   blocks  in this datagram
     2       u16   more    1: another datagram of the same radio block follows
-    4       u32   zero
+    4       u32   clipped  stretches in which the radio's converter was at its limits
 
+    of each stretch:
+    0       i64   begin  antenna time [ns, UTC]
+    8       i64   end
+
+    of each block:
     0       u64   sample_index         of the first sample, lost ones counted
     8       i64   time_ns              antenna time of the first sample [ns, UTC]
     16      f64   center_frequency_hz  centre of the channel
@@ -32,6 +38,9 @@ from uavrt.messages import ChannelBlock
 
 ENVELOPE = struct.Struct("<HHI")
 HEADER = struct.Struct("<QqdfHH")
+STRETCH = struct.Struct("<qq")
+MAX_STRETCHES = 1024
+"""16 KiB; 87 ms of a radio have some ninety at most."""
 BACKLOG_BYTES = 16 * 1024 * 1024
 """Kept for one detector: 16 MiB are 280 s of one channel, 2.8 s of a hundred."""
 MAX_SAMPLES = 8192
@@ -49,6 +58,9 @@ class ChannelSender:
         self._parts: list[bytes] = []
         """Headers and samples of the next datagram."""
         self._size = ENVELOPE.size
+        self._clipped: tuple[tuple[int, int], ...] = ()
+        self._told: tuple[tuple[int, int], ...] = ()
+        """Stretches that were taken last; the channels of a radio block have the same."""
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
         self.samples_dropped = 0
@@ -56,6 +68,9 @@ class ChannelSender:
 
     def send(self, block: ChannelBlock) -> None:
         """Take a block of a radio block, cut if it is long; `flush` sends it."""
+        if block.clipped_ns is not self._told:
+            self._told = block.clipped_ns
+            self._take_clipped(block.clipped_ns[-MAX_STRETCHES:])
         for start in range(0, len(block.samples), MAX_SAMPLES):
             part = block.samples[start : start + MAX_SAMPLES]
             size = HEADER.size + 8 * len(part)
@@ -72,18 +87,28 @@ class ChannelSender:
             self._parts += (header, np.ascontiguousarray(part, np.complex64).tobytes())
             self._size += size
 
+    def _take_clipped(self, stretches_ns: tuple[tuple[int, int], ...]) -> None:
+        """Keep stretches for the next datagram; it has those of blocks without samples too."""
+        if self._parts and self._size + STRETCH.size * MAX_STRETCHES > MAX_DATAGRAM_BYTES:
+            self._enqueue(more=True)
+        kept = (*self._clipped, *stretches_ns)[-MAX_STRETCHES:]
+        self._size += STRETCH.size * (len(kept) - len(self._clipped))
+        self._clipped = kept
+
     def _enqueue(self, *, more: bool) -> None:
         """Make a datagram of what was taken; over the limit the oldest is dropped."""
-        envelope = ENVELOPE.pack(len(self._parts) // 2, more, 0)
-        self._waiting.append(b"".join((envelope, *self._parts)))
+        envelope = ENVELOPE.pack(len(self._parts) // 2, more, len(self._clipped))
+        stretches = (STRETCH.pack(*stretch) for stretch in self._clipped)
+        self._waiting.append(b"".join((envelope, *stretches, *self._parts)))
+        self._clipped = ()
         self._waiting_bytes += self._size
         self._parts.clear()
         self._size = ENVELOPE.size
         while self._waiting_bytes > BACKLOG_BYTES:
             dropped = self._waiting.popleft()
             self._waiting_bytes -= len(dropped)
-            blocks = ENVELOPE.unpack_from(dropped)[0]
-            overhead = ENVELOPE.size + blocks * HEADER.size
+            blocks, _, clipped = ENVELOPE.unpack_from(dropped)
+            overhead = ENVELOPE.size + clipped * STRETCH.size + blocks * HEADER.size
             self.samples_dropped += (len(dropped) - overhead) // 8
 
     def flush(self) -> None:
@@ -131,9 +156,12 @@ class ChannelReceiver:
                 self.refused += 1
                 continue
             self.complete = not ENVELOPE.unpack_from(datagram)[1]
-            return [self._block(datagram, at) for at in pieces]
+            clipped_ns = _clipped_ns(datagram)
+            return [self._block(datagram, at, clipped_ns) for at in pieces]
 
-    def _block(self, datagram: bytes, at: int) -> ChannelBlock:
+    def _block(
+        self, datagram: bytes, at: int, clipped_ns: tuple[tuple[int, int], ...]
+    ) -> ChannelBlock:
         index, time_ns, center_hz, rate_hz, channel, count = HEADER.unpack_from(datagram, at)
         lost = max(0, index - self._next_index.get(channel, index))
         self._next_index[channel] = index + count
@@ -145,6 +173,7 @@ class ChannelReceiver:
             time_ns=time_ns,
             sample_rate_hz=rate_hz,
             lost_before=lost,
+            clipped_ns=clipped_ns,
         )
 
 
@@ -153,10 +182,20 @@ def _pieces(datagram: bytes) -> list[int]:
     if len(datagram) < ENVELOPE.size:
         return []
     places = []
-    at = ENVELOPE.size
-    for _ in range(ENVELOPE.unpack_from(datagram)[0]):
+    blocks, _, clipped = ENVELOPE.unpack_from(datagram)
+    if clipped > MAX_STRETCHES:
+        return []
+    at = ENVELOPE.size + clipped * STRETCH.size
+    for _ in range(blocks):
         if at + HEADER.size > len(datagram):
             return []
         places.append(at)
         at += HEADER.size + 8 * HEADER.unpack_from(datagram, at)[5]
     return places if at == len(datagram) else []
+
+
+def _clipped_ns(datagram: bytes) -> tuple[tuple[int, int], ...]:
+    """Stretches with clipped samples that a datagram tells of."""
+    end = ENVELOPE.size + STRETCH.size * ENVELOPE.unpack_from(datagram)[2]
+    stretches = datagram[ENVELOPE.size : end]
+    return tuple((begin, end) for begin, end in STRETCH.iter_unpack(stretches))

@@ -59,14 +59,19 @@ TOPICS: dict[str, Topic] = {
         Topic(
             name="pulse_pose",
             record=messages.PulsePose,
-            meaning="a pulse with the antenna's pose",
+            meaning="a pulse with the antenna's pose, or the word that there is none",
             recorded=True,
+            to_ground=True,
         ),
         Topic(
             name="recorded_pulse_pose",
             record=messages.PulsePose,
-            meaning="the same once it is safe on disk; only now it may be sent",
-            to_ground=True,
+            meaning="the same once it is safe on disk",
+        ),
+        Topic(
+            name="taken",
+            record=messages.Taken,
+            meaning="how many records are dealt with for good; the rest would be sent again",
         ),
         Topic(
             name="bearing",

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from uavrt.allowance import Allowance
 from uavrt.mavlink import dialect
 from uavrt.mavlink.answers import answer_command
 from uavrt.mavlink.discovery import Discovery, Peer
@@ -19,7 +20,7 @@ from uavrt.mavlink.metadata import Metadata
 from uavrt.mavlink.parameters import Requests
 from uavrt.mavlink.samples import attitude_sample, position_sample
 from uavrt.mavlink.streams import StreamRequests
-from uavrt.mavlink.timesync import TimeSync
+from uavrt.mavlink.timesync import STALE_NS, TimeSync
 from uavrt.messages import AttitudeSample, PositionSample
 from uavrt.units import ns_from_s
 
@@ -35,6 +36,10 @@ PRIVATE_TYPES = 32_768
 REBOOT_FALL_MS = 1000
 """A fall of the boot time that no reordering on a link explains."""
 
+
+ANSWERS_BURST, ANSWERS_PER_S = 24, 4
+"""Answers to others than the autopilot: pings once a second of a few stations, and what a
+ground station asks when it connects."""
 
 ParameterEncoding = Literal["auto", "bytewise", "c_cast", "float"]
 
@@ -106,11 +111,13 @@ class Component:
             }
         )
         self.counters: Counter[str] = Counter()
+        self._answers = Allowance(burst=ANSWERS_BURST, per_s=ANSWERS_PER_S)
         self._started_ns: int | None = None
         self._heartbeat_ns: int | None = None
         self._timesync_ns = 0
         self._requests: OrderedDict[int, None] = OrderedDict()
         self._requests_sent = 0
+        self._first_asked_ns = 0
         self._boot_ms = -1
 
     @property
@@ -163,10 +170,22 @@ class Component:
             self.counters["other_messages"] += 1
             return
         peer = Peer(frame.system_id, frame.component_id, link)
+        if isinstance(message, dialect.Timesync) and message.tc1 != 0:
+            self._take_time(message, peer, now_ns)
+            return
         if not self._is_for_us(message):
             self.counters["for_others"] += 1
             return
         self._dispatch(message, peer, now_ns)
+
+    def clock_is_stale(self, now_ns: int) -> bool:
+        """Whether the autopilot is there, but has not told its clock for more than 10 s."""
+        asked = self._requests_sent > 0 and now_ns - self._first_asked_ns > STALE_NS
+        return (
+            asked
+            and self.discovery.autopilot_present(now_ns)
+            and self.time_sync.is_stale(now_ns)
+        )
 
     def heartbeat_message(self) -> dialect.Heartbeat:
         """Our heartbeat."""
@@ -197,9 +216,18 @@ class Component:
                 self._handlers.parameters(message, peer)
             case dialect.RadioStatus():
                 self._handlers.radio_status(message)
-            case dialect.Timesync():
-                self._timesync(message, peer, now_ns)
-            case dialect.Ping() if message.target_system == 0:
+            case dialect.Timesync() if self._may_answer(peer, now_ns):
+                self._send(
+                    dialect.Timesync(
+                        tc1=now_ns,
+                        ts1=message.ts1,
+                        target_system=peer.system_id,
+                        target_component=peer.component_id,
+                    )
+                )
+            case dialect.Ping() if message.target_system == 0 and self._may_answer(
+                peer, now_ns
+            ):
                 self._send(
                     dialect.Ping(
                         time_usec=message.time_usec,
@@ -210,8 +238,17 @@ class Component:
                 )
             case dialect.CommandAck() if peer == self.discovery.autopilot:
                 self.streams.acknowledged(message)
-            case dialect.CommandLong() | dialect.CommandInt():
+            case dialect.CommandLong() | dialect.CommandInt() if self._may_answer(peer, now_ns):
                 self._command(message, peer, now_ns)
+
+    def _may_answer(self, peer: Peer, now_ns: int) -> bool:
+        """Whether an answer may go at once, past the queue: the autopilot's always, of others
+        so many that they hold up no pulse.
+        """
+        if peer == self.discovery.autopilot or self._answers.take(now_ns):
+            return True
+        self.counters["questions_passed_over"] += 1
+        return False
 
     def _is_for_us(self, message: Message) -> bool:
         """Apply MAVLink's routing rule: our numbers, or 0 for all, or no target at all."""
@@ -291,6 +328,8 @@ class Component:
 
     def _ask_time(self, autopilot: Peer, now_ns: int) -> None:
         self._timesync_ns = now_ns
+        if self._requests_sent == 0:
+            self._first_asked_ns = now_ns
         self._requests_sent += 1
         self._requests[now_ns] = None
         if len(self._requests) > 32:
@@ -304,19 +343,16 @@ class Component:
             )
         )
 
-    def _timesync(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
-        """Answer a request (tc1 is 0); take an answer to one of ours (it mirrors ts1)."""
-        if message.tc1 == 0:
-            answer = dialect.Timesync(
-                tc1=now_ns,
-                ts1=message.ts1,
-                target_system=peer.system_id,
-                target_component=peer.component_id,
-            )
-            self._send(answer)
-        elif peer == self.discovery.autopilot and message.ts1 in self._requests:
-            del self._requests[message.ts1]
-            self.time_sync.add_round_trip(message.ts1, message.tc1, now_ns)
+    def _take_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
+        """Take the autopilot's answer to a request of ours, which it tells by its `ts1`.
+
+        Its target says nothing: PX4 1.17 leaves it uninitialised.
+        """
+        if peer != self.discovery.autopilot or message.ts1 not in self._requests:
+            self.counters["timesync_foreign"] += 1
+            return
+        del self._requests[message.ts1]
+        self.time_sync.add_round_trip(message.ts1, message.tc1, now_ns)
 
     def _command(
         self, message: dialect.CommandLong | dialect.CommandInt, peer: Peer, now_ns: int

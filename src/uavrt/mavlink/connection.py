@@ -20,6 +20,7 @@ from uavrt.mavlink.routes import Routes
 from uavrt.mavlink.sender import TICK_S, PacedSender, TunnelSender
 from uavrt.mavlink.signing import Signing
 from uavrt.mavlink.transport import open_link
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()
 
@@ -161,9 +162,36 @@ class Connection:
         return self.component.discovery.station_present(self._clock_ns())
 
     @property
+    def other_station_present(self) -> bool:
+        """True while a ground station's heartbeats come that is not ours."""
+        return self.component.discovery.other_station_present(self._clock_ns())
+
+    @property
     def autopilot_present(self) -> bool:
         """True while the autopilot's heartbeats come."""
         return self.component.discovery.autopilot_present(self._clock_ns())
+
+    @property
+    def clock_is_stale(self) -> bool:
+        """Whether the autopilot is heard, but its clock only carried on: it does not answer."""
+        return self.component.clock_is_stale(self._clock_ns())
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Our own system and component id."""
+        return self.component.system_id, self.component.component_id
+
+    def keep_station(self, place: tuple[int, int]) -> None:
+        """Never forget that ground station for others: it commands."""
+        self.component.discovery.keep(Peer(*place))
+
+    def stations_silent_s(self) -> dict[tuple[int, int], float]:
+        """Get for how long each ground station was not heard, by its numbers."""
+        silent = self.component.discovery.silent_ns(self._clock_ns())
+        return {
+            (peer.system_id, peer.component_id): silent_ns / NANOSECONDS_PER_SECOND
+            for peer, silent_ns in silent.items()
+        }
 
     def peers(self) -> dict[str, str]:
         """Who is there, for a log line."""
@@ -187,7 +215,8 @@ class Connection:
             for name, count in ({} if way.link is None else way.link.health()).items():
                 own = name if way.number == 0 else name.replace("link_", f"link{way.number}_")
                 counters[own] = count
-        return {**counters, **self.tunnel.counters()}
+        clock = self.component.time_sync.counters(self._clock_ns())
+        return {**counters, **clock, **self.tunnel.counters()}
 
     def _receive(self, number: int, frame: Frame) -> None:
         if self._signing is not None and not self._signing.accepts(frame):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from uavrt.mavlink.dialect import Heartbeat, MavComponent, MavType
+from uavrt.mavlink.dialect import Heartbeat, MavAutopilot, MavComponent, MavState, MavType
 from uavrt.units import ns_from_s
 
 AUTOPILOT_SILENCE_NS = ns_from_s(5.0)
@@ -10,6 +10,13 @@ AUTOPILOT_SILENCE_NS = ns_from_s(5.0)
 STATION_SILENCE_NS = ns_from_s(10.0)
 """Ten missed heartbeats: at 40 % loss that happens by chance once in 10 000."""
 MAX_STATIONS = 16
+STATION_SYSTEM_ID = 254
+"""Ours on the ground. Not 255: ArduPilot counts every heartbeat of that number (MAV_GCS_SYSID)
+as the operator's ground station, PX4 every one of type GCS. The failsafe for a lost ground
+station would not notice that the operator's own is gone while ours lives."""
+GCS_SYSTEM_ID = 255
+_STATION_MARK = 0x75767274
+"""``uvrt`` in the mode of a heartbeat of no particular type: one of our ground stations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +36,35 @@ EVERYONE = Peer(0, 0)
 """Target of a message to every system and component."""
 
 
+def station_heartbeat(*, as_gcs: bool = False) -> Heartbeat:
+    """Make the heartbeat of a ground station of ours.
+
+    Parameters
+    ----------
+    as_gcs : bool
+        Of type GCS, as the original's drone side insists on.
+    """
+    return Heartbeat(
+        type=MavType.GCS if as_gcs else MavType.GENERIC,
+        autopilot=MavAutopilot.INVALID,
+        base_mode=0,
+        custom_mode=0 if as_gcs else _STATION_MARK,
+        system_status=MavState.ACTIVE,
+        mavlink_version=3,
+    )
+
+
+def is_station(heartbeat: Heartbeat) -> bool:
+    """Whether a ground station sent a heartbeat: anybody's by its type, ours by its mark."""
+    marked = heartbeat.type == MavType.GENERIC and heartbeat.custom_mode == _STATION_MARK
+    return heartbeat.type == MavType.GCS or marked
+
+
 class Discovery:
     """Keeps the autopilot (first heartbeat of component 1) and every ground station.
 
-    A ground station is whoever says so by its heartbeat's type, whatever its numbers:
-    QGroundControl is 255/190, MAVSDK 245/190, MAVProxy 255/230 (reference/control.md §9).
+    A ground station is whoever says so by its heartbeat, whatever its numbers: QGroundControl
+    is 255/190, MAVSDK 245/190, MAVProxy 255/230, ours 254/190.
     """
 
     def __init__(self) -> None:
@@ -42,11 +73,17 @@ class Discovery:
         """MAV_AUTOPILOT of its heartbeat."""
         self._autopilot_heard_ns = 0
         self._stations: dict[Peer, int] = {}
+        self._others: set[Peer] = set()
+        self._kept: Peer | None = None
 
     def heartbeat(self, peer: Peer, heartbeat: Heartbeat, now_ns: int) -> bool:
         """Take a heartbeat; True when it shows an autopilot that is new or was lost."""
-        if heartbeat.type == MavType.GCS:
+        if is_station(heartbeat):
             self._add_station(peer, now_ns)
+            if heartbeat.type == MavType.GCS:
+                self._others.add(peer)
+            else:
+                self._others.discard(peer)
             return False
         if peer.component_id != MavComponent.COMP_ID_AUTOPILOT1:
             return False
@@ -78,6 +115,14 @@ class Discovery:
             present = [max(self._stations, key=self._stations.__getitem__)]
         return tuple(sorted(present, key=lambda peer: (peer.system_id, peer.component_id)))
 
+    def keep(self, peer: Peer) -> None:
+        """Never forget a station for others, were it a flood of them: it commands."""
+        self._kept = peer
+
+    def silent_ns(self, now_ns: int) -> dict[Peer, int]:
+        """Get for how long each station that is known was not heard."""
+        return {peer: now_ns - heard_ns for peer, heard_ns in self._stations.items()}
+
     @property
     def known(self) -> bool:
         """True once any ground station was heard."""
@@ -87,6 +132,10 @@ class Discovery:
         """True while any ground station's heartbeats come."""
         return any(now_ns - heard < STATION_SILENCE_NS for heard in self._stations.values())
 
+    def other_station_present(self, now_ns: int) -> bool:
+        """True while a ground station is there that is not ours, such as QGroundControl."""
+        return any(now_ns - self._stations[peer] < STATION_SILENCE_NS for peer in self._others)
+
     def target(self, now_ns: int) -> Peer | None:
         """Address for what all ground stations should get: the only one, or everyone."""
         stations = self.stations(now_ns)
@@ -94,7 +143,10 @@ class Discovery:
             return None
         return stations[0] if len(stations) == 1 else EVERYONE
 
-    def _add_station(self, peer: Peer, now_ns: int) -> None:
-        self._stations[peer] = now_ns
+    def _add_station(self, peer_now: Peer, now_ns: int) -> None:
+        self._stations[peer_now] = now_ns
         if len(self._stations) > MAX_STATIONS:
-            del self._stations[min(self._stations, key=self._stations.__getitem__)]
+            others = [peer for peer in self._stations if peer not in (peer_now, self._kept)]
+            forgotten = min(others, key=self._stations.__getitem__)
+            del self._stations[forgotten]
+            self._others.discard(forgotten)

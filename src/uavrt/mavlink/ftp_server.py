@@ -13,7 +13,7 @@ A disk that stalls must not silence the link, so everything that touches it is a
 the reply is made when that is done.
 """
 
-from collections import OrderedDict, deque
+from collections import Counter, OrderedDict, deque
 from collections.abc import Callable
 from functools import partial
 from typing import BinaryIO
@@ -41,6 +41,8 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 MAX_SESSIONS = 8
 IDLE_NS = ns_from_s(300.0)
 """A session that its client has forgotten is given up."""
+GIVES_WAY_NS = ns_from_s(10.0)
+"""Sessions that were not used for so long give way to others."""
 MAX_CLIENTS = 16
 WAITING = 32
 
@@ -78,6 +80,8 @@ class FileServer:
         self.left = 0
         """Requests not taken because the disk had too much to do."""
         self.bytes_sent = 0
+        self.given_up = 0
+        """Sessions that gave way to another client's."""
 
     def receive(self, payload: bytes, peer: Peer, now_ns: int) -> float | None:
         """Take a request; give the round trip since the last data, if it shows one [s]."""
@@ -181,6 +185,7 @@ class FileServer:
             "ftp_repeated": self.repeated,
             "ftp_left": self.left,
             "ftp_sessions": len(self._sessions),
+            "ftp_sessions_given_up": self.given_up,
             "ftp_bytes": self.bytes_sent,
         }
 
@@ -268,7 +273,7 @@ class FileServer:
 
         def keep(opened: tuple[BinaryIO | bytes, int]) -> None:
             file, size = opened
-            full = key not in self._sessions and len(self._sessions) >= MAX_SESSIONS
+            full = key not in self._sessions and not self._room_for(peer, now_ns)
             if full or size >= 2**32:  # offsets have 32 bits
                 self._disk(partial(close, file), _nothing)
                 error = FtpError.NO_SESSIONS_AVAILABLE if full else FtpError.FAIL
@@ -385,6 +390,26 @@ class FileServer:
         session = self._sessions.pop(key, None)
         if session is not None:
             self._disk(partial(close, session.file), _nothing)
+
+    def _room_for(self, peer: Peer, now_ns: int) -> bool:
+        """Whether a client may open another file; who leaves eight open shuts nobody out.
+
+        What lies idle gives way, and what another client has beyond its first; of the client
+        that has most the session not used for longest.
+        """
+        if len(self._sessions) < MAX_SESSIONS:
+            return True
+        held = Counter(holder for holder, _ in self._sessions)
+        giving = [
+            key
+            for key, session in self._sessions.items()
+            if now_ns - session.used_ns > GIVES_WAY_NS or (key[0] != peer and held[key[0]] > 1)
+        ]
+        if not giving:
+            return False
+        self._end(min(giving, key=lambda key: (-held[key[0]], self._sessions[key].used_ns)))
+        self.given_up += 1
+        return True
 
     def _forget_idle(self, now_ns: int) -> None:
         idle = [key for key, s in self._sessions.items() if now_ns - s.used_ns > IDLE_NS]

@@ -4,13 +4,19 @@ A link is opened once, loudly: what is wrong is a `LinkError` with its remedy. A
 mends itself: a lost serial adapter or TCP peer is tried again every second, and meanwhile
 frames to send are dropped and counted. Received frames go to one callback, at once, in the
 loop's thread. No thread, no blocking call.
+
+Nothing that comes by a wire may end the reading of it. A frame whose handler fails is counted
+and logged, here, for links of every kind and on both sides, and the next frame is read.
 """
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
+from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
 from uavrt.mavlink.frame import Frame, FrameParser
+
+log = get_logger()
 
 FrameHandler = Callable[[Frame], None]
 
@@ -30,6 +36,8 @@ class LinkCounters:
     dropped: int = 0
     """Frames not sent: no peer yet, link down, or the system takes no more."""
     reconnects: int = 0
+    faults: int = 0
+    """Frames whose handler failed: a defect of ours, or a disk that takes no more."""
 
 
 class Link:
@@ -50,6 +58,7 @@ class Link:
         self._sent = 0
         self._dropped = 0
         self._reconnects = 0
+        self._faults = 0
         self.frame_age_ns = 0
         """How long ago the frame that is being handed over arrived."""
 
@@ -80,6 +89,7 @@ class Link:
             sent=self._sent,
             dropped=self._dropped,
             reconnects=self._reconnects,
+            faults=self._faults,
         )
 
     def health(self) -> dict[str, float]:
@@ -91,4 +101,14 @@ class Link:
 
     def _take(self, data: bytes) -> None:
         for frame in self._parser.feed(data):
-            self._on_frame(frame)
+            try:
+                self._on_frame(frame)
+            except Exception:  # whatever it is, the next frame must be read
+                self._faults += 1
+                if self._faults.bit_count() == 1:  # 1, 2, 4, 8 …: a flood must not fill the log
+                    log.exception(
+                        "frame not handled",
+                        address=str(self.address),
+                        frame=frame.raw.hex(),
+                        faults=self._faults,
+                    )

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from uavrt.config.parameters import PARAMETERS, Parameter
+from uavrt.config.parameters import OFFERED, Parameter
 from uavrt.mavlink.ftp_wire import checksum
 
 GENERAL_PATH = "metadata/general.json"
@@ -30,7 +30,7 @@ class Metadata:
 
 
 def component_metadata(
-    parameters: Iterable[Parameter] = PARAMETERS.values(), *, floats: bool = False
+    parameters: Iterable[Parameter] = OFFERED.values(), *, floats: bool = False
 ) -> Metadata:
     """Write the files for our parameters; with `floats` all of them are of that type."""
     described = [_described(row, floats) for row in parameters]
@@ -67,6 +67,8 @@ def _described(row: Parameter, floats: bool) -> dict[str, Any]:
         "max": row.high,
         "default": row.default,
     }
+    if row.volatile:
+        entry["volatile"] = True
     if row.unit:
         entry["units"] = row.unit
     if row.kind == "real":

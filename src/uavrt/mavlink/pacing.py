@@ -33,7 +33,8 @@ class Priority(IntEnum):
     ACK = 0
     STATUS = 1
     PULSE = 2
-    FILE = 3
+    VALUE = 3
+    FILE = 4
 
 
 CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64}

@@ -15,7 +15,7 @@ from uavrt.mavlink.dialect import MavParamType
 
 Requests = dialect.ParamRequestList | dialect.ParamRequestRead | dialect.ParamSet
 
-_FORMATS = {
+_FORMATS: dict[int, str] = {
     MavParamType.UINT8: "<B3x",
     MavParamType.INT8: "<b3x",
     MavParamType.UINT16: "<H2x",
@@ -94,7 +94,7 @@ def encode_value(value: float, kind: int, bytewise: bool) -> float:
     A whole number below -2**22 or from 0x7F800001 would be a signalling NaN there, which Python
     does not pass on; no parameter of ours goes so far.
     """
-    layout = _FORMATS.get(MavParamType(kind))
+    layout = _FORMATS.get(kind)
     if layout is None or not bytewise:
         return value
     field: float = struct.unpack("<f", struct.pack(layout, int(value)))[0]
@@ -105,8 +105,7 @@ def decode_value(field: float, kind: int, bytewise: bool) -> float | None:
     """Read a value from the float field; None for a type of 64 bits, or what is no number."""
     if kind == MavParamType.REAL32 or not bytewise:
         return field if math.isfinite(field) else None
-    try:
-        layout = _FORMATS[MavParamType(kind)]
-    except (KeyError, ValueError):
+    layout = _FORMATS.get(kind)
+    if layout is None:
         return None
     return float(struct.unpack(layout, struct.pack("<f", field))[0])

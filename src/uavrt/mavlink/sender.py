@@ -174,7 +174,7 @@ class OnLink:
         self, source: Source, link: int, group: "TunnelSender", views: list["OnLink"]
     ) -> None:
         self._source, self._link, self._group, self._views = source, link, group, views
-        self._copies: deque[Payload] = deque(maxlen=COPIES)
+        self._copies: deque[Payload | Message] = deque(maxlen=COPIES)
 
     def wait_ns(self, now_ns: int) -> int | None:
         """A source's: time until it has one; None when it has none."""
@@ -189,9 +189,8 @@ class OnLink:
         if self._group.link != self._link:
             return None
         while (given := self._source.take(now_ns, rate_bytes_s)) is not None:
-            if isinstance(given, Message):
-                return given
-            links = self._group.links_for(given.place, now_ns)
+            place = None if isinstance(given, Message) else given.place
+            links = self._group.links_for(place, now_ns)
             for link in links:
                 if link != self._link:
                     self._views[link]._leave(given)
@@ -200,7 +199,7 @@ class OnLink:
                 return given
         return None
 
-    def _leave(self, given: Payload) -> None:
+    def _leave(self, given: Payload | Message) -> None:
         """Take a copy; the oldest makes room."""
         self._group.copies_dropped += len(self._copies) == COPIES
         self._copies.append(given)

@@ -6,7 +6,8 @@ A signed frame has the flag 0x01 in its incompatibility byte and ends with 13 by
                             key (32), the frame up to here
 
 Times of one sender's link rise strictly; what does not is somebody's repetition. The first of a
-stream may be at most a minute behind our own time (reference/mavlink.md §4, "Signing").
+stream may be at most a minute behind our own time, or behind the newest that was ever taken
+(reference/mavlink.md §4, "Signing"). The newest times outlive the process (`SigningTimes`).
 
 PX4 1.17 breaks the signatures of frames that it forwards; for the way through it there is
 `uavrt.tunnel.seal`.
@@ -20,8 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from uavrt.config.key_files import read_key_file
 from uavrt.config.settings import MavlinkSettings
-from uavrt.errors import ConfigError
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavComponent
 from uavrt.mavlink.frame import SIGNATURE_SIZE, Frame
@@ -68,23 +69,9 @@ def read_signing_key(path: str | Path) -> SigningKey:
     Raises
     ------
     ConfigError
-        There is none.
+        There is none, or others may read it.
     """
-    try:
-        secret = bytes.fromhex(Path(path).read_text("ascii").strip())
-    except OSError as error:
-        raise ConfigError(
-            f"cannot read the signing key {path}: {error.strerror}",
-            remedy="`openssl rand -hex 32 > FILE` makes one",
-        ) from error
-    except ValueError:
-        secret = b""
-    if len(secret) != KEY_SIZE:
-        raise ConfigError(
-            f"{path} is no signing key: it must hold 64 hexadecimal digits",
-            remedy="`openssl rand -hex 32 > FILE` makes one",
-        )
-    return SigningKey(secret)
+    return SigningKey(read_key_file(path, "signing key", least=KEY_SIZE, most=KEY_SIZE))
 
 
 def signing_from(settings: MavlinkSettings, clock_ns: Callable[[], int]) -> "Signing | None":
@@ -93,6 +80,16 @@ def signing_from(settings: MavlinkSettings, clock_ns: Callable[[], int]) -> "Sig
         return None
     key = read_signing_key(settings.signing_key_file)
     return Signing(key, clock_ns, settings.accept_unsigned)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SigningTimes:
+    """The newest times that were taken [10 µs since 2015]."""
+
+    newest: int
+    """Of all, and of our own."""
+    streams: tuple[tuple[int, int, int, int], ...] = ()
+    """System id, component id, link id and time of each stream."""
 
 
 class Signing:
@@ -122,6 +119,18 @@ class Signing:
         self._last_ticks = 0
         self._streams: OrderedDict[tuple[int, int, int], int] = OrderedDict()
         self.counters: Counter[str] = Counter()
+
+    def times(self) -> SigningTimes:
+        """Get what is to be remembered over a restart."""
+        streams = tuple((*stream, ticks) for stream, ticks in self._streams.items())
+        return SigningTimes(newest=self._last_ticks, streams=streams)
+
+    def remember(self, times: SigningTimes, *, behind_s: float) -> None:
+        """Take what was remembered; it may be `behind_s` behind what was taken."""
+        behind = round(behind_s * 1e9 / TICK_NS)
+        self._last_ticks = max(self._last_ticks, times.newest)
+        for system_id, component_id, link_id, ticks in times.streams:
+            self._streams[system_id, component_id, link_id] = ticks + behind
 
     def signature(self, frame: bytes, link_id: int) -> bytes:
         """Give the 13 bytes for a frame whose flag is set."""

@@ -1,19 +1,31 @@
 """The autopilot's boot clock on our clock.
 
 TIMESYNC round trips give points (boot time, our time); a straight line through the best of them
-gives offset and skew (reference/mavlink.md §4, Time). Pure: no clock is read here.
+gives offset and skew. Where no answers come, the messages themselves bound the offset from one
+side: none arrives before it was sent. Pure: no clock is read here.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 MAX_SKEW = 0.02
-"""Twice what was measured of a simulated PX4 that fell behind (6 329 ppm); crystals: 1e-4."""
+"""PX4 1.17 in simulation runs 13 000 to 15 000 ppm slow; crystals are within 100 ppm."""
 BIN_NS = ns_from_s(2.0)
+LEAST_SPAN_S = 4.0
+"""Over so long even a slow link's trips tell the skew."""
+CLEAR_SPAN_S = 0.5
+CLEAR_SKEW = 0.002
+"""Error of the skew that is no harm before that: 2 ms in the second until the next answer."""
 ONE_WAY_NS = ns_from_s(3.0)
 """How long messages are watched before their least delay is believed."""
+ONE_WAY_BIN_NS = ns_from_s(1.0)
+ONE_WAY_BINS = 20
+"""What is older no longer bounds the offset: the clocks have parted since."""
+STALE_NS = ns_from_s(10.0)
+"""A line without an answer for so long is carried on, and times by it are marked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +65,13 @@ class TimeSync:
         self._jump_ns = ns_from_s(jump_s)
         self._trips: deque[RoundTrip] = deque()
         self._line: tuple[int, int, float] | None = None  # remote, local, skew
-        self._one_way: tuple[int, int, int] | None = None  # first, last local, least offset
+        self._one_way: deque[tuple[int, int]] = deque(maxlen=ONE_WAY_BINS)
+        """Arrival and offset of the quickest message of each second."""
+        self._one_way_bin_ns = 0
+        self.round_trips = 0
+        """Answers taken since the start."""
+        self.residual_s: float | None = None
+        """Root mean square distance of the trips that the line was put through."""
         self.resets = 0
 
     @property
@@ -77,8 +95,33 @@ class TimeSync:
         """Forget everything: the boot clock started again."""
         self._trips.clear()
         self._line = None
-        self._one_way = None
+        self._one_way.clear()
+        self.residual_s = None
         self.resets += 1
+
+    def age_ns(self, now_ns: int) -> int | None:
+        """Time since the last answer, None without any."""
+        return now_ns - self._trips[-1].local_ns if self._trips else None
+
+    def is_stale(self, now_ns: int) -> bool:
+        """Whether the line is carried on without answers, or there is only a bound."""
+        age_ns = self.age_ns(now_ns)
+        return age_ns is None or age_ns > STALE_NS
+
+    def counters(self, now_ns: int) -> dict[str, float]:
+        """What the clocks do, for a health record; what is not known is left out."""
+        age_ns, trip_s, residual_s = self.age_ns(now_ns), self.round_trip_s, self.residual_s
+        known = {
+            "clock_skew_ppm": self.skew_ppm if self.synchronized else None,
+            "clock_residual_ms": None if residual_s is None else 1e3 * residual_s,
+            "clock_round_trip_ms": None if trip_s is None else 1e3 * trip_s,
+            "clock_answer_age_s": None if age_ns is None else age_ns / NANOSECONDS_PER_SECOND,
+        }
+        return {
+            "clock_answers": float(self.round_trips),
+            "clock_resets": float(self.resets),
+            **{name: round(value, 3) for name, value in known.items() if value is not None},
+        }
 
     def add_round_trip(self, sent_ns: int, remote_ns: int, received_ns: int) -> None:
         """Take an answered request.
@@ -96,6 +139,7 @@ class TimeSync:
         if self._line is not None and self._is_jump(trip):
             self.reset()
         self._trips.append(trip)
+        self.round_trips += 1
         while self._trips[0].local_ns < trip.local_ns - self._window_ns:
             self._trips.popleft()
         self._line = self._fit()
@@ -103,11 +147,14 @@ class TimeSync:
     def add_one_way(self, remote_ns: int, received_ns: int) -> None:
         """Take a message with a boot time, for autopilots that answer no TIMESYNC.
 
-        The least difference ever seen is the offset plus the shortest delay.
+        The least differences of the last seconds lie on the offset plus the shortest delay.
         """
         offset = received_ns - remote_ns
-        first, _, least = self._one_way or (received_ns, received_ns, offset)
-        self._one_way = (first, received_ns, min(least, offset))
+        if not self._one_way or received_ns - self._one_way_bin_ns >= ONE_WAY_BIN_NS:
+            self._one_way_bin_ns = received_ns
+            self._one_way.append((received_ns, offset))
+        elif offset < self._one_way[-1][1]:
+            self._one_way[-1] = (received_ns, offset)
 
     def local_ns(self, remote_ns: int) -> int | None:
         """Our time of a boot time; None while nothing is known.
@@ -118,11 +165,26 @@ class TimeSync:
             remote, local, skew = self._line
             delta = remote_ns - remote
             return local + delta + round(delta * skew)
-        if self._one_way is not None:
-            first, last, least = self._one_way
-            if last - first >= ONE_WAY_NS:
-                return remote_ns + least
-        return None
+        bound = self._one_way
+        if not bound or bound[-1][0] - bound[0][0] < ONE_WAY_NS:
+            return None
+        return remote_ns + self._least_offset(remote_ns + bound[-1][1])
+
+    def _least_offset(self, at_ns: int) -> int:
+        """Offset at a time, by the line that all messages lie on or above.
+
+        It leans as the quickest messages of the first and of the second half lie, which is
+        skew where the clocks part, and little where one half was only luckier.
+        """
+        points = list(self._one_way)
+        half = len(points) // 2
+        early = min(points[:half], key=lambda point: point[1])
+        late = min(points[half:], key=lambda point: point[1])
+        lean = 0.0
+        if late[0] - early[0] >= ONE_WAY_BIN_NS:
+            lean = max(-MAX_SKEW, min(MAX_SKEW, (late[1] - early[1]) / (late[0] - early[0])))
+        least = min(offset - round(lean * (when - at_ns)) for when, offset in points)
+        return int(least)
 
     def _is_jump(self, trip: RoundTrip) -> bool:
         expected = self.local_ns(trip.remote_ns)
@@ -133,13 +195,16 @@ class TimeSync:
     def _fit(self) -> tuple[int, int, float]:
         """Line through the shortest round trips; of equal ones the newest.
 
-        The shortest of every 2 s, and of these the shorter part, so that they cannot all lie
-        together where the link happened to be quiet. While they span less than 4 s the line
-        goes through the shortest with the tilt known before, at first none.
+        The shortest of every 2 s (at first of shorter pieces), and of these the shorter part,
+        so that they cannot all lie together where the link happened to be quiet. While they
+        span too little to tell the skew the line goes through the shortest with the tilt known
+        before, at first none.
         """
         shortest: dict[int, RoundTrip] = {}
+        span_ns = self._trips[-1].local_ns - self._trips[0].local_ns
+        piece_ns = min(BIN_NS, span_ns // 6 + 1)
         for trip in self._trips:
-            place = trip.local_ns // BIN_NS
+            place = trip.local_ns // piece_ns
             rival = shortest.get(place)
             if rival is None or trip.round_trip_ns <= rival.round_trip_ns:
                 shortest[place] = trip
@@ -148,7 +213,10 @@ class TimeSync:
         base = best[0]
         skew = 0.0 if self._line is None else self._line[2]
         xs = [(trip.remote_ns - base.remote_ns) / NANOSECONDS_PER_SECOND for trip in best]
-        if max(xs) - min(xs) < 4.0:
+        span_s = max(xs) - min(xs)
+        uncertain_s = best[-1].round_trip_ns / NANOSECONDS_PER_SECOND / 2.0
+        clear = span_s > CLEAR_SPAN_S and uncertain_s < CLEAR_SKEW * span_s
+        if span_s < LEAST_SPAN_S and not clear:
             return base.remote_ns, base.local_ns, skew
         ys = [
             (trip.local_ns - base.local_ns - trip.remote_ns + base.remote_ns)
@@ -159,6 +227,8 @@ class TimeSync:
         spread = sum((x - mean_x) ** 2 for x in xs)
         slope = sum((x - mean_x) * (y - mean_y) for x, y in zip(xs, ys, strict=True))
         skew = max(-MAX_SKEW, min(MAX_SKEW, slope / spread))
+        errors = [y - mean_y - skew * (x - mean_x) for x, y in zip(xs, ys, strict=True)]
+        self.residual_s = math.sqrt(sum(error**2 for error in errors) / len(errors))
         remote = base.remote_ns + round(mean_x * NANOSECONDS_PER_SECOND)
         offset = base.local_ns - base.remote_ns + round(mean_y * NANOSECONDS_PER_SECOND)
         return remote, remote + offset, skew

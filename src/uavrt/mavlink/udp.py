@@ -114,20 +114,21 @@ class UdpLink(Link):
 
     def _woken(self) -> None:
         self._deaf()
-        self._read_all()
-        if self._socket is not None:
-            self._rest()
+        try:
+            self._read_all()
+        finally:
+            if self._socket is not None:
+                self._rest()
 
     def _look(self) -> None:
         """After a rest: read again; be woken only when it has become quiet."""
         self._timer = None
-        found = self._read_all()
-        if self._socket is None:
-            return
-        if found:
-            self._rest()
-        else:
-            self._listen()
+        found = True
+        try:
+            found = self._read_all()
+        finally:
+            if self._socket is not None:
+                (self._rest if found else self._listen)()
 
     def _read_all(self) -> bool:
         """Read all there is; False when there was nothing."""

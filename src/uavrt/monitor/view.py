@@ -105,9 +105,9 @@ class MonitorView:
             ago_s = now_s - heard.times_s[-1] if heard.times_s else None
             frequency = last.frequency_hz if last else tag.frequency_hz
             table.add_row(
-                f"{tag.tag_id} {tag.name or ''}",
+                " ".join(filter(None, (_number(tag.tag_id, last), tag.name))),
                 f"{frequency / 1e6:.5f} MHz",
-                f"{last.snr_db:.1f} dB" if last else "–",
+                f"{'≥ ' if last.clipped else ''}{last.snr_db:.1f} dB" if last else "–",
                 f"{last.noise_psd:.1e}" if last else "–",
                 str(len(heard.times_s)),
                 str(heard.pulses),
@@ -141,6 +141,12 @@ class MonitorView:
             )
             for text in self.texts
         ]
+
+
+def _number(tag_id: int, last: Pulse | None) -> str:
+    """Number of a tag, with those of the others that may have sent its newest pulse."""
+    others = last.also_possible_tag_ids if last is not None else ()
+    return " or ".join(map(str, (tag_id, *others)))
 
 
 def _table(*titles: str) -> Table:

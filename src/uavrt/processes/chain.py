@@ -16,7 +16,7 @@ class Chain(Receiver):
     """A receiver whose channels go to detectors in the same process."""
 
     def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
-        bank = DetectorBank(frame.assignment.tags, frame.assignment.settings.detection)
+        bank = DetectorBank(frame.assignment.tags, frame.assignment.settings.detection, flight)
         self._searcher = Searcher(frame, bank)
         super().__init__(frame, flight, [self._searcher])
 

@@ -1,28 +1,32 @@
 """The connection process: autopilot and ground on one side, the drone's records on the other.
 
-Gives each pulse its pose, hands it to the recorder, and sends it to the ground when it is safe
-on disk. Turns tunnel payloads into commands and the supervisor's replies into acknowledgements.
+Gives each pulse its pose, hands it to the recorder, and sends it to the ground at once. Turns
+tunnel payloads into commands and the supervisor's replies into acknowledgements.
 """
 
 import asyncio
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from uavrt.clock import monotonic_s
+from uavrt.config.parameters import PARAMETERS
 from uavrt.config.settings import Settings
-from uavrt.errors import ConfigError, LinkError, UavrtError
+from uavrt.errors import ConfigError, LinkError, RecordingError, UavrtError
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.link import SupervisorGone
 from uavrt.log import get_logger
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
-from uavrt.mavlink.dialect import RadioStatus
+from uavrt.mavlink.dialect import ParamRequestList, RadioStatus
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.metadata import component_metadata
 from uavrt.mavlink.parameters import Requests
 from uavrt.mavlink.signing import signing_from
 from uavrt.messages import (
+    STATION_COUNTER,
     AttitudeSample,
     Command,
     CommandReply,
@@ -41,15 +45,20 @@ from uavrt.messages import (
     SystemStatus,
 )
 from uavrt.pose import PoseAttacher, PoseRing
+from uavrt.processes.crowd import Crowd
 from uavrt.processes.disk_thread import DiskThread
 from uavrt.processes.ground_status import GroundStatus
+from uavrt.processes.heard_tags import HeardTags
+from uavrt.processes.named_values import NamedValues
 from uavrt.processes.parameter_desk import ParameterDesk
 from uavrt.processes.pulse_outlet import PulseOutlet
+from uavrt.processes.signing_memory import SigningMemory
+from uavrt.recording.heard import heard_tags
 from uavrt.tunnel.delivery import PulseDelivery
 from uavrt.tunnel.exchange import Answer, Exchange
 from uavrt.tunnel.gate import Gate
 from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
-from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE
+from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE, SESSION_TYPE
 from uavrt.tunnel.seal import PARAMETER_INSIDE, PLAIN_INSIDE
 
 log = get_logger()
@@ -58,10 +67,15 @@ TICK_S = 0.05
 POSE_PERIOD_NS = 50_000_000
 """Recorded poses: 20 a second; the attitude comes 50 times a second, and a slerp over 50 ms
 errs by less than 0.1° when a turn of 60°/s begins."""
+SESSION_NS = 1_000_000_000
 POSES_PER_RECORD = 10
 LINK_RETRY_S = 3.0
+MAVLINK_SOURCE = "mavlink "
 PEERS = ("autopilot", "ground station")
 MESSAGES_KEPT = 200
+FIRST_REFILL_NS = 4_000_000_000
+"""By then the recorder has committed what the process before this one sent and delivered: what
+the disk has then and no ground station, is to be sent."""
 SAME_CLOCK_NS = 1_000_000
 """At 30°/s a pose is 0.03° off after a millisecond: those that are known may stay."""
 
@@ -91,6 +105,9 @@ class ConnectionProcess:
             version=mavlink.tunnel_version,
             experimental=mavlink.tunnel_experimental,
         )
+        signing = signing_from(mavlink, frame.clock.now_ns)
+        flights = Path(settings.recording.directory)
+        self._signing_memory = None if signing is None else SigningMemory(signing, flights)
         self._link = Connection(
             Handlers(
                 attitude=self._attitude,
@@ -108,22 +125,38 @@ class ConnectionProcess:
             position_rate_hz=mavlink.position_rate_hz,
             gap_s=mavlink.tunnel_gap_s,
             parameter_encoding=mavlink.parameter_encoding,
-            signing=signing_from(mavlink, frame.clock.now_ns),
+            signing=signing,
         )
+        flight = frame.assignment.flight
         self._parameters = ParameterDesk(
             settings,
             lambda: self._link.component.parameters_bytewise,
             send=self._link.tunnel.send_message,
             ask=lambda command: frame.send("command", command),
             tell=lambda text: frame.send("status_text", text),
+            running=flight is not None and flight.capture_s is None,
         )
-        self._outlet = PulseOutlet(self._exchange.pulse, self._note_delivered, self._disk)
+        self._outlet = PulseOutlet(
+            self._exchange.pulse,
+            self._note_delivered,
+            self._disk,
+            first_refill_ns=frame.clock.now_ns() + FIRST_REFILL_NS,
+        )
         self._link.tunnel.add_source(self._outlet.sender, Priority.PULSE)
+        self._heard_tags = HeardTags(() if flight is None else flight.tags)
+        self._named_values = NamedValues(
+            mavlink.named_values,
+            wanted=lambda: self._link.other_station_present,
+            pulses_wait=lambda: self._outlet.sender.waiting > 0,
+        )
+        self._link.tunnel.add_source(self._named_values, Priority.VALUE)
         self._link.tunnel.changed = self._outlet.sender.link_changed
         for directory in frame.assignment.last_flights:
             self._outlet.flight(directory, resumed=True)
-        if frame.assignment.flight is not None:
-            self._outlet.flight(frame.assignment.flight.directory, resumed=True)
+        self._directory = "" if flight is None else flight.directory
+        if flight is not None:
+            self._outlet.flight(flight.directory, resumed=True)
+            self._disk(partial(_heard_before, flight.directory), self._go_on_from)
         self._link.component.metadata = metadata = component_metadata(
             floats=mavlink.parameter_encoding == "float"
         )
@@ -131,7 +164,11 @@ class ConnectionProcess:
         self._files = FileServer(tree, self._link.tunnel.wake, self._disk)
         for number in range(1 + len(mavlink.direct_links)):
             self._link.tunnel.add_source_on(number, self._files.on(number), Priority.FILE)
-        self._gate = Gate(mavlink.commanders, mavlink.key_file)
+        self._gate = Gate(
+            mavlink.commanders, mavlink.key_file, key_required=mavlink.key_required
+        )
+        self._next_session_ns = 0
+        self._crowd = Crowd()
         self._state = SystemState.IDLE
         self._status = GroundStatus(self._exchange, self._link.tunnel, tree.root, self._disk)
         self._asked_on: dict[tuple[int, int], int] = {}
@@ -139,6 +176,8 @@ class ConnectionProcess:
         self._poses: list[Pose] = []
         self._next_pose_ns = 0
         self._link_faults: dict[int, str] = {}
+        self._clock_stale = False
+        self._on_stale_clock = 0
 
     async def run(self) -> None:
         """Serve until the process is to end."""
@@ -182,20 +221,22 @@ class ConnectionProcess:
 
     def _take_records(self) -> None:
         try:
-            for _, record in self._frame.receive():
-                self._take(record)
+            for topic, record in self._frame.receive():
+                self._take(topic, record)
         except SupervisorGone:
             self._frame.stop()
 
-    def _take(self, record: Any) -> None:
+    def _take(self, topic: str, record: Any) -> None:
         match record:
             case Pulse():
                 self._status.detector_alive(record.tag_id, self._base.now_ns())
                 self._attacher.add(record, self._frame.clock.now_ns())
+            case PulsePose() if topic == "pulse_pose":  # made up for by the recorder
+                if self._delivery.let_out(record):
+                    self._send_pulse(record)
             case PulsePose():
-                pulse_pose = self._delivery.recorded(record)
-                if pulse_pose is not None:
-                    self._send_pulse(pulse_pose)
+                if not self._delivery.recorded(record):
+                    self._outlet.disk_has_news()
             case LiveBearing() if self._addresses:
                 self._link.tunnel.send_tunnel(
                     encode_bearing(record), Priority.STATUS, payload_type=BEARING_TYPE
@@ -205,8 +246,14 @@ class ConnectionProcess:
             case FlightInfo():
                 self._use_clock(record.clock_offset_ns)
                 self._outlet.flight(record.directory)
+                self._directory = record.directory
+                self._heard_tags.begin_flight(record.tags)
+                self._named_values.begin_flight()
             case CommandReply():
-                self._answer(self._exchange.reply(record))
+                answer = self._exchange.reply(record)
+                if answer is not None and record.accepted and not self._crowd.has_commander:
+                    self._crowd.commander(answer.asker)  # until the supervisor says who it is
+                self._answer(answer)
                 self._parameters.reply(record)
             case Settings():
                 self._parameters.changed(record)
@@ -214,9 +261,21 @@ class ConnectionProcess:
                 self._status.text(record, self._base.now_ns())
             case SystemStatus():
                 self._state = record.state
+                self._know_commander(record.commander)
+                detecting = record.state is SystemState.DETECTING and not record.ending
+                self._parameters.running(detecting)
                 self._status.tags(len(record.tags))
             case SearchReport() if self._addresses:
                 self._status.search_report(record, self._base.now_ns())
+
+    def _know_commander(self, source: str | None) -> None:
+        """Learn which station commands: it has a share of its own and is never forgotten."""
+        if source is None or not source.startswith(MAVLINK_SOURCE):
+            return
+        system_id, _, component_id = source.removeprefix(MAVLINK_SOURCE).partition("/")
+        place = (int(system_id), int(component_id))
+        self._link.keep_station(place)
+        self._crowd.commander(place)
 
     def _use_clock(self, offset_ns: int) -> None:
         """Give poses the time of the flight that begins, from here on."""
@@ -227,15 +286,19 @@ class ConnectionProcess:
 
     def _tick(self) -> None:
         now_ns = self._base.now_ns()
+        self._watch_clock()
         self._pass_on(self._attacher.ready(self._frame.clock.now_ns()))
-        for pulse_pose in self._delivery.overdue(monotonic_s()):
-            self._send_pulse(pulse_pose)
         self._outlet.sender.station_present(self._link.station_present, now_ns)
         self._outlet.tick(now_ns)
         if self._outlet.sender.unanswered(now_ns):
             self._link.tunnel.unanswered(now_ns)
         self._files.work()
+        if self._signing_memory is not None:
+            times = self._signing_memory.due(now_ns)
+            if times is not None:
+                self._disk(partial(self._signing_memory.write, times), lambda _done: None)
         if self._addresses:
+            self._tell_session(now_ns)
             self._status.tick(self._shown_state(), now_ns)
             self._say_who_is_there()
         self._link.tunnel.wake()
@@ -251,6 +314,36 @@ class ConnectionProcess:
             counters=self._counters,
         )
 
+    def _watch_clock(self) -> None:
+        """Tell it when the autopilot no longer says what its clock shows, and when it does."""
+        stale = self._link.clock_is_stale
+        if stale == self._clock_stale:
+            return
+        self._clock_stale = stale
+        known = self._link.component.time_sync.counters(self._base.now_ns())
+        if stale:
+            log.warning("autopilot's clock is carried on", **known)
+            text = "Autopilot's clock: no answer for 10 s, times are carried on"
+            self._frame.send("status_text", StatusText(severity=4, text=text))
+        else:
+            log.info("autopilot's clock known", **known)
+
+    def _by_the_clock(self, pose: Pose) -> Pose:
+        """Mark a pose whose time is carried on."""
+        if not self._clock_stale or pose.extrapolated:
+            return pose
+        self._on_stale_clock += 1
+        return replace(pose, extrapolated=True)
+
+    def _tell_session(self, now_ns: int) -> None:
+        """Tell once a second what commands must be sealed for."""
+        if now_ns < self._next_session_ns:
+            return
+        self._next_session_ns = now_ns + SESSION_NS
+        session = self._gate.announcement(self._link.place)
+        if session is not None:
+            self._link.tunnel.send_tunnel(session, Priority.STATUS, payload_type=SESSION_TYPE)
+
     def _say_who_is_there(self) -> None:
         """Log it when the autopilot or the ground appears or falls silent."""
         heard = (self._link.autopilot_present, self._link.station_present)
@@ -262,17 +355,23 @@ class ConnectionProcess:
 
     def _shown_state(self) -> SystemState:
         """The system's state; detecting as long as a pulse has not gone out."""
-        busy = len(self._attacher) + self._delivery.waiting
+        busy = len(self._attacher)
         busy += self._outlet.sender.waiting + self._outlet.sender.in_flight
         if self._state is SystemState.HAS_TAGS and busy:
             return SystemState.DETECTING
         return self._state
 
     def _pass_on(self, pulse_poses: list[PulsePose]) -> None:
-        """Give pulses with their pose to the recorder; it gives them back for sending."""
-        for pulse_pose in pulse_poses:
-            self._delivery.expect(pulse_pose, monotonic_s())
-            self._frame.send("pulse_pose", pulse_pose)
+        """Give pulses with their pose to the recorder and to the ground.
+
+        The recorder has made up for a pose that this process was too late with.
+        """
+        for timed in pulse_poses:
+            pose = None if timed.pose is None else self._by_the_clock(timed.pose)
+            pulse_pose = replace(timed, pose=pose)
+            if self._delivery.let_out(pulse_pose):
+                self._frame.send("pulse_pose", pulse_pose)
+                self._send_pulse(pulse_pose)
 
     # ------------------------------------------------------------ from the link
 
@@ -289,14 +388,20 @@ class ConnectionProcess:
             self._next_pose_ns = newest_ns
         while self._next_pose_ns <= newest_ns:
             with suppress(UavrtError):
-                self._poses.append(self._ring.vehicle_pose(self._next_pose_ns))
+                pose = self._ring.vehicle_pose(self._next_pose_ns)
+                self._poses.append(self._by_the_clock(pose))
             self._next_pose_ns += POSE_PERIOD_NS
         if len(self._poses) >= POSES_PER_RECORD:
             self._frame.send("poses", Poses(poses=tuple(self._poses)))
             self._poses.clear()
 
+    def _admits(self, peer: Peer, answers: int = 0) -> bool:
+        place = (peer.system_id, peer.component_id)
+        return self._crowd.admits(place, self._base.now_ns(), answers=answers)
+
     def _tunnel(self, payload: bytes, peer: Peer) -> None:
-        self._take_command(payload, peer, sealed=False)
+        if self._admits(peer, answers=1):
+            self._take_command(payload, peer, sealed=False)
 
     def _take_command(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         """Take a command from who may command, or say why not."""
@@ -308,14 +413,17 @@ class ConnectionProcess:
             return
         result = self._exchange.receive(payload, asker)
         if isinstance(result, Command):
-            self._frame.send("command", result)
+            self._frame.send("command", replace(result, sealed=sealed))
         else:
             self._answer(result)
 
     def _private(self, payload_type: int, payload: bytes, peer: Peer) -> None:
+        if not self._admits(peer):
+            return
         now_ns = self._base.now_ns()
         if payload_type == SEALED_TYPE:
-            opened = self._gate.open(payload, (peer.system_id, peer.component_id), now_ns)
+            sender = (peer.system_id, peer.component_id)
+            opened = self._gate.open(payload, sender, self._link.place)
             if opened is None:
                 return
             kind, payload = opened
@@ -330,11 +438,17 @@ class ConnectionProcess:
         elif payload_type != RECEIPT_TYPE or self._gate.locked:
             return
         place = (peer.system_id, peer.component_id)
+        before = self._outlet.sender.stores
         trip_s = self._outlet.receipt(payload, place, now_ns)
+        if self._outlet.sender.stores - before:
+            self._delivery.station_came()
         self._link.tunnel.rate.acknowledged(trip_s, now_ns)
         self._link.tunnel.wake()
 
     def _parameter_request(self, message: Requests, peer: Peer) -> None:
+        answers = len(PARAMETERS) if isinstance(message, ParamRequestList) else 1
+        if not self._admits(peer, answers):
+            return
         refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=False)
         self._parameters.receive(message, peer, refusal, self._exchange.next_request_id())
 
@@ -365,7 +479,23 @@ class ConnectionProcess:
     def _send_pulse(self, pulse_pose: PulsePose) -> None:
         if self._addresses:
             self._outlet.add(pulse_pose)
+            self._tell_of_tag(pulse_pose.pulse)
             self._link.tunnel.wake()
+
+    def _go_on_from(self, found: tuple[str, dict[int, tuple[int, int]]]) -> None:
+        """Know which tags were heard in this flight before the process began."""
+        directory, heard = found
+        if directory == self._directory:
+            self._heard_tags.heard_before({tag: end_ns for tag, (_, end_ns) in heard.items()})
+            self._named_values.heard_before({tag: count for tag, (count, _) in heard.items()})
+
+    def _tell_of_tag(self, pulse: Pulse) -> None:
+        """Tell those who do not know our pulses."""
+        now_ns = self._base.now_ns()
+        self._named_values.heard(pulse, now_ns)
+        text = self._heard_tags.text(pulse)
+        if text is not None and self._status.tag_text(text, now_ns):
+            self._heard_tags.told(pulse.tag_id)
 
     def _counters(self) -> dict[str, float]:
         return {
@@ -373,18 +503,34 @@ class ConnectionProcess:
             "poses_attached": self._attacher.attached,
             "poses_extrapolated": self._attacher.extrapolated,
             "pulses_without_pose": self._attacher.without_pose,
-            "pulses_waiting_for_recorder": self._delivery.waiting,
-            "pulses_sent_unrecorded": self._delivery.sent_before_recorded,
+            "pulses_waiting_for_recorder": self._delivery.unrecorded,
             "pose_resets": self._ring.resets,
+            "poses_on_stale_clock": self._on_stale_clock,
             **{name: float(count) for name, count in self._exchange.counters.items()},
             **self._outlet.counters(),
             **self._files.counters(),
             "seals_refused": self._gate.refused,
+            "messages_passed_over": self._crowd.passed_over,
             "parameters_refused": self._parameters.refused,
             "texts_left_out": self._status.texts_left_out,
             "disk_jobs_waiting": self._disk.waiting,
             **self._link.counters(),
+            **{
+                f"{STATION_COUNTER}{system_id}_{component_id}": silent_s
+                for (system_id, component_id), silent_s in (
+                    self._link.stations_silent_s().items()
+                )
+            },
         }
+
+
+def _heard_before(directory: str) -> tuple[str, dict[int, tuple[int, int]]]:
+    """Get what the flight's database has of each tag, nothing if it cannot be read."""
+    try:
+        return directory, heard_tags(directory)
+    except RecordingError as error:
+        log.warning("tags heard before are not known", reason=error.message)
+        return directory, {}
 
 
 def main() -> None:

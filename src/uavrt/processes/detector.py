@@ -2,19 +2,28 @@
 
 import select
 import socket
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict
+from contextlib import contextmanager
+from dataclasses import asdict, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.config.settings import DetectionSettings
-from uavrt.detection import DetectorGroup, PulseDetector
+from uavrt.detection import DetectorGroup, PulseDetector, Receiver
+from uavrt.dsp import ClippedTimes
+from uavrt.errors import UavrtError
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.samples import ChannelReceiver
-from uavrt.messages import ChannelBlock, Pulse, Tag
+from uavrt.log import get_logger
+from uavrt.messages import ChannelBlock, FlightInfo, Pulse, Tag
 from uavrt.processes.latencies import Latencies
 
+log = get_logger()
+
+FAULTS_OF_A_TAG = 2
+"""So often a detector may fail before its tag is left out: the first may have been chance."""
 SELECT_S = 0.2
 LIVE_NS = 1_500_000_000
 """Samples older than this are not live: after a restart it works through what has waited.
@@ -24,18 +33,40 @@ Blocks of 87 ms and the filters take 0.2 s, a busy computer some more."""
 class DetectorBank:
     """One `PulseDetector` for each tag, made when its channel's first block comes.
 
+    A detector that fails must not cost the others their pulses. All are made anew, since the
+    search of many is one; those that had their turn then are searched alone from there on, and
+    a tag at which the search fails twice is left out, told by its name.
+
     Parameters
     ----------
     tags : tuple of Tag
         The tags this worker serves.
     settings : DetectionSettings
         How they are searched: window and operating mode.
+    flight : FlightInfo, optional
+        What the radio is set to: ghosts that it makes of a strong tag are not confirmed.
     """
 
-    def __init__(self, tags: tuple[Tag, ...], settings: DetectionSettings) -> None:
+    def __init__(
+        self,
+        tags: tuple[Tag, ...],
+        settings: DetectionSettings,
+        flight: FlightInfo | None = None,
+    ) -> None:
         self._tags = tags
         self._settings = settings
-        self._group = DetectorGroup()
+        self._receiver = None
+        if flight is not None:
+            self._receiver = Receiver(flight.center_frequency_hz, flight.sample_rate_hz)
+        self._group = DetectorGroup(self._receiver)
+        self._clipped = ClippedTimes()
+        self._clipped_ns: tuple[tuple[int, int], ...] = ()
+        """Taken last; the channels of a radio block have the same."""
+        self._faults: Counter[int] = Counter()
+        self._alone: frozenset[int] = frozenset()
+        self.left_out: dict[int, Tag] = {}
+        """Tags that are not searched any more, by id."""
+        self.failures = 0
         self.samples = 0
         self.samples_lost = 0
         self.last_sample_ns = 0
@@ -48,13 +79,65 @@ class DetectorBank:
         self.last_sample_ns = block.time_ns + round(
             len(block.samples) * 1e9 / block.sample_rate_hz
         )
-        if block.channel not in self._group:
-            self._group.add(block.channel, self._make(block))
-        self._group.put(block.channel, self._finite(block.samples), block.time_ns)
+        if block.clipped_ns is not self._clipped_ns:
+            self._clipped_ns = block.clipped_ns
+            self._clipped.add(block.clipped_ns)
+        with self._surviving():
+            if block.channel in self._group or self._add(block):
+                self._group.put(block.channel, self._finite(block.samples), block.time_ns)
 
     def collect(self) -> list[Pulse]:
         """Search what came since the last call; get the pulses found."""
-        return self._group.collect()
+        pulses: list[Pulse] = []
+        with self._surviving():
+            pulses = self._group.collect()
+        return self._marked(pulses)
+
+    def _marked(self, pulses: list[Pulse]) -> list[Pulse]:
+        """Mark the pulses that were clipped."""
+        covers = self._clipped.covers
+        return [
+            replace(pulse, clipped=True)
+            if covers(pulse.start_time_ns, pulse.end_time_ns)
+            else pulse
+            for pulse in pulses
+        ]
+
+    def _add(self, block: ChannelBlock) -> bool:
+        """Make the detectors of a channel; False when it has none."""
+        detectors = self._make(block)
+        if detectors:
+            self._group.add(block.channel, detectors)
+        return bool(detectors)
+
+    @contextmanager
+    def _surviving(self) -> Iterator[None]:
+        """Let no failure of one tag's search be the others' end."""
+        try:
+            yield
+        except Exception as error:
+            tags = [detector.tag.tag_id for detector in self._group.in_hand]
+            log.exception("search failed", tags=tags)
+            self._start_anew(error)
+
+    def _start_anew(self, error: Exception) -> None:
+        """Go on without what failed: with new detectors, in the end without the tag."""
+        suspects = [detector.tag for detector in self._group.in_hand]
+        self.failures += 1
+        # Of several, one: they are told apart alone, or all go where that is not possible.
+        if len(suspects) == 1 or all(tag.tag_id in self._alone for tag in suspects):
+            for tag in suspects:
+                self._faults[tag.tag_id] += 1
+                if self._faults[tag.tag_id] >= FAULTS_OF_A_TAG:
+                    self._leave_out(tag, error)
+        self._alone |= {tag.tag_id for tag in suspects}
+        self._group = DetectorGroup(self._receiver)
+        self._group.alone = self._alone
+
+    def _leave_out(self, tag: Tag, error: Exception) -> None:
+        self.left_out[tag.tag_id] = tag
+        name = f"{tag.tag_id} {tag.name}" if tag.name else f"{tag.tag_id}"
+        log.error("tag is searched no more: its detector failed", tag=name, reason=str(error))
 
     def _finite(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
         """Put zeros for what is no number: a noise level would never get rid of it."""
@@ -67,11 +150,14 @@ class DetectorBank:
     @property
     def complete(self) -> bool:
         """Whether samples have come for every tag."""
-        return len(self.all()) >= len(self._tags)
+        return len(self.all()) >= len(self._tags) - len(self.left_out)
 
     def flush(self) -> list[Pulse]:
         """Get what the samples so far still hold."""
-        return self._group.flush()
+        pulses: list[Pulse] = []
+        with self._surviving():
+            pulses = self._group.flush()
+        return self._marked(pulses)
 
     def all(self) -> list[PulseDetector]:
         """Get every detector made so far."""
@@ -86,6 +172,8 @@ class DetectorBank:
             "last_sample_ns": float(self.last_sample_ns),
             "samples_invalid": self.samples_invalid,
             "detectors": len(self.all()),
+            "detector_failures": self.failures,
+            "tags_left_out": len(self.left_out),
         }
         for detector in self.all():
             for name, count in _numbers(detector):
@@ -104,16 +192,24 @@ class DetectorBank:
             for tag in self._tags
             if abs(tag.frequency_hz - block.center_frequency_hz) <= half_spacing_hz * 1.0001
         ]
-        return [
-            PulseDetector(
-                tag,
-                sample_rate_hz=block.sample_rate_hz,
-                center_frequency_hz=block.center_frequency_hz,
-                frequency_window_hz=self._settings.frequency_window_hz,
-                operating_mode=self._settings.operating_mode,
-            )
-            for tag in nearest
-        ]
+        made = []
+        for tag in nearest:
+            if tag.tag_id in self.left_out:
+                continue
+            try:
+                detector = PulseDetector(
+                    tag,
+                    sample_rate_hz=block.sample_rate_hz,
+                    center_frequency_hz=block.center_frequency_hz,
+                    frequency_window_hz=self._settings.frequency_window_hz,
+                    operating_mode=self._settings.operating_mode,
+                )
+            except (UavrtError, ArithmeticError, ValueError, MemoryError) as error:
+                self.failures += 1
+                self._leave_out(tag, error)  # it would be no better the next time
+            else:
+                made.append(detector)
+        return made
 
 
 def _numbers(detector: PulseDetector) -> Iterator[tuple[str, int]]:
@@ -131,7 +227,7 @@ def main() -> None:
     with ProcessFrame.start() as frame:
         assignment = frame.assignment
         receiver = ChannelReceiver(socket.socket(fileno=assignment.sample_fds[0]))
-        bank = DetectorBank(assignment.tags, assignment.settings.detection)
+        bank = DetectorBank(assignment.tags, assignment.settings.detection, assignment.flight)
         searcher = Searcher(frame, bank)
         while frame.running:
             select.select([receiver.fileno(), frame.link.fileno()], [], [], SELECT_S)

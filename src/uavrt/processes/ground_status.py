@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from uavrt.mavlink import Peer, Priority, TunnelSender
-from uavrt.mavlink.dialect import OnboardComputerStatus
+from uavrt.mavlink.dialect import MavSeverity, OnboardComputerStatus
 from uavrt.mavlink.ftp_state import Disk, at_once
 from uavrt.mavlink.statustext import TextLimiter
 from uavrt.messages import SearchReport, StatusText, SystemState
@@ -59,6 +59,8 @@ class GroundStatus:
         self._space_mib = (UNKNOWN_U32, UNKNOWN_U32)
         self._asking = False
         self._limiter = TextLimiter()
+        self._tag_limiter = TextLimiter()
+        """Of their own, so that many tags leave no warning out."""
         self._next_ns: dict[str, int] = {}
         self._tags = 1
         self.shift_ns = 0
@@ -68,7 +70,7 @@ class GroundStatus:
     @property
     def texts_left_out(self) -> int:
         """Texts that were too many."""
-        return self._limiter.left_out
+        return self._limiter.left_out + self._tag_limiter.left_out
 
     def tags(self, count: int) -> None:
         """Take how many tags there are."""
@@ -87,6 +89,13 @@ class GroundStatus:
         """Send a text for the operator, unless there are too many."""
         if self._limiter.allows(text.severity, text.text, now_ns):
             self._sender.send_text(text.severity, text.text)
+
+    def tag_text(self, text: str, now_ns: int) -> bool:
+        """Send a text about a tag; False when there were too many."""
+        allowed = self._tag_limiter.allows(MavSeverity.INFO, text, now_ns)
+        if allowed:
+            self._sender.send_text(MavSeverity.INFO, text)
+        return allowed
 
     def search_report(self, report: SearchReport, now_ns: int) -> None:
         """A tag was searched: tell it now and then."""

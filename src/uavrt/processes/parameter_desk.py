@@ -7,7 +7,7 @@ supervisor, who alone changes a setting. Belongs to the connection process.
 from collections import OrderedDict
 from collections.abc import Callable
 
-from uavrt.config.parameters import PARAMETERS, parameter_values
+from uavrt.config.parameters import OFFERED, RUN, parameter_values
 from uavrt.config.settings import Settings
 from uavrt.errors import TunnelError
 from uavrt.log import get_logger
@@ -37,6 +37,8 @@ class ParameterDesk:
         Gives a command to the supervisor.
     tell : callable
         Sends a text to the operator.
+    running : bool
+        Whether detection runs already.
     """
 
     def __init__(
@@ -47,22 +49,32 @@ class ParameterDesk:
         send: Callable[[ParamValue], None],
         ask: Callable[[Command], None],
         tell: Callable[[StatusText], None],
+        running: bool = False,
     ) -> None:
         self._settings = settings
+        self._running = running
         floats = settings.mavlink.parameter_encoding == "float"
         types = {
             name: MavParamType.REAL32 if floats or row.kind == "real" else MavParamType.INT32
-            for name, row in PARAMETERS.items()
+            for name, row in OFFERED.items()
         }
         self._server = ParameterServer(
-            lambda: parameter_values(self._settings), types, bytewise
+            lambda: {**parameter_values(self._settings), RUN.name: float(self._running)},
+            types,
+            bytewise,
         )
         self._send, self._ask, self._tell = send, ask, tell
         self._pending: OrderedDict[int, str] = OrderedDict()
         self.refused = 0
 
     def receive(
-        self, message: Requests, peer: Peer, refusal: str | None, request_id: int
+        self,
+        message: Requests,
+        peer: Peer,
+        refusal: str | None,
+        request_id: int,
+        *,
+        sealed: bool = False,
     ) -> None:
         """Take a request.
 
@@ -76,6 +88,8 @@ class ParameterDesk:
             Why this asker may not change anything.
         request_id : int
             Number for the command, if it becomes one.
+        sealed : bool
+            It came with a seal of the drone's key.
         """
         answer = self._server.receive(message)
         if isinstance(answer, list):
@@ -94,6 +108,7 @@ class ParameterDesk:
                     parameter=answer.name,
                     value=answer.value,
                     source=f"mavlink {peer}",
+                    sealed=sealed,
                 )
             )
 
@@ -113,7 +128,7 @@ class ParameterDesk:
             param_value=value,
             param_type=MavParamType.REAL32,
         )
-        self.receive(wish, peer, refusal, request_id)
+        self.receive(wish, peer, refusal, request_id, sealed=True)
 
     def reply(self, reply: CommandReply) -> None:
         """Take the supervisor's answer: the asker hears the value in force, and why not.
@@ -135,6 +150,15 @@ class ParameterDesk:
         for name, value in now.items():
             if before[name] != value and name not in self._pending.values():
                 self._send(self._server.value(name))
+
+    def running(self, running: bool) -> None:
+        """Take whether detection runs, and is to go on: whoever started or stopped it.
+
+        The state comes before the reply to the command that has changed it.
+        """
+        changed, self._running = self._running is not running, running
+        if changed and RUN.name not in self._pending.values():
+            self._send(self._server.value(RUN.name))
 
     def _refuse(self, name: str, reason: str) -> None:
         self.refused += 1

@@ -26,8 +26,8 @@ FLIGHTS = 4
 """Flights whose pulses may still be on their way; as many as the recorder notes."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
-"""Deliveries that the recorder may not have noted yet: so many, and so long. It takes it
-milliseconds; the rest of a longer delay is sent twice."""
+"""Deliveries that the recorder may not have noted yet: so many, and so long. It commits every
+three seconds; the rest of a longer delay is sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
@@ -47,6 +47,8 @@ class PulseOutlet:
         Gets what was delivered, for the recorder.
     disk : Disk
         Does what touches the disk; at once unless told otherwise.
+    first_refill_ns : int
+        Nothing is fetched from disk before.
     """
 
     def __init__(
@@ -54,6 +56,8 @@ class PulseOutlet:
         encode: Callable[[PulsePose], bytes],
         note: Callable[[Delivered], None],
         disk: Disk = at_once,
+        *,
+        first_refill_ns: int = 0,
     ) -> None:
         self.sender: ReliableSender[PulsePose] = ReliableSender(encode)
         self._note = note
@@ -61,7 +65,7 @@ class PulseOutlet:
         self._reading = False
         self._flights: deque[str] = deque(maxlen=FLIGHTS)
         self._recent: OrderedDict[tuple[int, Key], int] = OrderedDict()
-        self._next_refill_ns = 0
+        self._next_refill_ns = first_refill_ns
         self.bad_receipts = 0
         self.receipts = 0
 
@@ -75,8 +79,12 @@ class PulseOutlet:
         if resumed:
             self.sender.disk_has_news()
 
+    def disk_has_news(self) -> None:
+        """A pulse was recorded that is not known here."""
+        self.sender.disk_has_news()
+
     def add(self, pulse_pose: PulsePose) -> None:
-        """Take a pulse that is recorded."""
+        """Take a pulse with its pose."""
         self.sender.add(key_of(pulse_pose), pulse_pose)
 
     def receipt(self, payload: bytes, place: tuple[int, int], now_ns: int) -> float | None:
@@ -85,7 +93,7 @@ class PulseOutlet:
             receipt = Receipt.decode(payload)
         except TunnelError as error:
             self.bad_receipts += 1
-            log.warning("bad receipt", reason=error.message)
+            log.seldom(self.bad_receipts, "bad receipt", reason=error.message)
             return None
         self.receipts += 1
         new = self.sender.receipt(receipt.store, receipt.hashes, place, now_ns)
@@ -113,6 +121,7 @@ class PulseOutlet:
             "pulses_put_back": sender.put_back,
             "receipts": self.receipts,
             "receipts_bad": self.bad_receipts,
+            "receipts_of_too_many": sender.stores_refused,
         }
 
     def _delivered(self, store: int, keys: list[Key], now_ns: int) -> None:

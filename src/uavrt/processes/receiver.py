@@ -12,7 +12,7 @@ from typing import Protocol
 
 from uavrt.clock import monotonic_s
 from uavrt.config.settings import Settings
-from uavrt.dsp import FrontEnd
+from uavrt.dsp import Clipping, FrontEnd
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.samples import ChannelSender
@@ -28,8 +28,14 @@ from uavrt.recording.layout import FlightLayout
 log = get_logger()
 
 READ_TIMEOUT_S = 0.5
+LOSS_TOLD_S = 0.1
+"""So much lost is told to the ground."""
 RETRY_WINDOW_S = 10.0
 """A radio that fails twice within this time is tried every `RadioSettings.retry_s`."""
+
+
+CLIPPED_S = 0.1
+"""So long samples were at the converter's limits before it is told: five pulses or so."""
 
 
 class ChannelSink(Protocol):
@@ -67,6 +73,7 @@ class Receiver:
         sinks: Sequence[ChannelSink] | None = None,
     ) -> None:
         assignment = frame.assignment
+        self._sample_rate_hz = flight.sample_rate_hz
         self._front_end = FrontEnd(
             sample_rate_hz=flight.sample_rate_hz,
             center_frequency_hz=flight.center_frequency_hz,
@@ -83,11 +90,18 @@ class Receiver:
         self._recorder = self._open_recorder(frame, flight)
         self._output = self._open_output(frame, flight)
         self._check = SampleCheck("the radio")
+        self._clipping = Clipping()
+        self._told = False
+        self._tell = frame.tell
         self.radio = assignment.settings.radio
         self.center_frequency_hz = flight.center_frequency_hz
+        self._opened_anew = False
         self.failures = 0
         self.samples = 0
         self.samples_lost = 0
+        self.samples_unsure = 0
+        """Missing by the arrivals, unless the radio's crystal is far off its rate."""
+        self._loss_to_tell_s = LOSS_TOLD_S
         self.first_sample_ns = 0
         self.last_sample_ns = 0
 
@@ -129,12 +143,18 @@ class Receiver:
 
     def process(self, block: IQBlock) -> None:
         """Decimate, record, channelize and send one block."""
+        if self._opened_anew:
+            self._opened_anew = False
+            self.samples_lost += self._missed(block)
         self.samples += len(block.samples)
-        self.samples_lost += block.lost_before
+        self.samples_lost += block.lost_before - block.unsure_before
+        self.samples_unsure += block.unsure_before
         self.first_sample_ns = self.first_sample_ns or block.time_ns
         self.last_sample_ns = block.time_ns + round(
             len(block.samples) * 1e9 / block.sample_rate_hz
         )
+        self._clipping.look(block)
+        self._tell_of_clipping()
         band = self._front_end.decimate(block)
         self._check.look(band)
         if self._recorder is not None:
@@ -144,14 +164,42 @@ class Receiver:
         self._pass_on(band)
         self.flush()
 
+    def _missed(self, block: IQBlock) -> int:
+        """Count what the air brought while the radio was being opened again."""
+        if not self.last_sample_ns:
+            return 0
+        missed_ns = block.time_ns - self.last_sample_ns
+        return max(0, round(missed_ns * 1e-9 * self._sample_rate_hz) - block.lost_before)
+
+    def _tell_of_clipping(self) -> None:
+        """Say once what the operator can do, when pulses may be clipped."""
+        if self._clipping.clipped_s > CLIPPED_S and not self._told:
+            self._told = True
+            self._tell(4, "Radio clipped: SNR too low. Reduce gain")
+
     def _pass_on(self, band: IQBlock) -> None:
-        for channel in self._front_end.channelize(band):
+        channels = self._front_end.channelize(band)
+        # The channels are behind the radio by the filters: they wait for no news of this kind.
+        clipped_ns = self._clipping.take_new() if channels else ()
+        for channel in channels:
+            if clipped_ns:
+                channel = replace(channel, clipped_ns=clipped_ns)
             for worker in self._workers_of_channel[channel.channel]:
                 self._sinks[worker].send(channel)
+
+    def tell_losses(self, frame: ProcessFrame) -> None:
+        """Tell the ground of samples lost: the first tenth of a second, then each doubling."""
+        lost_s = self.samples_lost / self._sample_rate_hz
+        if lost_s < self._loss_to_tell_s:
+            return
+        self._loss_to_tell_s = 2.0 * lost_s
+        share = self.samples_lost / max(self.samples + self.samples_lost, 1)
+        frame.tell(4, f"Radio has lost {lost_s:.1f} s of samples ({100.0 * share:.1f} %)")
 
     def forget(self, *, failed: bool = True) -> None:
         """Start the filters anew: what comes next does not continue what was."""
         self.failures += failed
+        self._opened_anew = True
         self._front_end.reset()
         if self._output is not None:
             self._output.reset()
@@ -174,10 +222,12 @@ class Receiver:
         counters: dict[str, float] = {
             "samples": self.samples,
             "samples_lost": self.samples_lost,
+            "samples_rate_or_loss": self.samples_unsure,
             "radio_failures": self.failures,
             # float64 holds a time of today to 0.3 µs.
             "first_sample_ns": float(self.first_sample_ns),
             "last_sample_ns": float(self.last_sample_ns),
+            "clipped_s": self._clipping.clipped_s,
             "channel_samples_dropped": sum(s.samples_dropped for s in self._sinks),
         }
         if self._recorder is not None:
@@ -241,6 +291,8 @@ def receive(frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInf
                 receiver.flush()
             else:
                 receiver.process(block)
+                if isinstance(receiver, Receiver):
+                    receiver.tell_losses(frame)
                 if receiver.failures and not flowing:
                     frame.tell(5, "Radio gives samples again")
                 flowing = True

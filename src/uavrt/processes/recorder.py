@@ -1,16 +1,20 @@
 """The recorder process: pulses, poses and health into the flight directory.
 
-A pulse with its pose is passed on to the connection only when it is safe on disk, so nothing
-that was sent can be missing from the recording (DESIGN.md §2.7).
+It commits seldom, for the disk's sake, and says of each pulse that it is *recorded* when the
+disk has it. What it was sent and has not committed is sent again to its successor, so a kill
+loses nothing. A pulse whose pose never comes gets one from the recorded poses, or none.
 """
 
 from collections import deque
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from uavrt.clock import monotonic_s
 from uavrt.errors import RecordingError
 from uavrt.ipc import ProcessFrame
+from uavrt.ipc.link import SupervisorGone
 from uavrt.log import get_logger
 from uavrt.messages import (
     Command,
@@ -23,15 +27,34 @@ from uavrt.messages import (
     PulsePose,
     SearchReport,
     StatusText,
+    Taken,
 )
+from uavrt.processes.commit_times import CommitTimes
+from uavrt.processes.missing_poses import REACH_NS, AwaitedPoses, made_up
+from uavrt.processes.told_health import ToldHealth
 from uavrt.recording import FlightRecorder
 from uavrt.recording.spool import note_deliveries
+from uavrt.recording.writer_lock import WriterLock
 
 log = get_logger()
 
+TURN_S = 0.25
 AFTER_ALL_NS = 2**63 - 1
 ENDED_FLIGHTS = 3
 """Flights before the present one whose last pulses may still be on their way."""
+POSE_PATIENCE_S = 7.0
+"""On top of `AntennaSettings.pose_wait_s`: a connection that hangs is replaced after 5 s and is
+back within two; what it has not said by then it will not say."""
+MOST_LOOKED_UP = 1_000
+"""Pulses without a pose that are read from the database at once."""
+MOST_UNSAID = 100_000
+"""Pulses that wait for the word that they are recorded, while the disk fails: as many as
+`FlightRecorder` keeps."""
+MOST_COMMANDS = 64
+"""Commands that wait for their reply."""
+LOCK_WAIT_S = 3.0
+TELL_S = 30.0
+"""Between two words to the operator on poses that never came."""
 
 
 class Recorder:
@@ -39,43 +62,95 @@ class Recorder:
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
+        self._antenna = frame.assignment.settings.antenna
         self._flight: FlightRecorder | None = None
+        self._lock = WriterLock()
+        self._times = CommitTimes()
+        self._health = ToldHealth()
+        self._awaited = AwaitedPoses(self._antenna.pose_wait_s + POSE_PATIENCE_S)
+        self._look_again = False
+        self._unsaid: deque[PulsePose] = deque(maxlen=MOST_UNSAID)
+        """Written, and not yet said to be recorded."""
         self._commands: dict[int, Command] = {}
         self._fault = ""
+        self._said_lines = 0
         self._start_ns = AFTER_ALL_NS
         last = map(Path, frame.assignment.last_flights)
         self._ended: deque[Path] = deque(last, maxlen=ENDED_FLIGHTS)
+        self._unchecked: deque[Path] = deque(self._ended)
         self._newest_ns = 0
+        self._poses_made_up = self._without_pose = self._untold = 0
+        self._tell_at_s = 0.0
+
+    # ------------------------------------------------------------------ flights
 
     def open(self, info: FlightInfo) -> None:
         """Open a flight, new or begun before a restart."""
-        if self._flight is not None and self._flight.layout.root == Path(info.directory):
+        root = Path(info.directory)
+        if self._flight is not None and self._flight.layout.root == root:
             return
         self.close()
         # A wall clock set back between flights: then any key may be of an earlier one.
         back = info.start_time_ns < self._newest_ns
         self._start_ns = AFTER_ALL_NS if back else info.start_time_ns
+        if not self._lock.take(root, LOCK_WAIT_S):
+            log.warning("flight not locked", flight=str(root))
         try:
-            self._flight = FlightRecorder.open(info, self._frame.assignment.settings)
+            self._flight = FlightRecorder.open(
+                info, self._frame.assignment.settings, durable=True
+            )
         except RecordingError as error:
             self._complain(error)
+        self._look_for_missing_poses()
 
     def close(self) -> None:
-        """Close the flight."""
-        if self._flight is None:
+        """Close the flight; what waits for a pose does not wait longer."""
+        flight = self._flight
+        if flight is None:
             return
+        self._make_up(self._awaited.all())
+        for health in self._health.last():
+            flight.write_health(health)
         try:
-            self._flight.close()
+            flight.close()
         except RecordingError as error:
             self._complain(error)
-        self._ended.append(self._flight.layout.root)
+        else:
+            self._say_recorded()
+        self._unsaid.clear()
+        self._times.committed(monotonic_s())
+        self._ended.append(flight.layout.root)
         self._newest_ns = max(self._newest_ns, self._frame.clock.now_ns())
         self._flight = None
+        self._lock.release()
         self._start_ns = AFTER_ALL_NS
 
-    def take(self, records: list[tuple[str, object]]) -> None:
-        """Write records, commit once, then pass the recorded pulses on."""
-        recorded: list[PulsePose] = []
+    def _check_an_ended_flight(self) -> None:
+        """Take up pulses without a pose of a flight that was cut off and is over now."""
+        if not self._unchecked:
+            return
+        root = self._unchecked.popleft()
+        if self._flight is not None and self._flight.layout.root == root:
+            return
+        lock = WriterLock()
+        if not root.is_dir() or not lock.take(root, 0.0):
+            return
+        try:
+            flight = FlightRecorder.reopen(root)
+            while pulses := flight.without_pose(MOST_LOOKED_UP):
+                flight.write_pulse_poses(found := self._posed(flight, pulses))
+                flight.commit()
+                self._pass_on(found)
+            flight.close()
+        except RecordingError as error:
+            log.warning("ended flight not completed", reason=str(error))
+        finally:
+            lock.release()
+
+    # ------------------------------------------------------------------ records
+
+    def turn(self, records: list[tuple[str, object]]) -> None:
+        """Write records; commit when it is time."""
         for topic, record in records:
             match record:
                 case Delivered():
@@ -84,20 +159,31 @@ class Recorder:
                     self.open(record)
                 case FlightInfo():
                     self.close()
-                case PulsePose():
-                    recorded.append(record)
-                    self._write(record)
                 case _:
                     self._write(record)
-        self._commit()
-        # Also what could not be written: the flight goes on, and it waits in memory.
-        for pulse_pose in recorded:
-            self._frame.send("recorded_pulse_pose", pulse_pose)
+        now_s = monotonic_s()
+        self._make_up(self._awaited.overdue(now_s))
+        if self._flight is None:
+            self._say_taken()
+            if not records:
+                self._check_an_ended_flight()
+        elif self._times.all_due(now_s):
+            if self._commit():
+                self._say_taken()
+        elif self._times.pulses_due(now_s):
+            self._commit(pulses_only=True)
+        elif not records:
+            if self._look_again and not self._awaited:
+                self._look_for_missing_poses()
+            self._check_an_ended_flight()
+        self._tell_of_poses(now_s)
 
     def _delivered(self, record: Delivered) -> None:
         """Note what reached the ground, also of flights that have ended."""
         if self._flight is not None:
             self._flight.write_delivered(record)
+            # With the next pulses, or all else: it is never worth a commit of its own.
+            self._times.others_wait(monotonic_s())
         earlier = tuple(key for key in record.pulses if key[1] < self._start_ns)
         for directory in self._ended if earlier else ():
             try:
@@ -108,19 +194,27 @@ class Recorder:
     def _write(self, record: object) -> None:
         if isinstance(record, Command):
             self._commands[record.request_id] = record
+            if len(self._commands) > MOST_COMMANDS:  # some replies never come
+                del self._commands[next(iter(self._commands))]
         flight = self._flight
         if flight is None:
             return
-        now_ns = self._frame.clock.now_ns()
+        now_s, now_ns = monotonic_s(), self._frame.clock.now_ns()
         match record:
             case Pulse():
                 flight.write_pulses([record])
+                self._awaited.add(record, now_s)
+                self._times.pulses_wait(now_s)
+                return
             case PulsePose():
-                flight.write_pulse_poses([record])
+                self._make_up(self._awaited.came(record.pulse))
+                self._take_pulse_poses([record])
+                return
             case Poses():
                 flight.write_poses(record)
             case Health():
-                flight.write_health(record)
+                for health in self._health.worth_telling(record):
+                    flight.write_health(health)
             case StatusText():
                 flight.write_status_text(record, now_ns)
             case SearchReport():
@@ -129,23 +223,114 @@ class Recorder:
                 command = self._commands.pop(record.request_id, None)
                 if command is not None:
                     flight.write_command(command, record, now_ns)
+        self._times.others_wait(now_s)
 
-    def _commit(self) -> None:
-        """Make what was written safe; a full disk is reported, never fatal."""
+    def _take_pulse_poses(self, pulse_poses: list[PulsePose]) -> None:
+        if self._flight is not None:
+            self._flight.write_pulse_poses(pulse_poses)
+            self._unsaid.extend(pulse_poses)
+            self._times.pulses_wait(monotonic_s())
+
+    # ------------------------------------------------------- poses that never come
+
+    def _look_for_missing_poses(self) -> None:
+        """Take up pulses that were recorded without a word on their pose."""
         if self._flight is None:
             return
+        found = self._flight.without_pose(MOST_LOOKED_UP)
+        self._look_again = len(found) == MOST_LOOKED_UP
+        for pulse in found:
+            self._awaited.add(pulse, monotonic_s())
+
+    def _make_up(self, pulses: list[Pulse]) -> None:
+        """Give pulses a pose by the recorded ones, or none; record them and pass them on."""
+        flight = self._flight
+        if flight is None or not pulses:
+            return
+        self._commit()  # also the poses that will be looked for
+        found = self._posed(flight, pulses)
+        self._take_pulse_poses(found)
+        self._pass_on(found)
+
+    def _posed(self, flight: FlightRecorder, pulses: list[Pulse]) -> list[PulsePose]:
+        found = [
+            made_up(
+                pulse,
+                flight.poses_around((pulse.start_time_ns + pulse.end_time_ns) // 2, REACH_NS),
+                self._antenna,
+            )
+            for pulse in pulses
+        ]
+        without = sum(one.pose is None for one in found)
+        self._without_pose += without
+        self._poses_made_up += len(found) - without
+        self._untold += len(found)
+        return found
+
+    def _pass_on(self, pulse_poses: list[PulsePose]) -> None:
+        for pulse_pose in pulse_poses:
+            self._frame.send("pulse_pose", pulse_pose)
+
+    def _tell_of_poses(self, now_s: float) -> None:
+        """Say now and then that poses never came."""
+        if not self._untold or now_s < self._tell_at_s:
+            return
+        self._tell_at_s = now_s + TELL_S
+        self._untold = 0
+        self._frame.tell(
+            5,
+            f"Poses lost on the way: {self._poses_made_up} made up from recorded ones, "
+            f"{self._without_pose} pulses without",
+        )
+
+    # ------------------------------------------------------------------ committing
+
+    def _commit(self, *, pulses_only: bool = False) -> bool:
+        """Make what was written safe; a full disk is reported, never fatal."""
+        if self._flight is None:
+            return True
+        now_s = monotonic_s()
         try:
-            self._flight.commit()
+            self._flight.commit(pulses_only=pulses_only)
         except RecordingError as error:
+            self._times.failed(now_s)
             self._complain(error)
-        else:
-            self._fault = ""
+            return False
+        self._fault = ""
+        self._times.committed(now_s, pulses_only=pulses_only)
+        self._say_recorded()
+        return True
+
+    def _say_recorded(self) -> None:
+        for pulse_pose in self._unsaid:
+            self._frame.send("recorded_pulse_pose", pulse_pose)
+        self._unsaid.clear()
+
+    def _say_taken(self) -> None:
+        """Say how far this process is, at once: what was committed must not be sent again.
+
+        Only when all that was received is committed, never in the middle of a turn.
+        """
+        lines = self._frame.link.lines
+        if lines != self._said_lines:
+            self._said_lines = lines
+            self._frame.link.send("taken", Taken(records=lines))
 
     def _complain(self, error: RecordingError) -> None:
         """Say it once until it is mended."""
         if not self._fault:
             log.error("not recorded", reason=str(error))
         self._fault = str(error)
+
+    def end(self) -> None:
+        """Write what has been sent so far, and close."""
+        with suppress(SupervisorGone):
+            while records := self._frame.receive():
+                self.turn(records)
+        self._commit()
+        with suppress(SupervisorGone):
+            self.close()
+            self._say_taken()
 
     def report(self) -> None:
         """Send the health."""
@@ -163,24 +348,30 @@ class Recorder:
         return {
             "pulses_recorded": flight.committed_pulses,
             "pulses_repeated": flight.repeated_pulses,
+            "pulses_without_pose": self._without_pose,
+            "poses_made_up": self._poses_made_up,
+            "poses_awaited": len(self._awaited),
+            "health_left_out": self._health.left_out,
             "records_waiting": flight.waiting_records,
             "records_dropped": flight.dropped_records,
             "records_refused": flight.refused_records,
             "commits_failed": flight.failed_commits,
+            "disk_syncs": flight.syncs,
         }
 
 
 def main() -> None:
     """Record until told to end."""
-    with ProcessFrame.start() as frame:
+    with ProcessFrame.start(finishes=True) as frame:
         recorder = Recorder(frame)
-        if frame.assignment.flight is not None:
-            recorder.open(frame.assignment.flight)
-        while frame.running:
-            recorder.take(frame.receive(timeout_s=0.25))
-            recorder.report()
-        recorder.take(frame.receive())
-        recorder.close()
+        try:
+            if frame.assignment.flight is not None:
+                recorder.open(frame.assignment.flight)
+            while frame.running:
+                recorder.turn(frame.receive(timeout_s=TURN_S))
+                recorder.report()
+        finally:
+            recorder.end()
 
 
 if __name__ == "__main__":

@@ -83,6 +83,7 @@ def serve(frame: ProcessFrame, participant: "Participant") -> None:
         return gateway.counters | {
             "ros2_messages_dropped": participant.dropped,
             "ros2_messages_unsent": participant.unsent,
+            "ros2_faults": participant.faults,
         }
 
     log.info("ROS 2 nodes are up", domain=participant.domain_id)

@@ -23,7 +23,6 @@ from uavrt.log import get_logger
 from uavrt.messages import IQBlock
 from uavrt.radio.live_source import LiveSource
 from uavrt.radio.stream import BLOCK_S
-from uavrt.radio.times import NominalTimes, TimeKeeper
 from uavrt.radio.udp_address import listen, parse_udp_address
 
 SAMPLE_BYTES: Final = 8
@@ -69,17 +68,14 @@ class BandDatagramSource(LiveSource):
         start_time_ns: int | None = None,
         block_s: float = BLOCK_S,
     ) -> None:
-        super().__init__(sample_rate_hz, center_frequency_hz)
+        # A burst of datagrams is their sender's manner; listeners want times without a step.
+        super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns, start_moves=False)
         self.name = address
         self.datagrams_lost = 0
         """Dropped by the system because we were too slow, as far as it tells."""
         self.realigned = 0
         """Times that samples began elsewhere in the stream of bytes than before."""
         self._clock = Clock.start() if clock is None else clock
-        self._keeper = TimeKeeper(sample_rate_hz)
-        self._nominal = (
-            None if start_time_ns is None else NominalTimes(start_time_ns, sample_rate_hz)
-        )
         self._want = SAMPLE_BYTES * max(64, round(block_s * sample_rate_hz))
         self._joiner = ByteJoiner()
         self._blocks: list[tuple[NDArray[np.complex64], int]] = []
@@ -100,7 +96,10 @@ class BandDatagramSource(LiveSource):
         """
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         while True:
+            before = self._joiner.filled
             self._receive()
+            if self._joiner.filled != before:
+                self._placer.arrived(self._joiner.filled // SAMPLE_BYTES, self._clock.now_ns())
             if self._joiner.has_gap or self._joiner.filled >= self._want:
                 return self._block()
             left_s = None if deadline_s is None else deadline_s - monotonic_s()
@@ -132,18 +131,9 @@ class BandDatagramSource(LiveSource):
 
     def _block(self) -> IQBlock:
         samples, lost_before, self.realigned = self._joiner.take()
-        now_ns = self._clock.now_ns()
-        self._index += lost_before
-        self._keeper.skip(lost_before)
-        if self._nominal is None:
-            self._keeper.arrived(self._index + len(samples), now_ns)
-            inferred = self._keeper.lost_samples()
-            self._index += inferred
-            lost_before += inferred
-        if lost_before:
-            self.samples_lost += lost_before
-            log.warning("samples lost", count=lost_before, before_index=self._index)
-        return self._next(samples, self._nominal or self._keeper, lost_before)
+        self._placer.tell_lost(lost_before)
+        self._placer.settle()
+        return self._placer.place(samples)
 
 
 class ByteJoiner:

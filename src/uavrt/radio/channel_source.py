@@ -126,16 +126,17 @@ class ChannelDatagramSource(LiveSource):
         self._frames.put(time_ns, samples)
 
     def _block(self, time_ns: int, samples: NDArray[np.complex64], lost: int) -> IQBlock:
-        self._index += lost
-        self.samples_lost += lost
+        placer = self._placer
+        placer.lost += lost
+        placer.index += lost
         block = IQBlock(
             samples=samples,
-            sample_index=self._index,
+            sample_index=placer.index,
             time_ns=time_ns,
             sample_rate_hz=self._rate_hz,
             lost_before=lost,
         )
-        self._index += len(samples)
+        placer.index += len(samples)
         return block
 
 

@@ -1,11 +1,10 @@
 """What all live sources have in common: rate, frequency, and the numbering of samples."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from uavrt.errors import FormatError
-from uavrt.messages import IQBlock
-from uavrt.radio.times import NominalTimes, TimeKeeper
+from uavrt.radio.placing import Placer
+
+_MEGAHERTZ = (20.0, 10e3)
+"""No radio is tuned there in hertz, but all are in megahertz."""
 
 
 def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
@@ -21,6 +20,12 @@ def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
             f"sample rate {sample_rate_hz} Hz is not possible",
             remedy="Give --sample-rate in samples per second, e.g. 3000000",
         )
+    if _MEGAHERTZ[0] <= center_frequency_hz < _MEGAHERTZ[1]:
+        raise FormatError(
+            f"center frequency {center_frequency_hz:g} Hz is that of sound, and looks like "
+            "megahertz",
+            remedy=f"Give --center-frequency {center_frequency_hz:g}e6",
+        )
     if not 0.0 <= center_frequency_hz < 1e12:
         raise FormatError(
             f"center frequency {center_frequency_hz} Hz is not possible",
@@ -35,6 +40,11 @@ class LiveSource:
     ----------
     sample_rate_hz, center_frequency_hz : float
         What the sender was told.
+    start_time_ns : int, optional
+        Time of the first sample [ns, UTC]; then times follow from the nominal rate alone.
+
+    start_moves : bool
+        Stamp the start anew when the first arrivals turn out to have been held up.
 
     Raises
     ------
@@ -42,13 +52,35 @@ class LiveSource:
         A rate that is not possible.
     """
 
-    def __init__(self, sample_rate_hz: float, center_frequency_hz: float) -> None:
+    def __init__(
+        self,
+        sample_rate_hz: float,
+        center_frequency_hz: float,
+        start_time_ns: int | None = None,
+        *,
+        start_moves: bool = True,
+    ) -> None:
         check_rates(sample_rate_hz, center_frequency_hz)
-        self.samples_lost = 0
         self._rate_hz = sample_rate_hz
         self._center_hz = center_frequency_hz
-        self._index = 0
-        """Of the next sample, lost ones counted."""
+        self._placer = Placer(
+            sample_rate_hz, start_time_ns=start_time_ns, start_moves=start_moves
+        )
+
+    @property
+    def samples_lost(self) -> int:
+        """Samples that never came, by the radio's words or by the arrivals."""
+        return self._placer.lost
+
+    @property
+    def samples_unsure(self) -> int:
+        """Of the lost, so many may as well be a crystal far off its rate."""
+        return self._placer.unsure
+
+    @property
+    def measured_rate_hz(self) -> float:
+        """Sample rate against UTC, as the arrivals show it."""
+        return self._placer.sample_rate_hz
 
     @property
     def sample_rate_hz(self) -> float:
@@ -64,17 +96,3 @@ class LiveSource:
     def total_samples(self) -> int | None:
         """None: nobody knows how long a live stream will be."""
         return None
-
-    def _next(
-        self, samples: NDArray[np.complex64], times: TimeKeeper | NominalTimes, lost: int
-    ) -> IQBlock:
-        """Make the block that begins at the present index, and go on behind it."""
-        index = self._index
-        self._index += len(samples)
-        return IQBlock(
-            samples=samples,
-            sample_index=index,
-            time_ns=times.time_ns(index),
-            sample_rate_hz=times.sample_rate_hz,
-            lost_before=lost,
-        )

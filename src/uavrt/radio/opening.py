@@ -9,10 +9,18 @@ from uavrt.config.settings import RADIO_GROUP, RadioSettings
 from uavrt.errors import FormatError
 from uavrt.plugins import Registry
 from uavrt.radio.channel_source import ChannelDatagramSource
+from uavrt.radio.file_names import NameFacts, read_name
 from uavrt.radio.formats import FORMATS, sample_format
 from uavrt.radio.program import ProgramSource
 from uavrt.radio.programs import PROGRAMS
-from uavrt.radio.recording import Layout, RecordingSource, file_size, raw_layout
+from uavrt.radio.recording import (
+    SAID,
+    Layout,
+    RecordingSource,
+    file_size,
+    name_says,
+    raw_layout,
+)
 from uavrt.radio.sigmf import sigmf_layout
 from uavrt.radio.soapy import SoapySource
 from uavrt.radio.source import SampleSource
@@ -154,7 +162,8 @@ def open_recording(
     format_name : str, optional
         ``cf32``, ``cs16``, ``cu8``, ``ci8``, ``sigmf``, ``wav``; None: by the name's ending.
     sample_rate_hz, center_frequency_hz : float, optional
-        For raw files. A rate that contradicts the file is refused; a frequency replaces it.
+        For raw files whose name does not say them. A rate that contradicts the file is refused;
+        a frequency replaces it.
     start_time_ns : int, optional
         Time of the first sample [ns, UTC].
 
@@ -187,8 +196,9 @@ def _layout(
     center_frequency_hz: float | None,
     start_time_ns: int | None,
 ) -> Layout:
+    named = read_name(path) or NameFacts(program="")
     kind: str | Literal["sigmf", "wav"] | None = (
-        format_name.lower() if format_name else _guess(path)
+        format_name.lower() if format_name else _guess(path) or named.format_name
     )
     if kind == "sigmf":
         return sigmf_layout(
@@ -206,12 +216,24 @@ def _layout(
         )
     stored = sample_format(kind)
     file_size(path)
+    said = name_says(named)
     return raw_layout(
         path,
         stored,
-        sample_rate_hz=_told(sample_rate_hz, "sample-rate", str(path)),
-        center_frequency_hz=_told(center_frequency_hz, "center-frequency", str(path)),
-        start_time_ns=start_time_ns,
+        sample_rate_hz=_told(
+            named.sample_rate_hz if sample_rate_hz is None else sample_rate_hz,
+            "sample-rate",
+            str(path),
+        ),
+        center_frequency_hz=_told(
+            named.center_frequency_hz if center_frequency_hz is None else center_frequency_hz,
+            "center-frequency",
+            str(path),
+        ),
+        start_time_ns=named.start_time_ns if start_time_ns is None else start_time_ns,
+        frequency_from=said if center_frequency_hz is None else SAID,
+        rate_from=said if sample_rate_hz is None else SAID,
+        start_from=name_says(named, time=True) if start_time_ns is None else SAID,
     )
 
 

@@ -17,6 +17,7 @@ from uavrt.log import get_logger
 from uavrt.messages import IQBlock
 from uavrt.radio.programs import (
     PROGRAMS,
+    RadioProgram,
     commands_before,
     exit_error,
     receive_command,
@@ -36,6 +37,8 @@ _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C")
 
 _LOST: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
 """A program that knows what it lost says it so; the others' losses the arrivals show."""
+_OVERRUNS: Final = re.compile(r"\b(\d+) overruns, longest (\d+) bytes\b")
+"""hackrf_transfer -B: how often the board's buffer was full since the start; not how long."""
 
 log = get_logger()
 
@@ -73,10 +76,13 @@ class ProgramSource(StreamSource):
     ) -> None:
         command = receive_command(settings, center_frequency_hz)
         self._program = PROGRAMS[settings.kind]
+        command += _talkative(self._program, settings)
         self._startup_s, self._stall_s = startup_s, stall_s
         self._lines: deque[str] = deque(maxlen=_LINES)
         self._line = b""
         self._lost = 0
+        self.overruns = 0
+        """Times that the radio's own buffer was full, where its program tells."""
         for before in commands_before(settings):
             self._run_before(before)
         self._child = _start(command, self._program.package)
@@ -149,7 +155,7 @@ class ProgramSource(StreamSource):
 
     def _wait(self, timeout_s: float | None) -> bool:
         """Wait for samples; meanwhile listen to stderr and watch for a stall."""
-        allowed_s = self._startup_s if self._index + self._filled == 0 else self._stall_s
+        allowed_s = self._startup_s if self._placer.index + self._filled == 0 else self._stall_s
         until_stall_s = self._last_byte_s + allowed_s - monotonic_s()
         if until_stall_s < 0.0:
             raise RadioStalled(
@@ -183,11 +189,23 @@ class ProgramSource(StreamSource):
         self._line = self._line[-4096:]
         for raw in lines:
             line = raw.decode("utf-8", "replace").strip()
+            self._note_overruns(line)
             if line and not any(words in line for words in _PROGRESS):
                 self._lines.append(line)
                 if found := _LOST.search(line):
                     self._lost += int(found[1])
                 log.info("radio says", program=self.name, line=line)
+
+    def _note_overruns(self, line: str) -> None:
+        """Take the radio's own count of overruns: that samples are lost, but not how many."""
+        found = _OVERRUNS.search(line)
+        if not found or int(found[1]) <= self.overruns:
+            return
+        log.warning(
+            "radio overrun", count=int(found[1]) - self.overruns, longest_bytes=int(found[2])
+        )
+        self.overruns = int(found[1])
+        self._placer.expect_losses()
 
     def _told_lost(self) -> int:
         lost, self._lost = self._lost, 0
@@ -195,7 +213,7 @@ class ProgramSource(StreamSource):
 
     def _check_end(self) -> None:
         """Say why the program ended, once its last whole samples are given."""
-        enough = self._index > 0 and self._filled >= self._format.bytes_per_sample
+        enough = self._placer.index > 0 and self._filled >= self._format.bytes_per_sample
         try:
             code = self._child.wait(1.0)
         except subprocess.TimeoutExpired:
@@ -283,6 +301,15 @@ def _run(command: Sequence[str], package: str) -> subprocess.CompletedProcess[st
         raise RadioStalled(
             f"{command[0]} does not answer", remedy="Unplug the radio and plug it in again"
         ) from error
+
+
+def _talkative(program: RadioProgram, settings: RadioSettings) -> list[str]:
+    """List the arguments that make this version of the program tell of its overruns, if any."""
+    if settings.program or not program.overruns_option:
+        return []
+    finished = _run((program.receive, "-h"), program.package)
+    known = f"[{program.overruns_option}]" in finished.stdout + finished.stderr
+    return [program.overruns_option] if known else []
 
 
 def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":

@@ -31,6 +31,8 @@ class RadioProgram:
     default_gain: int
     rates_hz: tuple[float, float]
     """Lowest and highest sample rate."""
+    overruns_option: str = ""
+    """Option, in versions that have it, that makes the program count its overruns on stderr."""
 
 
 AIRSPY = RadioProgram(
@@ -77,6 +79,7 @@ HACKRF = RadioProgram(
     gains=GAIN_RANGES["hackrf"],
     default_gain=64,
     rates_hz=(2e6, 20e6),
+    overruns_option="-B",
 )
 PROGRAMS: dict[str, RadioProgram] = {
     program.kind: program for program in (AIRSPY, AIRSPYHF, RTLSDR, HACKRF)
@@ -162,9 +165,12 @@ def _rtlsdr(settings: RadioSettings, frequency_hz: float, gain: int) -> list[str
 
 
 def _rtl_block_bytes(settings: RadioSettings) -> int:
-    """Bytes that rtl_sdr writes at once: its 262 144 would be half a second at 250 kS/s."""
-    size = 16384
-    while size < 262_144 and 2 * size <= 2 * settings.sample_rate_hz * 0.0874:
+    """Bytes that rtl_sdr writes at once: its 262 144 would be half a second at 250 kS/s.
+
+    At most 44 ms: what is lost is seen by the arrivals of three writes.
+    """
+    size = 8192
+    while size < 262_144 and 2 * size <= 2 * settings.sample_rate_hz * 0.0437:
         size *= 2
     return size
 

@@ -11,12 +11,17 @@ from typing import Final
 
 import numpy as np
 
+from uavrt.clock import iso_utc
 from uavrt.errors import FormatError
 from uavrt.messages import IQBlock
+from uavrt.radio.file_names import NameFacts
 from uavrt.radio.formats import SampleFormat, clean, look_like_floats
 from uavrt.radio.live_source import check_rates
 from uavrt.radio.times import NominalTimes
 
+SAID: Final = "what you said"
+HEADER: Final = "the file's header"
+FILE_DATE: Final = "the date of the file, which copying may change: give --start-time"
 _MAX_BLOCK: Final = 262_144
 """Samples in a block of a file (2 MiB); a recording of one channel is read 1 s at a time."""
 
@@ -44,6 +49,11 @@ class Layout:
     sample_rate_hz: float
     center_frequency_hz: float
     segments: tuple[Segment, ...]
+    frequency_from: str = SAID
+    """Who says the radio frequency, in words."""
+    rate_from: str = SAID
+    start_from: str = SAID
+    """Who says when it began."""
     first_byte: int = 0
     fault_at_end: str | None = None
     """Why the recording is not whole; raised after all its whole samples have been given."""
@@ -114,6 +124,17 @@ class RecordingSource:
         """Time of the recording's first sample [ns, UTC]."""
         return self._layout.segments[0].time_ns
 
+    @property
+    def origin(self) -> str:
+        """What rate, frequency and start were taken from; empty when all was told."""
+        layout = self._layout
+        told = (
+            (f"{layout.center_frequency_hz / 1e6:.6f} MHz", layout.frequency_from),
+            (f"{layout.sample_rate_hz:.0f} samples a second", layout.rate_from),
+            (f"begun {iso_utc(self.start_time_ns)}", layout.start_from),
+        )
+        return "; ".join(f"{what} by {who}" for what, who in told if who != SAID)
+
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block; see `SampleSource.read`. A file never makes one wait."""
         del timeout_s
@@ -174,6 +195,14 @@ class RecordingSource:
             filled += got
 
 
+def name_says(facts: NameFacts, *, time: bool = False) -> str:
+    """Say that a file's name tells something, and on whose clock."""
+    said = f"the file's name (as {facts.program} gives)"
+    if time and facts.local_time:
+        said += ", the local time of the computer that recorded, taken to be this one's zone"
+    return said
+
+
 def cannot_read(path: Path, error: OSError) -> FormatError:
     """Name what keeps a file from being read."""
     remedy = (
@@ -210,6 +239,9 @@ def raw_layout(
     sample_rate_hz: float,
     center_frequency_hz: float,
     start_time_ns: int | None = None,
+    frequency_from: str = SAID,
+    rate_from: str = SAID,
+    start_from: str = SAID,
 ) -> Layout:
     """Describe a file that holds nothing but samples.
 
@@ -223,6 +255,8 @@ def raw_layout(
         Nobody else knows them.
     start_time_ns : int, optional
         Time of the first sample; None: the file's last change less its duration.
+    frequency_from, rate_from, start_from : str
+        Who says these, in words.
 
     Raises
     ------
@@ -236,13 +270,16 @@ def raw_layout(
         _refuse_floats(path, sample_format)
     count, rest = divmod(size, sample_format.bytes_per_sample)
     if start_time_ns is None:
-        start_time_ns = file_start_ns(path, count, sample_rate_hz)
+        start_time_ns, start_from = file_start_ns(path, count, sample_rate_hz), FILE_DATE
     return Layout(
         path=path,
         sample_format=sample_format,
         sample_rate_hz=sample_rate_hz,
         center_frequency_hz=center_frequency_hz,
         segments=(Segment(first=0, count=count, sample_index=0, time_ns=start_time_ns),),
+        frequency_from=frequency_from,
+        rate_from=rate_from,
+        start_from=start_from,
         fault_at_end=(
             f"{path} ends in the middle of a sample ({rest} bytes of "
             f"{sample_format.bytes_per_sample} as {sample_format.name})"

@@ -16,7 +16,15 @@ from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
 from uavrt.radio.formats import sigmf_format
 from uavrt.radio.live_source import check_rates
-from uavrt.radio.recording import Layout, Segment, cannot_read, file_size, file_start_ns
+from uavrt.radio.recording import (
+    FILE_DATE,
+    SAID,
+    Layout,
+    Segment,
+    cannot_read,
+    file_size,
+    file_start_ns,
+)
 from uavrt.radio.times import NominalTimes
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -68,14 +76,16 @@ def sigmf_layout(
             f"{data_path} holds {count} samples, but a capture starts at "
             f"{captures[-1].first}: truncated"
         )
+    start_from = SAID
     if start_time_ns is None and captures[0].time_ns is None:
-        start_time_ns = file_start_ns(data_path, count, rate_hz)
+        start_time_ns, start_from = file_start_ns(data_path, count, rate_hz), FILE_DATE
     return Layout(
         path=data_path,
         sample_format=sample_format,
         sample_rate_hz=rate_hz,
         center_frequency_hz=frequency_hz,
         segments=tuple(_segments(captures, count, rate_hz, start_time_ns)),
+        start_from=start_from,
         first_byte=captures[0].header_bytes,
         fault_at_end=fault,
     )

@@ -16,7 +16,6 @@ from uavrt.log import get_logger
 from uavrt.messages import IQBlock
 from uavrt.radio.live_source import LiveSource
 from uavrt.radio.stream import block_length
-from uavrt.radio.times import TimeKeeper
 
 _STALL_S: Final = 3.0
 _SLICE_S: Final = 0.25
@@ -24,6 +23,9 @@ _SLICE_S: Final = 0.25
 _RX: Final = 1
 _TIMEOUT: Final = -1
 _OVERFLOW: Final = -4
+_HAS_TIME: Final = 1 << 2
+_ROUNDING_S: Final = 1e-4
+"""Times of drivers are rounded to their own ticks; a gap is longer."""
 
 log = get_logger()
 
@@ -65,10 +67,11 @@ class SoapySource(LiveSource):
             ) from error
         self.overflows = 0
         self._clock = Clock.start() if clock is None else clock
-        self._keeper = TimeKeeper(self._rate_hz)
+        self._device_ns: int | None = None
+        """When the next sample is due, by the radio's own clock."""
         self._stall_s = stall_s
         self._samples = np.zeros(block_length(self._rate_hz), np.complex64)
-        self._filled = 0
+        self._filled = self._given = 0
         self._last_s = monotonic_s()
         try:
             self._device = soapy.Device(_device_arguments(settings))
@@ -90,7 +93,10 @@ class SoapySource(LiveSource):
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block; see `SampleSource.read`."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
-        while self._filled < len(self._samples):
+        self._samples[: self._filled - self._given] = self._samples[self._given : self._filled]
+        self._filled -= self._given
+        self._given = 0
+        while self._filled < len(self._samples) and not self._placer.to_give_first:
             now_s = monotonic_s()
             if deadline_s is not None and now_s > deadline_s:
                 return None
@@ -115,11 +121,14 @@ class SoapySource(LiveSource):
             self._stream, [rest], len(rest), timeoutUs=int(timeout_s * 1e6)
         )
         if result.ret > 0:
+            self._look_for_gap(result)
             self._filled += result.ret
             self._last_s = monotonic_s()
+            self._placer.arrived(self._filled, self._clock.now_ns())
         elif result.ret == _OVERFLOW:
-            # How many are missing the arrivals will show; drivers do not say it.
+            # How many are missing its times or the arrivals will show; drivers do not say it.
             self.overflows += 1
+            self._placer.expect_losses()
             log.warning("radio overflow", count=self.overflows)
         elif result.ret not in (0, _TIMEOUT):
             raise RadioStopped(
@@ -127,13 +136,23 @@ class SoapySource(LiveSource):
                 remedy="Check the radio's cable and power",
             )
 
+    def _look_for_gap(self, result: Any) -> None:
+        """Compare the radio's own time of these samples with that of those before, if told."""
+        time_ns = int(getattr(result, "timeNs", 0))
+        if not int(getattr(result, "flags", 0)) & _HAS_TIME:
+            self._device_ns = None
+            return
+        if self._device_ns is not None:
+            ahead = round((time_ns - self._device_ns) * 1e-9 * self._rate_hz)
+            if ahead > max(_ROUNDING_S * self._rate_hz, 2):
+                self._placer.tell_lost(ahead, self._filled)
+        self._device_ns = time_ns + round(result.ret / self._rate_hz * 1e9)
+
     def _block(self) -> IQBlock:
-        count, self._filled = self._filled, 0
-        self._keeper.arrived(self._index + count, self._clock.now_ns())
-        lost = self._keeper.lost_samples()
-        self._index += lost
-        self.samples_lost += lost
-        return self._next(self._samples, self._keeper, lost)
+        self._placer.settle()
+        first = self._placer.to_give_first
+        self._given = first if 0 < first < self._filled else self._filled
+        return self._placer.place(self._samples[: self._given])
 
 
 def _device_arguments(settings: RadioSettings) -> str:

@@ -21,8 +21,7 @@ from uavrt.log import get_logger
 from uavrt.messages import IQBlock
 from uavrt.radio.formats import SampleFormat, clean
 from uavrt.radio.live_source import LiveSource
-from uavrt.radio.times import NominalTimes, TimeKeeper
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.radio.placing import HOLD_S
 
 BLOCK_S: Final = 0.0874
 """Block length, about; longer adds latency, shorter adds wake-ups."""
@@ -80,7 +79,7 @@ class StreamSource(LiveSource):
         block_s: float = BLOCK_S,
         name: str = "standard input",
     ) -> None:
-        super().__init__(sample_rate_hz, center_frequency_hz)
+        super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns)
         self.name = name
         self.invalid_values = 0
         """NaN and infinite values that were replaced by zero."""
@@ -89,37 +88,28 @@ class StreamSource(LiveSource):
         self._descriptor = descriptor
         self._format = sample_format
         self._clock = Clock.start() if clock is None else clock
-        self._keeper = TimeKeeper(sample_rate_hz)
-        self._nominal = (
-            None if start_time_ns is None else NominalTimes(start_time_ns, sample_rate_hz)
-        )
         samples = block_length(sample_rate_hz, block_s)
-        self._samples = np.zeros(samples, np.complex64)
-        self._raw = (
-            self._samples.view(np.uint8)
-            if sample_format.in_place
-            else np.zeros(samples * sample_format.bytes_per_sample, np.uint8)
-        )
-        self._bytes = self._raw.data
+        self._wanted = samples * sample_format.bytes_per_sample
+        self._make_room(samples)
         self._filled = 0
+        self._given = 0
         self._ended = False
-        self._block_s = samples / sample_rate_hz
-        self._level_ns = 0
+        self._waiting_since_ns = 0
         self._pipe_bytes = _enlarge_pipe(descriptor)
         self._poll = select.poll()
         self._poll.register(descriptor, select.POLLIN)
 
-    @property
-    def measured_rate_hz(self) -> float:
-        """Sample rate against UTC, as the arrivals show it."""
-        return self._rate_hz if self._nominal is not None else self._keeper.sample_rate_hz
-
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`."""
+        """Get the next block; see `SampleSource.read`.
+
+        It is shorter when something came so late that a gap may lie before it.
+        """
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
-        if self._level_ns == 0:
-            self._level_ns = self._clock.now_ns()
-        while self._filled < len(self._bytes) and not self._ended:
+        self._forget_given()
+        if not self._waiting_since_ns:
+            self._waiting_since_ns = self._clock.now_ns()
+            self._placer.begin(self._waiting_since_ns)
+        while not self._ended and not self._placer.to_give_first and self._wants_more():
             left_s = None if deadline_s is None else deadline_s - monotonic_s()
             if left_s is not None and left_s < 0.0:
                 return None
@@ -131,16 +121,63 @@ class StreamSource(LiveSource):
                 continue
             except OSError as error:
                 raise RadioError(f"cannot read {self.name}: {error.strerror}") from error
-            self._filled += count
             self._ended = count == 0
+            if count:
+                self._take_in(count)
         if self._ended:
             self._check_end()
         return self._block()
 
+    def _make_room(self, samples: int) -> None:
+        """Have room for so many samples; keeps none."""
+        self._samples = np.zeros(samples, np.complex64)
+        self._raw = (
+            self._samples.view(np.uint8)
+            if self._format.in_place
+            else np.zeros(samples * self._format.bytes_per_sample, np.uint8)
+        )
+        self._bytes = self._raw.data
+
+    def _forget_given(self) -> None:
+        """Move what is left of the samples to the front."""
+        if self._given:
+            self._raw[: self._filled - self._given] = self._raw[self._given : self._filled]
+            self._filled -= self._given
+            self._given = 0
+
+    def _wants_more(self) -> bool:
+        """Whether to read on: the block is not full, or it is in question where it belongs."""
+        if self._filled < self._wanted:
+            return self._filled < len(self._bytes)
+        if self._placer.settle() or self._placer.to_give_first:
+            return False
+        if len(self._bytes) == self._wanted:
+            held = self._raw[: self._filled].copy()
+            self._make_room(
+                self._wanted // self._format.bytes_per_sample + round(HOLD_S * self._rate_hz)
+            )
+            self._raw[: self._filled] = held
+        return self._filled < len(self._bytes)
+
+    def _take_in(self, count: int) -> None:
+        """Note that bytes have arrived.
+
+        What waits in the pipe has arrived too; without it a slow reader would look like a late
+        radio. A full pipe says nothing: the writer is waiting for us.
+        """
+        size = self._format.bytes_per_sample
+        told = self._told_lost()
+        if told:
+            self._placer.tell_lost(told)
+        self._filled += count
+        waiting = _waiting_bytes(self._descriptor)
+        full = 0 < self._pipe_bytes - PIPE_BYTES // 8 < max(waiting, count)
+        self._placer.arrived((self._filled + waiting) // size, self._clock.now_ns(), full=full)
+
     def close(self) -> None:
         """Forget the descriptor; who opened it closes it."""
         self._ended = True
-        self._filled = 0
+        self._filled = self._given = 0
 
     def _wait(self, timeout_s: float | None) -> bool:
         """Wait for bytes or the end; a hook for those who have more to watch."""
@@ -159,7 +196,7 @@ class StreamSource(LiveSource):
         if whole > 0:
             return
         self.trailing_bytes, self._filled = self._filled, 0
-        if self._index == 0:
+        if self._placer.index == 0:
             raise FormatError(
                 f"no samples came from {self.name}",
                 remedy="Check that the program before the pipe runs and writes to its stdout",
@@ -169,50 +206,21 @@ class StreamSource(LiveSource):
         raise EOFError(f"{self.name} has ended")
 
     def _block(self) -> IQBlock:
-        """Make a block of the bytes at hand."""
+        """Make a block of the bytes at hand, or of those that end before a gap."""
         size = self._format.bytes_per_sample
         count = self._filled // size
+        first = self._placer.to_give_first
+        if 0 < first < count:
+            count = first
         samples = self._samples[:count]
         if not self._format.in_place:
             self._format.convert(self._raw[: count * size], samples)
-        if self._format.dtype.kind == "f" and self._index == 0:
+        if self._format.dtype.kind == "f" and self._placer.index == 0:
             # Is it float at all? Checking every block would cost 0.2 % of a core; a lone NaN
             # later passes through the (finite) filters and is stopped before the detectors.
             self.invalid_values += clean(samples, self.name)
-        lost = self._learn_times(count)
-        block = self._next(samples, self._nominal or self._keeper, lost)
-        # Bytes of an incomplete sample are left only at the end of the stream.
-        self._filled -= count * size
-        return block
-
-    def _learn_times(self, count: int) -> int:
-        """Tell the time keeper of this arrival; return the samples lost before the block."""
-        if self._nominal is not None:
-            return 0
-        # What waits in the pipe has arrived too; without it a slow reader would look like
-        # a late radio. A full pipe says nothing: the writer is waiting for us.
-        waiting = _waiting_bytes(self._descriptor)
-        full = 0 < self._pipe_bytes - PIPE_BYTES // 8 < waiting
-        if full and self._index > 2.0 * self._rate_hz:
-            return 0
-        now_ns = self._clock.now_ns()
-        took_s = (now_ns - self._level_ns) / NANOSECONDS_PER_SECOND
-        self._level_ns = now_ns
-        told = self._told_lost()
-        self._index += told
-        self._keeper.skip(told)
-        self._keeper.arrived(
-            self._index + count + waiting // self._format.bytes_per_sample,
-            now_ns,
-            catching_up=full or took_s < 0.5 * self._block_s,
-        )
-        inferred = self._keeper.lost_samples()
-        self._index += inferred
-        lost = told + inferred
-        if lost:
-            self.samples_lost += lost
-            log.warning("samples lost", count=lost, before_index=self._index)
-        return lost
+        self._given = count * size
+        return self._placer.place(samples)
 
 
 def _enlarge_pipe(descriptor: int) -> int:

@@ -14,22 +14,29 @@ lower envelope of (arrival time - index / rate) is the radio's clock.
       |__:_._:__:_:_._:__:__:_.__:___ lower envelope: slope = rate error, height = delay
       +-------------------------------> index
 
+Samples that were lost raise the envelope by a step: `uavrt.radio.losses` finds it.
+
 What the envelope cannot show is the constant part of the delay: it stays in the times (about
 10 to 20 ms with an Airspy's USB transfers) and is the same for every tag.
 """
 
+import math
+
 import numpy as np
 
+from uavrt.radio.losses import SLOWEST_RATE, Loss, LossFinder
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _BIN_S = 0.5
 """One lowest arrival is kept for each stretch of this length."""
 _BINS = 600
 """Bins remembered: 5 min, over which a crystal's rate is constant to well under 1 ppm."""
+_FIT_BINS = 8
+"""Fewer say nothing of the slope."""
 _MEASURED_AFTER_S = 30.0
 """Before this the envelope's slope is mostly jitter, and the nominal rate is reported."""
 _MAX_RATE_ERROR = 500e-6
-"""No crystal is further off; more means a wrong nominal rate."""
+"""No crystal is faster than that; more means a wrong nominal rate."""
 _PRIOR_RATE_ERROR = 30e-6
 """One standard deviation of crystals in these radios (Airspy 0.5, HackRF 20, RTL 50 ppm)."""
 _FAST_SLEW = 1000e-6
@@ -38,11 +45,17 @@ _SLEW = 200e-6
 _FAST_SLEW_UNTIL_S = 10.0
 _SETTLE_S = 2.0
 """Within this a writer that had to wait for us has caught up, or it is a replay."""
-_GAP_BINS = 4
-_GAP_THRESHOLD_S = 0.025
-_GAP_FLATNESS_S = 0.004
 _NOT_LIVE_S = 0.5
 """Arrivals so much before their time show that the stream is replayed, not sampled now."""
+_CREDIT_S = 3.0
+"""A program tells of a loss at the latest so long after the arrivals have shown it."""
+_UNCLEAN_S = 1.0
+"""So long after a loss nothing is learnt about the envelope's slope."""
+_FAR_S = 0.005
+_FAR_IN_S = 0.5
+_DOUBT_S = 10.0
+"""Times that are too late by more than the first are brought back within the second, until the
+third after a loss: it was none, or smaller."""
 
 
 class NominalTimes:
@@ -89,8 +102,19 @@ class TimeKeeper:
         self._nominal_hz = sample_rate_hz
         self._follow = follow_arrivals
         self._settled = False
+        self._kept_pace = False
         self._start_ns: int | None = None
         # Rows of nominal seconds and delay, in room taken at the beginning.
+        self._finder = LossFinder()
+        self._lost_s = 0.0
+        """Found, and not yet told by `lost_samples`."""
+        self._unsure_s = 0.0
+        self.unsure_samples = 0
+        """Of those told as lost, so many may as well be a crystal far off its rate."""
+        self.inside = 0
+        """Length of the first late transfer [samples] if the last loss lies in it, else 0."""
+        self._loss_at_s = -math.inf
+        self._credit_s = 0.0
         self._bins = np.zeros((_BINS, 2))
         self._bin_count = 0
         self._bin: tuple[int, float, float] | None = None
@@ -100,6 +124,7 @@ class TimeKeeper:
         self._slope = 0.0
         self._pivot_s = 0.0
         # What was given out last: nominal seconds, and its correction [s].
+        self._asked = False
         self._given_s = 0.0
         self._correction_s = 0.0
 
@@ -144,17 +169,34 @@ class TimeKeeper:
             return
         if not self._follow:
             return
-        nominal_s = end_index / self._nominal_hz
+        nominal_s = end_index / self._nominal_hz + self._lost_s
         delay_s = (now_ns - self._start_ns) / NANOSECONDS_PER_SECOND - nominal_s
+        if catching_up and not self._kept_pace and nominal_s < _SETTLE_S:
+            # The very first arrival was held up: what came meanwhile follows at once.
+            self._settled = False
+        self._kept_pace = self._kept_pace or not catching_up
         if not self._settled:
             if catching_up and nominal_s < _SETTLE_S:
                 return
             self._settled = True
             if not catching_up:
                 self._offset_s = self._correction_s = min(delay_s, 0.0)
+        elif not self._asked and delay_s < self._offset_s:
+            # No time has been given yet: the start is still free.
+            self._offset_s = self._correction_s = delay_s
         if delay_s < self._model_s(nominal_s) - _NOT_LIVE_S:
             self._forget()
             return
+        loss = self._finder.put(
+            nominal_s, nominal_s + delay_s, delay_s - self._model_s(nominal_s)
+        )
+        if loss is not None:
+            self._lose(loss, nominal_s)
+            return
+        early_s = self._finder.early_s()
+        if early_s:
+            self._offset_s += early_s
+            self._finder.shift(early_s)
         number = int(nominal_s / _BIN_S)
         if self._bin is None or self._bin[0] == number:
             if self._bin is None or delay_s < self._bin[2]:
@@ -164,8 +206,43 @@ class TimeKeeper:
         self._bin = (number, nominal_s, delay_s)
         self._fit()
 
+    @property
+    def asking(self) -> bool:
+        """Whether the next few arrivals will tell if samples were lost."""
+        return self._follow and self._finder.asking
+
+    @property
+    def question_index(self) -> int:
+        """Index before which a loss may lie, while `asking`."""
+        return round((self._finder.question_s or 0.0) * self._nominal_hz)
+
+    def expect_losses(self) -> None:
+        """Learn that the radio tells of losses, without their number."""
+        self._finder.expect(self._given_s)
+
+    def _lose(self, loss: Loss, nominal_s: float) -> None:
+        """Take note of a loss: what has been learnt since it began was not the envelope."""
+        self._lost_s += loss.duration_s
+        if not loss.sure:
+            self._unsure_s += loss.duration_s
+        self.inside = round(loss.inside_s * self._nominal_hz)
+        self._credit_s += loss.duration_s
+        self._finder.skip(loss.duration_s)
+        self._bin = None
+        # A drift that is taken for losses must not be taken for the crystal's as well.
+        clean_s = loss.since_s if loss.sharp else self._loss_at_s
+        while self._bin_count and self._bins[self._bin_count - 1, 0] >= clean_s:
+            self._bin_count -= 1
+        if not loss.sharp and self._bin_count < _FIT_BINS:
+            self._offset_s, self._slope = self._model_s(nominal_s), 0.0
+            self._pivot_s = nominal_s
+        self._fit_in = 0
+        self._loss_at_s = nominal_s + loss.duration_s
+
     def _keep(self, bin_: tuple[float, float]) -> None:
         """Remember a bin; forget the oldest when there is no room."""
+        if bin_[0] < self._loss_at_s + _UNCLEAN_S:
+            return
         if self._bin_count == _BINS:
             self._bins[:-1] = self._bins[1:]
             self._bin_count -= 1
@@ -175,30 +252,34 @@ class TimeKeeper:
     def lost_samples(self) -> int:
         """Tell how many samples must have been lost, judging by arrivals; then forget them.
 
-        Samples that a radio drops silently shift all later arrivals by a constant. That is
-        told from a slow machine by its shape: the lowest arrivals of two seconds all late by
-        more than 25 ms, and by the same amount within 4 ms.
-
         The caller adds the number to its index, and shows it as a gap.
         """
-        if not self._follow or self._bin_count < 2 * _GAP_BINS:
-            return 0
-        newest: list[list[float]]
-        newest = self._bins[self._bin_count - _GAP_BINS : self._bin_count].tolist()
-        late = [delay - self._model_s(at) for at, delay in newest]
-        step_s = min(late)
-        if step_s < _GAP_THRESHOLD_S or max(late) - step_s > _GAP_FLATNESS_S:
-            return 0
-        self._bin_count -= _GAP_BINS
-        self._bin = None
-        lost = round(step_s * self._nominal_hz)
-        self.skip(lost)
+        lost = round(self._lost_s * self._nominal_hz)
+        if lost:
+            self._given_s += lost / self._nominal_hz
+            self.unsure_samples += min(lost, round(self._unsure_s * self._nominal_hz))
+            self._lost_s = self._unsure_s = 0.0
         return lost
 
-    def skip(self, samples: int) -> None:
-        """Leave out samples that are known to be lost; the caller's index skips them too."""
+    def skip(self, samples: int) -> int:
+        """Leave out samples that are known to be lost.
+
+        Returns
+        -------
+        int
+            How many of them the arrivals have not shown already: the caller's index skips
+            these.
+        """
+        seconds = samples / self._nominal_hz
+        if self._given_s > self._loss_at_s + _CREDIT_S:
+            self._credit_s = 0.0
+        known_s = min(seconds, self._credit_s)
+        self._credit_s -= known_s
         # Time goes on where the gap ends: the correction at the new index is the old one.
-        self._given_s += samples / self._nominal_hz
+        left = samples - round(known_s * self._nominal_hz)
+        self._given_s += left / self._nominal_hz
+        self._finder.skip(left / self._nominal_hz)
+        return left
 
     def time_ns(self, index: int) -> int:
         """Time of a sample [ns, UTC]; to be asked in rising order of `index`.
@@ -210,6 +291,7 @@ class TimeKeeper:
         """
         if self._start_ns is None:
             raise ValueError("no samples have arrived yet, so there is no start time")
+        self._asked = True
         nominal_s = index / self._nominal_hz
         step_s = max(nominal_s - self._given_s, 0.0)
         if self._follow and step_s > 0.0:
@@ -217,7 +299,10 @@ class TimeKeeper:
             reach_s = step_s * (_FAST_SLEW if fast else _SLEW)
             drift_s = self._slope * step_s
             wanted_s = self._model_s(nominal_s) - (self._correction_s + drift_s)
-            self._correction_s += drift_s + min(max(wanted_s, -reach_s), reach_s)
+            far_s = 0.0
+            if nominal_s < self._loss_at_s + _DOUBT_S:
+                far_s = max(-wanted_s - _FAR_S, 0.0) * min(step_s / _FAR_IN_S, 1.0)
+            self._correction_s += drift_s + min(max(wanted_s, -reach_s - far_s), reach_s)
             self._given_s = nominal_s
         return (
             self._start_ns
@@ -243,7 +328,6 @@ class TimeKeeper:
         """Fit the lower envelope: least squares in which a late point loses its weight.
 
         The slope has the prior of real crystals, so the fit is sane from the second bin on.
-        While a gap may be showing, its late bins weigh next to nothing.
         """
         if self._fit_in > 0:
             self._fit_in -= 1
@@ -251,8 +335,9 @@ class TimeKeeper:
         count = self._bin_count
         # Twice a second at first, then every 5 s: it costs about 0.1 ms.
         self._fit_in = 0 if count < 20 else 9
-        if count < 8:
-            self._offset_s = float(self._bins[:count, 1].min())
+        if count < _FIT_BINS:
+            if self._loss_at_s < 0.0:
+                self._offset_s = float(self._bins[:count, 1].min())
             return
         at, delay = self._bins[:count].T
         pivot = float(at[-1])
@@ -270,7 +355,7 @@ class TimeKeeper:
             centred = weight * (x - mean_x)
             spread = float(centred @ (x - mean_x)) + (scatter / _PRIOR_RATE_ERROR) ** 2
             slope = float(centred @ (delay - mean_d)) / spread
-            slope = min(max(slope, -_MAX_RATE_ERROR), _MAX_RATE_ERROR)
+            slope = min(max(slope, -_MAX_RATE_ERROR), SLOWEST_RATE)
             offset = mean_d - slope * mean_x
         self._offset_s, self._slope, self._pivot_s = offset, slope, pivot
 

@@ -16,9 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError
+from uavrt.radio.file_names import NameFacts, read_name
 from uavrt.radio.formats import CF32, CS16, CU8, SampleFormat
 from uavrt.radio.live_source import check_rates
-from uavrt.radio.recording import Layout, Segment, cannot_read, file_size, file_start_ns
+from uavrt.radio.recording import (
+    FILE_DATE,
+    HEADER,
+    SAID,
+    Layout,
+    Segment,
+    cannot_read,
+    file_size,
+    file_start_ns,
+    name_says,
+)
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
@@ -80,9 +91,10 @@ def wav_layout(
     path : Path
         The file.
     center_frequency_hz : float, optional
-        Radio frequency, if the file's ``auxi`` chunk does not say it, or says it wrongly.
+        Radio frequency; None: from the ``auxi`` chunk, else from the file's name.
     start_time_ns : int, optional
-        Time of the first sample; None: from the ``auxi`` chunk, else from the file's age.
+        Time of the first sample; None: from the ``auxi`` chunk, else from the file's name, else
+        from its age.
 
     Raises
     ------
@@ -106,7 +118,12 @@ def wav_layout(
             f"{path} has WAV encoding {header.kind} with {header.bits} bits",
             remedy="Record as 8, 16, 24 or 32-bit PCM or 32-bit float",
         )
-    frequency_hz = center_frequency_hz if center_frequency_hz else header.frequency_hz
+    named = read_name(path) or NameFacts(program="")
+    frequency_hz, frequency_from = center_frequency_hz or None, SAID
+    if frequency_hz is None:
+        frequency_hz, frequency_from = header.frequency_hz, HEADER
+    if frequency_hz is None:
+        frequency_hz, frequency_from = named.center_frequency_hz, name_says(named)
     if frequency_hz is None:
         raise FormatError(
             f"{path} does not say its radio frequency", remedy="Give --center-frequency"
@@ -122,15 +139,22 @@ def wav_layout(
     count, rest = divmod(said, sample_format.bytes_per_sample)
     if rest and fault is None:
         fault = f"{path} ends in the middle of a sample"
-    start_ns = start_time_ns if start_time_ns is not None else header.start_ns
+    start_ns, start_from = start_time_ns, SAID
     if start_ns is None:
-        start_ns = file_start_ns(path, count, float(header.rate_hz))
+        start_ns, start_from = header.start_ns, HEADER
+    if start_ns is None:
+        start_ns, start_from = named.start_time_ns, name_says(named, time=True)
+    if start_ns is None:
+        start_ns, start_from = file_start_ns(path, count, float(header.rate_hz)), FILE_DATE
     return Layout(
         path=path,
         sample_format=sample_format,
         sample_rate_hz=float(header.rate_hz),
         center_frequency_hz=frequency_hz,
         segments=(Segment(first=0, count=count, sample_index=0, time_ns=start_ns),),
+        frequency_from=frequency_from,
+        rate_from=HEADER,
+        start_from=start_from,
         first_byte=header.data_start,
         fault_at_end=fault,
     )

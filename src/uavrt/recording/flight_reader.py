@@ -13,7 +13,13 @@ from uavrt.errors import FormatError
 from uavrt.messages import FlightInfo, Health, Pose, PulsePose, SearchReport, StatusText
 from uavrt.recording import schema
 from uavrt.recording.layout import FlightLayout
+from uavrt.recording.plain_database import open_plain, require_plain_files
 from uavrt.recording.pulse_logs import SELECT_PULSE_POSES, pulse_pose_from_row
+
+_NO_NUMBERS = (
+    "SELECT 1 FROM pulses WHERE typeof(tag_id) != 'integer' OR "
+    "typeof(start_time_ns) != 'integer' OR typeof(end_time_ns) != 'integer' LIMIT 1"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +107,22 @@ def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport
         return tuple(map(schema.search_report_from_row, rows))
 
 
+def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
+    """Read when detection was stopped by order [ns, UTC]; nothing for a dead battery.
+
+    Raises
+    ------
+    FormatError
+        There is no flight, or its database is damaged.
+    """
+    with _database(Path(directory)) as database:
+        rows = database.execute(
+            "SELECT time_ns FROM commands WHERE name = 'stop_detection' AND accepted"
+            " ORDER BY time_ns"
+        )
+        return tuple(time_ns for (time_ns,) in rows)
+
+
 @contextmanager
 def _database(directory: Path) -> Iterator[sqlite3.Connection]:
     path = FlightLayout(directory).database
@@ -111,8 +133,9 @@ def _database(directory: Path) -> Iterator[sqlite3.Connection]:
         )
     try:
         with tempfile.TemporaryDirectory() as scratch, closing(_open(path, scratch)) as opened:
+            schema.read_older(opened)
             yield opened
-    except (sqlite3.Error, ValueError, TypeError) as error:
+    except (sqlite3.Error, OSError, ValueError, TypeError, OverflowError) as error:
         raise FormatError(
             f"{path} cannot be read: {error}",
             remedy="Its pulse_pose_log.txt holds the pulses too; give that instead",
@@ -121,16 +144,14 @@ def _database(directory: Path) -> Iterator[sqlite3.Connection]:
 
 def _open(path: Path, scratch: str) -> sqlite3.Connection:
     """Open for reading only; from a medium that allows no lock files, read a copy."""
-    database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=5.0)
     try:
-        database.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        return database
+        return open_plain(path)
     except sqlite3.OperationalError:
-        database.close()
+        require_plain_files(path)
     for name in (path.name, f"{path.name}-wal"):
         if (path.parent / name).exists():
             shutil.copyfile(path.parent / name, Path(scratch) / name)
-    return sqlite3.connect(Path(scratch) / path.name)
+    return open_plain(Path(scratch) / path.name, mode="rw")
 
 
 def _info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
@@ -138,11 +159,13 @@ def _info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
     row = database.execute(f"SELECT {columns} FROM flight").fetchone()
     if row is None:
         raise ValueError("the flight was cut off before it began")
+    if database.execute(_NO_NUMBERS).fetchone() is not None:
+        raise ValueError("a pulse has words in the place of numbers")
     tags = database.execute(f"SELECT {schema.TAG_COLUMNS} FROM tags ORDER BY tag_id")
     return FlightInfo(
         directory=str(directory),
-        start_time_ns=row[0],
-        clock_offset_ns=row[1],
+        start_time_ns=int(row[0]),
+        clock_offset_ns=int(row[1]),
         center_frequency_hz=row[2],
         sample_rate_hz=row[3],
         tags=tuple(map(schema.tag_from_row, tags)),

@@ -1,12 +1,14 @@
 """Writes a flight so that nothing recorded is ever lost.
 
-A pulse is *recorded* when `FlightRecorder.commit` returns; only then is it sent. SQLite in WAL
-mode with ``synchronous=NORMAL`` keeps every committed record through ``kill -9``
-(reference/style.md §B.5); a checkpoint every `CHECKPOINT_S` brings it to the disk itself, and
-the text log is a second copy. On a disk that is full or read-only the records wait in memory
-and every commit tries again.
+A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode keeps every
+committed record through ``kill -9``. On the drone, where commits are rare, each also reaches
+the disk itself (``synchronous=FULL``, one fsync), and the write-ahead log is folded into the
+database when it has grown to `WAL_BYTES`. Elsewhere a checkpoint every `CHECKPOINT_S` does
+both. The text log is a second copy. On a disk that is full or read-only the records wait in
+memory and every commit tries again.
 """
 
+import itertools
 import json
 import math
 import sqlite3
@@ -19,13 +21,14 @@ from pathlib import Path
 import uavrt
 from uavrt.clock import Clock, monotonic_s
 from uavrt.config.settings import DetectionSettings, Settings
-from uavrt.errors import FormatError, RecordingError
+from uavrt.errors import RecordingError
 from uavrt.messages import (
     Command,
     CommandReply,
     Delivered,
     FlightInfo,
     Health,
+    Pose,
     Poses,
     Pulse,
     PulsePose,
@@ -35,11 +38,19 @@ from uavrt.messages import (
 from uavrt.recording import schema
 from uavrt.recording.detector_config import detector_config, write_detector_config
 from uavrt.recording.layout import FlightLayout
-from uavrt.recording.pulse_logs import PulseLogs
-from uavrt.recording.pulse_pose_log import read_pulse_pose_log
+from uavrt.recording.pulse_logs import AT_ONCE, PulseLogs
+from uavrt.recording.pulse_pose_log import PulsePoseLog
 
 CHECKPOINT_S = 2.0
-"""A power cut loses at most this much of the database (style.md §B.5: every few seconds)."""
+"""Where a commit is not on the disk itself, a power cut loses at most this much."""
+
+WAL_BYTES = 4_000_000
+"""A write-ahead log of this size is folded into the database: each page that was written again
+and again meanwhile is copied once. Some ten minutes of a flight; it is read anew in 10 ms."""
+
+PAGE_BYTES = 512
+"""Every commit writes whole pages, and in an ordinary flight some ten that are partly full:
+with SQLite's 4096 these would be eight times as large."""
 
 MAX_WAITING_PULSES = 100_000
 """Pulses kept in memory while the disk fails: 84 MB, 3.5 hours at 8 pulses a second."""
@@ -59,15 +70,22 @@ CACHE_KIB = 256
 class FlightRecorder:
     """One flight directory being written; made by `create`, `reopen` or `open`."""
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, *, durable: bool = False) -> None:
         self.layout = FlightLayout(directory)
+        self._durable = durable
         self._database: sqlite3.Connection | None = None
         self._origin: tuple[FlightInfo, Settings | None] | None = None
         self._begun = True
+        self._restoring = False
+        """The database was put aside, and the log's pulses are not yet in the new one."""
         self._pulses: deque[Pulse | PulsePose] = deque()
+        self._urgent: deque[Statement] = deque()
+        """Deliveries and the like; they are committed with the pulses."""
         self._others: deque[Statement] = deque()
         self._logs = PulseLogs(self.layout)
         self._checkpoint_at_s = monotonic_s() + CHECKPOINT_S
+        self.syncs = 0
+        """Calls of fsync: one for a commit, two for a checkpoint."""
         self.committed_pulses = 0
         """New pulses written since this recorder was made."""
         self.repeated_pulses = 0
@@ -118,14 +136,17 @@ class FlightRecorder:
         return recorder
 
     @classmethod
-    def open(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
+    def open(
+        cls, info: FlightInfo, settings: Settings | None = None, *, durable: bool = False
+    ) -> "FlightRecorder":
         """Begin the flight, or go on with it when this recorder was restarted.
 
         Never fails: on a disk that is full now, records wait in memory, every commit says so
         and tries again. A damaged database is put aside, and a new one is begun with the
-        pulses of the text log.
+        pulses of the text log. With `durable` each commit waits until the disk itself has it;
+        for those who commit seldom.
         """
-        recorder = cls(Path(info.directory))
+        recorder = cls(Path(info.directory), durable=durable)
         recorder._origin, recorder._begun = (info, settings), False
         with suppress(RecordingError):
             recorder.commit()
@@ -134,7 +155,7 @@ class FlightRecorder:
     @property
     def waiting_records(self) -> int:
         """Records taken and not yet committed."""
-        return len(self._pulses) + len(self._others)
+        return len(self._pulses) + len(self._urgent) + len(self._others)
 
     def write_pulses(self, pulses: Iterable[Pulse]) -> None:
         """Take pulses as detected; recorded with the next commit."""
@@ -145,6 +166,26 @@ class FlightRecorder:
         """Take pulses with their poses, whether the pulse itself was written before or not."""
         self._pulses.extend(pulse_poses)
         self._bound(self._pulses, MAX_WAITING_PULSES)
+
+    def without_pose(self, most: int) -> list[Pulse]:
+        """Get recorded pulses that nobody has given a pose, or the word that there is none.
+
+        At most `most`, the oldest first; none while the disk fails.
+        """
+        with suppress(sqlite3.Error, OSError, ValueError, TypeError):
+            rows = self._connected().execute(schema.SELECT_PULSES_WITHOUT_POSE, (most,))
+            return [schema.pulse_from_row(row) for row in rows]
+        return []
+
+    def poses_around(self, time_ns: int, reach_ns: int) -> list[Pose]:
+        """Get the committed poses of the vehicle around a time; none while the disk fails."""
+        with suppress(sqlite3.Error, OSError, ValueError, TypeError):
+            span = (time_ns - reach_ns, time_ns + reach_ns)
+            found = map(
+                schema.pose_from_row, self._connected().execute(schema.SELECT_POSES, span)
+            )
+            return [pose for pose in found if pose is not None]
+        return []
 
     def write_poses(self, poses: Poses) -> None:
         """Take raw vehicle poses."""
@@ -167,7 +208,8 @@ class FlightRecorder:
         """Take which pulses have reached the ground."""
         for tag_id, start_time_ns in delivered.pulses:
             row = (delivered.store, delivered.time_ns, tag_id, start_time_ns)
-            self._take(schema.INSERT_DELIVERY, row)
+            self._urgent.append((schema.INSERT_DELIVERY, row))
+        self._bound(self._urgent, MAX_WAITING_OTHERS)
 
     def write_command(self, command: Command, reply: CommandReply | None, time_ns: int) -> None:
         """Take a command and how it was answered."""
@@ -177,8 +219,14 @@ class FlightRecorder:
         """Take a remark on the flight: a corrected clock, a restart."""
         self._take(schema.INSERT_NOTE, (time_ns, text))
 
-    def commit(self) -> None:
+    def commit(self, *, pulses_only: bool = False) -> None:
         """Record what was taken; when this returns, a kill does not undo it.
+
+        Parameters
+        ----------
+        pulses_only : bool
+            Pulses with their poses and what has reached the ground; the rest waits for a later
+            commit, which then writes fewer half-full pages.
 
         Raises
         ------
@@ -190,8 +238,9 @@ class FlightRecorder:
             if not self._begun:
                 self._begin()
             database = self._connected()
-            if self._pulses or self._others:
-                self._insert_all(database)
+            others = deque[Statement]() if pulses_only else self._others
+            if self._pulses or self._urgent or others:
+                self._insert_all(database, others)
         except (sqlite3.Error, OSError, RecordingError) as error:
             self.failed_commits += 1
             raise self._failure(error) from error
@@ -210,6 +259,7 @@ class FlightRecorder:
             self.commit()
             if self._database is not None:
                 self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+                self.syncs += 1
         except sqlite3.Error as error:
             raise self._failure(error) from error
         finally:
@@ -243,8 +293,22 @@ class FlightRecorder:
                 raise
             self._disconnect()
             self._put_aside(Clock(info.clock_offset_ns).now_ns(), str(error))
-        self._others.extend(_info_statements(info, settings))
+        if self._restoring:
+            self._restore(self._connected())
+        self._urgent.extend(_info_statements(info, settings))
         self._begun = True
+
+    def _restore(self, database: sqlite3.Connection) -> None:
+        """Take the pulses of the text log into a new database, some at a time."""
+        logged = PulsePoseLog(self.layout.pulse_pose_log).pulse_poses()
+        waiting = self._pulses
+        try:
+            while some := list(itertools.islice(logged, AT_ONCE)):
+                self._pulses = deque(some)
+                self._insert_all(database, deque())
+        finally:
+            self._pulses = waiting
+        self._restoring = False
 
     def _put_aside(self, now_ns: int, why: str) -> None:
         """Begin a new database with the pulses of the text log; keep the damaged one."""
@@ -257,8 +321,7 @@ class FlightRecorder:
             if file.exists():
                 file.replace(aside.with_name(f"{aside.name}{suffix}"))
         self._logs.compare_first()
-        with suppress(FormatError):
-            self._pulses.extendleft(reversed(read_pulse_pose_log(self.layout.pulse_pose_log)))
+        self._restoring = True
         self.write_note(f"database damaged ({why}), put aside as {aside.name}", now_ns)
 
     def _take(self, sql: str, row: schema.Row) -> None:
@@ -276,11 +339,14 @@ class FlightRecorder:
                 self.layout.database, isolation_level=None, timeout=2.0, cached_statements=16
             )
             try:
+                database.execute(f"PRAGMA page_size={PAGE_BYTES}")  # of a new one
                 database.execute("PRAGMA journal_mode=WAL")
-                database.execute("PRAGMA synchronous=NORMAL")
+                database.execute(f"PRAGMA synchronous={'FULL' if self._durable else 'NORMAL'}")
+                database.execute("PRAGMA wal_autocheckpoint=0")
+                if self._durable:  # its size says how much there is to fold
+                    database.execute("PRAGMA journal_size_limit=0")
                 database.execute(f"PRAGMA cache_size=-{CACHE_KIB}")
-                database.executescript(schema.TABLES)
-                database.execute(f"PRAGMA user_version={schema.VERSION}")
+                schema.bring_up_to_date(database)
             except sqlite3.Error:
                 database.close()
                 raise
@@ -292,8 +358,8 @@ class FlightRecorder:
             self._database.close()
             self._database = None
 
-    def _insert_all(self, database: sqlite3.Connection) -> None:
-        """One transaction: all that waits, or nothing."""
+    def _insert_all(self, database: sqlite3.Connection, others: deque[Statement]) -> None:
+        """One transaction: all of it, or nothing."""
         new: list[PulsePose] = []
         counts = {"pulses": 0, "repeated": 0, "refused": 0}
         database.execute("BEGIN IMMEDIATE")
@@ -302,14 +368,17 @@ class FlightRecorder:
                 self._insert_pulse(database, record, new, counts)
             except _UNWRITABLE:
                 counts["refused"] += 1
-        for sql, row in self._others:
-            try:
-                database.execute(sql, row)
-            except _UNWRITABLE:
-                counts["refused"] += 1
+        for statements in (self._urgent, others):
+            for sql, row in statements:
+                try:
+                    database.execute(sql, row)
+                except _UNWRITABLE:
+                    counts["refused"] += 1
         database.execute("COMMIT")
+        self.syncs += self._durable
         self._pulses.clear()
-        self._others.clear()
+        self._urgent.clear()
+        others.clear()
         self.committed_pulses += counts["pulses"]
         self.repeated_pulses += counts["repeated"]
         self.refused_records += counts["refused"]
@@ -339,12 +408,20 @@ class FlightRecorder:
             counts["repeated"] += 1
 
     def _checkpoint(self, database: sqlite3.Connection) -> None:
-        """Bring the write-ahead log into the database file, with the disk's own caches."""
-        now_s = monotonic_s()
-        if now_s < self._checkpoint_at_s:
+        """Fold the write-ahead log into the database file, with the disk's own caches."""
+        if self._durable:
+            with suppress(OSError):
+                if self.layout.write_ahead_log.stat().st_size > WAL_BYTES:
+                    self._fold(database)
             return
-        self._checkpoint_at_s = now_s + CHECKPOINT_S
+        now_s = monotonic_s()
+        if now_s >= self._checkpoint_at_s:
+            self._checkpoint_at_s = now_s + CHECKPOINT_S
+            self._fold(database)
+
+    def _fold(self, database: sqlite3.Connection) -> None:
         self._logs.sync()
+        self.syncs += 2  # this one, and the checkpoint's of the database
         try:
             database.execute("PRAGMA wal_checkpoint(PASSIVE)")
         except sqlite3.Error:

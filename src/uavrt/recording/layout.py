@@ -4,6 +4,7 @@
 
     flight_log_2026-05-01_08-15-00/           UTC
     ├── flight.sqlite                         everything; the single source of truth
+    ├── starred                               if it is there, the flight is never removed
     ├── pulse_pose_log.txt                    all pulses with poses, the thesis's 23 columns
     ├── airspy_csdr_netcat_log/               what the radio's program said
     ├── channelizer_log/                      what the receiver said
@@ -40,6 +41,16 @@ class FlightLayout:
     def database(self) -> Path:
         """The flight's database."""
         return self.root / "flight.sqlite"
+
+    @property
+    def write_ahead_log(self) -> Path:
+        """What SQLite has committed and not yet folded into the database."""
+        return self.root / "flight.sqlite-wal"
+
+    @property
+    def star(self) -> Path:
+        """A file, empty perhaps, that keeps the flight from being removed."""
+        return self.root / "starred"
 
     @property
     def pulse_pose_log(self) -> Path:

@@ -1,7 +1,8 @@
 """Pulses as JSON lines or CSV, one record each, with the field names of DESIGN.md §7.
 
 What is unknown is ``null`` in JSON and an empty cell in CSV; a number that is not finite is
-unknown too. In CSV the quaternion is one cell with four numbers between spaces.
+unknown too. In CSV the quaternion is one cell with four numbers between spaces, and so are the
+other tags that a pulse may be of.
 """
 
 import csv
@@ -14,6 +15,7 @@ from typing import Any, Literal, TextIO, get_args
 
 from uavrt.errors import FormatError
 from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
+from uavrt.recording.damaged_lines import DamagedLines
 
 PulseFormat = Literal["csv", "jsonl"]
 
@@ -41,7 +43,9 @@ POSE_FIELDS = (
     "altitude_relative_m",
     "quaternion_wxyz",
 )
-FIELDS = PULSE_FIELDS + POSE_FIELDS
+DOUBT_FIELDS = ("also_possible_tag_ids", "ghost_of_tag_id", "clipped")
+"""Last, for programs that go by the place of a column; files of older versions have none."""
+FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 
 
 def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
@@ -50,6 +54,8 @@ def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
     record: dict[str, Any] = {name: _known(getattr(pulse, name)) for name in PULSE_FIELDS}
     for name in POSE_FIELDS:
         record[name] = None if pose is None else _known(getattr(pose, name))
+    for name in DOUBT_FIELDS:
+        record[name] = getattr(pulse, name)
     return record
 
 
@@ -76,7 +82,13 @@ def pulse_from_record(record: dict[str, Any]) -> PulsePose:
         elif value is not None or name not in optional:
             value = int(value)
         values[name] = value
-    pulse = Pulse(**values)
+    original = record.get("ghost_of_tag_id")
+    pulse = Pulse(
+        **values,
+        also_possible_tag_ids=tuple(map(int, record.get("also_possible_tag_ids") or ())),
+        ghost_of_tag_id=None if original is None else int(original),
+        clipped=bool(record.get("clipped")),
+    )
     if record["latitude_deg"] is None or record["quaternion_wxyz"] is None:
         return PulsePose(pulse=pulse, pose=None)
     w, x, y, z = map(float, record["quaternion_wxyz"])
@@ -132,28 +144,32 @@ def pulse_format(name: str) -> PulseFormat:
 def read_pulse_file(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
     """Read pulses that `PulseWriter` wrote; an unfinished last line is passed over.
 
+    Damaged lines among good ones are passed over, too, and told in the log.
+
     Raises
     ------
     FormatError
-        The file cannot be read, or a line is not a pulse.
+        The file cannot be read, or more lines are no pulses than are.
     """
     name = os.fspath(path)
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        content = Path(path).read_bytes()
+    except OSError as error:
         raise FormatError(f"cannot read {name}: {error}", remedy="Check the name") from error
+    text = content.decode("utf-8", errors="replace")
+    if text.count("\ufffd") > len(text) // 100:
+        raise FormatError(f"cannot read {name}: it is no text", remedy="Check the name")
     lines = text.split("\n")[:-1]
     is_csv = bool(lines) and lines[0].startswith(FIELDS[0])
     records = _csv_records(lines) if is_csv else _json_records(lines)
     found: list[PulsePose] = []
+    damaged = DamagedLines(name, "Give a file that `uavrt detect -o` wrote")
     for number, read in records:
         try:
             found.append(pulse_from_record(read()))
         except (ValueError, KeyError, TypeError, OverflowError) as error:
-            raise FormatError(
-                f"{name} line {number} is not a pulse: {error}",
-                remedy="Give a file that `uavrt detect -o` wrote",
-            ) from None
+            damaged.add(number, error)
+    damaged.judge(len(found))
     return tuple(found)
 
 
@@ -166,15 +182,17 @@ def _json_records(lines: list[str]) -> Iterator[tuple[int, Callable[[], dict[str
 def _csv_records(lines: list[str]) -> Iterator[tuple[int, Callable[[], dict[str, Any]]]]:
     names = next(csv.reader(lines[:1]))
     for number, cells in enumerate(csv.reader(lines[1:]), start=2):
+        if not cells:
+            continue
         yield number, lambda cells=cells: _from_cells(names, cells)  # type: ignore[misc]
 
 
 def _from_cells(names: list[str], cells: list[str]) -> dict[str, Any]:
     record: dict[str, Any] = {}
     for name, cell in zip(names, cells, strict=True):
-        if name == "confirmed":
+        if name in ("confirmed", "clipped"):
             record[name] = {"true": True, "false": False}.get(cell)
-        elif name == "quaternion_wxyz" and cell:
+        elif name in ("quaternion_wxyz", "also_possible_tag_ids") and cell:
             record[name] = cell.split()
         else:
             record[name] = cell or None

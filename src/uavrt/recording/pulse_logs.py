@@ -2,6 +2,7 @@
 
 import contextlib
 import sqlite3
+from collections.abc import Iterator
 
 from uavrt.clock import monotonic_s
 from uavrt.messages import PulsePose
@@ -12,6 +13,13 @@ from uavrt.recording.pulse_pose_log import PulsePoseLog, format_line
 _RETRY_S = 5.0
 """A log that could not be written is completed from the database, not at every commit."""
 
+AT_ONCE = 500
+_TEMPORARY_KIB = 512
+_MAKE_LOGGED = (
+    "CREATE TABLE IF NOT EXISTS temp.logged (tag_id INTEGER, start_time_ns INTEGER,"
+    " PRIMARY KEY (tag_id, start_time_ns)) WITHOUT ROWID"
+)
+
 SELECT_PULSE_POSES = (
     "SELECT "
     + ", ".join(f"pulses.{column}" for column in schema.PULSE_COLUMNS.split(", "))
@@ -19,6 +27,12 @@ SELECT_PULSE_POSES = (
     + ", ".join(f"pulse_poses.{column}" for column in schema.POSE_COLUMNS.split(", "))
     + " FROM pulses {join} JOIN pulse_poses USING (pulse_id) ORDER BY pulses.start_time_ns,"
     " pulses.tag_id"
+)
+_MISSING = SELECT_PULSE_POSES.format(join="").replace(
+    " ORDER BY",
+    " WHERE (:tag_id IS NULL OR pulses.tag_id = :tag_id) AND NOT EXISTS (SELECT 1 FROM"
+    " temp.logged WHERE logged.tag_id = pulses.tag_id"
+    " AND logged.start_time_ns = pulses.start_time_ns) ORDER BY",
 )
 PULSE_WIDTH = len(schema.PULSE_COLUMNS.split(", "))
 
@@ -78,12 +92,9 @@ class PulseLogs:
             The database cannot be read.
         """
         self._retry_at_s = monotonic_s() + _RETRY_S
-        rows = database.execute(SELECT_PULSE_POSES.format(join="")).fetchall()
-        pulse_poses = [pulse_pose_from_row(row) for row in rows]
-        self._complete(PulsePoseLog(self._layout.pulse_pose_log), pulse_poses)
-        for tag_id in {pulse_pose.pulse.tag_id for pulse_pose in pulse_poses}:
-            own = [one for one in pulse_poses if one.pulse.tag_id == tag_id]
-            self._complete(self._tag_log(tag_id), own)
+        self._complete(database, PulsePoseLog(self._layout.pulse_pose_log), None)
+        for (tag_id,) in database.execute("SELECT DISTINCT tag_id FROM pulses").fetchall():
+            self._complete(database, self._tag_log(tag_id), tag_id)
         self._behind = False
 
     def _append(self, pulse_poses: list[PulsePose]) -> None:
@@ -97,20 +108,51 @@ class PulseLogs:
         for tag_id, own in lines.items():
             self._tag_log(tag_id).append(own)
 
-    def _complete(self, log: PulsePoseLog, pulse_poses: list[PulsePose]) -> None:
-        present = log.repair()
-        missing = [
-            format_line(one)
-            for one in pulse_poses
-            if (one.pulse.tag_id, one.pulse.start_time_ns) not in present
-        ]
-        if missing:
-            log.append(missing)
+    def _complete(
+        self, database: sqlite3.Connection, log: PulsePoseLog, tag_id: int | None
+    ) -> None:
+        """Append what a log lacks; of one tag, or of all.
+
+        In memory that does not grow with the flight: what the log has is compared in a table
+        that SQLite keeps in a temporary file.
+        """
+        log.repair()
+        with _keys_of(log, database):
+            rows = database.execute(_MISSING, {"tag_id": tag_id})
+            while some := rows.fetchmany(AT_ONCE):
+                log.append(format_line(pulse_pose_from_row(row)) for row in some)
 
     def _tag_log(self, tag_id: int) -> PulsePoseLog:
         path = self._layout.tag_pulse_pose_log(tag_id)
         path.parent.mkdir(parents=True, exist_ok=True)
         return PulsePoseLog(path)
+
+
+@contextlib.contextmanager
+def _keys_of(log: PulsePoseLog, database: sqlite3.Connection) -> Iterator[None]:
+    """Have tag and start of all lines of a log in the table `logged`."""
+    database.execute(f"PRAGMA temp.cache_size=-{_TEMPORARY_KIB}")
+    try:
+        _fill(log, database)
+    except sqlite3.OperationalError:
+        # No place for temporary files: then in memory.
+        database.execute("PRAGMA temp_store=MEMORY")
+        _fill(log, database)
+    try:
+        yield
+    finally:
+        database.execute("DROP TABLE IF EXISTS temp.logged")
+
+
+def _fill(log: PulsePoseLog, database: sqlite3.Connection) -> None:
+    database.execute(_MAKE_LOGGED)
+    database.execute("SAVEPOINT logged")
+    try:
+        # Only what the table's integers can hold: a damaged line has any number.
+        sql = "INSERT OR IGNORE INTO temp.logged VALUES (?, ?)"
+        database.executemany(sql, log.keys())
+    finally:
+        database.execute("RELEASE logged")
 
 
 def pulse_pose_from_row(row: schema.Row) -> PulsePose:

@@ -13,16 +13,20 @@ digits: 11 m in latitude, and 4294967295 for half of all column 10. Here times a
 numbers, and what is not known is ``nan``, never zero.
 """
 
+import contextlib
 import math
 import os
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
+from uavrt.recording.damaged_lines import DamagedLines
 from uavrt.units import NANOSECONDS_PER_SECOND, hz_from_mhz, mhz_from_hz
 
 COLUMNS = 23
+READ_BYTES = 65_536
 _SATURATED = 4_294_967_295
 _MISSING = "nan"
 
@@ -100,10 +104,12 @@ def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
 def read_pulse_pose_log(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
     """Read a whole log; a line that a power cut left unfinished at the end is passed over.
 
+    Damaged lines among good ones are passed over, too, and told in the log.
+
     Raises
     ------
     FormatError
-        The file cannot be read, or a line inside it is not a pulse.
+        The file cannot be read, or more lines are no pulses than are.
     """
     try:
         text = Path(path).read_bytes().decode("utf-8", "replace")
@@ -114,6 +120,7 @@ def read_pulse_pose_log(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
     lines = text.split("\n")
     finished, rest = lines[:-1], lines[-1]
     found: list[PulsePose] = []
+    damaged = DamagedLines(os.fspath(path), "A pulse_pose_log.txt has 23 columns in each line")
     sequence: dict[int, tuple[int, int]] = {}
     for number, line in enumerate(finished, start=1):
         if not line.strip("\0 \r\t"):
@@ -128,10 +135,8 @@ def read_pulse_pose_log(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
         except (ValueError, OverflowError) as error:
             if number == len(finished) and not rest.strip("\0"):
                 break
-            raise FormatError(
-                f"{os.fspath(path)} line {number} is not a pulse: {error}",
-                remedy="A pulse_pose_log.txt has 23 columns in each line",
-            ) from None
+            damaged.add(number, error)
+    damaged.judge(len(found))
     return tuple(found)
 
 
@@ -183,8 +188,8 @@ class PulsePoseLog:
             finally:
                 os.close(file)
 
-    def repair(self) -> set[tuple[int, int]]:
-        """Cut off an unfinished last line; get tag id and start time [ns] of all others.
+    def repair(self) -> None:
+        """Cut off an unfinished last line.
 
         Raises
         ------
@@ -192,21 +197,62 @@ class PulsePoseLog:
             The file cannot be read or written.
         """
         if not self._path.exists():
-            return set()
-        content = self._path.read_bytes()
-        whole = content.rfind(b"\n") + 1
-        if whole < len(content):
+            return
+        size = whole = self._path.stat().st_size
+        with self._path.open("rb") as file:
+            while whole:
+                start = max(0, whole - READ_BYTES)
+                file.seek(start)
+                place = file.read(whole - start).rfind(b"\n")
+                if place >= 0:
+                    whole = start + place + 1
+                    break
+                whole = start
+        if whole < size:
             os.truncate(self._path, whole)
-        return set(_keys(content[:whole]))
 
+    def keys(self) -> Iterator[tuple[int, int]]:
+        """Give tag id and start time [ns] of every line, one after the other.
 
-def _keys(content: bytes) -> Iterator[tuple[int, int]]:
-    for line in content.decode("utf-8", "replace").split("\n"):
-        fields = line.split(",", 4)
-        try:
-            yield int(fields[0]), int(fields[2]) * NANOSECONDS_PER_SECOND + int(fields[3])
-        except (ValueError, IndexError):
-            continue
+        Raises
+        ------
+        OSError
+            The file cannot be read.
+        """
+        for line in self._lines():
+            fields = line.split(b",", 4)
+            try:
+                key = int(fields[0]), int(fields[2]) * NANOSECONDS_PER_SECOND + int(fields[3])
+            except (ValueError, IndexError):
+                continue
+            if max(map(abs, key)) < 1 << 63:
+                yield key
+
+    def pulse_poses(self) -> Iterator[PulsePose]:
+        """Give every line that is a pulse, one after the other, its groups numbered.
+
+        Raises
+        ------
+        OSError
+            The file cannot be read.
+        """
+        groups: dict[int, tuple[int, int]] = {}
+        for line in self._lines():
+            with contextlib.suppress(ValueError, OverflowError):
+                found = parse_line(line.decode("utf-8", "replace"))
+                tag_id, index = found.pulse.tag_id, found.pulse.group_index
+                count, before = groups.get(tag_id, (0, 1 << 30))
+                groups[tag_id] = (count + (index <= before), index)
+                numbered = replace(found.pulse, group_sequence=groups[tag_id][0])
+                yield replace(found, pulse=numbered)
+
+    def _lines(self) -> Iterator[bytes]:
+        """Give the lines; what is too long for one comes in pieces, which are none."""
+        if not self._path.exists():
+            return
+        with self._path.open("rb") as file:
+            while line := file.readline(READ_BYTES):
+                yield line
 
 
 def _seconds_nanoseconds(time_ns: int | None) -> tuple[str, str]:

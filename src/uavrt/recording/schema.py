@@ -6,11 +6,13 @@ where a float may be NaN (SQLite stores NaN as NULL): one odd record must not ba
 
 import json
 import math
+import sqlite3
 from typing import Any
 
 from uavrt.messages import Command, CommandReply, Health, Pose, Pulse, SearchReport, Tag
 
-VERSION = 1
+VERSION = 2
+"""2: pulses say what is in doubt about them (`_SINCE_2`)."""
 
 TABLES = """
 CREATE TABLE IF NOT EXISTS flight (
@@ -27,6 +29,7 @@ CREATE TABLE IF NOT EXISTS pulses (
     end_time_ns INTEGER, snr_db REAL, group_snr_db REAL, score REAL, group_index INTEGER,
     group_sequence INTEGER, noise_psd REAL, detection_status TEXT, confirmed INTEGER,
     rate INTEGER, predicted_next_start_ns INTEGER, predicted_next_end_ns INTEGER,
+    also_possible_tag_ids TEXT, ghost_of_tag_id INTEGER, clipped INTEGER,
     UNIQUE (tag_id, start_time_ns)
 );
 CREATE TABLE IF NOT EXISTS pulse_poses (
@@ -59,8 +62,15 @@ CREATE TABLE IF NOT EXISTS notes (time_ns INTEGER, text TEXT);
 PULSE_COLUMNS = (
     "tag_id, frequency_hz, start_time_ns, end_time_ns, snr_db, group_snr_db, score, "
     "group_index, group_sequence, noise_psd, detection_status, confirmed, rate, "
-    "predicted_next_start_ns, predicted_next_end_ns"
+    "predicted_next_start_ns, predicted_next_end_ns, also_possible_tag_ids, ghost_of_tag_id, "
+    "clipped"
 )
+_SINCE_2 = {
+    "also_possible_tag_ids": "TEXT",
+    "ghost_of_tag_id": "INTEGER",
+    "clipped": "INTEGER",
+}
+"""Columns of `pulses` that flights of version 1 lack."""
 POSE_COLUMNS = (
     "time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, "
     "quaternion_w, quaternion_x, quaternion_y, quaternion_z, extrapolated"
@@ -96,6 +106,49 @@ INSERT_DELIVERY = (
     "SELECT pulse_id, ?, ? FROM pulses WHERE tag_id = ? AND start_time_ns = ?"
 )
 INSERT_NOTE = insertion("notes", "time_ns, text")
+SELECT_PULSES_WITHOUT_POSE = (
+    f"SELECT {PULSE_COLUMNS} FROM pulses WHERE NOT EXISTS (SELECT 1 FROM pulse_poses"
+    " WHERE pulse_poses.pulse_id = pulses.pulse_id) ORDER BY pulse_id LIMIT ?"
+)
+SELECT_POSES = (
+    f"SELECT {POSE_COLUMNS} FROM poses WHERE time_ns BETWEEN ? AND ? ORDER BY time_ns"
+)
+
+
+def bring_up_to_date(database: sqlite3.Connection) -> None:
+    """Make the tables of a flight, or add what an older version of them lacks.
+
+    Raises
+    ------
+    sqlite3.Error
+        The database cannot be written.
+    """
+    database.executescript(TABLES)
+    for column in _lacking(database):
+        database.execute(f"ALTER TABLE pulses ADD COLUMN {column} {_SINCE_2[column]}")
+    database.execute(f"PRAGMA user_version={VERSION}")
+
+
+def read_older(database: sqlite3.Connection) -> None:
+    """Let a connection that only reads find, as NULL, what an older version lacks.
+
+    Raises
+    ------
+    sqlite3.Error
+        The database cannot be read.
+    """
+    if lacking := _lacking(database):
+        nulls = ", ".join(f"NULL AS {column}" for column in lacking)
+        database.execute("PRAGMA temp_store=MEMORY")
+        # What is temporary comes before what is stored under the same name.
+        database.execute(f"CREATE TEMP VIEW pulses AS SELECT *, {nulls} FROM main.pulses")
+
+
+def _lacking(database: sqlite3.Connection) -> list[str]:
+    """Columns that the table of pulses lacks; none when there is no table either."""
+    rows = database.execute("SELECT name FROM pragma_table_info('pulses', 'main')")
+    present = {name for (name,) in rows}
+    return [column for column in _SINCE_2 if present and column not in present]
 
 
 def pulse_row(pulse: Pulse) -> Row:
@@ -116,6 +169,9 @@ def pulse_row(pulse: Pulse) -> Row:
         pulse.rate,
         pulse.predicted_next_start_ns,
         pulse.predicted_next_end_ns,
+        " ".join(map(str, pulse.also_possible_tag_ids)) or None,
+        pulse.ghost_of_tag_id,
+        int(pulse.clipped),
     )
 
 
@@ -137,6 +193,9 @@ def pulse_from_row(row: Row) -> Pulse:
         rate=row[12],
         predicted_next_start_ns=row[13],
         predicted_next_end_ns=row[14],
+        also_possible_tag_ids=tuple(map(int, str(row[15] or "").split())),
+        ghost_of_tag_id=row[16],
+        clipped=bool(row[17]),
     )
 
 

@@ -55,6 +55,7 @@ def undelivered(
     try:
         uri = f"{path.absolute().as_uri()}?mode=ro"
         with closing(sqlite3.connect(uri, uri=True, timeout=0.05)) as database:
+            schema.read_older(database)
             rows = database.execute(_UNDELIVERED, (store, limit + len(without) + 1)).fetchall()
         found = [
             PulsePose(

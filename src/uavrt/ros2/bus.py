@@ -1,9 +1,10 @@
 """The ROS 2 side as the gateway needs it: `uavrt.ros2.dds.Participant`, or a test's."""
 
+from collections.abc import Collection
 from typing import Protocol
 
-from uavrt.ros2.graph import RosTopic
 from uavrt.ros2.messages import RosMessage
+from uavrt.ros2.senders import Arrival
 
 
 class Bus(Protocol):
@@ -12,5 +13,11 @@ class Bus(Protocol):
     def publish(self, topic: str, message: RosMessage, node: str | None = None) -> None:
         """Send a message."""
 
-    def take(self, limit: int) -> list[tuple[RosTopic, bytes]]:
-        """Get messages that have arrived, as their topic and CDR bytes."""
+    def show_detectors(self, nodes: Collection[str]) -> None:
+        """Have a node that publishes pulses for each of these, and for no others."""
+
+    def take(self, limit: int) -> list[Arrival]:
+        """Get messages that have arrived, in the order in which they were sent."""
+
+    def lost(self, topic: str) -> int:
+        """Count the messages of a topic that were sent and cannot be got any more."""

@@ -16,10 +16,16 @@ the binding (reference/ros2.md §1.4), and what a stranger sends is judged by ou
 import os
 import threading
 import time
-from collections import deque
-from collections.abc import Collection, Mapping
-from typing import Any
+from collections import Counter, deque
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any, Literal
+from xml.sax.saxutils import quoteattr
 
+from cyclonedds.builtin import (
+    BuiltinDataReader,
+    BuiltinTopicDcpsParticipant,
+    BuiltinTopicDcpsPublication,
+)
 from cyclonedds.core import (
     DDSException,
     InstanceState,
@@ -39,22 +45,44 @@ from cyclonedds.util import duration
 
 from uavrt.config.settings import Ros2Settings
 from uavrt.errors import ConfigError, LinkError
+from uavrt.log import get_logger
 from uavrt.ros2 import messages
 from uavrt.ros2.cdr import encode
-from uavrt.ros2.graph import LOG_DEPTH, LOG_MESSAGE, LOG_TOPIC, NODES, TOPICS, RosTopic
+from uavrt.ros2.graph import (
+    LOG_DEPTH,
+    LOG_MESSAGE,
+    LOG_TOPIC,
+    NODES,
+    TELEMETRY,
+    TOPICS,
+    RosTopic,
+)
 from uavrt.ros2.interface import Field, dds_name, fields_of, type_hash
 from uavrt.ros2.messages import RosMessage
+from uavrt.ros2.senders import DETECTOR_MARK, GATEWAY_MARK, Arrival, Senders
+
+log = get_logger()
 
 DISCOVERY_TOPIC = "ros_discovery_info"
 WRITE_TIMEOUT_MS = 100
 """A write gives up after this; with few messages kept it never has to wait in practice."""
-RECEIVED_LIMIT = 400
-"""Messages that may wait for us; more, from a publisher gone wild, are dropped and counted."""
-TAKE_AT_ONCE = 64
+RECEIVED_LIMIT = 1000
+"""Messages that may wait for us, a hundred tags sent three times over among them; more, from a
+publisher gone wild, are dropped and counted."""
+READER_DEPTH = 1000
+"""Messages of a topic that may wait in the reader; what comes on top replaces the oldest."""
+TAKE_AT_ONCE = 256
+ROUND_LIMIT = 2000
+"""Messages of one round: all that there are, and no more than this of a flood."""
 READ_PAUSE_S = 0.02
 """Rest of the reading thread after each round: bounds what a flood can cost."""
+ORDER_OF_USE = {"store_tag_information": 0, "release_tag_information": 1}
+"""Among messages of the same nanosecond tags come first, and their release before a start."""
 GOODBYE_S = 0.2
 """Time for the empty list of nodes to be acknowledged; then the nodes vanish at once."""
+
+
+Reach = Literal["interfaces", "computer", "off"]
 
 
 class Sample:
@@ -127,36 +155,66 @@ def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
     return int(text)
 
 
-def cyclone_config(interfaces: tuple[str, ...]) -> str:
+def reach_of(environment: Mapping[str, str]) -> Reach:
+    """Get how far ROS 2's own variables let us be seen: at most as far as `interfaces` says.
+
+    ROS_LOCALHOST_ONLY (Humble) comes before ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2.
+
+    Raises
+    ------
+    ConfigError
+        ROS_AUTOMATIC_DISCOVERY_RANGE is not a range.
+    """
+    if environment.get("ROS_LOCALHOST_ONLY", "").strip() == "1":
+        return "computer"
+    text = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").strip()
+    reaches: dict[str, Reach] = {
+        "": "interfaces",
+        "SYSTEM_DEFAULT": "interfaces",
+        "SUBNET": "interfaces",
+        "LOCALHOST": "computer",
+        "OFF": "off",
+    }
+    if text not in reaches:
+        raise ConfigError(
+            f"ROS_AUTOMATIC_DISCOVERY_RANGE is {text!r}",
+            remedy="Set it to SUBNET, LOCALHOST or OFF, or unset it",
+        )
+    return reaches[text]
+
+
+def cyclone_config(interfaces: tuple[str, ...], reach: Reach = "interfaces") -> str:
     """Write Cyclone DDS's configuration: the loopback, and these interfaces.
 
     The loopback is always in it, and named as a peer: else ROS 2 on the same computer, when it
-    is itself bound to the loopback, is not found (reference/ros2.md §1.3).
+    is itself bound to the loopback, is not found (reference/ros2.md §1.3). Only who has the
+    same tag finds another.
     """
-    named = "".join(f'<NetworkInterface name="{name}"/>' for name in interfaces)
+    wanted = interfaces if reach == "interfaces" else ()
+    named = "".join(f"<NetworkInterface name={quoteattr(name)}/>" for name in wanted)
+    tag = f"<Tag>uavrt-off-{os.getpid()}</Tag>" if reach == "off" else ""
     return (
         "<CycloneDDS><Domain><General><Interfaces>"
         f'{named}<NetworkInterface address="127.0.0.1" multicast="true"/>'
         "</Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
-        "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
+        f"{tag}<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
         '<Peers><Peer address="localhost"/></Peers></Discovery></Domain></CycloneDDS>'
     )
 
 
-def _qos(*, depth: int, message: type[RosMessage] | None, keep: bool = False) -> list[Any]:
+def _qos(*, depth: int, message: type[RosMessage], keep: bool = False) -> list[Any]:
     """Get the quality of service of ROS 2: reliable, the last `depth` messages."""
     policies = [
         Policy.Reliability.Reliable(duration(milliseconds=WRITE_TIMEOUT_MS)),
         Policy.Durability.TransientLocal if keep else Policy.Durability.Volatile,
         Policy.History.KeepLast(depth),
         Policy.DataRepresentation(use_cdrv0_representation=True),
+        Policy.Userdata(f"typehash={type_hash(message)};".encode()),
     ]
-    if message is not None:
-        policies.append(Policy.Userdata(f"typehash={type_hash(message)};".encode()))
     return policies
 
 
-def _writer_qos(*, depth: int, message: type[RosMessage] | None, keep: bool = False) -> Any:
+def _writer_qos(*, depth: int, message: type[RosMessage], keep: bool = False) -> Any:
     policies = _qos(depth=depth, message=message, keep=keep)
     policies.append(Policy.WriterDataLifecycle(autodispose=False))
     if keep:
@@ -172,22 +230,32 @@ def _writer_qos(*, depth: int, message: type[RosMessage] | None, keep: bool = Fa
     return Qos(*policies)
 
 
+def _user_data(qos: Any) -> bytes:
+    """Get what a participant says of itself; empty if it says nothing."""
+    if qos is None or Policy.Userdata not in qos:
+        return b""
+    return bytes(qos[Policy.Userdata].data)
+
+
 class Participant:
     """Our nodes and their endpoints on the network.
 
     Parameters
     ----------
     settings : Ros2Settings
-        Interfaces, domain, size of identifiers.
+        Interfaces, domain, namespace, size of identifiers.
     environment : mapping
-        ROS_DOMAIN_ID; CYCLONEDDS_URI, which replaces our configuration of the network.
+        ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE; CYCLONEDDS_URI, which
+        replaces our configuration of the network.
     nodes : collection of str
         Of `uavrt.ros2.graph.NODES`: a lone detector on another computer is one of them.
+    names : mapping
+        Names that nodes have in place of those of the table.
 
     Raises
     ------
     ConfigError
-        ROS_DOMAIN_ID is not a domain.
+        ROS_DOMAIN_ID is not a domain, or ROS_AUTOMATIC_DISCOVERY_RANGE not a range.
     LinkError
         The network cannot be used like this.
     """
@@ -197,14 +265,21 @@ class Participant:
         settings: Ros2Settings,
         environment: Mapping[str, str] = os.environ,
         nodes: Collection[str] = tuple(NODES),
+        names: Mapping[str, str] | None = None,
     ) -> None:
+        self._namespace = settings.namespace.strip("/")
+        self._names = names or {}
         self.domain_id = domain_id_of(settings, environment)
         self.dropped = 0
         """Received messages that nobody had time for."""
+        self.faults = 0
+        """What others sent or said that could not be read, and went by."""
         self.unsent = 0
         """Messages that could not be written."""
         self._gid_bytes = settings.gid_bytes
-        self._received: deque[tuple[RosTopic, bytes]] = deque()
+        self._received: deque[Arrival] = deque()
+        self._senders = Senders()
+        self._lost: Counter[str] = Counter()
         self._closing = threading.Event()
         try:
             self._open(settings, environment, nodes)
@@ -220,9 +295,11 @@ class Participant:
         self, settings: Ros2Settings, environment: Mapping[str, str], nodes: Collection[str]
     ) -> None:
         if not environment.get("CYCLONEDDS_URI"):
-            self._domain = Domain(self.domain_id, cyclone_config(settings.interfaces))
+            config = cyclone_config(settings.interfaces, reach_of(environment))
+            self._domain = Domain(self.domain_id, config)
+        mark = GATEWAY_MARK if TELEMETRY in nodes else DETECTOR_MARK
         self._participant = DomainParticipant(
-            self.domain_id, qos=Qos(Policy.Userdata(b"enclave=/;"))
+            self.domain_id, qos=Qos(Policy.Userdata(b"enclave=/;" + mark))
         )
         self._publisher = Publisher(self._participant)
         self._subscriber = Subscriber(self._participant)
@@ -230,6 +307,10 @@ class Participant:
         self._writers: dict[tuple[str, str], Any] = {}
         self._readers: list[tuple[str, RosTopic, Any]] = []
         self._waitset = WaitSet(self._participant)
+        self._participants = BuiltinDataReader(self._participant, BuiltinTopicDcpsParticipant)
+        self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
+        self._wake_for(self._participants)
+        self._wake_for(self._publications)
         for topic in TOPICS.values():
             if topic.publisher in nodes:
                 self._add_writer(topic.publisher, topic.name, topic.message, topic.depth)
@@ -242,16 +323,18 @@ class Participant:
         self._info_writer = DataWriter(
             self._publisher,
             Topic(self._participant, DISCOVERY_TOPIC, dds_type(info)),
-            qos=_writer_qos(depth=1, message=None, keep=True),
+            # Without its hash, every program of ROS 2 prints a warning.
+            qos=_writer_qos(depth=1, message=info, keep=True),
         )
-        self._introduce(nodes)
+        self._nodes = tuple(nodes)
+        self._introduce(self._nodes)
 
     # ------------------------------------------------------------------ sending
 
     def publish(self, topic: str, message: RosMessage, node: str | None = None) -> None:
-        """Send a message; `node` only where several publish the topic (``rosout``)."""
-        publisher = node or TOPICS[topic].publisher
-        self._write(self._writers[publisher, topic], message)
+        """Send a message; `node` where several publish the topic (``rosout``, ``pulse``)."""
+        writer = self._writers.get((node or "", topic))
+        self._write(writer or self._writers[TOPICS[topic].publisher, topic], message)
 
     def _write(self, writer: Any, message: RosMessage) -> None:
         kind = dds_type(type(message))
@@ -264,8 +347,8 @@ class Participant:
 
     # ---------------------------------------------------------------- receiving
 
-    def take(self, limit: int) -> list[tuple[RosTopic, bytes]]:
-        """Get up to `limit` messages that have arrived, as their topic and CDR bytes."""
+    def take(self, limit: int) -> list[Arrival]:
+        """Get up to `limit` messages that have arrived, in the order of their sending."""
         return [self._received.popleft() for _ in range(min(limit, len(self._received)))]
 
     def _read(self) -> None:
@@ -275,19 +358,88 @@ class Participant:
                 if self._waitset.wait(duration(milliseconds=200)):
                     self._read_once()
                     time.sleep(READ_PAUSE_S)
-            except DDSException:
-                self.dropped += 1
+            except Exception as error:  # noqa: BLE001 - a name that is not UTF-8, and the like
+                self._note_fault(error)
                 time.sleep(READ_PAUSE_S)
 
+    def lost(self, topic: str) -> int:
+        """Count the messages of a topic that were sent and cannot be got any more."""
+        return self._lost[topic]
+
     def _read_once(self) -> None:
-        for _, topic, reader in self._readers:
-            for sample in reader.take(TAKE_AT_ONCE):
-                if not isinstance(sample, Sample):
-                    continue  # a publisher has gone; there is no message
-                if len(self._received) < RECEIVED_LIMIT:
-                    self._received.append((topic, sample.cdr))
-                else:
-                    self.dropped += 1
+        """Take all that has come, from all readers, and put it into the order of its sending.
+
+        Readers are looked at one after the other: without that order, the release of a hundred
+        tags could overtake some of them.
+        """
+        found = self._take_all()
+        self._learn_senders()
+        found.sort(
+            key=lambda a: (a[1].sample_info.source_timestamp, ORDER_OF_USE.get(a[0].name, 2))
+        )
+        for topic, sample in found:
+            if len(self._received) >= RECEIVED_LIMIT:
+                self.dropped += 1
+                self._lost[topic.name] += 1
+                continue
+            info = sample.sample_info
+            self._received.append(
+                Arrival(
+                    topic=topic,
+                    cdr=sample.cdr,
+                    sent_ns=info.source_timestamp,
+                    sender=self._senders.of(info.publication_handle),
+                )
+            )
+
+    def _take_all(self) -> list[tuple[RosTopic, Sample]]:
+        """Take until every reader is empty."""
+        found: list[tuple[RosTopic, Sample]] = []
+        more = True
+        while more and len(found) < ROUND_LIMIT:
+            before = len(found)
+            for _, topic, reader in self._readers:
+                samples = reader.take(TAKE_AT_ONCE)
+                # One that is none says that a publisher has gone.
+                found += [(topic, s) for s in samples if isinstance(s, Sample)]
+            more = len(found) > before
+        return found
+
+    def _learn_senders(self) -> None:
+        """Take in who is there; DDS tells of a publisher before it gives its messages."""
+        for participant in self._announced(self._participants):
+            data = _user_data(participant.qos)
+            self._senders.add_participant(str(participant.key), data)
+        for writer in self._announced(self._publications):
+            handle, key = writer.sample_info.instance_handle, str(writer.participant_key)
+            self._senders.add_writer(handle, key, writer.topic_name)
+
+    def _announced(self, reader: Any) -> Iterator[Any]:
+        """Yield what others say of themselves, one by one: the binding chokes on some of it.
+
+        A name that is not UTF-8 raises, and whatever was taken together with it is gone.
+        """
+        for _ in range(ROUND_LIMIT):
+            try:
+                samples = reader.take(1)
+            except Exception as error:  # noqa: BLE001 - a name that is not UTF-8, and the like
+                self._note_fault(error)
+                continue
+            if not samples:
+                return
+            if samples[0].sample_info.valid_data:
+                yield samples[0]
+
+    def _note_fault(self, error: Exception) -> None:
+        """Count what must not end the reading; tell of it seldom."""
+        self.faults += 1
+        log.seldom(self.faults, "ROS 2 network: cannot be read", error=repr(error)[:200])
+
+    def _wake_for(self, reader: Any) -> None:
+        """Have the reading thread wake up when a reader has something."""
+        self._waitset.attach(
+            ReadCondition(reader, SampleState.NotRead | ViewState.Any | InstanceState.Any)
+        )
 
     # -------------------------------------------------------------------- nodes
 
@@ -299,19 +451,20 @@ class Participant:
         self._writers[node, name] = DataWriter(self._publisher, topic, qos=qos)
 
     def _add_reader(self, node: str, topic: RosTopic) -> None:
-        policies = _qos(depth=topic.depth, message=topic.message)
+        policies = _qos(depth=READER_DEPTH, message=topic.message)
         # What we publish ourselves is not news to us.
         qos = Qos(*policies, Policy.IgnoreLocal.Process)
         reader = DataReader(self._subscriber, self._topic(topic.name, topic.message), qos=qos)
-        condition = ReadCondition(
-            reader, SampleState.NotRead | ViewState.Any | InstanceState.Any
-        )
-        self._waitset.attach(condition)
+        self._wake_for(reader)
         self._readers.append((node, topic, reader))
 
     def _topic(self, name: str, message: type[RosMessage]) -> Any:
         if name not in self._topics:
-            self._topics[name] = Topic(self._participant, f"rt/{name}", dds_type(message))
+            # The log is everybody's, whatever the namespace, as in ROS 2.
+            inside = f"{self._namespace}/" if self._namespace and name != LOG_TOPIC else ""
+            self._topics[name] = Topic(
+                self._participant, f"rt/{inside}{name}", dds_type(message)
+            )
         return self._topics[name]
 
     def _info_type(self) -> Any:
@@ -334,7 +487,8 @@ class Participant:
                 gid=gid_of(self._participant),
                 node_entities_info_seq=tuple(
                     node_info(
-                        node_name=node,
+                        node_namespace=f"/{self._namespace}",
+                        node_name=self._names.get(node, node),
                         reader_gid_seq=tuple(
                             gid_of(r) for n, _, r in self._readers if n == node
                         ),
@@ -347,6 +501,28 @@ class Participant:
             ),
         )
 
+    def show_detectors(self, nodes: Collection[str]) -> None:
+        """Have a node that publishes pulses for each of these, and for no others.
+
+        Raises
+        ------
+        LinkError
+            DDS cannot have so many publishers.
+        """
+        topic = TOPICS["pulse"]
+        own = {n for n, name in self._writers if name == topic.name and n not in self._nodes}
+        for node in own.difference(nodes):
+            del self._writers[node, topic.name]
+        try:
+            for node in nodes:
+                if node not in own:
+                    self._add_writer(node, topic.name, topic.message, topic.depth)
+        except DDSException as error:
+            raise LinkError(
+                f"no publisher for each tag: {error}", remedy="Set [ros2] node_per_tag = false"
+            ) from error
+        self._introduce((*self._nodes, *nodes))
+
     def close(self) -> None:
         """Say goodbye and leave; without it the nodes would linger for ten seconds."""
         self._closing.set()
@@ -356,7 +532,7 @@ class Participant:
             self._info_writer.wait_for_acks(duration(milliseconds=round(GOODBYE_S * 1e3)))
         except DDSException:
             self.unsent += 1
-        del self._waitset, self._info_writer
+        del self._waitset, self._info_writer, self._participants, self._publications
         self._writers.clear()
         self._readers.clear()
         self._topics.clear()

@@ -7,8 +7,9 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from uavrt.allowance import Allowance
 from uavrt.config.settings import Settings
-from uavrt.errors import FormatError
+from uavrt.errors import FormatError, LinkError
 from uavrt.messages import (
     Command,
     CommandName,
@@ -21,14 +22,12 @@ from uavrt.messages import (
     StatusText,
     SystemState,
     SystemStatus,
-    Tag,
 )
 from uavrt.pose import Mounting
 from uavrt.ros2 import convert, graph
-from uavrt.ros2.allowance import Allowance
 from uavrt.ros2.bus import Bus
 from uavrt.ros2.cdr import decode
-from uavrt.ros2.graph import AIRSPY, COMPONENTS, START_STOP, RosTopic
+from uavrt.ros2.graph import AIRSPY, COMPONENTS, START_STOP, detector_node
 from uavrt.ros2.messages import (
     ERROR,
     OK,
@@ -41,7 +40,9 @@ from uavrt.ros2.messages import (
     RosPulse,
     RosTag,
 )
+from uavrt.ros2.senders import UNKNOWN, Arrival
 from uavrt.ros2.status import STALE_AFTER_S, component_status
+from uavrt.ros2.upload import Upload
 
 SOURCE = "ros2"
 STATUS_PERIOD_S = 0.5
@@ -50,6 +51,8 @@ HEARTBEAT_PERIOD_S = 1.0
 MESSAGES_AT_ONCE = 20
 """Received messages handled in one tick: at 20 ticks a second 400 a second, a hundred tags in a
 quarter of a second; a flood costs no more than this."""
+NEIGHBOURS_TOLD = 20
+"""Other gateways that are named in the log, each once."""
 REMEMBERED_PULSES = 1000
 """Pulses from other computers that must not be sent back to where they came from."""
 
@@ -84,6 +87,7 @@ class Gateway:
     ) -> None:
         self._bus = bus
         self._settings = settings
+        self._namespace = settings.ros2.namespace
         self._send = send
         self._now_ns = now_ns
         self._flight = flight
@@ -99,19 +103,26 @@ class Gateway:
         # it has seen before with the old reply.
         self._request_id = now_ns() // 1_000_000
         self._asked: OrderedDict[int, Command] = OrderedDict()
-        self._uploading = False
+        self._begun = False
+        """An upload was begun with the supervisor."""
+        self._upload = Upload()
+        self._neighbours: set[str] = set()
         self._foreign: OrderedDict[tuple[int, int], None] = OrderedDict()
         # A hundred tags sent three times over, then what a person types; every command is
         # recorded, so a stranger could fill the disk.
         self._commands_allowed = Allowance(burst=400, per_s=10)
         self._pulses_allowed = Allowance(burst=1000, per_s=100)
         self._lines_allowed = Allowance(burst=50, per_s=1)
+        self._detectors: frozenset[int] = frozenset()
+        """Tags that have a node of their own."""
         self.counters: dict[str, float] = {
             "ros2_pulses_published": 0,
             "ros2_commands": 0,
             "ros2_messages_refused": 0,
             "ros2_pulses_taken": 0,
+            "ros2_messages_of_gateways": 0,
         }
+        self._show_detectors()
 
     # ------------------------------------------------- from the drone to ROS 2
 
@@ -142,6 +153,7 @@ class Gateway:
         self._next_status_ns = self._next_pose_ns = 0
         self._next_heartbeat_ns.clear()
         started, self._flight = flight is not None and self._flight is None, flight
+        self._show_detectors()
         if started and flight is not None:
             self._show_start(flight)
         elif flight is None:
@@ -153,15 +165,18 @@ class Gateway:
         message = Log(
             stamp=convert.time_to_ros(self._now_ns()),
             level=LOG_LEVELS[max(0, min(7, severity))],
-            name=node,
+            name=".".join([*filter(None, self._namespace.split("/")), node]),
             msg=text,
         )
         self._bus.publish(graph.LOG_TOPIC, message, node)
 
     def tick(self) -> None:
         """Handle what has arrived and send what is due; call it 20 times a second."""
-        for topic, cdr in self._bus.take(MESSAGES_AT_ONCE):
-            self._hear(topic, cdr)
+        arrivals = self._bus.take(MESSAGES_AT_ONCE)
+        if not arrivals:
+            self._upload.quiet(self._lost_tags())
+        for arrival in arrivals:
+            self._hear(arrival)
         now_ns = self._now_ns()
         if now_ns >= self._next_status_ns:
             self._next_status_ns = _next_due(self._next_status_ns, now_ns, STATUS_PERIOD_S)
@@ -177,10 +192,28 @@ class Gateway:
             return
         self.counters["ros2_pulses_published"] += 1
         directory = self._tag_directory(pulse.tag_id)
-        self._bus.publish("pulse", convert.pulse_to_ros(pulse, directory))
+        self._publish_pulse(pulse.tag_id, convert.pulse_to_ros(pulse, directory))
+
+    def _publish_pulse(self, tag_id: int, message: RosPulse) -> None:
+        node = detector_node(tag_id) if tag_id in self._detectors else None
+        self._bus.publish("pulse", message, node)
+
+    def _show_detectors(self) -> None:
+        """Have a node for each tag of the flight; they stay until the next flight."""
+        if not self._settings.ros2.node_per_tag or self._flight is None:
+            return
+        tag_ids = [tag.tag_id for tag in self._flight.tags]
+        try:
+            self._bus.show_detectors([detector_node(tag_id) for tag_id in tag_ids])
+        except LinkError as error:
+            self.log(4, str(error))
+            return
+        self._detectors = frozenset(tag_ids)
 
     def _show_command(self, command: Command) -> None:
         """Show what the ground station asks, as the original passed it on."""
+        if command.name == "start_tags":
+            self._upload.forget()
         match command.name:
             case "add_tag" if command.tag is not None:
                 self._bus.publish("store_tag_information", convert.tag_to_ros(command.tag))
@@ -258,7 +291,8 @@ class Gateway:
                 )
                 if workers and workers[index % len(workers)].running:
                     directory = self._tag_directory(tag.tag_id)
-                    self._bus.publish("pulse", convert.heartbeat(tag.tag_id, now_ns, directory))
+                    beat = convert.heartbeat(tag.tag_id, now_ns, directory)
+                    self._publish_pulse(tag.tag_id, beat)
 
     def _tag_directory(self, tag_id: int) -> str:
         root = self._flight.directory if self._flight is not None else ""
@@ -266,26 +300,52 @@ class Gateway:
 
     # ------------------------------------------------- from ROS 2 to the drone
 
-    def _hear(self, topic: RosTopic, cdr: bytes) -> None:
+    def _hear(self, arrival: Arrival) -> None:
         """Handle one message from the network; what makes no sense is refused and counted."""
-        if topic.name == "pulse_pose":
+        if arrival.sender.gateway:
+            self._pass_over(arrival)
+            return
+        if arrival.topic.name == "pulse_pose":
             return
         try:
-            self._act(topic.name, decode(topic.message, cdr))
+            message = decode(arrival.topic.message, arrival.cdr)
+        except FormatError as error:
+            if arrival.topic.message is RosTag:
+                self._upload.add(None, self._lost_tags())
+            self._refuse(str(error))
+            return
+        try:
+            self._act(arrival, message)
         except FormatError as error:
             self._refuse(str(error))
 
-    def _act(self, topic: str, message: RosMessage) -> None:
+    def _pass_over(self, arrival: Arrival) -> None:
+        """Leave to another drone what is its own: its orders, and its pulses."""
+        self.counters["ros2_messages_of_gateways"] += 1
+        key = arrival.sender.key
+        if key not in self._neighbours and len(self._neighbours) < NEIGHBOURS_TOLD:
+            self._neighbours.add(key)
+            self.log(
+                5,
+                "another gateway, or a recording, is in this ROS domain: its orders are not "
+                "obeyed. Give each vehicle a [ros2] namespace",
+            )
+
+    def _act(self, arrival: Arrival, message: RosMessage) -> None:
+        topic = arrival.topic.name
         match message:
             case RosPulse():
                 self._take_pulse(message)
             case _ if not self._settings.ros2.accept_commands:
                 self._refuse("commands from ROS 2 are off (accept_commands = false)")
+            case _ if arrival.sender == UNKNOWN:
+                self._refuse(f"{topic}: its sender is not known to DDS")
             case RosTag():
-                self._take_tag(convert.tag_from_ros(message))
+                self._take_tag(message, arrival)
             case Flag():
                 if message.data:
-                    self._uploading = False
+                    self._begun = False
+                    self._upload.release(arrival.sender, arrival.sent_ns)
                     self._ask("end_tags")
             case DiagnosticArray() if topic in (
                 "control_start_subprocess",
@@ -295,14 +355,23 @@ class Gateway:
             case DiagnosticArray():
                 self._refuse_part(topic, message)
 
-    def _take_tag(self, tag: Tag) -> None:
+    def _lost_tags(self) -> int:
+        return self._bus.lost("store_tag_information")
+
+    def _take_tag(self, message: RosTag, arrival: Arrival) -> None:
         """Begin an upload with the first tag; the original has no message for that."""
+        if self._upload.is_late(arrival.sender, arrival.sent_ns):
+            self._upload.add_late(message.tag_id)
+            self._refuse(f"tag {message.tag_id} came after its release: send all tags again")
+            return
+        self._upload.add(message.tag_id, self._lost_tags())
+        tag = convert.tag_from_ros(message)
         receiving = self._status is not None and (
             self._status.state is SystemState.RECEIVING_TAGS
         )
-        if not self._uploading and not receiving:
+        if not self._begun and not receiving:
             self._ask("start_tags")
-        self._uploading = True
+        self._begun = True
         self._ask("add_tag", tag=tag)
 
     def _take_order(self, topic: str, order: DiagnosticArray) -> None:
@@ -320,6 +389,7 @@ class Gateway:
                 "start_detection",
                 center_frequency_hz=None if megahertz is None else float(megahertz) * 1e6,
                 gain=None if gain is None else int(gain),
+                tag_count=self._upload.tag_count,
             )
         except ValueError as error:
             raise FormatError(f"{topic}: {error}") from error
@@ -380,7 +450,7 @@ class Gateway:
             self.log(6, text)
         else:
             if reply.name in ("start_tags", "add_tag"):
-                self._uploading = False
+                self._begun = False
             self.log(4, f"{reply.name} refused: {reply.message}")
 
     def _refuse(self, reason: str, node: str = START_STOP) -> None:

@@ -36,6 +36,11 @@ NODES: dict[str, str] = {
 """Name and meaning; their order is that of the data's way."""
 
 
+def detector_node(tag_id: int) -> str:
+    """Name the node of one tag's detector."""
+    return f"Detector_tag_{tag_id}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RosTopic:
     """One row of the table."""

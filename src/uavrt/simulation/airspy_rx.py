@@ -5,6 +5,8 @@
 Arguments, ranges, texts and the exit code 1 on any fault are those of airspy_rx v1.0.5 (Debian
 airspy 1.0.10), tried out. Like the radio it samples the world as it is *now*: it starts at the
 scenario's present, and a reader that falls behind by more than eight buffers loses samples.
+With `loss_share`, `arrival_jitter_s`, `stall_share` in the scenario it loses some without a
+word, too, and is late.
 """
 
 import getopt
@@ -34,6 +36,8 @@ SERIAL = 0x644064DC2F5A5ECD
 """Serial number of the simulated device."""
 LONGEST_S = 86_400.0
 """A world is simulated within a day of its start: every pulse since then is counted."""
+STALL_S = (0.05, 0.3)
+"""Shortest and longest stall of `scenario.Radio.stall_share`."""
 NOT_FOUND = "airspy_open() failed: AIRSPY_ERROR_NOT_FOUND (-5)"
 
 USAGE = """\
@@ -205,6 +209,7 @@ class Transmission:
         self._buffers: queue.Queue[bytes | None] = queue.Queue(BUFFERS)
         self._buffers_s = BUFFERS * CHUNK_SAMPLES / synthesizer.sample_rate_hz
         self._stop = threading.Event()
+        self._chance = np.random.default_rng(synthesizer.scenario.seed)
         self.lost_samples = 0
         self.failure: OSError | None = None
 
@@ -223,10 +228,33 @@ class Transmission:
             block = self._convert(self._synthesizer.block(index, count))
             due_ns = self._synthesizer.time_ns_at(index + count)
             self._stop.wait(max(0.0, (due_ns - self._clock.now_ns()) * 1e-9))
+            self._delay()
             index += count
             if not self._hand_over(block):
                 index = self._skip(index - count, index)
+            index = self._lose(index)
         self._finish(writer)
+
+    def _delay(self) -> None:
+        """Be as late as the scenario's radio is; what was held up comes at once afterwards."""
+        radio = self._synthesizer.scenario.radio
+        if radio.arrival_jitter_s:
+            self._stop.wait(self._chance.exponential(radio.arrival_jitter_s))
+        if radio.stall_share and self._chance.random() < radio.stall_share:
+            self._stop.wait(self._chance.uniform(*STALL_S))
+
+    def _lose(self, index: int) -> int:
+        """Leave out samples without a word, if the scenario says so."""
+        radio = self._synthesizer.scenario.radio
+        if not radio.loss_share:
+            return index
+        kept_s = CHUNK_SAMPLES / self._synthesizer.sample_rate_hz
+        losses = self._chance.poisson(
+            kept_s * radio.loss_share / ((1.0 - radio.loss_share) * radio.loss_s)
+        )
+        lost = int(losses) * round(radio.loss_s * self._synthesizer.sample_rate_hz)
+        self.lost_samples += lost
+        return index + lost
 
     def _hand_over(self, block: bytes) -> bool:
         """Queue a buffer; False when the reader has not made room in the time of them all.

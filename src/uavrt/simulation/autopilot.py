@@ -9,6 +9,7 @@ its two links as PX4 v1.17 or ArduCopter 4.7 do (reference/mavlink.md §1). Run 
 
 import asyncio
 import math
+import random
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,6 +19,7 @@ from uavrt.clock import Clock
 from uavrt.log import get_logger
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavResult
+from uavrt.mavlink.discovery import GCS_SYSTEM_ID
 from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import Pose
@@ -40,6 +42,8 @@ BUSY_WAKE_S = 0.004
 IDLE_WAKE_S = 0.010
 HEARTBEAT_NS = ns_from_s(1.0)
 TIMESYNC_NS: dict[Flavour, int] = {"px4": ns_from_s(0.1), "ardupilot": ns_from_s(10.0)}
+OPERATOR_SILENCE_NS = ns_from_s(5.0)
+"""FS_GCS_TIMEOUT of ArduPilot; PX4's COM_DL_LOSS_T is 10 s."""
 REBOOT_NS = ns_from_s(1.5)
 """Silence while it starts again."""
 MAX_LATE_NS = ns_from_s(0.5)
@@ -63,7 +67,9 @@ class AutopilotSettings:
     """Own port towards the companion; 0: any."""
     ground_port: int = 0
     clock_skew_ppm: float = 0.0
-    """How much faster the boot clock runs than UTC."""
+    """How much faster the boot clock runs than UTC; PX4 in simulation: -15 000."""
+    mute_clock: bool = False
+    """TIMESYNC is not answered."""
     boot_time_s: float = 20.0
     """Boot time at the start."""
     companion_jitter_s: float = 0.0
@@ -115,10 +121,13 @@ class FakeAutopilot:
         self._settings = settings
         self._clock = clock
         self.parameters = AutopilotParameters(settings.flavour, settings.parameters)
+        self._operator_heard_ns: int | None = None
         self._booted_ns = clock.now_ns() - ns_from_s(settings.boot_time_s)
         self._silent_until_ns = 0
         self._heartbeat_ns = 0
         self._timesync_ns = 0
+        self._px4 = settings.flavour == "px4"
+        self._random = random.Random(settings.seed)
         self.companion = _Side(
             "companion",
             settings,
@@ -176,6 +185,17 @@ class FakeAutopilot:
         elapsed = boot_ns / (1 + self._settings.clock_skew_ppm * 1e-6)
         return self._booted_ns + round(elapsed)
 
+    def operator_lost(self, now_ns: int) -> bool:
+        """Whether the failsafe for a lost ground station would act, had there been one."""
+        heard_ns = self._operator_heard_ns
+        return heard_ns is not None and now_ns - heard_ns > OPERATOR_SILENCE_NS
+
+    def _is_operator(self, message: dialect.Heartbeat, frame: Frame) -> bool:
+        """Whose heartbeat counts: PX4 1.17 goes by the type, ArduPilot by MAV_GCS_SYSID."""
+        if self._px4:
+            return message.type == dialect.MavType.GCS
+        return frame.system_id == GCS_SYSTEM_ID
+
     def counters(self) -> dict[str, int]:
         """What was passed on and lost, for the attribution of losses."""
         return {
@@ -227,6 +247,8 @@ class FakeAutopilot:
             return
         side.routes.saw(frame)
         message = frame.message()
+        if isinstance(message, dialect.Heartbeat) and self._is_operator(message, frame):
+            self._operator_heard_ns = arrival_ns
         system_id = getattr(message, "target_system", 0)
         component_id = getattr(message, "target_component", 0)
         own = (self._settings.system_id, 1)
@@ -279,12 +301,13 @@ class FakeAutopilot:
     def _answer(self, side: _Side, message: Message, frame: Frame, now_ns: int) -> None:
         sender = (frame.system_id, frame.component_id)
         match message:
-            case dialect.Timesync() if message.tc1 == 0:
+            case dialect.Timesync() if message.tc1 == 0 and not self._settings.mute_clock:
+                target = self._random_target() if self._px4 else sender
                 answer = dialect.Timesync(
                     tc1=self.boot_ns(self._clock.now_ns()),
                     ts1=message.ts1,
-                    target_system=sender[0],
-                    target_component=sender[1],
+                    target_system=target[0],
+                    target_component=target[1],
                 )
                 self._send(side, answer)
             case dialect.Ping() if message.target_system == 0:
@@ -302,6 +325,10 @@ class FakeAutopilot:
             case dialect.CommandLong() | dialect.CommandInt():
                 if message.target_component == 1:
                     self._command(side, message, sender)
+
+    def _random_target(self) -> tuple[int, int]:
+        """Make up numbers as PX4 1.17 leaves in the targets of its answers."""
+        return self._random.randrange(256), self._random.randrange(256)
 
     def _command(
         self,

@@ -25,6 +25,7 @@ PX4_DEFAULTS: dict[str, float] = {
     "MAV_2_FORWARD": 0,
     "SER_TEL1_BAUD": 57_600,
     "SER_TEL2_BAUD": 57_600,
+    "NAV_DLL_ACT": 0,
     "MPC_XY_VEL_MAX": 12.0,
 }
 ARDUPILOT_DEFAULTS: dict[str, float] = {
@@ -37,6 +38,8 @@ ARDUPILOT_DEFAULTS: dict[str, float] = {
     "SERIAL3_PROTOCOL": 5,
     "SERIAL3_BAUD": 230,
     "SERIAL3_OPTIONS": 0,
+    "FS_GCS_ENABLE": 0,
+    "MAV_GCS_SYSID": 255,
     "WPNAV_SPEED": 500.0,
 }
 _SIZES = {"PROTOCOL": MavParamType.INT8, "BAUD": MavParamType.INT32}

@@ -46,6 +46,14 @@ class Radio(ScenarioRecord):
     """Constant part of I and of Q [full scale]."""
     sample_rate_error_ppm: Annotated[float, Ge(-200), Le(200)] = 0.0
     tuning_error_ppm: Annotated[float, Ge(-200), Le(200)] = 0.0
+    loss_share: Annotated[float, Ge(0), Le(0.5)] = 0.0
+    """Share of the samples that the stand-in radio loses without a word."""
+    loss_s: Annotated[float, Ge(1e-4), Le(10)] = 0.005
+    """Length of each loss."""
+    arrival_jitter_s: Annotated[float, Ge(0), Le(0.1)] = 0.0
+    """Mean delay of each write of the stand-in radio, exponential."""
+    stall_share: Annotated[float, Ge(0), Le(0.5)] = 0.0
+    """Share of its writes that are held up by 50 to 300 ms, and what follows with them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

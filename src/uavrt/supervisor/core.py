@@ -20,6 +20,7 @@ from uavrt.ipc.parent import adopt_orphans
 from uavrt.ipc.topics import topic_of
 from uavrt.log import get_logger
 from uavrt.messages import (
+    STATION_COUNTER,
     Command,
     CommandReply,
     FlightInfo,
@@ -27,6 +28,7 @@ from uavrt.messages import (
     StatusText,
     SystemState,
     SystemStatus,
+    Taken,
 )
 from uavrt.supervisor.background import in_background
 from uavrt.supervisor.disk import DiskGuard
@@ -56,8 +58,11 @@ DISK_PERIOD_S = 10.0
 WARNING_SEVERITY = 4
 """MAV_SEVERITY_WARNING; lower numbers are worse."""
 LAST_PULSES_S = 1.0
-"""On top of `AntennaSettings.pose_wait_s`: longest wait for the last pulses to be on disk. It
-takes 0.1 s; only what a killed process has lost, or a very slow disk, is waited for so long."""
+"""On top of `AntennaSettings.pose_wait_s`: longest wait for the poses of the last pulses. It
+takes 0.1 s; only those that a killed process has lost are waited for so long, and are then made
+up for by the recorder."""
+CLOSE_S = 5.0
+"""Longest wait until the recorder has closed a flight; it takes 0.1 s."""
 
 
 class Supervisor:
@@ -190,8 +195,14 @@ class Supervisor:
         self.mission.forget()
 
     def command(self, command: Command) -> CommandReply:
-        """Carry out a command, or say why not; a repeated one gets the same reply."""
+        """Carry out a command, or say why not; a repeated one gets the same reply.
+
+        The state that a command has changed is told before its reply.
+        """
+        before = self.mission.state
         reply = self.mission.command(command)
+        if self.mission.state is not before:
+            self._publish("system_status", self.status())
         self._wake.set()
         return reply
 
@@ -214,11 +225,13 @@ class Supervisor:
         """Stop receiver, then detectors; wait for the last pulses; close the flight."""
         await self._fleet.stop_flight()
         limit_s = self.mission.settings.antenna.pose_wait_s + LAST_PULSES_S
-        if not await self._last_pulses.safe_within(limit_s):
-            log.warning("flight closed before its last pulses", left=self._last_pulses.waiting)
+        if not await self._last_pulses.posed_within(limit_s):
+            log.warning("last pulses without their pose", left=self._last_pulses.waiting)
+        if self.mission.flight is not None:
+            self._publish("flight_end", self.mission.flight)
+            if not await self._fleet.taken("flight_end", CLOSE_S):
+                log.warning("recorder is slow", flight=self.mission.flight.directory)
         flight = self.mission.flight_ended()
-        if flight is not None:
-            self._publish("flight_end", flight)
         self._output.close_flight()
         self._disk.flying(None)
         self._tell(6, self._progress.ended(flight.directory if flight is not None else ""))
@@ -290,7 +303,7 @@ class Supervisor:
             log.warning("unexpected record", child=instance.name, line=repr(line[:80]))
             return
         self._last_pulses.passed(name)
-        self._forward(name, line + b"\n")
+        self._forward(name, line + b"\n", instance)
         if name in SUPERVISOR_TOPICS:
             try:
                 self._handle(instance, *decode_record(line))
@@ -305,10 +318,16 @@ class Supervisor:
                 self._publish("command_reply", self.command(record))
             case Health():
                 instance.health = record
+                for name, silent_s in record.counters.items():
+                    if name.startswith(STATION_COUNTER):
+                        place = name.removeprefix(STATION_COUNTER).replace("_", "/")
+                        self.mission.commander.heard(f"mavlink {place}", silent_s)
                 self._progress.heard(record)
                 self._end_capture_when_over()
             case StatusText():
                 log.info(record.text, child=instance.name)
+            case Taken():
+                instance.outbox.taken(record.records)
 
     def _on_output(self, instance: Instance, line: bytes) -> None:
         self._output.write(instance.name, line)
@@ -330,9 +349,11 @@ class Supervisor:
         log.log(level, text)
         self._publish("status_text", StatusText(severity=severity, text=text))
 
-    def _forward(self, topic: str, line: bytes) -> None:
+    def _forward(self, topic: str, line: bytes, sender: Instance | None = None) -> None:
         for row in self._consumers[topic]:
             instance = self._fleet.instance_of(row)
+            if instance is sender:
+                continue
             instance.outbox.put(line)
             self._pump_soon(instance)
         if self._on_record is not None:
@@ -375,6 +396,7 @@ class Supervisor:
             flight_directory=flight.directory if flight else None,
             center_frequency_hz=flight.center_frequency_hz if flight else None,
             tags=(*mission.tags.values(),),
+            commander=mission.commander.name,
             processes=(
                 self_status(
                     mission.state,
@@ -384,4 +406,5 @@ class Supervisor:
                 ),
                 *(instance.status() for instance in instances),
             ),
+            ending=mission.ending,
         )

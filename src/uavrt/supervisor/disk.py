@@ -10,6 +10,7 @@ from pathlib import Path
 
 from uavrt.config.settings import RecordingSettings
 from uavrt.log import get_logger
+from uavrt.recording.layout import FlightLayout
 
 log = get_logger()
 
@@ -76,6 +77,7 @@ class DiskGuard:
             for path in self._directory.glob(f"{FLIGHT_PREFIX}*")
             if path.is_dir()
             and not path.is_symlink()
+            and not FlightLayout(path).star.exists()
             and (self._flight is None or path.resolve() != self._flight.resolve())
         )
         for oldest in flights:

@@ -2,12 +2,14 @@
 
 import asyncio
 import contextlib
+import math
 import os
 import signal
 import socket
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
+from uavrt.config.ghost_places import Receiver
 from uavrt.config.settings import Settings
 from uavrt.ipc import Assignment, encode_record
 from uavrt.ipc.sample_sockets import make_sample_sockets
@@ -76,6 +78,10 @@ class Fleet:
         self._ending: set[int] = set()
         """Orphans that were killed and have not gone yet."""
         self._roads: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
+        self._window_hz = mission.settings.detection.frequency_window_hz
+        """As the tags were shared out by: the settings may change before the flight ends."""
+        self._receiver: Receiver | None = None
+        """Likewise, what the radio is set to."""
 
     @property
     def instances(self) -> Iterable[Instance]:
@@ -138,7 +144,13 @@ class Fleet:
     def _worker_count(self) -> int:
         if not any(row.per_worker for row in self._rows):
             return 1
-        return max(1, min(self._workers, len(self._mission.tags)))
+        return len(self._shares((*self._mission.tags.values(),)))
+
+    def _shares(self, tags: tuple[Tag, ...]) -> tuple[tuple[Tag, ...], ...]:
+        """Which detector worker has which tags."""
+        return share_tags(
+            tags, self._workers, window_hz=self._window_hz, receiver=self._receiver
+        )
 
     def _start(self, instance: Instance) -> None:
         instance.outbox.forget("assignment")
@@ -179,6 +191,7 @@ class Fleet:
 
     def _on_exit(self, instance: Instance, exit_code: int) -> None:
         child, instance.child = instance.child, None
+        instance.outbox.process_ended(by_itself=exit_code != -signal.SIGKILL)
         if child is not None:
             instance.cpu_s_before += child.cpu_s
             instance.own_cpu_s_before += child.own_cpu_s
@@ -269,6 +282,10 @@ class Fleet:
 
     def make_sample_roads(self) -> None:
         """Make the sockets of a new flight, to each instance of a row that gets samples."""
+        self._window_hz = self._mission.settings.detection.frequency_window_hz
+        flight = self._mission.flight
+        if flight is not None and math.isfinite(flight.center_frequency_hz):
+            self._receiver = Receiver(flight.center_frequency_hz, flight.sample_rate_hz)
         targets = {row.samples_to for row in self._rows}
         self._roads = {
             row.name: [
@@ -289,12 +306,24 @@ class Fleet:
             fds += [sender.fileno() for sender, _ in self._roads.get(row.samples_to, ())]
         return tuple(fds)
 
+    async def taken(self, topic: str, limit_s: float) -> bool:
+        """Wait until every process that says so has taken all records of a topic."""
+        deadline_s = time.monotonic() + limit_s
+        takers = [i for i in self._instances.values() if i.row.says_taken]
+        while any(instance.outbox.holds(topic) for instance in takers):
+            if time.monotonic() > deadline_s:
+                return False
+            await asyncio.sleep(0.02)
+        return True
+
     def _assignment(self, instance: Instance) -> Assignment:
         mission = self._mission
         settings: Settings = mission.settings
-        flight: FlightInfo | None = mission.flight
+        # What a process has not taken of an earlier flight comes before the present one.
+        taken = instance.outbox.flight
+        flight: FlightInfo | None = taken if instance.row.says_taken else mission.flight
         tags: tuple[Tag, ...] = flight.tags if flight else (*mission.tags.values(),)
-        shares = share_tags(tags, self._worker_count())
+        shares = self._shares(tags)
         return Assignment(
             process=instance.name,
             settings=settings,

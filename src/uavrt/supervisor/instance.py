@@ -36,7 +36,7 @@ class Instance:
     """The last warning or error it printed, for the operator if it ends."""
 
     def __post_init__(self) -> None:
-        self.outbox = Outbox(self.row.backlog)
+        self.outbox = Outbox(self.row.backlog, keeps=self.row.says_taken)
         self.budget = BudgetWatch(
             self.name,
             cpu_percent=self.row.cpu_budget_percent,

@@ -38,6 +38,8 @@ class SavedState:
     last_flights: tuple[str, ...] = ()
     gain: int | None = None
     """As an operator has set it, in place of the settings' one."""
+    commander: str | None = None
+    """Whose commands count."""
 
 
 def boot_id() -> str:

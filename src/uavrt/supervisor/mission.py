@@ -1,23 +1,35 @@
 """What the operator has asked for: state, tags, flight. It knows no processes."""
 
+import math
 import shutil
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from uavrt.clock import Clock, wall_ns
-from uavrt.config.parameters import PARAMETERS, tags_with_overrides, with_parameter
+from uavrt.config.parameters import (
+    PARAMETERS,
+    RUN,
+    run_wanted,
+    tags_with_overrides,
+    with_parameter,
+)
 from uavrt.config.settings import Settings
+from uavrt.config.tag_files import faults_of_tags
 from uavrt.errors import UavrtError
 from uavrt.log import get_logger
-from uavrt.messages import Command, CommandReply, FlightInfo, SystemState, Tag
+from uavrt.messages import Command, CommandName, CommandReply, FlightInfo, SystemState, Tag
+from uavrt.supervisor.commander import Commander
 from uavrt.supervisor.flight import last_written_ns, new_flight
 from uavrt.supervisor.kept import KeptParameters
+from uavrt.supervisor.last_tags import LastTags
 from uavrt.supervisor.memory import SavedState, StateStore, boot_id
 from uavrt.supervisor.operations import Operations
 from uavrt.supervisor.transitions import Refused, Repeated, outcome
 from uavrt.supervisor.tuning import Tuning, ask_tuner
+from uavrt.tunnel.tag_lists import searched_text
 
 log = get_logger()
 
@@ -69,6 +81,7 @@ class Mission:
     ) -> None:
         self._operations = operations
         self._kept = KeptParameters(Path(settings.recording.directory), settings)
+        self._last_tags = LastTags(Path(settings.recording.directory))
         self.settings = self._kept.applied_to(settings)
         self.clock = Clock.start()
         self.state = SystemState.IDLE
@@ -84,6 +97,9 @@ class Mission:
         self._tell, self._on_start, self._on_stop = tell, on_start, on_stop
         self._on_settings = on_settings
         self._replies: dict[tuple[str, int], CommandReply] = {}
+        self.refused = 0
+        """Commands that were refused."""
+        self.commander = Commander(pinned=settings.mavlink.first_commands)
 
     # ------------------------------------------------------------------ memory
 
@@ -97,6 +113,7 @@ class Mission:
         if saved is None:
             return False
         self.tags = {tag.tag_id: tag for tag in saved.tags}
+        self.commander.name = saved.commander
         with suppress(UavrtError):
             self._use_gain(saved.gain)
         self.state = SystemState.HAS_TAGS if self.tags else SystemState.IDLE
@@ -146,6 +163,7 @@ class Mission:
                 flight=self.flight,
                 last_flights=(*self.last_flights,),
                 gain=self._gain,
+                commander=self.commander.name,
             )
         )
 
@@ -155,7 +173,12 @@ class Mission:
         """Carry out a command, or say why not; a repeated one gets the same reply."""
         key = (command.source, command.request_id)
         if key not in self._replies:
-            self._replies[key] = self._decide(command)
+            self._replies[key] = reply = self._decide(command)
+            if not reply.accepted:
+                self.refused += 1
+                log.seldom(
+                    self.refused, "command refused", command=command.name, reason=reply.message
+                )
             while len(self._replies) > REPLIES_KEPT:
                 del self._replies[next(iter(self._replies))]
         return self._replies[key]
@@ -165,11 +188,37 @@ class Mission:
         self._replies.clear()
 
     def _decide(self, command: Command) -> CommandReply:
+        if command.name == "set_parameter" and command.parameter == RUN.name:
+            return self._decide_run(command)
+        return self._decide_order(command)
+
+    def _decide_run(self, command: Command) -> CommandReply:
+        """Start with the last tags, or stop: by the rules of those commands."""
+        try:
+            start = run_wanted(math.nan if command.value is None else command.value)
+        except UavrtError as error:
+            return _reply(command, False, str(error))
+        order: CommandName = "start_detection" if start else "stop_detection"
+        reply = self._decide_order(replace(command, name=order), with_last_tags=start)
+        return replace(reply, name=command.name)
+
+    def _decide_order(self, command: Command, *, with_last_tags: bool = False) -> CommandReply:
+        refusal = self._refusal(command)
+        if refusal is not None:
+            return _reply(command, False, refusal)
         if self.ending and command.name in NOT_WHILE_ENDING:
             return _reply(command, False, "stopping: try again in a moment")
+        if with_last_tags and self._has_no_list(command):
+            try:
+                self._take_last_tags()
+            except UavrtError as error:
+                return _reply(command, False, str(error))
         result = outcome(self.state, command.name)
         if isinstance(result, Refused):
-            return _reply(command, False, result.reason)
+            reason = result.reason
+            if self.state is SystemState.DETECTING and command.name == "start_tags":
+                reason = f"detecting {searched_text(self.tags.values())}: send stop first"
+            return _reply(command, False, reason)
         if isinstance(result, Repeated):
             return _reply(command, True, result.message)
         try:
@@ -180,12 +229,26 @@ class Mission:
         if after is SystemState.HAS_TAGS and not self.tags:
             after = SystemState.IDLE  # a capture needs no tags
         changed, self.state = self.state is not after, after
+        self._note_commander(command)
         if changed:
             log.info(
                 "state", state=self.state.value, command=command.name, source=command.source
             )
             self._save()
         return _reply(command, True, message)
+
+    def _refusal(self, command: Command) -> str | None:
+        """Say why a command does not count for whose it is; the same for every wire."""
+        mavlink = self.settings.mavlink
+        locked = mavlink.key_file is not None and mavlink.key_required
+        if locked and not command.sealed and command.source == "ros2":
+            return "only sealed commands, and ROS 2 has no seal: this drone has a key"
+        return self.commander.refusal(command)
+
+    def _note_commander(self, command: Command) -> None:
+        if self.commander.accepted(command):
+            log.info("commander", source=command.source, sealed=command.sealed)
+            self._save()
 
     def _carry_out(self, command: Command) -> str:
         match command.name:
@@ -196,8 +259,10 @@ class Mission:
             case "end_tags":
                 if not self.tags:
                     raise UavrtError("no tag was sent: send TAG before END_TAGS")
+                self._last_tags.keep(self.tags.values())
                 return f"{len(self.tags)} tags"
             case "start_detection":
+                self._check_complete(command.tag_count)
                 if command.gain is not None:
                     self._use_gain(command.gain)
                 return self.begin_flight(command.center_frequency_hz).directory
@@ -214,7 +279,7 @@ class Mission:
             case "save_logs" | "clean_logs":
                 if self._operations is None:
                     raise UavrtError("not here: only a running supervisor does that")
-                return self._operations.begin(command.name)
+                return self._operations.begin(command.name, command.source)
         return ""
 
     def _add_tag(self, tag: Tag | None) -> None:
@@ -222,7 +287,48 @@ class Mission:
             raise UavrtError("the tag is missing")
         if self.tags.get(tag.tag_id, tag) != tag:
             raise UavrtError(f"tag {tag.tag_id} was already sent with other values")
+        _check_tag(tag)
+        most = self.settings.detection.maximum_tags
+        if tag.tag_id not in self.tags and len(self.tags) >= most:
+            raise UavrtError(f"{most} tags are the most: see detection.maximum_tags")
         self.tags[tag.tag_id] = tag
+
+    def _check_complete(self, sent: int | None) -> None:
+        if sent is not None and len(self.tags) < sent:
+            raise UavrtError(f"only {len(self.tags)} of {sent} tags came: send them all again")
+
+    def _has_no_list(self, command: Command) -> bool:
+        """Whether no tags are loaded, or only the beginning of somebody else's list.
+
+        Who may command while another's list is being sent comes after that one has been silent
+        for a minute, or with a seal: the rest of the list is not coming.
+        """
+        if self.state is SystemState.RECEIVING_TAGS:
+            alone = self.settings.mavlink.first_commands
+            return alone and self.commander.name != command.source
+        return self.state is SystemState.IDLE
+
+    def _take_last_tags(self) -> None:
+        """Load the tags that were sent last, also before a restart, as if sent again.
+
+        Raises
+        ------
+        UavrtError
+            There are none, or one of them is not taken any more.
+        """
+        tags = self._last_tags.read()
+        if not tags:
+            raise UavrtError("no tags are known: send them once, by uavrt ground")
+        self.tags.clear()
+        try:
+            for tag in tags:
+                self._add_tag(tag)
+        except UavrtError:
+            self.tags.clear()
+            raise
+        self.state = SystemState.HAS_TAGS
+        self._save()
+        log.info("last tags", tags=len(self.tags))
 
     def _set_parameter(self, name: str | None, value: float | None) -> str:
         """Change a setting, now and for later starts; say from when on it is in force."""
@@ -260,6 +366,9 @@ class Mission:
             The flight's directory cannot be made.
         """
         self._check_free()
+        tags = tags_with_overrides(self.settings, self.tags.values())
+        for tag in tags:
+            _check_tag(tag)
         radio = self.settings.radio
         warnings: tuple[str, ...] = ()
         center_hz = center_frequency_hz or radio.center_frequency_hz
@@ -271,14 +380,14 @@ class Mission:
         self.clock = Clock.start()
         self.flight = new_flight(
             self.settings,
-            tags_with_overrides(self.settings, self.tags.values()),
+            tags,
             self.clock,
             center_frequency_hz=center_hz,
         )
         self._on_start(self.flight)
         count = len(self.tags)
-        tags = "1 tag" if count == 1 else f"{count} tags"
-        self._tell(6, f"Detecting {tags} at {center_hz:.0f} Hz")
+        words = "1 tag" if count == 1 else f"{count} tags"
+        self._tell(6, f"Detecting {words} at {center_hz:.0f} Hz")
         for warning in warnings:
             self._tell(5, warning)
         return self.flight
@@ -325,8 +434,16 @@ class Mission:
         if flight is not None:
             self.last_flights.append(flight.directory)
         self.ending = False
+        self.commander.flight_ended()
         self._save()
         return flight
+
+
+def _check_tag(tag: Tag) -> None:
+    """Refuse by any wire what the tag files refuse."""
+    faults = faults_of_tags([tag])
+    if faults:
+        raise UavrtError(faults[0])
 
 
 def _recent(directory: str) -> bool:
@@ -336,8 +453,6 @@ def _recent(directory: str) -> bool:
 
 
 def _reply(command: Command, accepted: bool, message: str) -> CommandReply:
-    if not accepted:
-        log.warning("command refused", command=command.name, reason=message)
     return CommandReply(
         request_id=command.request_id, name=command.name, accepted=accepted, message=message
     )

@@ -11,11 +11,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from uavrt.clock import monotonic_s
 from uavrt.config.settings import RecordingSettings
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.log import get_logger
 from uavrt.messages import CommandName, Operation
 from uavrt.supervisor.background import in_background
+from uavrt.supervisor.cleaning import REPEATED_S, SecondStep, removable
 from uavrt.supervisor.copying import Step, remove_flights, save_flights
 from uavrt.supervisor.disk import FLIGHT_PREFIX
 
@@ -43,6 +45,8 @@ class Operations:
         Gets each step.
     tell : callable
         Sends a text (severity, text) to the operator.
+    clock_s : callable
+        Monotonic time [s].
     """
 
     def __init__(
@@ -50,11 +54,13 @@ class Operations:
         settings: RecordingSettings,
         publish: Callable[[Operation], None],
         tell: Callable[[int, str], None],
+        clock_s: Callable[[], float] = monotonic_s,
     ) -> None:
         self._settings = settings
         self._publish, self._tell = publish, tell
         self._task: asyncio.Task[None] | None = None
         self._ending = threading.Event()
+        self._second_step = SecondStep(clock_s)
         self.running: Operation | None = None
 
     def _wanted(self) -> bool:
@@ -71,13 +77,20 @@ class Operations:
         if self.running is not None:
             raise UavrtError(f"busy: {words(self.running.name)} in progress")
 
-    def begin(self, name: CommandName) -> str:
+    def begin(self, name: CommandName, source: str = "") -> str:
         """Begin to save or clean; give what to answer.
+
+        Parameters
+        ----------
+        name : {"save_logs", "clean_logs"}
+            Which.
+        source : str
+            Who asks: to clean needs two steps of the same one.
 
         Raises
         ------
         UavrtError
-            Another one goes on, or there is nowhere to save to.
+            Another one goes on, there is nowhere to save to, or it was the first step only.
         """
         self.check_free()
         root = Path(self._settings.directory)
@@ -90,9 +103,19 @@ class Operations:
             )
             answer = f"{len(flights)} flights to {target}"
         else:
+            whole = len(flights)
+            flights = removable(flights)
+            stay = f"the newest and the starred stay, {whole - len(flights)} of {whole}"
+            if not flights:
+                raise UavrtError(f"nothing to delete: {stay}")
+            if not self._second_step.is_meant(source):
+                raise UavrtError(
+                    f"send it again after {REPEATED_S:.0f} s to delete {len(flights)} flights: "
+                    f"{stay}"
+                )
             start, end = "#Deleting logs", "#Logs deleted"
             work = lambda step: remove_flights(flights, step, self._wanted)  # noqa: E731
-            answer = f"{len(flights)} flights"
+            answer = f"{len(flights)} flights; {stay}"
         self._show(Operation(name=name, state="running", step_count=len(flights)))
         self._tell(6, start)
         self._task = asyncio.get_running_loop().create_task(self._run(work, end))

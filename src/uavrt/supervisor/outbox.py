@@ -2,14 +2,27 @@
 
 Lossless lines are kept however long the process is away. Of the other topics the newest are
 kept and the rest counted.
+
+What a process was sent may die with it: unread in its socket, or read and not yet on the disk.
+Of a process that says how far it is (`ProcessRow.says_taken`), that is kept here as well, and
+its successor gets it again.
 """
 
 import socket
 from collections import Counter, deque
 
-from uavrt.ipc.topics import TOPICS, topic_of
+from uavrt.ipc.topics import TOPICS, decode_record, topic_of
+from uavrt.messages import FlightInfo
 
 BYTES_AT_ONCE = 32_768
+MOST_KEPT = 20_000
+"""Lines kept beside those that are to be sent: 10 MB, half an hour of a disk that fails."""
+BARREN_LIVES = 3
+"""Ends by a fault of its own, each before it had taken anything, and what was kept is given up:
+one of these lines may be what ends it."""
+
+Line = tuple[str, bytes]
+"""Topic and the whole line."""
 
 
 class Outbox:
@@ -19,11 +32,21 @@ class Outbox:
     ----------
     backlog : int, optional
         Keep no more lines of any topic than this; see `ProcessRow.backlog`.
+    keeps : bool
+        Keep what was sent until the process has taken it.
     """
 
-    def __init__(self, backlog: int | None = None) -> None:
+    def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
         self._backlog = backlog
-        self._lines: deque[tuple[str, bytes]] = deque()
+        self._keeps = keeps
+        self._lines: deque[Line] = deque()
+        self._kept: deque[Line] = deque()
+        """Sent to the present process, and not yet taken by it."""
+        self._taken = 0
+        """Of what the present process was sent, including what is not kept any more."""
+        self._barren = 0
+        self._flight: bytes | None = None
+        """The flight that was in progress when the first line that is kept or waits was put."""
         self._waiting: Counter[str] = Counter()
         self._written = 0
         """Bytes of the first line that the present process has already got."""
@@ -31,6 +54,15 @@ class Outbox:
 
     def __len__(self) -> int:
         return len(self._lines)
+
+    @property
+    def flight(self) -> FlightInfo | None:
+        """The flight to which the first line belongs that is not taken."""
+        return None if self._flight is None else decode_record(self._flight)[1]
+
+    def holds(self, name: str) -> bool:
+        """Whether a line of a topic is not yet sent, or not yet taken."""
+        return any(topic == name for lines in (self._kept, self._lines) for topic, _ in lines)
 
     def put(self, line: bytes) -> None:
         """Add a line (newline included); make room by the topic's rule."""
@@ -54,6 +86,25 @@ class Outbox:
         self._waiting[name] = 0
         self._written = 0
 
+    def taken(self, count: int) -> None:
+        """Take the word of the present process how many lines it has dealt with."""
+        while self._taken < count and self._kept:
+            self._taken += 1
+            self._leave(*self._kept.popleft())
+
+    def process_ended(self, *, by_itself: bool) -> None:
+        """Have what the process has not taken sent again, before all that waits."""
+        self._barren = self._barren + 1 if by_itself and not self._taken else 0
+        self._taken = 0
+        if self._barren >= BARREN_LIVES:
+            self._barren = 0
+            while self._kept:
+                self._give_up()
+        self._written = 0
+        self._lines.extendleft(reversed(self._kept))
+        self._waiting.update(name for name, _ in self._kept)
+        self._kept.clear()
+
     def write_to(self, sock: socket.socket) -> bool:
         """Write as much as the socket takes; True when nothing is left."""
         while self._lines:
@@ -66,7 +117,16 @@ class Outbox:
                 name, line = self._lines.popleft()
                 self._waiting[name] -= 1
                 self._written -= len(line)
+                if self._keeps and name != "assignment":
+                    self._keep(name, line)
         return True
+
+    def _keep(self, name: str, line: bytes) -> None:
+        """Keep what was sent; the oldest makes room."""
+        self._kept.append((name, line))
+        if len(self._kept) > MOST_KEPT:
+            self._give_up()
+            self._taken += 1
 
     def _next_bytes(self) -> bytes:
         """Join what goes into one call: a burst of pulses wakes the receiver once."""
@@ -77,6 +137,18 @@ class Outbox:
             if size > BYTES_AT_ONCE:
                 break
         return b"".join(lines)[self._written :]
+
+    def _give_up(self) -> None:
+        name, line = self._kept.popleft()
+        self.dropped[name] += 1
+        self._leave(name, line)
+
+    def _leave(self, name: str, line: bytes) -> None:
+        """A line is done with: what follows belongs to the flight that it began or ended."""
+        if name == "flight":
+            self._flight = line
+        elif name == "flight_end":
+            self._flight = None
 
     def _drop_oldest(self, name: str) -> None:
         for index, (topic, _) in enumerate(self._lines):

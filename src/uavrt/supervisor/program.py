@@ -15,7 +15,7 @@ from uavrt.log import get_logger
 from uavrt.messages import Command, SystemState, Tag
 from uavrt.supervisor.core import Supervisor
 from uavrt.supervisor.launcher import Launcher
-from uavrt.supervisor.viewers import Viewers
+from uavrt.supervisor.viewers import Viewers, require_unserved
 
 
 async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launcher) -> None:
@@ -29,6 +29,8 @@ async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launche
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, supervisor.stop)
+    if settings.status_socket:
+        require_unserved(settings.status_socket)
     supervisor.claim()
     if supervisor.mission.state is not SystemState.DETECTING:
         for command in start_commands(tags):

@@ -60,6 +60,8 @@ class ProcessRow:
     backlog: int | None = None
     """Keep at most so many records of a topic for it while it is away, even of those that are
     lossless for others; for a mere onlooker."""
+    says_taken: bool = False
+    """Says by `taken` how far it is; what it has not taken goes to its successor again."""
     per_worker: bool = False
     """One instance for each detector worker."""
     samples_to: str | None = None
@@ -79,7 +81,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ProcessRow(
         name="recorder",
         module="uavrt.processes.recorder",
-        meaning="writes the flight directory",
+        meaning="writes the flight directory; makes up for poses that never come",
         runs=always,
         consumes=(
             "pulse",
@@ -94,7 +96,8 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "status_text",
             "health",
         ),
-        produces=("recorded_pulse_pose", "health", "status_text"),
+        produces=("pulse_pose", "recorded_pulse_pose", "taken", "health", "status_text"),
+        says_taken=True,
         cpu_budget_percent=2.0,
         memory_limit_mb=60.0,
         # A memory card may take seconds over an fsync; killing the writer would not hurry it.
@@ -107,6 +110,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
         runs=always,
         consumes=(
             "pulse",
+            "pulse_pose",
             "recorded_pulse_pose",
             "bearing",
             "search_report",
@@ -182,7 +186,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ),
 )
 
-SUPERVISOR_TOPICS = ("command", "health", "status_text")
+SUPERVISOR_TOPICS = ("command", "health", "status_text", "taken")
 """Topics that the supervisor itself reads."""
 
 

@@ -1,5 +1,6 @@
 """CPU time and memory of a process and all its descendants, from ``/proc``."""
 
+import math
 import os
 import re
 from dataclasses import dataclass
@@ -111,6 +112,23 @@ def own_cpu_s(pid: int) -> float:
         except (OSError, IndexError):
             continue
     return total_ns * 1e-9
+
+
+def written_mb(pid: int) -> float:
+    """Get what a process has had written to disks since its start [MB]; 0 when it has gone.
+
+    Whole pages of files that it made dirty, each time after they had been written back
+    (``write_bytes`` of proc(5), less what was cut off before); NaN where the kernel does not
+    count it.
+    """
+    try:
+        lines = _read(f"/proc/{pid}/io").split("\n")
+    except OSError:
+        return math.nan if not os.path.exists("/proc/self/io") else 0.0
+    counts = {
+        name: int(count) for name, _, count in (line.partition(": ") for line in lines[:7])
+    }
+    return (counts["write_bytes"] - counts["cancelled_write_bytes"]) / 1e6
 
 
 def pss_mb(pid: int) -> float:

@@ -2,12 +2,16 @@
 
 For the terminal view, the demo and the command line on the same computer. Each line is a
 record, as between the processes. A viewer that does not keep up is disconnected; it never
-slows the system. The socket's file is readable by its owner only.
+slows the system. The socket is open to its owner, and to the owner's own group: who is a member
+of the service's group ``uavrt`` may watch and command.
 """
 
 import asyncio
 import contextlib
+import grp
 import os
+import pwd
+import socket
 
 from uavrt.errors import ConfigError
 from uavrt.ipc import decode_record, encode_record
@@ -55,12 +59,13 @@ class Viewers:
         Raises
         ------
         ConfigError
-            The path cannot be used.
+            The path cannot be used, or another system is there.
         """
+        require_unserved(path)
         with contextlib.suppress(OSError):
             os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
             os.unlink(path)
-        old_mask = os.umask(0o077)
+        old_mask = os.umask(0o117 if _has_own_group() else 0o177)
         try:
             return await asyncio.start_unix_server(self._serve_one, path, limit=262144)
         except OSError as error:
@@ -89,3 +94,29 @@ class Viewers:
         if isinstance(record, Command) and self.supervisor is not None:
             reply = self.supervisor.command(record)
             writer.write(encode_record("command_reply", reply))
+
+
+def require_unserved(path: str) -> None:
+    """Make sure that nobody listens at a socket; what a killed system left is nobody's.
+
+    Raises
+    ------
+    ConfigError
+        Another system is there.
+    """
+    with socket.socket(socket.AF_UNIX) as asking:
+        asking.settimeout(1.0)
+        if asking.connect_ex(path):
+            return
+    raise ConfigError(
+        f"another uavrt shows itself at {path}",
+        remedy="Stop it first (uavrt monitor shows it), or set another status_socket",
+    )
+
+
+def _has_own_group() -> bool:
+    """Whether our group is ours alone (useradd(8), USERGROUPS_ENAB), not a common ``users``."""
+    try:
+        return grp.getgrgid(os.getegid()).gr_name == pwd.getpwuid(os.geteuid()).pw_name
+    except KeyError:
+        return False

@@ -40,7 +40,13 @@ from uavrt.tunnel.pulse import PulseG0, PulseG1
 from uavrt.tunnel.raw_capture import RawCapture
 from uavrt.tunnel.start_detection import StartDetection
 from uavrt.tunnel.tag import TagG0, TagG1
-from uavrt.tunnel.wire import MAX_PAYLOAD, PAYLOAD_TYPE, CommandId, Generation
+from uavrt.tunnel.wire import (
+    MAX_PAYLOAD,
+    PAYLOAD_TYPE,
+    CommandId,
+    Generation,
+    command_name,
+)
 
 __all__ = [
     "COMMAND_IDS",
@@ -76,6 +82,7 @@ __all__ = [
     "UploadG2",
     "ack_to_wire",
     "acked_command_of",
+    "command_name",
     "decode",
     "detector_heartbeat",
     "euler_deg",

@@ -41,6 +41,9 @@ COMMAND_NAMES: dict[CommandId, CommandName] = {
 }
 COMMAND_IDS: dict[CommandName, CommandId] = {name: c for c, name in COMMAND_NAMES.items()}
 
+LATEST_S = 9.2e9
+"""Seconds since 1970 whose nanoseconds fit into the 64 bits that they are stored in: 2261."""
+
 ROOM_G1, ROOM_G2 = 115, 107
 """Bytes of an acknowledgement's text, without the NUL that ends it."""
 
@@ -260,7 +263,8 @@ def pulse_from_wire(
     """
     if message.frequency_hz == 0:
         return None
-    if not (0.0 <= message.start_time_s < 1e10 and 0.0 <= message.predict_next_start_s < 1e10):
+    times_s = (message.start_time_s, message.predict_next_start_s)
+    if not all(0.0 <= time_s < LATEST_S for time_s in times_s):
         raise TunnelError("a pulse's time is not a time since 1970", message.encode())
     start_ns = ns_from_s(message.start_time_s)
     if message.detection_status == STATUS_NOTHING_FOUND and isinstance(message, PulseG1):

@@ -1,21 +1,19 @@
-"""Which pulses may go to the ground, and when: once each, and only when safe on disk.
+"""Which pulses have gone out already: each goes to the ground once, and at once.
 
-A pulse waits until the recorder says that it is written (DESIGN.md §2.7). A recorder that is
-away must not silence the ground: after `PATIENCE_S` the pulse goes out all the same and is
-counted.
+The word that a pulse is recorded comes later. Of a pulse that this process has not let out,
+because another one before it did or died over it, the flight's database knows what became of
+it: whether it has reached the ground, and if not, with which pose it goes.
 """
 
 from collections import OrderedDict, deque
 
 from uavrt.messages import PulsePose
 
-PATIENCE_S = 1.5
-"""A commit takes milliseconds; a restart of the recorder about half a second."""
 REMEMBERED = 500
-"""Pulses let out lately, of which another confirmation is ignored: 20 s of 25 pulses a second,
-in 50 kB. More would fill for hours, and a recorder that comes back confirms each pulse once."""
-MOST_EARLY = 20_000
-"""Pulses sent before they were recorded, while the recorder is away."""
+"""Pulses let out and recorded lately, of which another word is ignored: 20 s of 25 pulses a
+second, in 50 kB. More would fill for hours, and the word comes once."""
+MOST_UNRECORDED = 20_000
+"""Pulses let out and not yet recorded, while the recorder is away."""
 
 Key = tuple[int, int, int, int, int]
 
@@ -33,59 +31,54 @@ def key_of(pulse_pose: PulsePose) -> Key:
 
 
 class PulseDelivery:
-    """Holds pulses until they are recorded; lets each out once."""
+    """Lets each pulse out once."""
 
     def __init__(self) -> None:
-        self._waiting: OrderedDict[Key, tuple[PulsePose, float]] = OrderedDict()
-        self._early: OrderedDict[Key, None] = OrderedDict()
-        """Sent, and not yet recorded."""
+        self._unrecorded: OrderedDict[Key, None] = OrderedDict()
         self._recent: deque[Key] = deque()
-        self._let_out = set[Key]()
+        self._recorded = set[Key]()
         """Those in `_recent`."""
-        self.sent_before_recorded = 0
+        self._news = set[Key]()
+        """Unrecorded when a ground station came that has not got them."""
 
     @property
-    def waiting(self) -> int:
-        """Pulses that the recorder has not confirmed yet."""
-        return len(self._waiting)
+    def unrecorded(self) -> int:
+        """Pulses let out that the recorder has not confirmed yet."""
+        return len(self._unrecorded)
 
-    def expect(self, pulse_pose: PulsePose, now_s: float) -> None:
-        """A pulse has gone to the recorder."""
-        self._waiting[key_of(pulse_pose)] = (pulse_pose, now_s + PATIENCE_S)
+    def let_out(self, pulse_pose: PulsePose) -> bool:
+        """Whether a pulse may go: not one that has gone before."""
+        key = key_of(pulse_pose)
+        if key in self._unrecorded or key in self._recorded:
+            return False
+        self._unrecorded[key] = None
+        if len(self._unrecorded) > MOST_UNRECORDED:
+            self._unrecorded.popitem(last=False)
+        return True
 
-    def recorded(self, pulse_pose: PulsePose) -> PulsePose | None:
-        """The recorder has it: get it for sending, or None if it was sent before.
+    def station_came(self) -> None:
+        """A ground station has come that had nothing yet, and looks for it in the database.
 
-        A pulse that was recorded before this process was restarted is not waiting here, but
-        was not sent by it either: it is let out.
+        What is not recorded yet is not there; `recorded` will say so when it is.
+        """
+        self._news = set(self._unrecorded)
+
+    def recorded(self, pulse_pose: PulsePose) -> bool:
+        """The recorder has it; False when the database has to be looked at for it.
+
+        So it is when this process has not let it out, and when somebody may miss it who came
+        since.
         """
         key = key_of(pulse_pose)
-        self._waiting.pop(key, None)
-        early = self._early.pop(key, key) is None
-        return None if self._mark_sent(key) or early else pulse_pose
-
-    def overdue(self, now_s: float) -> list[PulsePose]:
-        """Get the pulses that have waited too long for the recorder."""
-        late: list[PulsePose] = []
-        while self._waiting:
-            key, (pulse_pose, deadline_s) = next(iter(self._waiting.items()))
-            if deadline_s > now_s:
-                break
-            del self._waiting[key]
-            if not self._mark_sent(key):
-                self._early[key] = None
-                self.sent_before_recorded += 1
-                late.append(pulse_pose)
-        while len(self._early) > MOST_EARLY:
-            self._early.popitem(last=False)
-        return late
-
-    def _mark_sent(self, key: Key) -> bool:
-        """Remember that a pulse goes out; True when it had gone before."""
-        if key in self._let_out:
+        if key in self._recorded:
             return True
-        self._let_out.add(key)
-        self._recent.append(key)
-        while len(self._recent) > REMEMBERED:
-            self._let_out.discard(self._recent.popleft())
-        return False
+        known = self._unrecorded.pop(key, key) is None
+        if known:
+            self._recorded.add(key)
+            self._recent.append(key)
+            while len(self._recent) > REMEMBERED:
+                self._recorded.discard(self._recent.popleft())
+        if key in self._news:
+            self._news.discard(key)
+            return False
+        return known

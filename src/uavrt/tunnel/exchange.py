@@ -72,6 +72,10 @@ class _Question:
     generation: Generation
     request_id: int = 0
     tag_index: int | None = None
+    spoken: Generation | None = None
+    """What the asker's words are written in, where they tell."""
+    upload: TagUpload | None = None
+    """What it opens, if it is accepted."""
 
 
 class Exchange:
@@ -145,7 +149,6 @@ class Exchange:
             message = decode(payload)
             if isinstance(message, numbered.Requests):
                 return self._request(message, payload, asker)
-            self._heard = generation_of(message) or self._heard
             return self._command(message, asker)
         except TunnelError as error:
             self.counters["payloads_refused"] += 1
@@ -156,6 +159,10 @@ class Exchange:
         question = self._pending.pop(reply.request_id, None)
         if question is None:
             return None
+        if reply.accepted:
+            # Only now: who may not command must not change how the drone speaks to others.
+            self._heard = question.spoken or self._heard
+            self._upload = question.upload or self._upload
         if reply.accepted and question.generation == "G2":
             if question.tag_index is not None and self._upload is not None:
                 self._upload.indices.add(question.tag_index)
@@ -250,7 +257,7 @@ class Exchange:
                     "this layout was never seen: mavlink.tunnel_experimental allows it", payload
                 )
             if self._experimental:
-                self._heard = "G2"
+                question = replace(question, spoken="G2")
             return self._numbered_command(message, question)
         except TunnelError as error:
             self.counters["payloads_refused"] += 1
@@ -261,8 +268,8 @@ class Exchange:
     ) -> Command | Answer:
         match message:
             case numbered.UploadG2(command=CommandId.START_TAGS):
-                self._upload = open_upload(message, question.asker)
-                return self._ask(question, "start_tags")
+                upload = open_upload(message, question.asker)
+                return self._ask(replace(question, upload=upload), "start_tags")
             case numbered.UploadG2():
                 self._open_upload(message).check_end(message, question.asker)
                 return self._ask(question, "end_tags")
@@ -291,23 +298,26 @@ class Exchange:
         match message:
             case TagG0() | TagG1():
                 tag = tag_from_wire(message)
-                question = self._plain(CommandId.TAG, asker)
+                question = self._plain(CommandId.TAG, asker, message)
                 return replace(self._ask(question, "add_tag"), tag=tag)
             case StartDetection():
-                return self._start(self._plain(CommandId.START_DETECTION, asker), message)
+                question = self._plain(CommandId.START_DETECTION, asker, message)
+                return self._start(question, message)
             case RawCapture():
-                question = self._plain(CommandId.RAW_CAPTURE, asker)
+                question = self._plain(CommandId.RAW_CAPTURE, asker, message)
                 return self._capture(question, message.gain, message.frequency_hz)
             case HeaderMessage(command=command):
                 number = CommandId(command)
-                return self._ask(self._plain(number, asker), COMMAND_NAMES[number])
+                return self._ask(self._plain(number, asker, message), COMMAND_NAMES[number])
             case _:
                 # Acknowledgements, pulses and heartbeats are ours to send, not to get.
                 self.counters["payloads_ignored"] += 1
                 return None
 
-    def _plain(self, number: CommandId, asker: Asker) -> _Question:
-        return _Question(asker=asker, number=number, generation=self.generation)
+    def _plain(self, number: CommandId, asker: Asker, message: TunnelMessage) -> _Question:
+        spoken = generation_of(message)
+        generation = self._fixed or spoken or self._heard
+        return _Question(asker=asker, number=number, generation=generation, spoken=spoken)
 
     def _start(self, question: _Question, message: StartDetection) -> Command:
         return replace(

@@ -1,7 +1,7 @@
 """Who may command the drone; and the ground's pen for the seal."""
 
 from uavrt.clock import wall_ns
-from uavrt.errors import TunnelError
+from uavrt.errors import LinkError, TunnelError
 from uavrt.log import get_logger
 from uavrt.tunnel.private import RECEIPT_TYPE
 from uavrt.tunnel.seal import (
@@ -11,9 +11,11 @@ from uavrt.tunnel.seal import (
     Key,
     Place,
     SealKeeper,
+    Session,
     parameter_inside,
     read_key,
     seal,
+    session_of,
 )
 
 log = get_logger()
@@ -27,7 +29,9 @@ class Gate:
     commanders : tuple of int
         System ids that may command; empty: all.
     key_file : str, optional
-        With a key only sealed commands are taken.
+        With a key only sealed commands are taken, unless that is not required.
+    key_required : bool
+        False: unsealed commands are taken, too; a sealed one comes from who has the key.
 
     Raises
     ------
@@ -35,8 +39,15 @@ class Gate:
         The key cannot be read.
     """
 
-    def __init__(self, commanders: tuple[int, ...] = (), key_file: str | None = None) -> None:
+    def __init__(
+        self,
+        commanders: tuple[int, ...] = (),
+        key_file: str | None = None,
+        *,
+        key_required: bool = True,
+    ) -> None:
         self._commanders = frozenset(commanders)
+        self._key_required = key_required
         self._keeper = None if key_file is None else SealKeeper(read_key(key_file))
         self.refused = 0
         """Sealed messages that were forged, repeated or damaged."""
@@ -44,7 +55,7 @@ class Gate:
     @property
     def locked(self) -> bool:
         """Whether only sealed messages are taken."""
-        return self._keeper is not None
+        return self._keeper is not None and self._key_required
 
     def refusal(self, sender: Place, *, sealed: bool) -> str | None:
         """Say why a sender may not command; None if it may."""
@@ -54,16 +65,20 @@ class Gate:
             return "only sealed commands: this drone has a key"
         return None
 
-    def open(self, payload: bytes, sender: Place, now_ns: int) -> tuple[int, bytes] | None:
+    def announcement(self, drone: Place) -> bytes | None:
+        """Write for what session commands must be sealed; None without a key."""
+        return None if self._keeper is None else self._keeper.announcement(drone)
+
+    def open(self, payload: bytes, sender: Place, drone: Place) -> tuple[int, bytes] | None:
         """Open a sealed payload; None (and counted) if it is not right."""
         if self._keeper is None:
             self.refused += 1
             return None
         try:
-            return self._keeper.open(payload, sender, now_ns // 1000)
+            return self._keeper.open(payload, sender, drone)
         except TunnelError as error:
             self.refused += 1
-            log.warning("sealed message refused", reason=error.message)
+            log.seldom(self.refused, "sealed message refused", reason=error.message)
             return None
 
 
@@ -81,7 +96,18 @@ class Sealer:
     def __init__(self, key: Key, own: Place) -> None:
         self._key = key
         self._own = own
-        self._last_us = 0
+        self._session: Session | None = None
+        self._last = 0
+
+    @property
+    def ready(self) -> bool:
+        """Whether the drone has told its session."""
+        return self._session is not None
+
+    def hear(self, payload: bytes, drone: Place) -> None:
+        """Take the session that a drone tells; raises `TunnelError` when it is not ours."""
+        self._session, newest = session_of(payload, self._key, drone)
+        self._last = max(self._last, newest)
 
     def __call__(self, payload: bytes, payload_type: int) -> bytes:
         """Seal a payload of type 0 or a receipt."""
@@ -94,5 +120,10 @@ class Sealer:
         return self._seal(parameter_inside(name, value), PARAMETER_INSIDE)
 
     def _seal(self, inside: bytes, kind: int) -> bytes:
-        self._last_us = max(self._last_us + 1, wall_ns() // 1000)
-        return seal(inside, kind, self._key, self._own, self._last_us)
+        if self._session is None:
+            raise LinkError(
+                "the drone has not told what to seal commands for",
+                remedy="Check that it has mavlink.key_file with the same key",
+            )
+        self._last = max(self._last + 1, wall_ns() // 1000)
+        return seal(inside, kind, self._key, self._own, self._last, self._session)

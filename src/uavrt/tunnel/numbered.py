@@ -35,7 +35,14 @@ from uavrt.errors import TunnelError
 from uavrt.tunnel.pulse import PulseG1
 from uavrt.tunnel.start_detection import StartDetection
 from uavrt.tunnel.tag import TagG1
-from uavrt.tunnel.wire import CommandId, bytes_from_text, pack, text_from_bytes, unpack
+from uavrt.tunnel.wire import (
+    CommandId,
+    bytes_from_text,
+    command_of,
+    pack,
+    text_from_bytes,
+    unpack,
+)
 
 HEADER = struct.Struct("<II")
 UPLOAD = struct.Struct("<IIII")
@@ -68,7 +75,7 @@ class BareG2:
         if len(payload) != HEADER.size:
             raise TunnelError(f"a bare command has 8 bytes, not {len(payload)}", payload)
         number, request_id = HEADER.unpack(payload)
-        return cls(command=CommandId(number), request_id=request_id)
+        return cls(command=command_of(number, payload), request_id=request_id)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +98,7 @@ class UploadG2:
             raise TunnelError(f"an upload's frame has 16 bytes, not {len(payload)}", payload)
         number, request_id, upload_id, tag_count = UPLOAD.unpack(payload)
         return cls(
-            command=CommandId(number),
+            command=command_of(number, payload),
             request_id=request_id,
             upload_id=upload_id,
             tag_count=tag_count,

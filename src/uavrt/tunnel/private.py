@@ -29,6 +29,8 @@ from uavrt.errors import TunnelError
 RECEIPT_TYPE = 60_001
 SEALED_TYPE = 60_002
 """A command with a keyed hash, see `uavrt.tunnel.seal`."""
+SESSION_TYPE = 60_004
+"""What sealed commands must be sealed for, see `uavrt.tunnel.seal`."""
 MAX_HASHES = 15
 MAX_SEALED_HASHES = 12
 """What fits into a seal's 108 bytes."""

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Generic, Literal, TypeVar
 
+from uavrt.allowance import Allowance
 from uavrt.tunnel.private import payload_hash
 from uavrt.tunnel.round_trips import FIRST_RTO_S, RoundTrips
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
@@ -28,6 +29,17 @@ WINDOW = 64
 """Pulses on their way without an acknowledgement."""
 CAPACITY = 2048
 """Pulses in memory, about 4 MB; the rest waits on disk."""
+TRUSTED_SENDS = 8
+DEAF_SENDS = 64
+DEAF_NS = ns_from_s(10.0)
+"""A store that was sent so much in so long, and acknowledged nothing, is made up, or cannot
+hear; the others must not wait for it."""
+NEW_STORES, NEW_STORES_PER_S = 4, 0.1
+"""Receipts of new stores that are believed: at once, then each second."""
+DEAF_AGAIN_NS = ns_from_s(60.0)
+MOST_DEAF = 64
+MOST_STORES = 8
+"""Ground stations that are sent all pulses; their numbers can be made up by anybody."""
 REFILL_AT = 256
 """Pulses in memory below which those on disk are asked for."""
 REORDERING = 3
@@ -79,6 +91,22 @@ class _Store:
     heard_ns: int
     on_disk: bool = True
     """Pulses it does not have may be on disk and not in memory."""
+    acknowledges: bool = False
+    """It has acknowledged a pulse: there is somebody."""
+    sends: int = 0
+    """Messages it was sent without any acknowledgement."""
+    since_ns: int = 0
+    """When it appeared."""
+
+    @property
+    def worth_waiting(self) -> bool:
+        """Whether others' pulses may wait for it."""
+        return self.acknowledges or self.sends < TRUSTED_SENDS
+
+    def deaf(self, now_ns: int) -> bool:
+        """Whether it was sent much for long, and has acknowledged nothing."""
+        tried = self.sends >= DEAF_SENDS and now_ns - self.since_ns >= DEAF_NS
+        return tried and not self.acknowledges
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +145,11 @@ class ReliableSender(Generic[T]):
         """Round trip that the last receipt showed, if it did."""
         self._unanswered_since_ns: int | None = None
         self._sent_plain: list[Key] = []
+        self._new_stores = Allowance(burst=NEW_STORES, per_s=NEW_STORES_PER_S)
+        self._deaf: dict[int, int] = {}
+        """When stores that acknowledged nothing were given up."""
+        self.stores_refused = 0
+        """Receipts of stores beyond `MOST_STORES`."""
         self.put_back = 0
         """Pulses that left memory because it was full; they are on disk."""
 
@@ -132,6 +165,11 @@ class ReliableSender(Generic[T]):
     def waiting(self) -> int:
         """Pulses in memory that are to be sent."""
         return len(self._waiting)
+
+    @property
+    def stores(self) -> frozenset[int]:
+        """The stores that are present."""
+        return frozenset(self._stores)
 
     def keys(self) -> set[Key]:
         """Pulses in memory."""
@@ -210,8 +248,11 @@ class ReliableSender(Generic[T]):
     ) -> list[Key]:
         """Take a receipt; give the pulses that are new in that store."""
         known = self._stores.get(store)
+        if known is None and not self._believes_in(store, now_ns):
+            self.stores_refused += 1
+            return []
         if known is None:
-            self._stores[store] = _Store(place, now_ns)
+            self._stores[store] = _Store(place, now_ns, since_ns=now_ns)
             for entry in self._entries.values():
                 if store not in entry.kept:
                     entry.owed.add(store)
@@ -226,6 +267,7 @@ class ReliableSender(Generic[T]):
                 continue
             entry = entry_or_none
             new.append(entry.key)
+            self._stores[store].acknowledges = True
             entry.kept.add(store)
             entry.owed.discard(store)
             if entry.sends == 1 and entry.state == "sent":
@@ -233,13 +275,34 @@ class ReliableSender(Generic[T]):
                 self.trips.add(self.fresh_trip_s)
             if entry.state == "sent":
                 orders.append(entry.order)
-            if not entry.owed:
+            if not self._waits_for_anyone(entry):
                 self._forget(entry)
                 self.acknowledged_pulses += 1
         if orders:
             self._unanswered_since_ns = now_ns if self._sent else None
         self._overtake(orders, now_ns)
         return new
+
+    def _waits_for_anyone(self, entry: _Entry[T]) -> bool:
+        """Whether a pulse that one store has must go again for another.
+
+        Not for one that has acknowledged nothing of what it was sent: it may be made up, and
+        must not fill the window. If there is somebody, what it lacks comes from the disk.
+        """
+        if any(self._stores[number].worth_waiting for number in entry.owed):
+            return True
+        for number in entry.owed:
+            self._stores[number].on_disk = True
+        return False
+
+    def _room_for_store(self) -> bool:
+        """Make room for another store; False when all have acknowledged something."""
+        if len(self._stores) < MOST_STORES:
+            return True
+        idle = [n for n, store in self._stores.items() if not store.acknowledges]
+        if idle:
+            self._drop_store(min(idle, key=lambda number: self._stores[number].heard_ns))
+        return bool(idle)
 
     def wait_ns(self, now_ns: int) -> int | None:
         """Time until a pulse may go; None when nothing is to go."""
@@ -279,6 +342,8 @@ class ReliableSender(Generic[T]):
         place = None
         if entry.sends > 1 and len(entry.owed) == 1:
             place = self._stores[next(iter(entry.owed))].place
+        for number in entry.owed:
+            self._stores[number].sends += 1
         if entry.owed:
             self._note_sent(entry, payload, now_ns)
             self._add_twin(entry)
@@ -324,6 +389,9 @@ class ReliableSender(Generic[T]):
         """What was not acknowledged in time waits again."""
         late = [e for e in self._sent.values() if self._deadline_ns(e) <= now_ns]
         for entry in late:
+            if entry.kept and not self._waits_for_anyone(entry):
+                self._forget(entry)
+                continue
             del self._sent[entry.key]
             self._wait(entry)
 
@@ -343,18 +411,36 @@ class ReliableSender(Generic[T]):
             self._wait(entry)
 
     def _drop_silent_stores(self, now_ns: int) -> None:
-        silent = [n for n, s in self._stores.items() if now_ns - s.heard_ns > STORE_SILENCE_NS]
+        silent = [
+            number
+            for number, store in self._stores.items()
+            if now_ns - store.heard_ns > STORE_SILENCE_NS or store.deaf(now_ns)
+        ]
         if silent:
             self._unanswered_since_ns = None
         for number in silent:
-            del self._stores[number]
-            for entry in list(self._entries.values()):
-                entry.owed.discard(number)
-                if not entry.owed and entry.kept:
-                    self._forget(entry)
-                elif not entry.owed and entry.state == "sent":
-                    del self._sent[entry.key]
-                    self._wait(entry)
+            self._drop_store(number, now_ns)
+
+    def _believes_in(self, number: int, now_ns: int) -> bool:
+        """Whether a new store is taken for one: anybody can make up a number."""
+        deaf_ns = self._deaf.get(number)
+        if deaf_ns is not None and now_ns - deaf_ns < DEAF_AGAIN_NS:
+            return False
+        return self._new_stores.take(now_ns) and self._room_for_store()
+
+    def _drop_store(self, number: int, now_ns: int | None = None) -> None:
+        if now_ns is not None and self._stores[number].deaf(now_ns):
+            self._deaf[number] = now_ns
+            while len(self._deaf) > MOST_DEAF:
+                del self._deaf[next(iter(self._deaf))]
+        del self._stores[number]
+        for entry in list(self._entries.values()):
+            entry.owed.discard(number)
+            if not entry.owed and entry.kept:
+                self._forget(entry)
+            elif not entry.owed and entry.state == "sent":
+                del self._sent[entry.key]
+                self._wait(entry)
 
     def _wait(self, entry: _Entry[T]) -> None:
         entry.state = "waiting"

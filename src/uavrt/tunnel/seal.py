@@ -4,34 +4,50 @@ PX4 1.17 garbles the 13 signature bytes of frames that it forwards (reference/ma
 the proof is inside the payload, in our own payload type 60002::
 
     offset  type   field
-    0       u8     version, 1
+    0       u8     version, 2
     1       u8     0: what is inside has payload type 0; 1: it is a receipt; 2: a parameter's
                    name, char[16], and wanted value, f32
     2       u16    zero
-    4       u64    time of the sender [µs since 1970], strictly rising
-    12      u8[8]  keyed BLAKE2b of the sender's system and component id, bytes 0 to 12, inside
+    4       u64    counter of the sender, strictly rising
+    12      u8[8]  keyed BLAKE2b of the session (u64), the drone's system and component id, the
+                   sender's, bytes 0 to 11, inside
     20             inside, at most 108 bytes
 
-As in MAVLink's signing a message that is not newer than the one before is refused, and the
-first of a sender may be at most a minute behind our own clock.
+The drone draws a session at random whenever its connection starts, and tells it once a second
+in payload type 60004::
+
+    0       u8     version, 2
+    1       u8[3]  zero
+    4       u64    session
+    12      u64    newest counter that it has taken
+    20      u8[8]  keyed BLAKE2b of "session", the drone's system and component id,
+                   bytes 0 to 19
+
+So a message holds for one drone and one session alone, and within it once: none can be
+repeated after a restart or to another drone, whatever any clock says, and nothing needs to be
+remembered on a disk. A sender begins above the newest counter and above its own clock's
+microseconds.
 """
 
 import hashlib
 import hmac
+import secrets
 import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavrt.errors import ConfigError, TunnelError
+from uavrt.config.key_files import read_key_file
+from uavrt.errors import TunnelError
 
 SEALED_SIZE = 20
 MAX_INSIDE = 108
 PLAIN_INSIDE, RECEIPT_INSIDE, PARAMETER_INSIDE = 0, 1, 2
 LEAST_KEY = 16
-BEHIND_US = 60_000_000
+MOST_KEY = 256
 _HEAD = struct.Struct("<BBHQ")
 _PARAMETER = struct.Struct("<16sf")
-_VERSION = 1
+_SESSION = struct.Struct("<B3xQQ")
+_VERSION = 2
 
 Place = tuple[int, int]
 """System and component id of a sender."""
@@ -48,37 +64,57 @@ class Key:
 
 
 def read_key(path: str | Path) -> Key:
-    """Read a key: at least 32 hexadecimal digits in a file.
+    """Read a key: at least 32 hexadecimal digits in a file that only its owner may read.
 
     Raises
     ------
     ConfigError
-        There is none.
+        There is none, or others may read it.
     """
-    try:
-        secret = bytes.fromhex(Path(path).read_text("ascii").strip())
-    except OSError as error:
-        raise ConfigError(
-            f"cannot read the key file {path}: {error.strerror}",
-            remedy="`openssl rand -hex 32 > FILE` makes one",
-        ) from error
-    except ValueError as error:
-        raise ConfigError(
-            f"{path} is no key file", remedy="`openssl rand -hex 32 > FILE` makes one"
-        ) from error
-    if len(secret) < LEAST_KEY:
-        raise ConfigError(
-            f"the key in {path} is too short", remedy="`openssl rand -hex 32 > FILE` makes one"
-        )
-    return Key(secret)
+    return Key(read_key_file(path, "key file", least=LEAST_KEY, most=MOST_KEY))
 
 
-def seal(inside: bytes, kind: int, key: Key, sender: Place, time_us: int) -> bytes:
+@dataclass(frozen=True, slots=True)
+class Session:
+    """What a seal is for: one run of one drone's connection."""
+
+    number: int
+    drone: Place
+
+    def mixed_in(self) -> bytes:
+        """Get the bytes that the seal proves besides the message."""
+        return struct.pack("<QBB", self.number, *self.drone)
+
+
+def seal(
+    inside: bytes, kind: int, key: Key, sender: Place, counter: int, session: Session
+) -> bytes:
     """Write a sealed payload; raises `TunnelError` when `inside` is too long."""
     if len(inside) > MAX_INSIDE:
         raise TunnelError(f"{len(inside)} bytes cannot be sealed, only {MAX_INSIDE}", inside)
-    head = _HEAD.pack(_VERSION, kind, 0, time_us)
-    return head + _mac(key, sender, head, inside) + inside
+    head = _HEAD.pack(_VERSION, kind, 0, counter)
+    return head + _mac(key, session.mixed_in() + bytes(sender) + head + inside) + inside
+
+
+def session_of(payload: bytes, key: Key, drone: Place) -> tuple[Session, int]:
+    """Read what a drone tells of its session, and the newest counter it has taken.
+
+    Raises
+    ------
+    TunnelError
+        It is none, or made with another key.
+    """
+    size = _SESSION.size
+    if len(payload) != size + 8 or payload[0] != _VERSION:
+        raise TunnelError("no session of version 2", payload)
+    if not hmac.compare_digest(payload[size:], _session_mac(key, drone, payload[:size])):
+        raise TunnelError("a session made with another key, or forged", payload)
+    _, number, newest = _SESSION.unpack(payload[:size])
+    return Session(number, drone), newest
+
+
+def _session_mac(key: Key, drone: Place, head: bytes) -> bytes:
+    return _mac(key, b"session" + bytes(drone) + head)
 
 
 def parameter_inside(name: str, value: float) -> bytes:
@@ -95,42 +131,54 @@ def parameter_of(inside: bytes) -> tuple[str, float]:
 
 
 class SealKeeper:
-    """Opens sealed payloads: right, new, and from whom they say.
+    """Opens sealed payloads: right, new, for this drone now, and from whom they say.
 
     Parameters
     ----------
     key : Key
         The shared secret.
+    session : int, optional
+        Number of the session; drawn at random unless given.
     """
 
-    def __init__(self, key: Key) -> None:
+    def __init__(self, key: Key, session: int | None = None) -> None:
         self._key = key
-        self._newest_us: dict[Place, int] = {}
+        self._session = secrets.randbits(64) if session is None else session
+        self._newest: dict[Place, int] = {}
 
-    def open(self, payload: bytes, sender: Place, now_us: int) -> tuple[int, bytes]:
+    def announcement(self, drone: Place) -> bytes:
+        """Write the session for who may command."""
+        newest = max(self._newest.values(), default=0)
+        head = _SESSION.pack(_VERSION, self._session, newest)
+        return head + _session_mac(self._key, drone, head)
+
+    def open(self, payload: bytes, sender: Place, drone: Place) -> tuple[int, bytes]:
         """Get what is inside, and its kind.
 
         Raises
         ------
         TunnelError
-            Forged, repeated, or damaged; the text says which.
+            Forged, repeated, damaged, or for another drone or session; the text says which.
         """
         if len(payload) < SEALED_SIZE:
             raise TunnelError("a sealed message has at least 20 bytes", payload)
         head, mac, inside = payload[:12], payload[12:20], payload[20:]
-        version, kind, _, time_us = _HEAD.unpack(head)
+        version, kind, _, counter = _HEAD.unpack(head)
         if version != _VERSION or kind > PARAMETER_INSIDE:
             raise TunnelError("a sealed message of another version", payload)
-        if not hmac.compare_digest(mac, _mac(self._key, sender, head, inside)):
-            raise TunnelError("the seal is wrong: another key, or forged", payload)
-        newest_us = self._newest_us.get(sender, now_us - BEHIND_US)
-        if time_us <= newest_us:
+        proven = Session(self._session, drone).mixed_in() + bytes(sender) + head + inside
+        if not hmac.compare_digest(mac, _mac(self._key, proven)):
+            raise TunnelError(
+                "the seal is wrong: another key, an earlier session, another drone, or forged",
+                payload,
+            )
+        if counter <= self._newest.get(sender, 0):
             raise TunnelError("the sealed message is old: repeated by somebody", payload)
-        self._newest_us[sender] = time_us
+        self._newest[sender] = counter
         return kind, inside
 
 
-def _mac(key: Key, sender: Place, head: bytes, inside: bytes) -> bytes:
+def _mac(key: Key, content: bytes) -> bytes:
     keyed = hashlib.blake2b(key=key.secret[:64], digest_size=8, person=b"uavrt seal")
-    keyed.update(bytes(sender) + head + inside)
+    keyed.update(content)
     return keyed.digest()

@@ -44,6 +44,28 @@ class CommandId(IntEnum):
     DETECTOR_HEARTBEAT = 23
 
 
+def command_name(number: int) -> str:
+    """Write a command for people: ``"stop detection"``; a number that nobody knows as such."""
+    try:
+        return CommandId(number).name.lower().replace("_", " ")
+    except ValueError:
+        return f"command {number}"
+
+
+def command_of(number: int, payload: bytes) -> CommandId:
+    """Get the command of a number that came by a wire.
+
+    Raises
+    ------
+    TunnelError
+        There is none.
+    """
+    try:
+        return CommandId(number)
+    except ValueError:
+        raise TunnelError(f"unknown command {number}", payload) from None
+
+
 def pack(layout: struct.Struct, *values: object) -> bytes:
     """Pack values, zeros in the pads.
 

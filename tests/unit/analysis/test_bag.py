@@ -20,6 +20,8 @@ from uavrt.cli.app import app
 from uavrt.config.settings import AntennaSettings, Settings
 from uavrt.errors import FormatError, UsageError
 from uavrt.messages import (
+    Command,
+    CommandReply,
     FlightInfo,
     Pose,
     Poses,
@@ -32,9 +34,12 @@ from uavrt.messages import (
 from uavrt.recording import FlightRecorder, read_flight
 from uavrt.ros2 import TOPICS, encode, type_hash
 from uavrt.ros2.convert import pulse_pose_to_ros
+from uavrt.ros2.graph import START_STOP
 
 INTERFACES = Path(__file__).parents[3] / "ros" / "uavrt_interfaces" / "msg"
 START_NS = 1_777_623_301_019_828_320
+S = 10**9
+STOP_NS = START_NS + 60 * S
 TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
 
 
@@ -97,6 +102,10 @@ def flight(tmp_path: Path) -> Path:
             best_score=0.5,
         )
     )
+    for number, accepted in ((1, False), (2, True)):
+        stop = Command(name="stop_detection", request_id=number, source="ros2")
+        reply = CommandReply(request_id=number, name=stop.name, accepted=accepted, message="")
+        recorder.write_command(stop, reply, STOP_NS - 2 * S + number * S)
     recorder.close()
     return Path(info.directory)
 
@@ -150,16 +159,40 @@ def test_the_bag_says_types_hashes_and_quality_of_service(flight: Path, tmp_path
         kept = QosDurability.TRANSIENT_LOCAL if late else QosDurability.VOLATILE
         assert qos.durability is kept
         if not late:
-            assert connection.digest == type_hash(TOPICS[name].message)
+            live = name.removeprefix("recorded/")
+            assert connection.digest == type_hash(TOPICS[live].message)
     assert set(topics) == {
         "pulse",
         "pulse_pose",
         "antenna_pose",
-        "store_tag_information",
-        "release_tag_information",
-        "control_start_subprocess",
+        "recorded/store_tag_information",
+        "recorded/release_tag_information",
+        "recorded/control_start_subprocess",
+        "recorded/control_stop_subprocess",
         "rosout",
     }
+
+
+def test_no_order_in_a_bag_is_on_a_topic_that_a_drone_obeys(
+    flight: Path, tmp_path: Path
+) -> None:
+    obeyed = {name for name, topic in TOPICS.items() if START_STOP in topic.subscribers}
+    assert not obeyed & set(export_bag(flight, tmp_path / "bag").messages)
+    assert obeyed <= set(export_bag(flight, tmp_path / "sent", as_sent=True).messages)
+
+
+def test_a_bag_has_the_stop_that_ended_the_flight(
+    flight: Path, tmp_path: Path, types: Any
+) -> None:
+    bag = export_bag(flight, tmp_path / "bag")
+    with AnyReader([bag.directory], default_typestore=types) as reader:
+        name = "/recorded/control_stop_subprocess"
+        (connection,) = (c for c in reader.connections if c.topic == name)
+        ((_, time_ns, raw),) = reader.messages([connection])
+        message: Any = reader.deserialize(raw, connection.msgtype)
+    assert time_ns == STOP_NS
+    assert message.status[0].message == "stop"
+    assert message.header.frame_id == "stop_command_subprocesses"
 
 
 def test_the_file_alone_is_read_too_and_describes_itself(

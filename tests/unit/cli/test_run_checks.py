@@ -35,6 +35,7 @@ def test_a_link_that_cannot_begin_is_refused_on_the_ground(
 def test_a_link_with_both_keys_and_an_experimental_generation_may_begin(tmp_path: Path) -> None:
     key = tmp_path / "key"
     key.write_text("5a" * 32)
+    key.chmod(0o600)
     check_link(
         settings(
             key_file=str(key),

@@ -71,7 +71,7 @@ def test_all_faults_are_told_at_once_each_with_its_line() -> None:
         "line 3: ip_msecs -3 must be above 0 and at most 60000 ms",
         "line 3: pulse_width_msecs nan is not a finite number",
         "line 3: k 0 must be a whole number from 1 to 100",
-        "line 3: false_alarm 5 must be between 0 and 1; 5 % is 0.05",
+        "line 3: false_alarm 5 must be above 0 and at most 0.5; 5 % is 0.05",
         "line 3: id 2 is already the tag of line 2",
         "line 5: 4 values where 8 belong: id, freq_hz, ip_msecs, pulse_width_msecs, "
         "ip_uncertainty_msecs, ip_jitter_msecs, k, false_alarm",
@@ -79,7 +79,7 @@ def test_all_faults_are_told_at_once_each_with_its_line() -> None:
         "line 6: pulse_width_msecs inf is not a finite number",
         "line 6: ip_uncertainty_msecs -1 must not be negative",
         "line 6: k 1.5 must be a whole number from 1 to 100",
-        "line 6: false_alarm 0 must be between 0 and 1",
+        "line 6: false_alarm 0 must be above 0 and at most 0.5",
         "line 6: ip_jitter_msecs 700 must be under half of the interval, ip_msecs 1254",
     )
 

@@ -23,23 +23,36 @@ BLOCK = 328
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """Samples, the tags in them, and the blocks that come: first sample, time [s]."""
+    """Its centre, samples and tags, and the blocks that come: first sample, time [s]."""
 
+    center_hz: float
     samples: NDArray[np.complex64]
     tags: list[Tag]
     blocks: list[tuple[int, float]]
 
 
+def center_hz(number: int) -> float:
+    return CENTER_HZ + 3000.0 * number
+
+
 def tags_of(number: int) -> list[Tag]:
-    """Three tags of a channel: other intervals, other K, a second rate, no two rings alike."""
+    """Three tags of a channel: other intervals, other K, a second rate, no two rings alike.
+
+    Their bands do not overlap: none has a say in what is another's.
+    """
     usual = replace(
         THESIS_TAG,
         tag_id=10 * number + 2,
-        frequency_hz=CENTER_HZ + 60.0,
+        frequency_hz=center_hz(number) + 60.0,
         pulse_intervals_s=(1.254 + 0.011 * number,),
     )
-    other = replace(usual, tag_id=10 * number + 4, frequency_hz=CENTER_HZ - 150.0)
-    special = replace(usual, tag_id=10 * number + 6, k=(1, 5, 3, 8)[number])
+    other = replace(usual, tag_id=10 * number + 4, frequency_hz=center_hz(number) - 150.0)
+    special = replace(
+        usual,
+        tag_id=10 * number + 6,
+        frequency_hz=center_hz(number) + 250.0,
+        k=(1, 5, 3, 8)[number],
+    )
     if number == 2:
         special = replace(special, pulse_intervals_s=(1.3, 0.65))
     return [usual, other, special]
@@ -50,12 +63,12 @@ def channel(number: int) -> Channel:
     tags = tags_of(number)
     pulses = [
         pulse
-        for index, tag in enumerate(tags[:2])
+        for index, tag in enumerate(tags)
         for pulse in pulse_train(
             rng,
             duration_s=DURATION_S,
             interval_s=tag.pulse_intervals_s[0],
-            offset_hz=tag.frequency_hz - CENTER_HZ + 10.0,
+            offset_hz=tag.frequency_hz - center_hz(number) + 10.0,
             enr_db=(12.0, 14.0, 16.0, 18.0)[number] - 2.0 * index,
             jitter_s=0.004,
         )
@@ -71,7 +84,7 @@ def channel(number: int) -> Channel:
         firsts = firsts[25:]
     jump_s = 60.0 if number == 3 else 0.0
     times = [f / RATE_HZ + (jump_s if f > len(samples) // 2 else 0.0) for f in firsts]
-    return Channel(samples, tags, list(zip(firsts, times, strict=True)))
+    return Channel(center_hz(number), samples, tags, list(zip(firsts, times, strict=True)))
 
 
 def detectors(line: Channel) -> list[PulseDetector]:
@@ -79,7 +92,8 @@ def detectors(line: Channel) -> list[PulseDetector]:
         PulseDetector(
             tag,
             sample_rate_hz=RATE_HZ,
-            center_frequency_hz=CENTER_HZ,
+            center_frequency_hz=line.center_hz,
+            frequency_window_hz=90.0,
             operating_mode="freqSearchHardLock" if tag.tag_id == 2 else "freqSearchSoftLock",
         )
         for tag in line.tags

@@ -1,14 +1,25 @@
 import pytest
 
-from uavrt.experiments.resources.report import RADIO, TOGETHER, Moment, ResourceReport
+from uavrt.experiments.resources.report import (
+    RADIO,
+    TOGETHER,
+    Moment,
+    ResourceReport,
+    Written,
+)
 
 
 def report(first: dict[str, float], last: dict[str, float]) -> ResourceReport:
     moments = tuple(
-        Moment(minute=minute, cpu_percent=dict.fromkeys(pss, 1.0), pss_mb=pss)
+        Moment(
+            minute=minute,
+            cpu_percent=dict.fromkeys(pss, 1.0),
+            pss_mb=pss,
+        )
         for minute, pss in ((1.0, first), (30.0, last))
     )
-    return ResourceReport(tags=1, moments=moments, lost_samples=0.0)
+    written = Written(mb_h={"a": 30.0, RADIO: 999.0}, syncs_h=1200.0)
+    return ResourceReport(tags=1, moments=moments, written=written, lost_samples=0.0)
 
 
 def test_a_leak_shows_in_its_process_and_in_the_sum() -> None:
@@ -29,3 +40,9 @@ def test_memory_of_a_process_that_came_later_counts_in_the_sum_only() -> None:
     found = report({"a": 10.0}, {"a": 10.0, "late": 5.0})
     assert set(found.growth) == {"a", TOGETHER}
     assert found.growth[TOGETHER] == pytest.approx(0.5)
+
+
+def test_what_is_written_is_judged_without_the_radios_stand_in() -> None:
+    found = report({"a": 10.0, RADIO: 1.0}, {"a": 10.0, RADIO: 1.0})
+    assert found.written.together_mb_h == 30.0
+    assert found.as_dict()["written_mb_h"][TOGETHER] == 30.0

@@ -2,12 +2,16 @@
 
 import asyncio
 import random
+import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from pulses import pulse_at
 
-from uavrt.errors import LinkError
+from uavrt.errors import LinkError, RecordingError
 from uavrt.ground.fetch import (
     MOST_DEEP,
     PART_SUFFIX,
@@ -15,12 +19,15 @@ from uavrt.ground.fetch import (
     RemoteEntry,
     fetch_file,
     file_checksum,
+    require_room,
 )
 from uavrt.mavlink import Peer
 from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.ftp_wire import FtpError, FtpPacket, Opcode
+from uavrt.messages import FlightInfo
+from uavrt.recording import FlightRecorder
 
 CONTENT = random.Random(6).randbytes(30_011)
 US = Peer(255, 197)
@@ -177,6 +184,207 @@ def rogue(lines: Callable[[str, int], list[bytes]]) -> FileClient:
 
     client = FileClient(answer, lambda: 0)
     return client
+
+
+class Rogue:
+    """Answers in the drone's place; `bursts` gives what comes of each one asked for."""
+
+    def __init__(self, size: int, bursts: Callable[[int], list[FtpPacket]]) -> None:
+        self.client = FileClient(self._ask, lambda: 0)
+        self._size, self._bursts = size, bursts
+        self.asked = 0
+
+    def _ask(self, payload: bytes) -> None:
+        self.asked += 1
+        asked = FtpPacket.decode(payload)
+        answers = [
+            FtpPacket(
+                sequence=asked.sequence + 1,
+                opcode=Opcode.ACK,
+                request_opcode=asked.opcode,
+                data=self._size.to_bytes(4, "little"),
+            )
+        ]
+        if asked.opcode in (Opcode.BURST_READ_FILE, Opcode.READ_FILE):
+            answers = self._bursts(asked.offset)
+        for answer in answers:
+            asyncio.get_running_loop().call_soon(
+                self.client.receive,
+                replace(
+                    answer, request_opcode=asked.opcode, sequence=asked.sequence + 1
+                ).encode(),
+            )
+
+
+def piece(offset: int, data: bytes) -> FtpPacket:
+    return FtpPacket(sequence=0, opcode=Opcode.ACK, offset=offset, data=data)
+
+
+EVIL = {
+    "nothing, again and again": lambda offset: [piece(offset, b"")] * 3,
+    "the same place for ever": lambda offset: [piece(0, b"x" * 239)] * 3,
+    "a byte at a time": lambda offset: [piece(offset, b"x")],
+    "bytes that lie over each other": lambda offset: [
+        piece(offset + 2, b"y" * 9),
+        piece(offset, b"x" * 5),
+    ],
+    "far beyond the end": lambda offset: [piece(offset + 2_000_000_000, b"x" * 239)],
+    "answers to what was not asked": lambda offset: [
+        FtpPacket(sequence=0, opcode=Opcode.NAK, data=bytes([99]))
+    ],
+}
+
+
+GETTING_ON = ("a byte at a time", "bytes that lie over each other")
+MINUTE_S = 1.0
+"""What the tests take for a minute."""
+
+
+def slow_clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """A clock that goes on by 2 ms each time it is looked at."""
+    now_s = [0.0]
+
+    def clock() -> float:
+        now_s[0] += 0.002
+        return now_s[0]
+
+    monkeypatch.setattr("uavrt.ground.fetch.monotonic_s", clock)
+    monkeypatch.setattr("uavrt.ground.fetch.STALL_NS", round(MINUTE_S * 1e9))
+    return now_s
+
+
+@pytest.mark.parametrize("evil", EVIL)
+def test_a_rogue_that_does_not_get_on_is_given_up_after_a_minute_at_most(
+    evil: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = slow_clock(monkeypatch)
+    drone = Rogue(1_000_000, EVIL[evil])
+    entry = RemoteEntry(path="/flight_log_1/flight.sqlite", size=1_000_000)
+    with pytest.raises((LinkError, RecordingError)) as caught:
+        asyncio.run(fetch_file(drone.client, entry, tmp_path / "flight.sqlite"))
+    # The minute and the tries that follow it, in the test's time.
+    assert now_s[0] < 2.5 * MINUTE_S
+    assert ("does not get on" in str(caught.value)) == (evil in GETTING_ON)
+    assert not (tmp_path / "flight.sqlite").exists()
+
+
+def test_pieces_that_lie_over_each_other_are_put_together_right(tmp_path: Path) -> None:
+    def bursts(offset: int) -> list[FtpPacket]:
+        pieces = [(offset, 100), (offset + 50, 100), (offset + 150, 60)]
+        return [piece(start, CONTENT[start : start + n]) for start, n in pieces]
+
+    drone = Rogue(2_000, bursts)
+    got = bytearray()
+    asyncio.run(drone.client.read("/a", got.extend))
+    assert bytes(got) == CONTENT[:2_000]
+
+
+def test_a_flood_of_answers_takes_bounded_memory() -> None:
+    client = FileClient(lambda payload: None, lambda: 0)
+    for _ in range(10_000):
+        client.receive(piece(0, b"x").encode())
+    assert client._replies.qsize() == 4096
+    assert client.dropped == 10_000 - 4096
+
+
+def test_a_file_that_is_much_longer_than_listed_is_not_read(tmp_path: Path) -> None:
+    drone = Rogue(4_000_000_000, lambda offset: [piece(offset, b"x" * 239)])
+    entry = RemoteEntry(path="/a", size=5)
+    with pytest.raises(LinkError, match="was listed with 5"):
+        asyncio.run(fetch_file(drone.client, entry, tmp_path / "a"))
+    assert drone.asked == 1
+
+
+def test_what_the_disk_here_has_no_room_for_is_not_begun(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=150_000_000))
+    drone = Rogue(60_000_000, lambda offset: [piece(offset, b"x" * 239)])
+    entry = RemoteEntry(path="/a", size=60_000_000)
+    with pytest.raises(RecordingError, match="60 MB are wanted"):
+        asyncio.run(fetch_file(drone.client, entry, tmp_path / "new" / "a"))
+    with pytest.raises(RecordingError, match="50 MB free"):
+        require_room([entry], tmp_path / "new", samples=False)
+    monkeypatch.undo()
+    with pytest.raises(RecordingError, match="too much for a flight"):
+        require_room([replace(entry, size=3_000_000_000)], tmp_path, samples=False)
+
+
+def test_a_list_that_comes_a_name_at_a_time_is_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now_s = slow_clock(monkeypatch)
+    monkeypatch.setattr("uavrt.ground.fetch.LEAST_ENTRIES", 200)
+    client = rogue(lambda path, offset: [f"Ff{offset}\t5".encode()])
+    with pytest.raises(LinkError, match="does not get on"):
+        asyncio.run(client.tree("/"))
+    assert now_s[0] < 2 * MINUTE_S
+
+
+def fetched(root: Path, place: Path, name: str) -> bool:
+    entry = RemoteEntry(
+        path=f"/flight_log_1/{name}", size=(root / "flight_log_1" / name).stat().st_size
+    )
+    return asyncio.run(fetch_file(Pair(root).client, entry, place))
+
+
+def test_a_file_of_another_flight_with_the_same_name_stays(root: Path, tmp_path: Path) -> None:
+    place = tmp_path / "flight.sqlite"
+    place.write_bytes(b"ours")
+    assert fetched(root, place, "flight.sqlite")
+    assert place.read_bytes() == b"ours"
+    other = tmp_path / "flight.sqlite.other-1"
+    assert other.read_bytes() == CONTENT
+    assert not fetched(root, place, "flight.sqlite")
+    assert sorted(tmp_path.glob("flight.sqlite*")) == [place, other]
+
+
+def test_a_log_that_has_grown_takes_the_place_of_what_was_here(
+    root: Path, tmp_path: Path
+) -> None:
+    place = tmp_path / "pulse_pose_log.txt"
+    there = root / "flight_log_1" / "pulse_pose_log.txt"
+    for content in ("one\n", "one\ntwo\n"):
+        there.write_text(content)
+        assert fetched(root, place, "pulse_pose_log.txt")
+        assert place.read_text() == content
+    there.write_text("another\nflight\n")
+    assert fetched(root, place, "pulse_pose_log.txt")
+    assert place.read_text() == "one\ntwo\n"
+
+
+@pytest.mark.parametrize("case", ["grown", "shorter", "other start", "damaged"])
+def test_a_database_is_replaced_by_a_later_state_of_the_same_flight_alone(
+    root: Path, tmp_path: Path, case: str
+) -> None:
+    def make(directory: Path, pulses: range, start_ns: int = 10**18) -> Path:
+        info = FlightInfo(
+            directory=str(directory),
+            start_time_ns=start_ns,
+            clock_offset_ns=0,
+            center_frequency_hz=148.7e6,
+            sample_rate_hz=3e6,
+            tags=(),
+        )
+        recorder = FlightRecorder.create(info)
+        recorder.write_pulses([pulse_at(10**18 + n * 10**9) for n in pulses])
+        recorder.close()
+        return directory / "flight.sqlite"
+
+    shutil.rmtree(root / "flight_log_1")
+    new = {
+        "grown": lambda: make(root / "flight_log_1", range(9)),
+        "shorter": lambda: make(root / "flight_log_1", range(1, 9)),
+        "other start": lambda: make(root / "flight_log_1", range(9), 10**18 + 1),
+        "damaged": lambda: make(root / "flight_log_1", range(9)),
+    }[case]()
+    if case == "damaged":
+        new.write_bytes(new.read_bytes()[:100] + b"\xff" * 3000)
+    place = make(tmp_path / "here", range(5))
+    before = place.read_bytes()
+    assert fetched(root, place, "flight.sqlite")
+    assert (place.read_bytes() == new.read_bytes()) == (case == "grown")
+    assert (place.read_bytes() == before) == (case != "grown")
 
 
 def test_directories_without_end_are_left_out_and_counted() -> None:

@@ -248,6 +248,32 @@ def test_every_export_is_well_formed_and_holds_the_flight(
         assert b"<b>" not in content
 
 
+def test_what_is_in_doubt_of_a_pulse_is_in_the_records_the_columns_and_the_table(
+    keeper: FlightKeeper, tmp_path: Path
+) -> None:
+    plain = pulse_at(pose_at(1.0, 0.0, 0.0), 20.0)
+    other = pulse_at(pose_at(2.0, 0.0, 0.0), 20.0)
+    doubts = ("also_possible_tag_ids", "ghost_of_tag_id", "clipped")
+    pulse = replace(other.pulse, also_possible_tag_ids=(4, 6), ghost_of_tag_id=8, clipped=True)
+    keeper.add_pulse(plain)
+    keeper.add_pulse(replace(other, pulse=pulse))
+    keeper.commit()
+    assert keeper.flight_id is not None
+    library, name = FlightLibrary(tmp_path), keeper.flight_id
+    certain, doubtful = library.records(name, 0, 10)
+    assert [certain[key] for key in doubts] == [[], None, False]
+    assert [doubtful[key] for key in doubts] == [[4, 6], 8, True]
+    columns = library.columns(name)
+    for key, number in (("also_possible_tag_id", 4), ("ghost_of_tag_id", 8), ("clipped", 1)):
+        assert columns[key][1] == number
+        assert not columns[key][0] > 0
+    np.testing.assert_array_equal(keeper.columns().pulses, columns.pulses)
+    table = export("csv", library.summary(name), columns, estimates(columns)).decode()
+    rows = list(csv.DictReader(io.StringIO(table)))
+    shown = [[row[key] for key in list(row)[-3:]] for row in rows]
+    assert shown == [["", "", "0"], ["4", "8", "1"]]
+
+
 def test_no_name_leads_out_of_the_directory(tmp_path: Path) -> None:
     library = FlightLibrary(tmp_path / "flights")
     (tmp_path / "flight.sqlite").touch()

@@ -12,6 +12,7 @@ from uavrt.ground.keys import NO_KEYS, read_link_keys
 def test_both_keys_are_read_from_files_of_hexadecimal_digits(tmp_path: Path) -> None:
     path = tmp_path / "key"
     path.write_text("5a" * 32)
+    path.chmod(0o600)
     keys = read_link_keys(path, path)
     assert keys.command is not None
     assert keys.signing is not None

@@ -3,10 +3,17 @@
 from pathlib import Path
 
 import pytest
+from pulses import pulse_at
 
 from uavrt.errors import RecordingError
+from uavrt.ground.protocol import GroundProtocol
 from uavrt.ground.receipts import Receipts
 from uavrt.ground.received import RECEIVED_NAME, open_receipts
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.mavlink.message import Message
+from uavrt.messages import PulsePose
+from uavrt.tunnel import pulse_to_wire
 from uavrt.tunnel.private import payload_hash
 
 MS = 1_000_000
@@ -87,3 +94,33 @@ def test_a_directory_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RecordingError, match="-o"):
         open_receipts(tmp_path / "file")
+
+
+def test_a_pulse_that_could_not_be_stored_is_not_acknowledged_by_the_next_frame() -> None:
+    protocol = GroundProtocol(receipts=(receipts := Receipts(7)))
+    writer = FrameParser(), FrameWriter(1, 191)
+
+    def hear(message: Message) -> None:
+        (frame,) = writer[0].feed(writer[1].encode(message))
+        protocol.receive(frame, 0)
+
+    beat = dialect.Heartbeat(
+        type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
+    )
+    payload = pulse_to_wire(PulsePose(pulse=pulse_at(10**18), pose=None)).encode()
+    pulse = dialect.Tunnel(
+        target_system=254,
+        target_component=190,
+        payload_type=0,
+        payload_length=len(payload),
+        payload=payload,
+    )
+    hear(beat)
+    protocol.stored()
+    hear(pulse)  # and the disk was full: nobody says `stored`
+    hear(beat)
+    protocol.stored()
+    assert not receipts.seen(payload)
+    hear(pulse)
+    protocol.stored()
+    assert receipts.seen(payload)

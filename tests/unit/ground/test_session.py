@@ -33,7 +33,7 @@ class Drone:
     def tunnel(self, payload: bytes) -> None:
         self.send(
             dialect.Tunnel(
-                target_system=255,
+                target_system=254,
                 target_component=190,
                 payload_type=PAYLOAD_TYPE,
                 payload_length=len(payload),

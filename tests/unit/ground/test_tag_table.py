@@ -63,7 +63,7 @@ def test_a_row_becomes_a_tag_in_our_units() -> None:
         ("id", "0", "whole number"),
         ("id", "2.5", "whole number"),
         ("k", "0", "whole number"),
-        ("false_alarm_percent", "100", "between 0 and 100"),
+        ("false_alarm_percent", "100", "above 0 and at most 50 %"),
         ("false_alarm_percent", "nan", "not a number"),
         ("interval_jitter_ms", "-1", "negative"),
         ("second_interval_ms", "1333", "same"),

@@ -49,3 +49,15 @@ def test_a_child_whose_supervisor_has_gone_is_told() -> None:
         theirs.close()
         with pytest.raises(SupervisorGone):
             link.receive()
+
+
+def test_what_a_supervisor_sent_before_it_was_killed_is_received_first() -> None:
+    ours, theirs = socket.socketpair()
+    with ours:
+        link = ChildLink(ours)
+        theirs.sendall(encode_record("status_text", text(1)) + b"half a li")
+        theirs.close()
+        assert link.receive(timeout_s=1.0) == [("status_text", text(1))]
+        assert link.lines == 1
+        with pytest.raises(SupervisorGone):
+            link.receive(timeout_s=1.0)

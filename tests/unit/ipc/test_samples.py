@@ -1,4 +1,5 @@
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from uavrt.ipc.samples import (
     HEADER,
     MAX_DATAGRAM_BYTES,
     MAX_SAMPLES,
+    MAX_STRETCHES,
     ChannelReceiver,
     ChannelSender,
 )
@@ -115,6 +117,8 @@ def test_the_channels_of_a_radio_block_travel_together_and_its_end_is_known(
         ENVELOPE.pack(1, 0, 0) + bytes(HEADER.size - 1),
         ENVELOPE.pack(1, 0, 0) + HEADER.pack(0, 0, 0.0, 0.0, 0, 3) + bytes(16),
         ENVELOPE.pack(1, 0, 0) + HEADER.pack(0, 0, 0.0, 0.0, 0, 3) + bytes(32),
+        ENVELOPE.pack(1, 0, 1) + HEADER.pack(0, 0, 0.0, 0.0, 0, 0),
+        ENVELOPE.pack(1, 0, 2**32 - 1) + bytes(100),
     ],
 )
 def test_a_datagram_that_is_no_blocks_is_refused_and_counted(datagram: bytes) -> None:
@@ -135,3 +139,47 @@ def test_a_datagram_begins_with_8_bytes_and_a_block_with_32() -> None:
         head = "01000000 00000000 0200000000000000 ab11040000000000"
         tail = "000000e044baa141 0060ea45 0300 0100 00000040 00000040"
         assert theirs.recv(1000).hex() == (head + tail).replace(" ", "")
+
+
+def test_when_the_converter_was_at_its_limits_is_told_once_for_all_channels() -> None:
+    ours, theirs = make_sample_sockets()
+    with ours, theirs:
+        sender, receiver = ChannelSender(ours), ChannelReceiver(theirs)
+        times_ns = ((5, 9), (2**60, 2**60 + 1))
+        for channel in (1, 2):
+            sender.send(replace(block(0, 100, channel), clipped_ns=times_ns))
+        sender.flush()
+        sender.send(block(100, 100, 1))
+        sender.flush()
+        one, two = receiver.receive()
+        assert one.clipped_ns == times_ns
+        assert one.clipped_ns is two.clipped_ns
+        np.testing.assert_array_equal(two.samples, block(0, 100).samples)
+        assert receiver.receive()[0].clipped_ns == ()
+
+
+@given(st.integers(0, 3000), st.integers(1, 4), st.integers(1, 2 * MAX_SAMPLES))
+def test_as_many_clipped_stretches_as_there_may_be_cost_no_sample(
+    stretches: int, channels: int, count: int
+) -> None:
+    ours, theirs = make_sample_sockets()
+    with ours, theirs:
+        sender, receiver = ChannelSender(ours), ChannelReceiver(theirs)
+        times_ns = tuple((2 * n, 2 * n + 1) for n in range(stretches))
+        for channel in range(channels):
+            sender.send(replace(block(0, count, channel), clipped_ns=times_ns))
+        sender.flush()
+        got = list(received(receiver, sender))
+        assert sum(len(part.samples) for part in got) == channels * count
+        assert got[0].clipped_ns == times_ns[-MAX_STRETCHES:]
+        assert receiver.refused == 0
+
+
+def test_the_bytes_of_a_clipped_stretch() -> None:
+    ours, theirs = make_sample_sockets()
+    with ours, theirs:
+        sender = ChannelSender(ours)
+        sender.send(replace(block(2, 1), clipped_ns=((1, 258),)))
+        sender.flush()
+        head = "01000000 01000000 0100000000000000 0201000000000000 0200000000000000"
+        assert theirs.recv(1000).hex().startswith(head.replace(" ", ""))

@@ -12,12 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.computer import Finding, examine_autopilot
-from uavrt.computer.autopilot_rules import names_to_read, needs
+from uavrt.computer.autopilot_rules import has_serial_ports, names_to_read, needs
 from uavrt.errors import ConfigError
+from uavrt.ground.link import GroundLink
 from uavrt.mavlink import dialect
+from uavrt.mavlink.discovery import station_heartbeat
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
 from uavrt.simulation.autopilot_parameters import ARDUPILOT_DEFAULTS, PX4_DEFAULTS
+from uavrt.units import ns_from_s
 
 World = Any  # tests/unit/mavlink/conftest.py
 
@@ -153,6 +156,48 @@ def test_wrong_parameters_let_nothing_through_and_right_ones_do(world: World) ->
         (frame,) = FrameParser().feed(FrameWriter(1, 191).encode(beat))
         autopilot.receive(autopilot.companion, frame, world.clock.now_ns())
         assert (len(autopilot.ground.ring) + autopilot.ground.ring.forwarded == 1) is passes
+
+
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+@pytest.mark.parametrize("as_gcs", [False, True])
+def test_our_ground_station_does_not_hide_the_loss_of_the_operators_own(
+    world: World, flavour: str, as_gcs: bool
+) -> None:
+    autopilot = FakeAutopilot(
+        world.vehicle, replace(world.settings, flavour=flavour), world.clock
+    )
+    start_ns = world.clock.now_ns()
+
+    def beat(system_id: int, heartbeat: dialect.Heartbeat, at_s: float) -> None:
+        (frame,) = FrameParser().feed(FrameWriter(system_id, 190).encode(heartbeat))
+        autopilot.receive(autopilot.ground, frame, start_ns + ns_from_s(at_s))
+
+    ours = GroundLink(world.clock.now_ns, as_gcs=as_gcs).protocol
+    beat(255, station_heartbeat(as_gcs=True), 0.0)  # QGroundControl's, and then no more
+    for second in range(1, 12):
+        beat(ours.own.system_id, ours.heartbeat(), second)
+    # As a station of type GCS, which only the original's drone side needs, we hide it.
+    assert autopilot.operator_lost(start_ns + ns_from_s(11.5)) is not as_gcs
+
+
+def test_the_doctor_tells_what_happens_when_the_operators_station_is_lost(
+    world: World,
+) -> None:
+    for flavour, wrong, words in (
+        ("px4", {"NAV_DLL_ACT": 2}, "NAV_DLL_ACT = 2"),
+        ("ardupilot", {}, "is lost: none"),
+        ("ardupilot", {"MAV_GCS_SYSID": 254}, "would go unnoticed"),
+    ):
+        with autopilot_of(world, flavour, wrong):
+            (told,) = [line for line in examine(world) if "operator's" in line.text]
+        assert words in told.text
+        assert told.ok is ("unnoticed" not in words)
+
+
+def test_a_px4_without_parameters_of_serial_ports_is_no_fault() -> None:
+    told: dict[str, float | None] = dict.fromkeys(names_to_read(True, "TELEM2"))
+    assert needs(True, told, "TELEM2", 57_600) == []
+    assert not has_serial_ports(told)
 
 
 def px4(**values: float) -> Callable[[str], set[str]]:

@@ -278,16 +278,20 @@ def test_times_are_right_again_soon_after_the_autopilot_restarts(bench: Bench) -
     assert asked >= {31}
 
 
-def test_an_answer_to_another_component_is_not_taken(bench: Bench) -> None:
+def test_an_answer_is_ours_by_its_time_stamp_whatever_its_target_says(bench: Bench) -> None:
+    # PX4 1.17 answers with targets that it never set.
     bench.autopilot_heartbeat()
     bench.wait(0.1)
     (ask,) = bench.take(d.Timesync)[:1]
-    other = d.Timesync(tc1=5 * SECOND, ts1=ask.ts1, target_system=1, target_component=25)
-    bench.hear(other)
     bench.hear(d.Timesync(tc1=5 * SECOND, ts1=ask.ts1 + 1))
+    bench.hear(d.Timesync(tc1=5 * SECOND, ts1=ask.ts1), system_id=1, component_id=25)
     assert not bench.component.time_sync.synchronized
-    bench.hear(d.Timesync(tc1=5 * SECOND, ts1=ask.ts1))
+    assert bench.component.counters["timesync_foreign"] == 2
+    answer = d.Timesync(tc1=5 * SECOND, ts1=ask.ts1, target_system=224, target_component=92)
+    bench.hear(answer)
     assert bench.component.time_sync.synchronized
+    bench.hear(answer)
+    assert bench.component.time_sync.round_trips == 1
 
 
 def test_the_autopilots_own_question_of_time_is_answered_to_it(bench: Bench) -> None:

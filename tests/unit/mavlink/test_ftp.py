@@ -403,3 +403,21 @@ def download(ftp: Any, remote: str, place: Path, burst: bool) -> None:
     ftp.download_async(remote, str(place), burst, progress)
     assert done.wait(60.0)
     assert not failed
+
+
+def test_eight_idle_sessions_shut_nobody_out(flights: Path) -> None:
+    server = FileServer(FileTree(flights))
+    idle, busy = Asker(server, OTHER), Asker(server, CLIENT)
+    for session in range(MAX_SESSIONS):
+        opened = idle.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=session)
+        assert opened.opcode == Opcode.ACK
+    for _ in range(3):
+        opened = busy.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite", session=1)
+        assert opened.opcode == Opcode.ACK
+        again = idle.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=0)
+        assert error_of(again) in (None, FtpError.NO_SESSIONS_AVAILABLE)
+        assert busy.ask(Opcode.READ_FILE, session=1, size=5).data == CONTENT[:5]
+    counters = server.counters()
+    assert counters["ftp_sessions"] == MAX_SESSIONS
+    assert counters["ftp_sessions_given_up"] >= 1
+    server.close()

@@ -9,18 +9,18 @@ from typing import Any
 import pytest
 
 from uavrt.clock import Clock
-from uavrt.config.parameters import parameter_values
+from uavrt.config.parameters import RUN, parameter_values
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.errors import CommandRefused, LinkError, TunnelError
 from uavrt.ground.link import GroundLink
-from uavrt.mavlink import Connection, Handlers, Peer
+from uavrt.mavlink import Connection, Handlers, Peer, Priority
 from uavrt.mavlink.dialect import MavParamType, ParamSet
 from uavrt.mavlink.parameters import Requests
 from uavrt.processes.parameter_desk import ParameterDesk
 from uavrt.supervisor.memory import StateStore
 from uavrt.supervisor.mission import Mission
 from uavrt.tunnel.gate import Gate
-from uavrt.tunnel.private import SEALED_TYPE
+from uavrt.tunnel.private import SEALED_TYPE, SESSION_TYPE
 from uavrt.tunnel.seal import (
     PARAMETER_INSIDE,
     Key,
@@ -67,13 +67,19 @@ class GatedDrone:
         )
 
     async def tick(self) -> None:
-        await asyncio.Event().wait()
+        while True:
+            session = self.gate.announcement(self.connection.place)
+            if session is not None:
+                self.connection.tunnel.send_tunnel(
+                    session, Priority.STATUS, payload_type=SESSION_TYPE
+                )
+            await asyncio.sleep(0.3)
 
     def _private(self, payload_type: int, payload: bytes, peer: Peer) -> None:
         if payload_type != SEALED_TYPE:
             return
         place = (peer.system_id, peer.component_id)
-        opened = self.gate.open(payload, place, self._clock.now_ns())
+        opened = self.gate.open(payload, place, self.connection.place)
         if opened is not None and opened[0] == PARAMETER_INSIDE:
             name, value = parameter_of(opened[1])
             wish = ParamSet(
@@ -121,7 +127,7 @@ def test_parameters_are_listed_and_set_over_a_lossy_radio(
                     break
                 except LinkError:
                     continue
-            assert listed == parameter_values(drone.mission.settings)
+            assert listed == {**parameter_values(drone.mission.settings), RUN.name: 0.0}
             assert await ground.parameters.set("RADIO_GAIN", 15) == 15
             assert await ground.parameters.set("DET_FALSE_ALARM", 0.005) == pytest.approx(0.005)
             with pytest.raises(CommandRefused, match="stays 15"):
@@ -135,6 +141,7 @@ def test_parameters_are_listed_and_set_over_a_lossy_radio(
 def test_a_drone_with_a_key_takes_only_sealed_parameters(world: World, tmp_path: Path) -> None:
     path = tmp_path / "key"
     path.write_text("5a" * 32)
+    path.chmod(0o600)
     drone = world.drone = GatedDrone(world.clock, tmp_path, path)
 
     async def main() -> None:
@@ -144,6 +151,11 @@ def test_a_drone_with_a_key_takes_only_sealed_parameters(world: World, tmp_path:
             assert "only sealed" in drone.texts[-1]
             friend = GroundLink(world.clock.now_ns, key=read_key(path))
             friend.protocol.drone = stranger.protocol.drone
+            with pytest.raises(LinkError, match="what to seal commands for"):
+                friend.protocol.sealed_parameter("RADIO_GAIN", 15.0)
+            place = drone.connection.place
+            assert friend.protocol._sealer is not None
+            friend.protocol._sealer.hear(drone.gate.announcement(place) or b"", place)
             sealed = friend.protocol.sealed_parameter("RADIO_GAIN", 15.0)
             assert sealed is not None
             stranger.send(sealed)

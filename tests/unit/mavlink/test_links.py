@@ -7,6 +7,7 @@ import os
 import pty
 import socket
 from collections.abc import Awaitable, Callable
+from functools import partial
 
 import pytest
 import serial
@@ -233,3 +234,62 @@ def test_a_serial_port_without_permission_points_to_the_dialout_group() -> None:
         parse_address("serial:///dev/ttyUSB0"), PermissionError(errno.EACCES, "denied")
     )
     assert "dialout" in str(error)
+
+
+class Stumbling:
+    """A handler that fails at its first frames."""
+
+    def __init__(self, times: int) -> None:
+        self.left = times
+        self.heard: list[Frame] = []
+
+    def __call__(self, frame: Frame) -> None:
+        if self.left:
+            self.left -= 1
+            raise ValueError("77 is not a valid CommandId")
+        self.heard.append(frame)
+
+
+@pytest.mark.parametrize("kind", ["udp", "tcp", "serial"])
+def test_a_frame_that_its_handler_fails_at_is_counted_and_reading_goes_on(
+    kind: str, until: Until, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def main() -> None:
+        handler = Stumbling(2)
+        async with contextlib.AsyncExitStack() as stack:
+            if kind == "udp":
+                link = await open_link("udpin://127.0.0.1:0", handler)
+                assert isinstance(link, UdpLink)
+                far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+                stack.callback(far.close)
+                far.connect(("127.0.0.1", link.local_port))
+                say: Callable[[bytes], object] = far.send
+            elif kind == "tcp":
+                server = socket.create_server(("127.0.0.1", 0))
+                stack.callback(server.close)
+                port = server.getsockname()[1]
+                link = await open_link(f"tcp://127.0.0.1:{port}", handler)
+                far, _ = server.accept()
+                stack.callback(far.close)
+                say = far.send
+            else:
+                master, slave = pty.openpty()
+                stack.callback(os.close, master)
+                link = await open_link(f"serial://{os.ttyname(slave)}:57600", handler)
+                os.close(slave)
+                say = partial(os.write, master)
+
+            say(FRAME)
+            await until(lambda: link.counters.faults == 1)
+            say(FRAME)
+            await until(lambda: link.counters.faults == 2)
+            say(FRAME)
+            await until(lambda: handler.heard)
+            assert link.counters.received == 3
+            assert link.health()["link_faults"] == 2
+            await link.close()
+
+    asyncio.run(main())
+    logged = capsys.readouterr().err
+    assert logged.count("frame not handled") == 2
+    assert "77 is not a valid CommandId" in logged

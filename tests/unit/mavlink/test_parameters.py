@@ -20,7 +20,7 @@ from mavsdk.plugins.component_metadata import MetadataType
 from mavsdk.plugins.param import ParamError, ProtocolVersion
 
 from uavrt.clock import Clock
-from uavrt.config.parameters import PARAMETERS, parameter_values
+from uavrt.config.parameters import OFFERED, RUN, parameter_values
 from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
 from uavrt.mavlink.component import ParameterEncoding
@@ -93,7 +93,7 @@ class ParameterDrone:
 
     @property
     def values(self) -> dict[str, float]:
-        return parameter_values(self.mission.settings)
+        return {**parameter_values(self.mission.settings), RUN.name: 0.0}
 
     async def tick(self) -> None:
         while True:
@@ -132,7 +132,7 @@ def test_mavsdk_lists_sets_and_reads_our_parameters(
             whole = {p.name: float(p.value) for p in everything.int_params}
             real = {p.name: p.value for p in everything.float_params}
             assert {**whole, **real} == drone.values
-            assert set(real) == {n for n, row in PARAMETERS.items() if row.kind == "real"}
+            assert set(real) == {n for n, row in OFFERED.items() if row.kind == "real"}
             await param.set_param_int("RADIO_GAIN", 15)
             await param.set_param_int("RADIO_FREQ_KHZ", 148_705)
             await param.set_param_float("DET_FALSE_ALARM", 0.005)
@@ -169,7 +169,7 @@ def test_mavsdk_gets_our_metadata_by_file_transfer(
             found = await metadata.get_metadata(191, MetadataType.PARAMETER)
             await updates.aclose()
             listed = json.loads(found.json_metadata)["parameters"]
-            assert [entry["name"] for entry in listed] == list(PARAMETERS)
+            assert [entry["name"] for entry in listed] == list(OFFERED)
             assert all(entry["min"] <= entry["default"] <= entry["max"] for entry in listed)
             metadata.destroy()
         configuration.destroy()
@@ -227,7 +227,7 @@ def test_pymavlink_sets_a_parameter_bytewise_and_hears_why_not(
 
     say(station.mav.param_request_list_encode(1, 0))
     assert heard() == pytest.approx(drone.values)
-    assert [m.param_index for m in station.heard] == list(range(len(PARAMETERS)))
+    assert [m.param_index for m in station.heard] == list(range(len(OFFERED)))
     say(station.mav.param_request_read_encode(1, 191, b"DET_K", -1))
     assert heard() == {"DET_K": 0}
     say(station.mav.param_request_read_encode(1, 191, b"", 0))

@@ -155,6 +155,7 @@ def test_unsigned_frames_are_taken_by_the_policy_only() -> None:
 def test_a_key_file_holds_64_digits_and_the_key_is_never_shown(tmp_path: Path) -> None:
     path = tmp_path / "key"
     path.write_text(KEY.secret.hex() + "\n")
+    path.chmod(0o600)
     assert read_signing_key(path) == KEY
     assert KEY.secret.hex() not in repr(KEY)
     for text in ("", "abc", KEY.secret.hex()[:-2], "passphrase"):
@@ -183,13 +184,20 @@ def test_a_signing_ground_station_commands_through_ardupilot_and_another_does_no
             stranger = GroundLink(world.clock.now_ns, ack_wait_s=0.1)
             task = asyncio.create_task(stranger.run(world.ground_address))
             await stranger.wait_for_drone(20.0)
-            with pytest.raises(LinkError, match="did not answer"):
+            with pytest.raises(LinkError, match=r"did not answer .* signs its frames") as told:
                 await stranger.command(stop)
+            assert "--signing-key" in (told.value.remedy or "")
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
             assert taken == []
             refused = ours.counters["unsigned_refused"]
             assert refused >= 4
+            other = GroundLink(world.clock.now_ns, signing_key=SigningKey(bytes(32)))
+            task = asyncio.create_task(other.run(world.ground_address))
+            with pytest.raises(LinkError, match="not signed with the key given"):
+                await other.wait_for_drone(2.5)
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
             friend = GroundLink(world.clock.now_ns, ack_wait_s=0.1, signing_key=KEY)
             task = asyncio.create_task(friend.run(world.ground_address))
             await friend.wait_for_drone(20.0)

@@ -1,3 +1,7 @@
+import random
+
+import pytest
+
 from uavrt.mavlink import TimeSync
 
 START_NS = 1_700_000_000 * 10**9
@@ -64,3 +68,56 @@ def test_an_autopilot_that_answers_no_timesync_serves_by_its_least_delay() -> No
     local_ns = sync.local_ns(7 * SECOND)
     assert local_ns is not None
     assert 3_000_000 <= local_ns - START_NS < 3_200_000
+
+
+@pytest.mark.parametrize("skew", [-0.015, 0.015])
+@pytest.mark.parametrize("jitter_s", [0.001, 0.004])
+def test_a_simulated_px4_that_runs_slow_is_followed_from_the_third_second(
+    skew: float, jitter_s: float
+) -> None:
+    draw = random.Random(5)
+    sync = TimeSync()
+    worst_s = 0.0
+    sent_ns = START_NS
+
+    def boot_ns(local_ns: int) -> int:
+        return 20 * SECOND + round((local_ns - START_NS) * (1.0 + skew))
+
+    for step in range(60):
+        there_ns, back_ns = (round(draw.expovariate(1.0 / jitter_s) * 1e9) for _ in range(2))
+        arrived_ns = sent_ns + there_ns
+        sync.add_round_trip(sent_ns, boot_ns(arrived_ns), arrived_ns + back_ns)
+        sent_ns += SECOND // 10 if step < 20 else SECOND
+        if sent_ns - START_NS > 3 * SECOND:
+            for ahead_ns in (0, SECOND // 2):
+                local_ns = sync.local_ns(boot_ns(sent_ns + ahead_ns))
+                assert local_ns is not None
+                worst_s = max(worst_s, abs(local_ns - sent_ns - ahead_ns) / SECOND)
+    assert sync.resets == 0
+    assert worst_s < 2.0 * jitter_s + 0.001
+    assert sync.residual_s is not None
+    assert sync.residual_s < 2.0 * jitter_s
+
+
+def test_the_bound_of_one_way_messages_ages_with_a_clock_that_runs_slow() -> None:
+    draw = random.Random(3)
+    sync = TimeSync()
+    for step in range(50 * 120):
+        local_ns = START_NS + step * SECOND // 50
+        boot_ns = 7 * SECOND + round((local_ns - START_NS) * 0.985)
+        sync.add_one_way(boot_ns, local_ns + round(draw.expovariate(1000.0) * 1e9))
+        if step > 50 * 5:
+            told_ns = sync.local_ns(boot_ns)
+            assert told_ns is not None
+            # Never bound by an offset of two minutes ago, which is 1.8 s off by now.
+            assert abs(told_ns - local_ns) < 0.02 * SECOND
+
+
+def test_a_line_is_stale_ten_seconds_after_its_last_answer() -> None:
+    sync = TimeSync()
+    assert sync.is_stale(START_NS)
+    feed(sync, START_NS, 5 * SECOND, 5)
+    last_ns = START_NS + 4 * SECOND
+    assert not sync.is_stale(last_ns + 9 * SECOND)
+    assert sync.is_stale(last_ns + 11 * SECOND)
+    assert sync.age_ns(last_ns + 11 * SECOND) == pytest.approx(11 * SECOND, abs=SECOND // 100)

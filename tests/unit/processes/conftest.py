@@ -117,6 +117,10 @@ class Bay:
         self.autopilot: FakeAutopilot | None = None
         self.records: list[tuple[str, Any]] = []
         self.commands: list[Command] = []
+        self.refusals: dict[str, str] = {}
+        """What is said to commands of these names."""
+        self.recorder_quick = True
+        """A pulse is said to be recorded as soon as it has its pose."""
         self.health: Health | None = None
         self.process: ConnectionProcess | None = None
         self.relay: Relay | None = None
@@ -228,12 +232,16 @@ class Bay:
     def _take(self, topic: str, record: object) -> None:
         """Be recorder and supervisor: what was recorded comes back, every command is taken."""
         self.records.append((topic, record))
-        if isinstance(record, PulsePose):
+        if isinstance(record, PulsePose) and self.recorder_quick:
             self.tell("recorded_pulse_pose", record)
         elif isinstance(record, Command):
             self.commands.append(record)
+            refusal = self.refusals.get(record.name)
             reply = CommandReply(
-                request_id=record.request_id, name=record.name, accepted=True, message=""
+                request_id=record.request_id,
+                name=record.name,
+                accepted=refusal is None,
+                message=refusal or "",
             )
             self.tell("command_reply", reply)
         elif isinstance(record, Health):

@@ -1,7 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from uavrt.config.settings import DetectionSettings, OperatingModeName
+from uavrt.detection import PulseDetector, group
+from uavrt.detection.band import advance_together
 from uavrt.messages import ChannelBlock, Tag
 from uavrt.processes.detector import DetectorBank
 
@@ -92,3 +96,71 @@ def test_a_bank_with_a_hard_lock_keeps_to_the_frequency_that_it_found() -> None:
         bank.put(block)
         bank.collect()
     assert bank.all()[0].locked_frequency_hz == pytest.approx(CENTER_HZ + 200.0, abs=5.0)
+
+
+@pytest.mark.parametrize("times", [1, 2])
+@pytest.mark.parametrize("where", ["conclude", "next_step", "process"])
+def test_a_tag_at_which_the_search_fails_twice_is_left_out_and_the_others_go_on(
+    where: str,
+    times: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    original, left = getattr(PulseDetector, where), [times]
+
+    def failing(self: PulseDetector, *arguments: object) -> object:
+        if self.tag.tag_id == 5 and left[0] and self.counters.samples > 0.6 * RATE_HZ:
+            left[0] -= 1
+            raise FloatingPointError("no threshold")
+        return original(self, *arguments)
+
+    monkeypatch.setattr(PulseDetector, where, failing)
+    sick = replace(tag(5, CENTER_HZ - 1500.0), name="fox")
+    bank = DetectorBank((tag(2, CENTER_HZ + 150.0), sick), DetectionSettings())
+    stream = blocks(2.0)
+    if where == "process":  # which is what irregular blocks come to
+        stream = [
+            replace(block, time_ns=block.time_ns + 10**7 * (n % 2))
+            for n, block in enumerate(stream[:40])
+        ] + stream[40:]
+    found = run(bank, stream)
+    assert left == [0]
+    counters = bank.counters()
+    assert counters["detector_failures"] == times
+    assert counters["tags_left_out"] == times - 1
+    assert bank.complete
+    said = capsys.readouterr().err
+    assert ('"tag": "5 fox"' in said) is (times == 2)
+    assert len(found) >= 5, "of the ten; some samples go with the failures"
+
+
+def test_a_step_of_several_tags_that_fails_makes_none_of_them_guilty(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    together, left = advance_together, [1]
+
+    def failing(*arguments: object) -> object:
+        if left[0]:
+            left[0] -= 1
+            raise FloatingPointError("no threshold")
+        return together(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(group, "advance_together", failing)
+    bank = DetectorBank(
+        (tag(2, CENTER_HZ + 150.0), tag(5, CENTER_HZ - 1500.0)), DetectionSettings()
+    )
+    assert len(run(bank, blocks(2.0))) >= 8
+    assert left == [0]
+    assert bank.counters()["detector_failures"] == 1
+    assert not bank.left_out
+    assert "search failed" in capsys.readouterr().err
+
+
+def test_a_tag_that_no_detector_takes_costs_the_others_nothing(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    wide = replace(tag(5, CENTER_HZ - 150.0), pulse_width_s=0.7, name="fox")
+    bank = DetectorBank((wide, tag(2, CENTER_HZ + 150.0)), DetectionSettings())
+    assert len(run(bank, blocks(2.0))) == 10
+    assert list(bank.left_out) == [5]
+    assert '"tag": "5 fox"' in capsys.readouterr().err

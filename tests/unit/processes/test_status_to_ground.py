@@ -45,12 +45,13 @@ def test_state_tags_searches_texts_and_the_computers_load_reach_the_ground(
             bay.tell("search_report", report(4, bay.clock.now_ns()))
             bay.tell("search_report", report(4, bay.clock.now_ns()))  # too soon for another
             bay.tell("status_text", StatusText(severity=4, text=LONG))
-            await until(lambda: of(SearchReport) and of(StatusText) and loads)
+            warning = StatusText(severity=4, text=LONG)
+            await until(lambda: of(SearchReport) and warning in of(StatusText) and loads)
             await until(lambda: {alive.tag_id for alive in of(DetectorAlive)} == {2, 4})
             (search,) = of(SearchReport)
             assert search.tag_id == 4
             assert search.noise_psd == 2.0**-40
-            assert StatusText(severity=4, text=LONG) in of(StatusText)
+            assert StatusText(severity=6, text="Tag 2 heard: 20.0 dB") in of(StatusText)
             await until(lambda: of(DroneHeartbeat)[-1].state is SystemState.DETECTING)
 
     asyncio.run(main())

@@ -14,7 +14,7 @@ from uavrt.messages import PulsePose
 Bay = Any  # tests/unit/processes/conftest.py
 Until = Callable[..., Awaitable[None]]
 
-STATION = Peer(255, 190)
+STATION = Peer(254, 190)
 SECOND = 10**9
 
 
@@ -83,7 +83,7 @@ def test_a_command_is_answered_by_the_link_that_it_came_by(
             by_radio.best = lambda: [1, 0]  # as if Wi-Fi were silent
             await by_wifi.stop_detection()
             await until(lambda: len(bay.commands) == 2)
-            assert bay.process._asked_on == {(255, 190): 0}
+            assert bay.process._asked_on == {(254, 190): 0}
             assert bay.autopilot.counters()["forwarded_to_ground"] > before
 
     asyncio.run(main())

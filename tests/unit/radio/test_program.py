@@ -99,7 +99,7 @@ RADIOS: list[tuple[RadioSettings, list[str]]] = [
     ),
     (
         RadioSettings(kind="rtlsdr", sample_rate_hz=250e3, frequency_correction_ppm=51.0),
-        ["-f", "148700500", "-s", "250000", "-g", "40", "-b", "32768", "-p", "51", "-"],
+        ["-f", "148700500", "-s", "250000", "-g", "40", "-b", "16384", "-p", "51", "-"],
     ),
     (
         RadioSettings(kind="hackrf", gain=70, serial="7", bias_tee=True),
@@ -319,6 +319,34 @@ def test_samples_that_a_program_says_it_lost_are_a_gap_in_the_stream(
     assert [index for index, _ in seen] == [
         262144 * n + (4000 if n >= at else 0) for n in range(4)
     ]
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_hackrf_program_that_can_is_asked_for_its_overruns(
+    install: Install, known: bool
+) -> None:
+    # Usage and statistics line of hackrf_transfer 2023.01.1; older ones refuse -B.
+    install(
+        "hackrf_transfer",
+        f"""
+        if sys.argv[1:] == ["-h"]:
+            print("\t[-B] # Print buffer statistics during transfer" if {known} else "Usage:")
+            sys.exit(0)
+        if ("-B" in sys.argv) != {known}:
+            sys.exit("wrong arguments")
+        if {known}:
+            sys.stderr.write("12.1 MiB / 1.000 sec = 12.1 MiB/second, amplitude -20.0 dBfs, "
+                             "16384 bytes free in buffer, 2 overruns, longest 16384 bytes\\n")
+            sys.stderr.flush()
+        time.sleep(0.1)
+        while True:
+            os.write(1, bytes(2 * 262144))
+        """,
+    )
+    source = ProgramSource(RadioSettings(kind="hackrf", sample_rate_hz=6e6), 148e6)
+    assert source.read(timeout_s=10.0) is not None
+    source.close()
+    assert source.overruns == (2 if known else 0)
 
 
 def test_much_talk_on_stderr_does_not_stop_the_samples(install: Install) -> None:

@@ -16,8 +16,10 @@ import os
 calls = []
 
 class Result:
-    def __init__(self, ret):
+    def __init__(self, ret, time_ns=None):
         self.ret = ret
+        self.flags = 0 if time_ns is None else 4
+        self.timeNs = time_ns or 0
 
 class Device:
     def __init__(self, arguments):
@@ -26,6 +28,8 @@ class Device:
             raise RuntimeError("no match")
         self.next = 0
         self.answers = []
+        self.missing = 0
+        self.lose_at = None
 
     def __getattr__(self, name):
         return lambda *arguments: calls.append((name, *arguments)) or "stream"
@@ -34,6 +38,12 @@ class Device:
         if self.answers:
             return Result(self.answers.pop(0))
         count = min(count, 1000)
+        if self.lose_at is not None:
+            if self.next == self.lose_at:
+                self.missing = 777
+            time_ns = 4000 * (self.next + self.missing)
+            self.next += count
+            return Result(count, time_ns)
         for i in range(count):
             buffers[0][i] = self.next + i
         self.next += count
@@ -80,6 +90,18 @@ def test_overflows_and_timeouts_are_lived_with_and_errors_end_the_stream() -> No
     source._device.answers = [-3]
     with pytest.raises(RadioStopped, match="-3"):
         source.read()
+    source.close()
+
+
+@pytest.mark.usefixtures("soapy")
+def test_the_radios_own_times_give_a_gap_exactly_and_in_its_place() -> None:
+    source = SoapySource(SETTINGS, 148.7e6)
+    source._device.lose_at = 3000
+    first, second = source.read(), source.read()
+    assert first is not None
+    assert second is not None
+    assert (first.sample_index, len(first.samples), first.lost_before) == (0, 3000, 0)
+    assert (second.sample_index, second.lost_before, source.samples_lost) == (3777, 777, 777)
     source.close()
 
 

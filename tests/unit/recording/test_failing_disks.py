@@ -1,5 +1,6 @@
 """Disks that are full, damaged or not there: what a flight recorder makes of them."""
 
+import itertools
 import json
 import os
 import shutil
@@ -216,3 +217,47 @@ def fill_the_disk(
     recorder.close()
     assert recorder.waiting_records == 0
     assert len(read_flight(info.directory).pulse_poses) == number
+
+
+REOPENED = """
+import resource, sys
+from uavrt.recording import FlightRecorder
+
+def peak_mb():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+before = peak_mb()
+FlightRecorder.reopen(sys.argv[1]).close()
+print(peak_mb() - before)
+"""
+
+
+@pytest.mark.parametrize("logs", ["whole", "missing"])
+def test_to_go_on_with_a_long_flight_takes_no_more_memory_than_with_a_short_one(
+    make_info: MakeInfo, make_pulse_pose: MakePulsePose, logs: str
+) -> None:
+    info = make_info()
+    recorder = FlightRecorder.create(info)
+    grown = {}
+    numbers = iter(range(60_000))
+    for count in (2_000, 30_000):
+        recorder.write_pulse_poses(
+            make_pulse_pose(number, tag_id=2 + 2 * (number % 2))
+            for number in itertools.islice(numbers, count)
+        )
+        recorder.commit()
+        if logs == "missing":
+            for log in Path(info.directory).rglob("pulse_pose_log.txt"):
+                log.unlink()
+        told = subprocess.run(
+            [sys.executable, "-c", REOPENED, info.directory],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        grown[count] = float(told.stdout)
+    recorder.close()
+    assert grown[30_000] < grown[2_000] + 3.0
+    for log in Path(info.directory).rglob("pulse_pose_log.txt"):
+        of_all = log.parent == Path(info.directory)
+        assert len(read_pulse_pose_log(log)) == (32_000 if of_all else 16_000)

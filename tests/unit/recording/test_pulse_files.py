@@ -16,11 +16,13 @@ from uavrt.recording import PulseFormat, PulseWriter, pulse_format, read_pulse_f
 
 MakePulsePose = Callable[..., PulsePose]
 
-# Copied from DESIGN.md §7, "JSON-lines pulse record"; programs outside rely on it.
+# Copied from DESIGN.md §7, "JSON-lines pulse record"; programs outside rely on it, also on the
+# order: what came later is at the end.
 FIELDS = """tag_id, frequency_hz, start_time_ns, end_time_ns, snr_db, group_snr_db, score,
 group_index, group_sequence, noise_psd, detection_status, confirmed, rate,
 predicted_next_start_ns, predicted_next_end_ns, latitude_deg, longitude_deg, altitude_amsl_m,
-altitude_relative_m, quaternion_wxyz""".replace("\n", " ").split(", ")
+altitude_relative_m, quaternion_wxyz, also_possible_tag_ids, ghost_of_tag_id,
+clipped""".replace("\n", " ").split(", ")
 
 
 def written(form: PulseFormat, pulses: list[PulsePose | Pulse]) -> str:
@@ -59,6 +61,9 @@ def test_pulses_survive_a_round_trip(
             predicted_next_end_ns=None,
             confirmed=False,
             detection_status="subthreshold",
+            also_possible_tag_ids=(4, 6),
+            ghost_of_tag_id=8,
+            clipped=True,
         ),
         pose=None,
     )
@@ -66,6 +71,18 @@ def test_pulses_survive_a_round_trip(
     path.write_text(written(form, [*posed, bare]))
     assert read_pulse_file(path) == (*posed, bare)
     assert pulse_format(path.name) == form
+
+
+def test_files_of_older_versions_say_nothing_of_other_tags(
+    make_pulse_pose: MakePulsePose, tmp_path: Path
+) -> None:
+    item = make_pulse_pose()
+    record = json.loads(written("jsonl", [item]))
+    for name in ("also_possible_tag_ids", "ghost_of_tag_id", "clipped"):
+        del record[name]
+    path = tmp_path / "old.jsonl"
+    path.write_text(json.dumps(record) + "\n")
+    assert read_pulse_file(path) == (item,)
 
 
 @pytest.mark.parametrize("form", ["csv", "jsonl"])
@@ -128,3 +145,23 @@ def test_a_recording_is_no_pulse_file(tmp_path: Path) -> None:
     path.write_bytes(b"\xff\x00" * 50)
     with pytest.raises(FormatError, match="cannot read"):
         read_pulse_file(path)
+
+
+@pytest.mark.parametrize("form", ["csv", "jsonl"])
+@pytest.mark.parametrize("damage", ["nonsense", "\xff\xfe", "", "{}", "2,3"])
+def test_damaged_lines_among_good_ones_are_read_around_and_counted(
+    make_pulse_pose: MakePulsePose,
+    tmp_path: Path,
+    form: PulseFormat,
+    damage: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pulses = [make_pulse_pose(number) for number in range(3)]
+    lines = written(form, [*pulses]).splitlines(keepends=True)
+    path = tmp_path / f"pulses.{form}"
+    content = [line.encode() for line in lines]
+    content.insert(len(content) - 1, damage.encode("latin-1") + b"\n")
+    path.write_bytes(b"".join(content))
+    assert read_pulse_file(path) == tuple(pulses)
+    told = capsys.readouterr().err
+    assert ("damaged lines passed over" in told) is bool(damage)

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ros2.allowance import Allowance
+from uavrt.allowance import Allowance
 
 
 @given(

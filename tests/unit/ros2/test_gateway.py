@@ -1,5 +1,6 @@
 """What the gateway says and hears, without a network."""
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
@@ -7,18 +8,23 @@ from pulses import pulse_at
 
 from uavrt.config.settings import Ros2Settings, Settings
 from uavrt.messages import (
+    Command,
     CommandReply,
     ProcessStatus,
     SystemState,
     SystemStatus,
     Tag,
 )
-from uavrt.ros2 import TOPICS, RosTopic, encode
+from uavrt.ros2 import TOPICS, encode
 from uavrt.ros2.convert import pulse_to_ros, tag_to_ros
 from uavrt.ros2.gateway import Gateway
-from uavrt.ros2.messages import DiagnosticArray, Flag, RosMessage
+from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, Flag, RosMessage, RosTag
+from uavrt.ros2.senders import Arrival, Sender
 
 S = 10**9
+OPERATOR = Sender(key="operator")
+NEIGHBOUR = Sender(key="neighbour", gateway=True)
+STARTED = DiagnosticArray(status=(DiagnosticStatus(message="start"),))
 TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
 PULSE = pulse_at(
     1_700_000_000 * S,
@@ -34,17 +40,28 @@ class Line:
 
     def __init__(self) -> None:
         self.said: list[tuple[str, RosMessage]] = []
-        self.waiting: list[tuple[RosTopic, bytes]] = []
+        self.waiting: list[Arrival] = []
+        self.lost_tags = 0
 
     def publish(self, topic: str, message: RosMessage, node: str | None = None) -> None:
         self.said.append((topic, message))
 
-    def take(self, limit: int) -> list[tuple[RosTopic, bytes]]:
+    def take(self, limit: int) -> list[Arrival]:
         taken, self.waiting = self.waiting[:limit], self.waiting[limit:]
         return taken
 
-    def hear(self, topic: str, message: RosMessage) -> None:
-        self.waiting.append((TOPICS[topic], encode(message)))
+    def show_detectors(self, nodes: Collection[str]) -> None:
+        raise AssertionError("a node for each tag was not asked for")
+
+    def lost(self, topic: str) -> int:
+        return self.lost_tags if topic == "store_tag_information" else 0
+
+    def hear(
+        self, topic: str, message: RosMessage, sender: Sender = OPERATOR, sent_ns: int = 0
+    ) -> None:
+        self.waiting.append(
+            Arrival(topic=TOPICS[topic], cdr=encode(message), sender=sender, sent_ns=sent_ns)
+        )
 
     def on(self, topic: str) -> list[Any]:
         return [message for name, message in self.said if name == topic]
@@ -198,3 +215,107 @@ def test_a_flood_of_pulses_is_taken_no_faster_than_a_hundred_tags_beep() -> None
         bench.line.hear("pulse", pulse_to_ros(pulse, ""))
     bench.run(10.0)
     assert len(bench.sent) <= 1000 + 100 * 10
+
+
+def tags(count: int) -> list[Tag]:
+    return [replace(TAG, tag_id=2 * number) for number in range(1, count + 1)]
+
+
+def started_with(bench: Bench) -> int | None:
+    (start,) = (
+        r for topic, r in bench.sent if topic == "command" and r.name == "start_detection"
+    )
+    count: int | None = start.tag_count
+    return count
+
+
+def test_orders_of_another_gateway_are_not_obeyed_and_told_once() -> None:
+    bench = Bench()
+    for _ in range(3):
+        bench.line.hear("store_tag_information", tag_to_ros(TAG), NEIGHBOUR)
+        bench.line.hear("release_tag_information", Flag(data=True), NEIGHBOUR)
+        bench.line.hear("control_start_subprocess", STARTED, NEIGHBOUR)
+        bench.line.hear("control_detector_subprocess", STARTED, NEIGHBOUR)
+    bench.run(2.0)
+    assert bench.sent == []
+    assert bench.gateway.counters["ros2_messages_of_gateways"] == 12
+    (line,) = bench.line.on("rosout")
+    assert "namespace" in line.msg
+    statuses = bench.line.on("status_detector_subprocess")
+    assert all(array.status == () for array in statuses)  # nor refused in public
+    bench.line.hear("control_start_subprocess", STARTED)
+    bench.run(0.1)
+    assert bench.commands() == ["start_detection"]
+
+
+def test_an_order_whose_sender_nobody_knows_is_refused() -> None:
+    bench = Bench()
+    bench.line.hear("control_start_subprocess", STARTED, Sender())
+    bench.run(0.1)
+    assert bench.commands() == []
+    assert "not known" in bench.line.on("rosout")[-1].msg
+
+
+def test_pulses_of_another_drone_s_gateway_are_never_ours() -> None:
+    bench = Bench(accept_pulses=True)
+    bench.line.hear("pulse", pulse_to_ros(PULSE, "/elsewhere"), NEIGHBOUR)
+    bench.run(0.1)
+    assert bench.sent == []
+
+
+def test_a_start_says_how_many_tags_were_sent_the_refused_ones_among_them() -> None:
+    bench = Bench()
+    for tag in tags(20):
+        for _ in range(3):  # as a careful operator sends them
+            bench.line.hear("store_tag_information", tag_to_ros(tag))
+    bench.line.hear("store_tag_information", RosTag(tag_id=777))
+    bench.line.waiting.append(
+        Arrival(topic=TOPICS["store_tag_information"], cdr=b"\0\1\0\0?", sender=OPERATOR)
+    )
+    bench.line.hear("release_tag_information", Flag(data=True))
+    bench.line.hear("control_start_subprocess", STARTED)
+    bench.run(1.0)
+    assert bench.commands().count("add_tag") == 60
+    assert started_with(bench) == 22
+
+
+def test_tags_that_the_network_has_lost_count_as_sent() -> None:
+    bench = Bench()
+    bench.line.lost_tags = 5  # long ago
+    bench.run(1.0)
+    bench.line.hear("store_tag_information", tag_to_ros(TAG))
+    bench.line.lost_tags = 7
+    bench.line.hear("release_tag_information", Flag(data=True))
+    bench.line.hear("control_start_subprocess", STARTED)
+    bench.run(1.0)
+    assert started_with(bench) == 3
+
+
+def test_a_tag_that_its_release_has_overtaken_begins_no_upload_of_its_own() -> None:
+    bench = Bench()
+    first, second, late = tags(3)
+    bench.line.hear("store_tag_information", tag_to_ros(first), sent_ns=1)
+    bench.line.hear("store_tag_information", tag_to_ros(second), sent_ns=2)
+    bench.line.hear("release_tag_information", Flag(data=True), sent_ns=4)
+    bench.line.hear("store_tag_information", tag_to_ros(late), sent_ns=3)
+    bench.line.hear("control_start_subprocess", STARTED, sent_ns=5)
+    bench.run(1.0)
+    assert bench.commands() == [
+        "start_tags",
+        "add_tag",
+        "add_tag",
+        "end_tags",
+        "start_detection",
+    ]
+    assert started_with(bench) == 3
+    assert "tag 6 came after" in bench.line.on("rosout")[-1].msg
+
+
+def test_tags_of_the_ground_station_are_not_counted_by_ros_2() -> None:
+    bench = Bench()
+    bench.line.hear("store_tag_information", tag_to_ros(TAG))
+    bench.run(0.1)
+    bench.gateway.take(Command(name="start_tags", request_id=1, source="mavlink 255/190"))
+    bench.line.hear("control_start_subprocess", STARTED)
+    bench.run(0.1)
+    assert started_with(bench) is None

@@ -1,8 +1,17 @@
 """The real gateway process under settings and surroundings that are not the usual ones."""
 
+from dataclasses import replace
 from typing import Any
 
-from uavrt.config.settings import Ros2Settings
+import pytest
+from pulses import pulse_at
+
+from uavrt.config.loader import load_settings
+from uavrt.config.settings import Ros2Settings, is_ros_namespace
+from uavrt.errors import ConfigError
+from uavrt.messages import FlightInfo, StatusText, Tag
+from uavrt.ros2 import TOPICS, type_hash
+from uavrt.ros2.messages import ParticipantEntitiesInfo16
 
 INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 
@@ -79,3 +88,142 @@ def test_humble_and_galactic_get_their_longer_identifiers(
     info = infos[-1]
     assert len(info.node_entities_info_seq) == 6
     assert len(info.gid.data) == 24
+
+
+def test_a_vehicle_in_a_namespace_has_all_but_the_log_in_it(
+    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+) -> None:
+    read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
+    logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
+    gateway = launch(Ros2Settings(enabled=True, domain_id=ros_domain, namespace="/fleet/a1"))
+    expected = {f"rt/fleet/a1/{name}" for name in TOPICS} | {"rt/rosout", "ros_discovery_info"}
+    wait_until(lambda: set(ros_peer.endpoints()) >= expected)
+    assert set(ros_peer.endpoints()) - expected == set()
+    infos: list[Any] = []
+
+    def come() -> bool:
+        infos.extend(ros_peer.read(cdr, INFO) for cdr in read())
+        return bool(infos)
+
+    wait_until(come)
+    nodes = infos[-1].node_entities_info_seq
+    assert {node.node_namespace for node in nodes} == {"/fleet/a1"}
+    stop = ros_peer.new("std_msgs/msg/Bool", True)
+    ros_peer.advertise("fleet/a1/release_tag_information", "std_msgs/msg/Bool")
+    ros_peer.publish("fleet/a1/release_tag_information", stop)
+    (command,) = gateway.receive("command")
+    assert command.name == "end_tags"
+    gateway.send("status_text", StatusText(severity=3, text="radio absent"))
+    lines: list[Any] = []
+
+    def told() -> bool:
+        lines.extend(ros_peer.read(cdr, "rcl_interfaces/msg/Log") for cdr in logs())
+        return bool(lines)
+
+    wait_until(told)
+    assert lines[-1].name == "fleet.a1.StartStopComponent"
+
+
+@pytest.mark.parametrize("text", ["", "drone1", "/drone1", "fleet/_a/b2", "a" * 100])
+def test_what_ros_2_takes_for_a_namespace(text: str) -> None:
+    assert is_ros_namespace(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["1a", "a b", "a//b", "a/", "/", "a__b", "a-b", "ä", "a\n", "~", "a" * 101, "a/1"]
+)
+def test_what_ros_2_refuses_as_a_namespace(text: str) -> None:
+    assert not is_ros_namespace(text)
+
+
+def test_the_node_list_has_a_type_hash_so_that_ros_2_prints_no_warning(
+    launch: Any, ros_peer: Any, wait_until: Any
+) -> None:
+    launch()
+    wait_until(lambda: "ros_discovery_info" in ros_peer.endpoints())
+    policies = {p.__scope__: p for p in ros_peer.endpoints()["ros_discovery_info"].qos}
+    expected = f"typehash={type_hash(ParticipantEntitiesInfo16)};"
+    assert policies["Userdata"].data == expected.encode()
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{"ROS_LOCALHOST_ONLY": "1"}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}],
+)
+def test_ros_2_s_own_variables_keep_us_on_this_computer(
+    launch: Any, ros_peer: Any, ros_domain: int, environment: dict[str, str], wait_until: Any
+) -> None:
+    # An interface that is not there would keep the gateway off; it is not asked for.
+    settings = Ros2Settings(enabled=True, domain_id=ros_domain, interfaces=("nosuch0",))
+    gateway = launch(settings, **environment)
+    (health,) = gateway.receive("health")
+    assert health.ok
+    wait_until(lambda: "rt/pulse" in ros_peer.endpoints())
+
+
+def test_a_discovery_range_of_off_hides_us(launch: Any, ros_peer: Any) -> None:
+    gateway = launch(ROS_AUTOMATIC_DISCOVERY_RANGE="OFF")
+    assert all(health.ok for health in gateway.receive("health", 3))
+    assert ros_peer.endpoints() == {}
+
+
+def test_a_discovery_range_that_is_none_keeps_the_gateway_off_and_says_why(launch: Any) -> None:
+    gateway = launch(ROS_AUTOMATIC_DISCOVERY_RANGE="FAR")
+    (health,) = gateway.receive("health")
+    assert not health.ok
+    assert "ROS_AUTOMATIC_DISCOVERY_RANGE" in health.status
+
+
+def test_each_tag_may_have_a_detector_node_that_publishes_its_pulses(
+    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+) -> None:
+    tags = tuple(
+        Tag(tag_id=n, frequency_hz=148.7e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+        for n in (2, 4)
+    )
+    flight = FlightInfo(
+        directory="/flights/one",
+        start_time_ns=1,
+        clock_offset_ns=0,
+        center_frequency_hz=148.7e6,
+        sample_rate_hz=3e6,
+        tags=tags,
+    )
+    read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
+    settings = Ros2Settings(enabled=True, domain_id=ros_domain, node_per_tag=True)
+    gateway = launch(settings, flight=flight)
+    newest: dict[str, Any] = {}
+
+    def nodes() -> set[str]:
+        for cdr in read():
+            newest["info"] = ros_peer.read(cdr, INFO)
+        found = newest["info"].node_entities_info_seq if newest else ()
+        newest.update({node.node_name: node for node in found})
+        return {node.node_name for node in found if node.node_name.startswith("Detector_tag")}
+
+    wait_until(lambda: nodes() == {"Detector_tag_2", "Detector_tag_4"})
+    (writer,) = newest["Detector_tag_4"].writer_gid_seq
+    # What a node publishes comes from its own publisher.
+    reader = ros_peer.reader("pulse", "uavrt_interfaces/msg/Pulse")
+    wait_until(lambda: len(reader.get_matched_publications()) == 3)
+    gateway.send("pulse", pulse_at(1_777_623_301_019_828_320, tag_id=4))
+    samples: list[Any] = []
+
+    def come() -> bool:
+        samples.extend(s for s in reader.take(10) if hasattr(s, "cdr"))
+        return bool(samples)
+
+    wait_until(come)
+    handle = samples[0].sample_info.publication_handle
+    assert reader.get_matched_publication_data(handle).key.bytes == bytes(writer.data)
+    # The next flight has other tags, and so other nodes.
+    gateway.send("flight_end", flight)
+    gateway.send("flight", replace(flight, tags=tags[:1]))
+    wait_until(lambda: nodes() == {"Detector_tag_2"})
+
+
+def test_a_namespace_in_the_file_is_refused_in_words(tmp_path: Any) -> None:
+    file = tmp_path / "uavrt.toml"
+    file.write_text('[ros2]\nnamespace = "drone 1"\n', encoding="utf-8")
+    with pytest.raises(ConfigError, match="letters, digits and single underscores"):
+        load_settings(file)

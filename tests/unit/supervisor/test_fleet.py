@@ -15,9 +15,12 @@ from pathlib import Path
 
 import pytest
 
+from uavrt.config.ghost_places import Receiver
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.ipc.parent import adopt_orphans
+from uavrt.messages import Tag
 from uavrt.supervisor.fleet import Fleet
+from uavrt.supervisor.flight import share_tags
 from uavrt.supervisor.instance import Instance
 from uavrt.supervisor.launcher import Launcher
 from uavrt.supervisor.memory import StateStore
@@ -320,3 +323,47 @@ def test_a_traceback_is_no_text_but_is_kept(tmp_path: Path) -> None:
     assert "in flight" in (flight / "process_log/recorder.log").read_text()
     assert "gain 21" in (flight / "airspy_csdr_netcat_log/radio.log").read_text()
     assert output.lost_lines == 0
+
+
+def test_tags_of_one_band_go_to_one_worker_and_no_worker_is_left_without() -> None:
+    def tag(tag_id: int, frequency_hz: float) -> Tag:
+        return Tag(
+            tag_id=tag_id,
+            frequency_hz=frequency_hz,
+            pulse_width_s=0.02,
+            pulse_intervals_s=(1.254,),
+        )
+
+    apart = tuple(tag(2 * n, 148e6 + 2000.0 * n) for n in range(1, 6))
+    assert share_tags(apart, 2, window_hz=500.0) == (apart[::2], apart[1::2])
+    near = (tag(2, 148e6), tag(4, 149e6), tag(6, 148e6 + 900.0), tag(8, 148e6 + 1800.0))
+    shares = share_tags(near, 3, window_hz=500.0)
+    assert shares == ((near[0], near[2], near[3]), (near[1],))
+    assert share_tags((), 3, window_hz=500.0) == ((),)
+
+
+def test_a_tag_and_its_ghosts_places_are_one_workers_while_the_load_is_even() -> None:
+    def tag(tag_id: int, offset_hz: float) -> Tag:
+        return Tag(
+            tag_id=tag_id,
+            frequency_hz=148.7e6 + offset_hz,
+            pulse_width_s=0.02,
+            pulse_intervals_s=(1.254,),
+        )
+
+    receiver = Receiver(148.7e6, 3e6)
+    # Its mirror, a bystander, and where three times the first one's distance is.
+    few = (tag(2, 120e3), tag(4, -120.4e3), tag(6, 77e3), tag(8, -360e3))
+    shares = share_tags(few, 2, window_hz=1000.0, receiver=receiver)
+    assert [sorted(t.tag_id for t in share) for share in shares] == [[2, 4, 8], [6]]
+    many = tuple(
+        tag(4 * n + 2 * side, (-1.0) ** side * (50e3 + 7_777.0 * n))
+        for n in range(1, 51)
+        for side in (0, 1)
+    )
+    shares = share_tags(many, 4, window_hz=1000.0, receiver=receiver)
+    worker_of = {t.tag_id: at for at, share in enumerate(shares) for t in share}
+    assert sorted(worker_of) == sorted(t.tag_id for t in many)
+    assert max(map(len, shares)) <= 1.5 * len(many) / 4
+    pairs = [(4 * n, 4 * n + 2) for n in range(1, 51)]
+    assert sum(worker_of[a] == worker_of[b] for a, b in pairs) >= 45

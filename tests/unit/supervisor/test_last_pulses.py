@@ -1,4 +1,4 @@
-"""A flight is closed when its last pulse is on disk, not before and not much later."""
+"""A flight is closed when its last pulse has its pose, not before and not much later."""
 
 import asyncio
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.supervisor.last_pulses import FOUND, SAFE, LastPulses
+from uavrt.supervisor.last_pulses import FOUND, POSED, LastPulses
 
 LONG_S = 3600.0
 
@@ -20,26 +20,30 @@ def after(topics: Sequence[str]) -> LastPulses:
     return last
 
 
-def safe_within(last: LastPulses, limit_s: float) -> bool:
-    return asyncio.run(last.safe_within(limit_s))
+def posed_within(last: LastPulses, limit_s: float) -> bool:
+    return asyncio.run(last.posed_within(limit_s))
 
 
-@given(st.lists(st.sampled_from([FOUND, "pulse_pose", "health", "poses"]), max_size=50))
-def test_a_flight_is_safe_exactly_when_every_pulse_is_on_disk(passed: list[str]) -> None:
+@given(
+    st.lists(st.sampled_from([FOUND, "recorded_pulse_pose", "health", "poses"]), max_size=50)
+)
+def test_a_flight_may_be_closed_exactly_when_every_pulse_has_its_pose(
+    passed: list[str],
+) -> None:
     pulses = passed.count(FOUND)
-    assert safe_within(after(passed), 0.0) == (pulses == 0)
+    assert posed_within(after(passed), 0.0) == (pulses == 0)
     if pulses:
-        last = after([*passed, *[SAFE] * (pulses - 1)])
+        last = after([*passed, *[POSED] * (pulses - 1)])
         assert last.waiting == 1
-        assert not safe_within(last, 0.0)
-    assert safe_within(after([*passed, *[SAFE] * pulses]), LONG_S)
+        assert not posed_within(last, 0.0)
+    assert posed_within(after([*passed, *[POSED] * pulses]), LONG_S)
 
 
 def test_who_waits_goes_on_with_the_last_pulse() -> None:
     async def story() -> bool:
         last = after([FOUND, FOUND])
-        waiting = asyncio.ensure_future(last.safe_within(LONG_S))
-        for topic in ("pulse_pose", "pulse_pose", SAFE, SAFE):
+        waiting = asyncio.ensure_future(last.posed_within(LONG_S))
+        for topic in ("recorded_pulse_pose", "health", POSED, POSED):
             await asyncio.sleep(0)
             assert not waiting.done()
             last.passed(topic)
@@ -54,9 +58,9 @@ def test_what_an_earlier_flight_lost_or_brings_late_does_not_count(stragglers: i
     last = after([FOUND] * 3)
     last.flight_started()
     for _ in range(stragglers):
-        last.passed(SAFE)
-    assert safe_within(last, 0.0)
+        last.passed(POSED)
+    assert posed_within(last, 0.0)
     last.passed(FOUND)
-    assert not safe_within(last, 0.0)
-    last.passed(SAFE)
-    assert safe_within(last, 0.0)
+    assert not posed_within(last, 0.0)
+    last.passed(POSED)
+    assert posed_within(last, 0.0)

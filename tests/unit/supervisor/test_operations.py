@@ -31,7 +31,8 @@ class Drone:
             **recording,  # type: ignore[arg-type]
         )
         tell = lambda _severity, text: self.texts.append(text)  # noqa: E731
-        self.operations = Operations(settings, self.steps.append, tell)
+        self.now_s = 0.0
+        self.operations = Operations(settings, self.steps.append, tell, lambda: self.now_s)
         self.mission = Mission(
             Settings(recording=settings, radio=RadioSettings()),
             StateStore(directory),
@@ -83,9 +84,18 @@ def test_flights_are_copied_to_the_drive_and_then_removed(tmp_path: Path) -> Non
         assert [step.step for step in drone.steps] == [0, 0, 1, 2, 2]
         assert {step.step_count for step in drone.steps} == {2}
         assert drone.texts == ["#Saving logs", "#Log save complete"]
-        assert drone.say("clean_logs").accepted
+        first = drone.say("clean_logs")
+        assert first.message.startswith("send it again after 10 s to delete 1 flights")
+        assert len(list(flights.glob("flight_log_*"))) == 2
+        drone.now_s += 11.0
+        answer = drone.say("clean_logs")
+        assert answer.message == "1 flights; the newest and the starred stay, 1 of 2"
+        assert answer.accepted
         assert (await drone.done()).state == "complete"
-        assert list(flights.glob("flight_log_*")) == []
+        assert [flight.name for flight in flights.glob("flight_log_*")] == [
+            "flight_log_2026-01-02"
+        ]
+        assert not drone.say("clean_logs").accepted
         assert drone.texts[-1] == "#Logs deleted"
 
     asyncio.run(main())

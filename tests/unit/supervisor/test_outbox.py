@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from pulses import pulse_at
 
 from uavrt.ipc import TOPICS, decode_record, encode_record
-from uavrt.messages import PulsePose, StatusText
-from uavrt.supervisor.outbox import Outbox
+from uavrt.messages import FlightInfo, PulsePose, StatusText
+from uavrt.supervisor.outbox import BARREN_LIVES, MOST_KEPT, Outbox
 
 
 def status(number: int) -> bytes:
@@ -83,3 +83,90 @@ def test_a_restarted_process_gets_its_assignment_first_and_half_a_line_again() -
     outbox.put_first(status(1))
     assert drain(outbox) == [status(1), big]
     assert decode_record(big)[0] == "status_text"
+
+
+def begun(number: int) -> bytes:
+    return encode_record("flight", flight(number))
+
+
+def flight(number: int) -> FlightInfo:
+    return FlightInfo(
+        directory=str(number),
+        start_time_ns=number,
+        clock_offset_ns=0,
+        center_frequency_hz=148.7e6,
+        sample_rate_hz=3e6,
+        tags=(),
+    )
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from(["put", "take", "die"]), st.integers(0, 5)), max_size=60)
+)
+def test_every_line_is_taken_by_one_process_or_sent_to_the_next_in_order(
+    events: list[tuple[str, int]],
+) -> None:
+    outbox = Outbox(keeps=True)
+    put = 0
+    taken: list[bytes] = []
+    held: list[bytes] = []
+    taken_now = 0
+    for event, count in events:
+        if event == "put":
+            for _ in range(count):
+                outbox.put(pulse(put))
+                put += 1
+            held += drain(outbox)
+        elif event == "take":
+            taken += held[:count]
+            taken_now += len(held[:count])
+            del held[:count]
+            outbox.taken(taken_now)
+        else:
+            outbox.process_ended(by_itself=False)
+            taken_now, held = 0, drain(outbox)
+    assert taken + held == [pulse(number) for number in range(put)]
+    assert outbox.holds("pulse_pose") == bool(held)
+
+
+def test_a_successor_is_told_of_the_flight_that_its_first_records_belong_to() -> None:
+    outbox = Outbox(keeps=True)
+    lines = [begun(1), pulse(1), encode_record("flight_end", flight(1)), begun(2), pulse(2)]
+    for line in lines:
+        outbox.put(line)
+    drain(outbox)
+    expected = [None, flight(1), flight(1), None, flight(2), flight(2)]
+    for count, info in enumerate(expected):
+        outbox.taken(count)
+        assert outbox.flight == info
+    outbox.process_ended(by_itself=False)
+    assert outbox.flight == flight(2)
+
+
+def test_a_line_that_ends_every_process_that_gets_it_is_given_up_and_counted() -> None:
+    outbox = Outbox(keeps=True)
+    outbox.put(pulse(1))
+    for life in range(BARREN_LIVES):
+        assert drain(outbox) == [pulse(1)], life
+        outbox.process_ended(by_itself=True)
+    assert drain(outbox) == []
+    assert outbox.dropped["pulse_pose"] == 1
+
+
+def test_a_process_that_others_kill_gets_its_lines_however_often() -> None:
+    outbox = Outbox(keeps=True)
+    outbox.put(pulse(1))
+    for _ in range(3 * BARREN_LIVES):
+        assert drain(outbox) == [pulse(1)]
+        outbox.process_ended(by_itself=False)
+
+
+def test_what_is_kept_for_a_disk_that_fails_for_hours_is_bounded_and_counted() -> None:
+    outbox = Outbox(keeps=True)
+    for number in range(MOST_KEPT + 10):
+        outbox.put(pulse(number))
+    drain(outbox)
+    assert outbox.dropped["pulse_pose"] == 10
+    outbox.taken(11)  # the process counts those that are not kept any more, too
+    outbox.process_ended(by_itself=False)
+    assert drain(outbox)[0] == pulse(11)

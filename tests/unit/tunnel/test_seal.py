@@ -6,63 +6,118 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.errors import ConfigError, TunnelError
-from uavrt.tunnel.seal import Key, SealKeeper, read_key, seal
+from uavrt.errors import ConfigError, LinkError, TunnelError
+from uavrt.mavlink.signing import read_signing_key
+from uavrt.tunnel.gate import Sealer
+from uavrt.tunnel.seal import Key, SealKeeper, Session, read_key, seal, session_of
 
 KEY = Key(bytes(range(32)))
-GROUND = (255, 190)
-NOW_US = 1_700_000_000_000_000
+GROUND, DRONE = (255, 190), (1, 191)
+NUMBER = 0x1122334455667788
+SESSION = Session(NUMBER, DRONE)
+COUNT = 1_700_000_000_000_000
 
 
-@given(st.binary(max_size=108), st.integers(0, 1))
+def keeper(key: Key = KEY, session: int | None = NUMBER) -> SealKeeper:
+    return SealKeeper(key, session)
+
+
+@given(st.binary(max_size=108), st.integers(0, 2))
 def test_what_was_sealed_comes_out(inside: bytes, kind: int) -> None:
-    sealed = seal(inside, kind, KEY, GROUND, NOW_US)
+    sealed = seal(inside, kind, KEY, GROUND, COUNT, SESSION)
     assert len(sealed) <= 128
-    assert SealKeeper(KEY).open(sealed, GROUND, NOW_US) == (kind, inside)
+    assert keeper().open(sealed, GROUND, DRONE) == (kind, inside)
 
 
 @given(st.binary(min_size=1, max_size=108), st.data())
 def test_any_changed_bit_is_noticed(inside: bytes, data: st.DataObject) -> None:
-    sealed = bytearray(seal(inside, 0, KEY, GROUND, NOW_US))
+    sealed = bytearray(seal(inside, 0, KEY, GROUND, COUNT, SESSION))
     bit = data.draw(st.integers(0, 8 * len(sealed) - 1))
     sealed[bit // 8] ^= 1 << bit % 8
     with pytest.raises(TunnelError):
-        SealKeeper(KEY).open(bytes(sealed), GROUND, NOW_US)
+        keeper().open(bytes(sealed), GROUND, DRONE)
 
 
 @given(st.binary(max_size=128))
 def test_random_bytes_are_refused_by_name(payload: bytes) -> None:
     with pytest.raises(TunnelError):
-        SealKeeper(KEY).open(payload, GROUND, NOW_US)
+        keeper().open(payload, GROUND, DRONE)
+    with pytest.raises(TunnelError):
+        session_of(payload, KEY, DRONE)
+
+
+def test_the_bytes_of_a_seal_and_of_a_session_are_these() -> None:
+    assert seal(b"stop", 0, KEY, GROUND, COUNT, SESSION).hex() == (
+        "0200000000401e18240a0600ed447592e9b5d4b673746f70"
+    )
+    assert keeper().announcement(DRONE).hex() == (
+        "02000000887766554433221100000000000000007dd8486996c1cba6"
+    )
 
 
 def test_a_repeated_message_is_refused() -> None:
-    keeper = SealKeeper(KEY)
-    sealed = seal(b"stop", 0, KEY, GROUND, NOW_US)
-    keeper.open(sealed, GROUND, NOW_US)
-    with pytest.raises(TunnelError, match="repeated"):
-        keeper.open(sealed, GROUND, NOW_US + 5)
-    with pytest.raises(TunnelError, match="repeated"):
-        keeper.open(seal(b"stop", 0, KEY, GROUND, NOW_US - 1), GROUND, NOW_US + 5)
+    drone = keeper()
+    sealed = seal(b"stop", 0, KEY, GROUND, COUNT, SESSION)
+    drone.open(sealed, GROUND, DRONE)
+    for old in (sealed, seal(b"stop", 0, KEY, GROUND, COUNT - 1, SESSION)):
+        with pytest.raises(TunnelError, match="repeated"):
+            drone.open(old, GROUND, DRONE)
 
 
-def test_a_recorded_message_of_last_week_is_refused_after_a_restart() -> None:
-    old = seal(b"stop", 0, KEY, GROUND, NOW_US - 7 * 86_400 * 10**6)
-    with pytest.raises(TunnelError, match="old"):
-        SealKeeper(KEY).open(old, GROUND, NOW_US)
+def test_a_genuine_stop_is_refused_after_a_restart_whatever_the_clocks_say() -> None:
+    first = SealKeeper(KEY)
+    told, _ = session_of(first.announcement(DRONE), KEY, DRONE)
+    stop = seal(b"stop", 0, KEY, GROUND, COUNT, told)
+    assert first.open(stop, GROUND, DRONE) == (0, b"stop")
+    for _ in range(20):
+        with pytest.raises(TunnelError, match="an earlier session"):
+            SealKeeper(KEY).open(stop, GROUND, DRONE)
+
+
+def test_a_message_to_one_drone_is_none_to_another_with_the_same_key() -> None:
+    stop = seal(b"stop", 0, KEY, GROUND, COUNT, SESSION)
+    with pytest.raises(TunnelError, match="another drone"):
+        keeper().open(stop, GROUND, (2, 191))
+
+
+def test_a_station_whose_clock_fell_back_goes_on_above_the_newest_counter() -> None:
+    drone = keeper()
+    drone.open(seal(b"", 0, KEY, GROUND, 2**60, SESSION), GROUND, DRONE)
+    station = Sealer(KEY, GROUND)  # started again; its clock knows nothing of 2**60
+    assert not station.ready
+    with pytest.raises(LinkError, match="what to seal commands for"):
+        station(b"stop", 0)
+    station.hear(drone.announcement(DRONE), DRONE)
+    assert drone.open(station(b"stop", 0), GROUND, DRONE) == (0, b"stop")
+    assert drone.open(station(b"stop", 0), GROUND, DRONE) == (0, b"stop")
+
+
+def test_a_session_that_another_key_or_drone_made_is_not_believed() -> None:
+    station = Sealer(KEY, GROUND)
+    told = keeper().announcement(DRONE)
+    for payload, place in (
+        (keeper(Key(bytes(32))).announcement(DRONE), DRONE),
+        (told, (2, 191)),
+        (told[:-1] + bytes([told[-1] ^ 1]), DRONE),
+        (told + b"\0", DRONE),
+    ):
+        with pytest.raises(TunnelError):
+            station.hear(payload, place)
+    assert not station.ready
 
 
 def test_another_sender_and_another_key_are_refused() -> None:
-    sealed = seal(b"stop", 0, KEY, GROUND, NOW_US)
+    sealed = seal(b"stop", 0, KEY, GROUND, COUNT, SESSION)
     with pytest.raises(TunnelError, match="forged"):
-        SealKeeper(KEY).open(sealed, (254, 190), NOW_US)
+        keeper().open(sealed, (254, 190), DRONE)
     with pytest.raises(TunnelError, match="forged"):
-        SealKeeper(Key(bytes(32))).open(sealed, GROUND, NOW_US)
+        keeper(Key(bytes(32))).open(sealed, GROUND, DRONE)
 
 
 def test_a_key_is_read_from_its_file_and_never_shown(tmp_path: Path) -> None:
     path = tmp_path / "key"
     path.write_text("00112233445566778899aabbccddeeff\n")
+    path.chmod(0o600)
     key = read_key(path)
     assert key.secret[:3] == b"\x00\x11\x22"
     assert "11" not in repr(key)
@@ -72,3 +127,17 @@ def test_a_key_is_read_from_its_file_and_never_shown(tmp_path: Path) -> None:
             read_key(path)
     with pytest.raises(ConfigError, match="openssl"):
         read_key(tmp_path / "nothing")
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o666])
+def test_a_key_that_others_may_read_or_change_is_refused_with_the_remedy(
+    tmp_path: Path, mode: int
+) -> None:
+    path = tmp_path / "key"
+    path.write_text("5a" * 32)
+    path.chmod(mode)
+    for read in (read_key, read_signing_key):
+        with pytest.raises(ConfigError, match=r"other users can read .* chmod 600"):
+            read(path)
+    path.chmod(0o600)
+    assert read_key(path).secret == read_signing_key(path).secret

@@ -2,6 +2,7 @@ import dataclasses
 import math
 
 import pytest
+from pulses import pulse_at
 
 from uavrt import tunnel
 from uavrt.errors import TunnelError
@@ -169,3 +170,26 @@ def test_an_unknown_pulse_status_is_refused() -> None:
     )
     with pytest.raises(TunnelError, match="unknown status 9"):
         tunnel.pulse_from_wire(dataclasses.replace(wire, detection_status=9))
+
+
+@pytest.mark.parametrize("time_s", [9.5e9, 1e10, -1.0, math.nan, math.inf])
+def test_a_pulse_whose_time_does_not_fit_64_bits_of_nanoseconds_is_refused(
+    time_s: float,
+) -> None:
+    good = tunnel.pulse_to_wire(PulsePose(pulse=pulse_at(10**18), pose=None))
+    assert isinstance(good, tunnel.PulseG1)
+    assert tunnel.pulse_from_wire(good) is not None
+    for name in ("start_time_s", "predict_next_start_s"):
+        with pytest.raises(TunnelError, match="not a time since 1970"):
+            tunnel.pulse_from_wire(dataclasses.replace(good, **{name: time_s}))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("number", [0, 10, 77, 2**32 - 1])
+def test_a_command_number_that_nobody_knows_has_a_name_and_no_decoder_fails_at_it(
+    number: int,
+) -> None:
+    assert tunnel.command_name(number) == f"command {number}"
+    for size, kind in ((8, tunnel.BareG2), (16, tunnel.UploadG2)):
+        payload = number.to_bytes(4, "little").ljust(size, b"\0")
+        with pytest.raises(TunnelError, match=f"unknown command {number}"):
+            kind.decode(payload)

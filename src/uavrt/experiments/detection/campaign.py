@@ -41,6 +41,8 @@ class Case:
     """Trials at any size."""
     alone: bool = False
     """Times something: run when no other process works."""
+    short: "Case | None" = None
+    """What stands for it in the tests, where few of its own trials take long or show little."""
 
     def count(self, trials: int) -> int:
         """Trials of this case when a point of a Pd curve gets so many."""
@@ -65,6 +67,26 @@ class Chunk:
     first: int
     last: int
     seed: int
+
+
+_SHORT_S = 0.6
+"""CPU time of a case's short form, if one trial takes no longer."""
+
+
+def short_rows(case: Case, seed: int) -> list[Row]:
+    """Do a case's short form: a second of CPU time that shows a bar missed grossly.
+
+    Unless the case says otherwise it is a few of its own trials.
+    """
+    brief = case.short or case
+    count = brief.least if case.short else min(case.least, int(_SHORT_S / case.seconds))
+    name = zlib.crc32(case.name.encode())
+    return brief.rows(
+        [
+            brief.trial(np.random.default_rng((seed, name, index)), index)
+            for index in range(max(1, count))
+        ]
+    )
 
 
 def run_chunk(chunk: Chunk) -> list[Any]:

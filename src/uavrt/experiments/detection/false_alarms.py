@@ -147,20 +147,26 @@ def false_alarm_case(
             ),
         ]
 
-    return Case(
-        name=f"{name}, {100 * probability:g} %",
-        trials=stretches,
-        seconds=seconds,
-        least=least,
-        trial=lambda rng, _: count_false(
+    def trial(
+        rng: np.random.Generator, _: int, *, tag: Tag = tag, stretch_s: float = stretch_s
+    ) -> FalseAlarms:
+        return count_false(
             rng,
             tag,
             make=make,
             frequency_window_hz=frequency_window_hz,
             stretch_s=stretch_s,
-        ),
+        )
+
+    full = Case(
+        name=f"{name}, {100 * probability:g} %",
+        trials=stretches,
+        seconds=seconds,
+        least=least,
+        trial=trial,
         rows=rows,
     )
+    return replace(full, short=replace(full, least=1, trial=partial(trial, stretch_s=100.0)))
 
 
 NOISES: dict[str, Noise] = {

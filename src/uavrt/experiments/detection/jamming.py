@@ -1,6 +1,7 @@
 """E10, E11: carriers and impulses, alone and beside a tag."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ _LEVELS_DB = (10.0, 20.0, 40.0, 60.0)
 """Of a carrier, in a bin of 50 Hz."""
 _TAG_HZ = 350.0
 _TAG_DB = 14.0
+_SHORT_STRETCH_S = 100.0
 _FALSE_TWICE = 2.0
 """At most so many times the nominal false alarms."""
 _CONFIRMED_IN_300_S = 0.084
@@ -43,11 +45,14 @@ def _alarm_case(
 ) -> Case:
     """Stretches with interference alone, of several kinds in turn."""
 
-    def trial(rng: np.random.Generator, index: int) -> FalseAlarms:
+    def trial(
+        rng: np.random.Generator, index: int, stretch_s: float = STRETCH_S
+    ) -> FalseAlarms:
         return count_false(
             rng,
             THESIS_TAG,
             make=lambda r, n: noise(r, n) + interfere(r, n, index % kinds),
+            stretch_s=stretch_s,
         )
 
     def rows(outcomes: Sequence[FalseAlarms]) -> list[Row]:
@@ -70,7 +75,7 @@ def _alarm_case(
             ),
         ]
 
-    return Case(
+    full = Case(
         name=f"{name}, alone",
         trials=kinds * rounds,
         least=kinds,
@@ -78,6 +83,11 @@ def _alarm_case(
         trial=trial,
         rows=rows,
     )
+    # The last kind is the strongest.
+    brief = replace(
+        full, least=1, trial=lambda rng, _: trial(rng, kinds - 1, stretch_s=_SHORT_STRETCH_S)
+    )
+    return replace(full, short=brief)
 
 
 def _beside_case(
@@ -101,7 +111,7 @@ def _beside_case(
         )
         return flight.fly(rng)
 
-    return Case(
+    full = Case(
         name=f"{name}, beside a tag",
         trials=kinds * rounds,
         least=kinds,
@@ -116,6 +126,8 @@ def _beside_case(
             original=published,
         ),
     )
+    brief = replace(full, least=1, trial=lambda rng, _: trial(rng, kinds - 1))
+    return replace(full, short=brief)
 
 
 class Carrier:

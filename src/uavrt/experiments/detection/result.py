@@ -1,5 +1,6 @@
 """One line of the table: what came out, how sure, what was asked, what is possible."""
 
+import math
 from dataclasses import dataclass
 
 
@@ -46,7 +47,13 @@ class Row:
 
     @property
     def contradicted(self) -> bool:
-        """Whether the whole 95 % interval lies on the wrong side of the bar."""
+        """Whether the whole 95 % interval lies on the wrong side of the bar.
+
+        So it does where there was nothing to make a figure of: none of what the bar asks for
+        was heard.
+        """
+        if self.barred and not self.met and (not self.n or not math.isfinite(self.figure)):
+            return True
         below = self.least is not None and self.high < self.least
         return below or (self.most is not None and self.low > self.most)
 

@@ -12,6 +12,8 @@ from uavrt.experiments.detection.signals import THESIS_TAG, TRACKER_TAG
 from uavrt.experiments.detection.statistics import level_for, wilson_interval
 from uavrt.experiments.detection.trials import Decision
 
+_CLEARLY_DB = 1.5
+_CLEARLY_PD = 0.8
 Shot = tuple[float, bool]
 """ENR of a decision [dB], and whether the group was found."""
 
@@ -37,19 +39,56 @@ def curve_case(
     rows: Callable[[Sequence[Shot]], list[Row]],
     seconds: float,
     per_level: int = FULL_TRIALS,
+    short: Case | None = None,
 ) -> Case:
-    """Decisions at several levels, which take turns."""
+    """Decisions at several levels, which take turns; in short six at each, if nothing else."""
 
     def trial(rng: np.random.Generator, index: int) -> Shot:
         level = levels_db[index % len(levels_db)]
         return level, decision.found(rng, level)
 
-    return Case(
+    case = Case(
         name=name,
         trials=per_level * len(levels_db),
         least=8 * len(levels_db),
         seconds=seconds,
         trial=trial,
+        rows=rows,
+    )
+    return replace(case, short=short or replace(case, least=6 * len(levels_db)))
+
+
+def clearly_above(
+    *, experiment: str, name: str, decision: Decision, bar_db: float, trials: int
+) -> Case:
+    """Short form of a curve: decisions at 1.5 dB above the ENR that it must reach.
+
+    Where half of them must be found, nine in ten or more are to be expected there. Few trials
+    at the bar itself tell nothing: a curve fitted to misses alone reaches a half anywhere.
+    """
+    level = bar_db + _CLEARLY_DB
+
+    def rows(hits: Sequence[bool]) -> list[Row]:
+        low, high = wilson_interval(sum(hits), len(hits))
+        return [
+            Row(
+                experiment=experiment,
+                quantity="Pd",
+                case=f"{name}, {level:g} dB",
+                figure=sum(hits) / len(hits),
+                low=low,
+                high=high,
+                n=len(hits),
+                least=_CLEARLY_PD,
+            )
+        ]
+
+    return Case(
+        name=f"{name}, in short",
+        trials=trials,
+        least=trials,
+        seconds=0.1,
+        trial=lambda rng, _: decision.found(rng, level),
         rows=rows,
     )
 

@@ -121,8 +121,15 @@ def level_for(
     Returns
     -------
     tuple of float
-        Level, its 95 % interval (delta method), and the standard error [dB].
+        Level, its 95 % interval (delta method), and the standard error [dB]. Where all or
+        none were found no curve can be fitted: the level is then beyond the levels tried.
     """
+    if not any(hits for _, hits, _ in points):
+        beyond = max(at for at, _, _ in points)
+        return math.inf, beyond, math.inf, math.inf
+    if all(hits == trials for _, hits, trials in points):
+        beyond = min(at for at, _, _ in points)
+        return -math.inf, -math.inf, beyond, math.inf
     chosen = list(points)
     for _ in range(3):
         level, error = _logistic(chosen, share)

@@ -14,6 +14,8 @@ from uavrt.experiments.detection.result import Row
 
 HEADER = ("measured", "95 %", "n", "bar", "", "original", "theory", "remarks")
 RESULTS = "results.json"
+FOLDERS = ("detection", "dsp")
+"""Of the package: where the figures come from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +26,10 @@ class Origin:
     seed: int
     trials: int
     """Decisions for each point of a Pd curve."""
+    measured: str = ""
+    """Commit and digest of the code, as `uavrt.experiments.measured` writes and reads them."""
+    notes: tuple[str, ...] = ()
+    """What was entered since of changes to the code."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +83,10 @@ def read_results(path: Path) -> Results:
                 values[end] = infinite if values[end] is None else values[end]
             if values["experiment"] in EXPERIMENTS:
                 rows.append(Row(**values))
-        origins = {name: Origin(**origin) for name, origin in found["origins"].items()}
+        origins = {
+            name: Origin(**{**origin, "notes": tuple(origin.get("notes", ()))})
+            for name, origin in found["origins"].items()
+        }
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ConfigError(
             f"{path} holds no results of this experiment ({error})",
@@ -156,6 +165,8 @@ def markdown(results: Results) -> str:
             f"## {name}: {experiment.title}",
             f"Version {origin.version}, {origin.trials} trials for a point of a Pd curve, "
             f"seed {origin.seed}.",
+            *([origin.measured] if origin.measured else []),
+            *(["\n".join(origin.notes)] if origin.notes else []),
             "\n".join(lines),
         ]
     return "\n\n".join(parts) + "\n"

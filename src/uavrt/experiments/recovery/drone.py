@@ -1,4 +1,4 @@
-"""A drone side under a stand-in for systemd, with its simulated world, and what it says."""
+"""A drone side under a stand-in for systemd, its world and ground station, and what it says."""
 
 import os
 import signal
@@ -20,6 +20,7 @@ from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_por
 from uavrt.errors import UavrtError
 from uavrt.messages import Health, Pulse, PulsePose, StatusText, SystemStatus
 from uavrt.monitor import StatusReader
+from uavrt.recording import read_pulse_file
 from uavrt.simulation import Scenario, write_scenario
 from uavrt.supervisor.usage import descendants_of
 
@@ -52,6 +53,13 @@ class ServedDrone:
         self.health: dict[str, Health] = {}
         """The last of each process."""
         self.status: SystemStatus | None = None
+        self.detected: set[Pulse] = set()
+        """Pulses that a detector has told the supervisor of."""
+        self.unpromised: set[Pulse] = set()
+        """Those that were not yet said to be on disk when everything was killed at once."""
+        self._power_cut = False
+        self._of_this_life: set[Pulse] = set()
+        """Those since the present supervisor was first heard."""
         self.recorded: set[Pulse] = set()
         """Pulses that the recorder has said to be on disk."""
         self.texts: list[str] = []
@@ -83,6 +91,13 @@ class ServedDrone:
             *("--scenario", str(paths.scenario)),
             *("--companion", f"127.0.0.1:{companion_port}"),
             *("--ground", f"127.0.0.1:{ground_port}"),
+        )
+        self._ground = work / "ground"
+        self._program(
+            work,
+            "ground",
+            *("uavrt.cli", "ground", "--headless", "--json"),
+            *("--mavlink", f"udpin://127.0.0.1:{ground_port}", "-o", str(self._ground)),
         )
         tags = msgspec.json.encode(self.scenario.tags).decode()
         self.manager = self._program(
@@ -130,8 +145,7 @@ class ServedDrone:
             self._reader.close()
             self._reader = None
         for topic, record in records:
-            if topic != "pulse_pose":  # not on disk yet; it comes again when it is
-                self._take(record)
+            self._take(topic, record)
         if self._reader is not None and not self._reader.is_open:
             self._reader.close()
             self._reader = None
@@ -139,10 +153,19 @@ class ServedDrone:
     def _connect(self) -> bool:
         with suppress(UavrtError):
             self._reader = StatusReader(self._socket, 0.0, self.manager.check)
+            if self._power_cut:  # what it still said is read by now
+                self.unpromised |= self._of_this_life - self.recorded
+            self._power_cut = False
+            self._of_this_life.clear()
         return self._reader is not None
 
-    def _take(self, record: object) -> None:
+    def _take(self, topic: str, record: object) -> None:
         match record:
+            case Pulse():
+                self.detected.add(record)
+                self._of_this_life.add(record)
+            case PulsePose() if topic == "pulse_pose":
+                pass  # not on disk yet; it comes again when it is
             case Health():
                 self.health[record.process] = record
             case SystemStatus():
@@ -166,6 +189,13 @@ class ServedDrone:
                 raise UavrtError(f"{what} did not come within {timeout_s:.0f} s")
             self.listen()
         return monotonic_s() - started_s
+
+    def pulses_on_ground(self) -> set[tuple[int, int]]:
+        """Get tag and start [ns] of the pulses that the ground station has stored so far."""
+        with suppress(UavrtError):
+            received = read_pulse_file(self._ground / "pulses.jsonl")
+            return {(item.pulse.tag_id, item.pulse.start_time_ns) for item in received}
+        return set()
 
     # ------------------------------------------------------------------ killing
 
@@ -206,3 +236,4 @@ class ServedDrone:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         self.health.clear()
+        self._power_cut = True

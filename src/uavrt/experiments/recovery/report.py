@@ -17,7 +17,7 @@ class Kill:
     process: str
     """``"power"`` for everything at once."""
     how: str
-    """``"SIGKILL"`` or ``"SIGSTOP"``."""
+    """``"SIGKILL"``, ``"SIGSTOP"``, or ``"6 SIGKILL"`` for a burst."""
     resumed_s: float
     limit_s: float
 
@@ -30,8 +30,17 @@ class RecoveryReport:
     kills: tuple[Kill, ...]
     pulses_recorded: int
     """Pulses that were said to be on disk, all before one kill or another."""
+    pulses_detected: int
+    """Pulses that a detector told the supervisor of."""
+    pulses_promised: int
+    """Those and the recorded ones, less what was not yet said to be on disk when everything was
+    killed at once: what may not be lost."""
+    without_pose: int
+    """Pulses recorded without a pose."""
     lost_from_database: int
+    """Of those promised, as in the two below."""
     lost_from_log: int
+    lost_on_ground: int
     orphans: int
     """Processes that outlived a supervisor that was killed by more than a second."""
     flights: int
@@ -45,6 +54,7 @@ class RecoveryReport:
         return not self.faults and not (
             self.lost_from_database
             or self.lost_from_log
+            or self.lost_on_ground
             or self.orphans
             or any(kill.resumed_s > kill.limit_s for kill in self.kills)
         )
@@ -68,8 +78,12 @@ class RecoveryReport:
                 for (name, how), kills in self.groups().items()
             },
             "pulses_recorded": self.pulses_recorded,
+            "pulses_detected": self.pulses_detected,
+            "pulses_promised": self.pulses_promised,
+            "without_pose": self.without_pose,
             "lost_from_database": self.lost_from_database,
             "lost_from_log": self.lost_from_log,
+            "lost_on_ground": self.lost_on_ground,
             "orphans": self.orphans,
             "flights": self.flights,
             "faults": list(self.faults),
@@ -93,8 +107,10 @@ class RecoveryReport:
                 Text("met", "green") if good else Text("NOT met", "bold red"),
             )
         lines = [
-            f"{self.pulses_recorded} pulses were on disk before a kill; lost from "
-            f"flight.sqlite: {self.lost_from_database}, from the log: {self.lost_from_log}",
+            f"{self.pulses_detected} pulses were detected, {self.pulses_promised} promised; "
+            f"lost from flight.sqlite: {self.lost_from_database}, from the log: "
+            f"{self.lost_from_log}, on the ground: {self.lost_on_ground}",
+            f"recorded without a pose: {self.without_pose}",
             f"left behind by a killed supervisor: {self.orphans}; flights: {self.flights}",
             *self.faults,
         ]

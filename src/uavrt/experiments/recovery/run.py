@@ -1,4 +1,8 @@
-"""The experiment: each process in turn, then at random, the supervisor, the power.
+"""The experiment: each process in turn, at random, in bursts, the supervisor, the power.
+
+A pulse that a detector has told the supervisor of must reach the flight's database, its log and
+the ground station, whatever is killed. Only what was not yet said to be on disk when everything
+was killed at once is not promised.
 
 *Resumed* means that the new process has processed its first live block with its tags restored:
 for the receiver, a radio block later than the kill; for a detector, a block of its channels
@@ -10,6 +14,7 @@ has resumed when there is a new one; nobody else may have ended by its death.
 
 import random
 import signal
+from bisect import bisect_left
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,13 +25,13 @@ from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
 from uavrt.experiments.recovery.drone import NURSERY, READY_S, ServedDrone
 from uavrt.experiments.recovery.report import Kill, RecoveryReport
-from uavrt.messages import Health, Pulse, SystemState
+from uavrt.messages import Health, Pose, Pulse, SystemState
 from uavrt.recording import read_flight, read_pulse_pose_log
 from uavrt.recording.layout import FlightLayout
 from uavrt.simulation import Scenario, demo_scenario
 from uavrt.simulation.flight import Flight, Leg
 from uavrt.supervisor.launcher import PING_S, SILENCE_S
-from uavrt.supervisor.restarts import SETTLED_S
+from uavrt.supervisor.restarts import DELAYS_S, SETTLED_S
 from uavrt.supervisor.shapes import rows_for
 from uavrt.supervisor.table import PROCESSES
 from uavrt.supervisor.usage import descendants_of, is_alive
@@ -35,6 +40,13 @@ SIGKILL_LIMIT_S = 2.0
 STOP_SPARE_S = 2.0
 """On top of the row's silence limit, after SIGSTOP."""
 SUPERVISOR_LIMIT_S = 10.0
+BURST, BURST_LIMIT_S = 6, DELAYS_S[-1] + SIGKILL_LIMIT_S
+"""Kills of one process in a burst; after the last the restart policy waits its longest."""
+BURST_NAMES = ("connection", "recorder")
+TO_GROUND_S = 40.0
+"""Longest wait for the ground station to have everything, at the end."""
+SAME_PULSE_NS = 2_000
+"""The wire has a pulse's start in a double: to a microsecond."""
 GIVE_UP_S = 40.0
 LAST_HOPE_S = 120.0
 """What has not resumed for so long never will."""
@@ -54,6 +66,10 @@ class Plan:
 
     kills: int = 50
     """Of single processes: each by SIGKILL and by SIGSTOP, then at random."""
+    stops: int = 3
+    """Times that the connection is stopped (SIGSTOP) until it is replaced."""
+    bursts: int = 3
+    """Times that one process is killed six times, each time as soon as it runs again."""
     supervisor_kills: int = 5
     power_cuts: int = 100
     seed: int = 1
@@ -97,6 +113,11 @@ class Recovery:
                 )
             )
             self._go_on_after(partial(self._kill_one, name, how))
+        for _ in range(self._plan.stops):
+            self._go_on_after(partial(self._kill_one, "connection", signal.SIGSTOP))
+        for number in range(self._plan.bursts):
+            name = BURST_NAMES[number % len(BURST_NAMES)]
+            self._go_on_after(partial(self._kill_again_and_again, name))
         for _ in range(self._plan.supervisor_kills):
             self._go_on_after(self._kill_supervisor)
         for _ in range(self._plan.power_cuts):
@@ -127,6 +148,22 @@ class Recovery:
             self._await(name, number.name, limit_s, lambda kill: self._is_back(name, kill))
         self._wait_whole(GIVE_UP_S)
         self._resumed_at_s[name] = monotonic_s()
+
+    def _kill_again_and_again(self, name: str) -> None:
+        """Kill a process as often and as soon as it runs; the last time it may come back."""
+        for number in range(BURST):
+            before = self._drone.pid_of(name)
+            self._drone.signal(name, signal.SIGKILL)
+            if number < BURST - 1:
+                self._drone.wait(
+                    partial(self._is_another, name, before), GIVE_UP_S, f"{name} in a burst"
+                )
+        self._await(name, "6 SIGKILL", BURST_LIMIT_S, lambda kill: self._is_back(name, kill))
+        self._wait_whole(GIVE_UP_S)
+        self._resumed_at_s[name] = monotonic_s()
+
+    def _is_another(self, name: str, before: int | None) -> bool:
+        return self._drone.pid_of(name) not in (None, before)
 
     def _silence_limit_s(self, name: str) -> float:
         if name == NURSERY:
@@ -247,6 +284,7 @@ def run_recovery(
         The system did not even start.
     """
     count = plan.kills + plan.supervisor_kills + plan.power_cuts
+    count += plan.stops + 2 * plan.bursts
     scenario = turning_scenario(60.0 + SECONDS_EACH * count, plan.seed)
     faults: list[str] = []
     with ServedDrone(scenario, flights.resolve(), workers=workers) as drone:
@@ -257,14 +295,21 @@ def run_recovery(
             if not recovery.kills:
                 raise
             faults.append(str(error))
+        on_ground = _wait_for_ground(drone)
         drone.stop()
         recorded = frozenset(drone.recorded)
+        promised = frozenset(drone.detected - drone.unpromised | recorded)
+    stored = _stored(recovery.directories)
     return RecoveryReport(
         seed=plan.seed,
         kills=tuple(recovery.kills),
         pulses_recorded=len(recorded),
-        lost_from_database=len(recorded - _in_databases(recovery.directories)),
-        lost_from_log=len(_keys(recorded) - _in_logs(recovery.directories)),
+        pulses_detected=len(drone.detected),
+        pulses_promised=len(promised),
+        without_pose=sum(pose is None for pose in stored.values()),
+        lost_from_database=len(promised - stored.keys()),
+        lost_from_log=len(_keys(promised) - _in_logs(recovery.directories)),
+        lost_on_ground=len(_not_among(_keys(promised), on_ground)),
         orphans=recovery.orphans,
         flights=len(recovery.directories),
         faults=(*recovery.faults, *faults),
@@ -280,8 +325,35 @@ def turning_scenario(duration_s: float, seed: int) -> Scenario:
     )
 
 
-def _in_databases(directories: set[Path]) -> set[Pulse]:
-    return {item.pulse for path in directories for item in read_flight(path).pulse_poses}
+def _wait_for_ground(drone: ServedDrone) -> set[tuple[int, int]]:
+    """Let the last pulses reach the ground; get what it has."""
+    drone.health.clear()
+    promised = _keys(drone.detected - drone.unpromised)
+    deadline_s = monotonic_s() + TO_GROUND_S
+    while _not_among(promised, drone.pulses_on_ground()) and monotonic_s() < deadline_s:
+        for _ in range(50):
+            drone.listen()
+    return drone.pulses_on_ground()
+
+
+def _not_among(
+    wanted: set[tuple[int, int]], received: set[tuple[int, int]]
+) -> set[tuple[int, int]]:
+    """Get the pulses, by tag and start, that were not received."""
+    starts: dict[int, list[int]] = {}
+    for tag_id, start_ns in sorted(received):
+        starts.setdefault(tag_id, []).append(start_ns)
+    missing = set()
+    for tag_id, start_ns in wanted:
+        there = starts.get(tag_id, [])
+        place = bisect_left(there, start_ns - SAME_PULSE_NS)
+        if place == len(there) or there[place] > start_ns + SAME_PULSE_NS:
+            missing.add((tag_id, start_ns))
+    return missing
+
+
+def _stored(directories: set[Path]) -> dict[Pulse, Pose | None]:
+    return {i.pulse: i.pose for path in directories for i in read_flight(path).pulse_poses}
 
 
 def _in_logs(directories: set[Path]) -> set[tuple[int, int]]:

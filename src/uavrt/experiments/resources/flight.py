@@ -19,7 +19,7 @@ from uavrt.messages import Command, CommandReply, Health, SystemState, SystemSta
 from uavrt.monitor import StatusReader
 from uavrt.simulation import Scenario, demo_scenario, write_scenario
 from uavrt.simulation.steady_radio import steady_tags
-from uavrt.supervisor.usage import children_of, descendants_of, own_cpu_s, pss_mb
+from uavrt.supervisor.usage import children_of, descendants_of, own_cpu_s, pss_mb, written_mb
 
 CENTER_HZ = 148_700_000.0
 TIMEOUT_S = 60.0
@@ -34,6 +34,8 @@ class Reading:
     """CPU time since its start."""
     pss_mb: float
     """Proportional set size: what it takes of the memory, shared pages in parts."""
+    written_mb: float
+    """Written to disks since its start; NaN where the kernel does not count it."""
 
 
 class SteadyFlight:
@@ -243,6 +245,7 @@ class SteadyFlight:
                 process=names.get(pid, f"helper {pid}"),
                 cpu_s=own_cpu_s(pid),
                 pss_mb=pss_mb(pid),
+                written_mb=written_mb(pid),
             )
             for pid in family
         ]

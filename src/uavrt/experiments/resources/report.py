@@ -12,6 +12,8 @@ from uavrt.experiments.resources import thesis
 from uavrt.experiments.resources.flight import Reading
 
 GROWTH_LIMIT = 0.01
+WRITTEN_LIMIT_MB_H = 40.0
+"""Of all processes together in an ordinary flight: a memory card lives by it."""
 RADIO = "radio (stand-in)"
 TOGETHER = "all but the radio"
 
@@ -26,6 +28,21 @@ class Moment:
     """Of one core, over the stretch."""
     pss_mb: dict[str, float]
     """Mean over its last 40 s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """What a flight asked of the disk, from the start of detection on."""
+
+    mb_h: dict[str, float]
+    """Of each process [MB/h]."""
+    syncs_h: float
+    """Calls of fsync an hour, by the recorder; the others make none."""
+
+    @property
+    def together_mb_h(self) -> float:
+        """Of all processes but the radio's stand-in [MB/h]."""
+        return ours(self.mb_h)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +68,7 @@ class ResourceReport:
 
     tags: int
     moments: tuple[Moment, ...]
+    written: Written
     lost_samples: float
     loads: tuple[Load, ...] = field(default=())
 
@@ -78,6 +96,8 @@ class ResourceReport:
                 {"minute": m.minute, "cpu_percent": m.cpu_percent, "pss_mb": m.pss_mb}
                 for m in self.moments
             ],
+            "written_mb_h": self.written.mb_h | {TOGETHER: self.written.together_mb_h},
+            "syncs_h": self.written.syncs_h,
             "cpu_summary": {
                 name: summary([m.cpu_percent[name] for m in self.moments])
                 for name in self.moments[0].cpu_percent
@@ -107,6 +127,7 @@ class ResourceReport:
             cpu_table(f"CPU, per cent of a core, {self.tags} tag(s), here", minutes, here),
             histogram("Mean CPU here", here),
             self._memory_table(),
+            self._disk_table(),
             f"samples lost: {self.lost_samples:.0f}",
             cpu_table("Thesis, Table 5.2: UDOO X86", thesis.MINUTES, thesis.UDOO_CPU),
             histogram("Thesis, Figure 5.3", thesis.UDOO_CPU),
@@ -131,6 +152,19 @@ class ResourceReport:
                 f"{100 * growth:+.2f} %",
                 "met" if growth < GROWTH_LIMIT else "NOT met",
             )
+        return table
+
+    def _disk_table(self) -> Table:
+        table = Table(title="Written to disks")
+        for title in ("process", "MB/h", "fsync/h", "limit", ""):
+            table.add_column(title, justify="left" if title == "process" else "right")
+        for name, rate in self.written.mb_h.items():
+            syncs = f"{self.written.syncs_h:.0f}" if name == "recorder" else ""
+            table.add_row(name, f"{rate:.1f}", syncs, "", "")
+        rate = self.written.together_mb_h
+        verdict = "met" if rate <= WRITTEN_LIMIT_MB_H else "NOT met"
+        limit = f"{WRITTEN_LIMIT_MB_H:.0f}"
+        table.add_row(TOGETHER, f"{rate:.1f}", "", limit, verdict)
         return table
 
     def _load_table(self) -> Table:

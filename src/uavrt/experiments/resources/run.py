@@ -13,6 +13,7 @@ from uavrt.experiments.resources.report import (
     Load,
     Moment,
     ResourceReport,
+    Written,
     by_process,
     ours,
 )
@@ -28,6 +29,9 @@ also leaves out the start."""
 MEMORY_S = 40.0
 """Memory is the mean over this long, a reading a second: two of the periods after which a
 process gives free memory back (`uavrt.heap`). A detector's goes up and down by 1 MB in each."""
+
+SYNCS = "disk_syncs"
+"""The recorder's count of fsync; no other process calls it while a flight goes on."""
 
 Say = Callable[[str], None]
 
@@ -53,7 +57,7 @@ def run_resources(plan: Plan, *, say: Say = lambda _line: None) -> ResourceRepor
     UavrtError
         The drone side did not start, or ended by itself.
     """
-    moments, lost = _long_flight(plan, say)
+    moments, written, lost = _long_flight(plan, say)
     loads: list[Load] = []
     for tags in plan.loads:
         loads.append(_load(tags, plan.load_s))
@@ -61,22 +65,27 @@ def run_resources(plan: Plan, *, say: Say = lambda _line: None) -> ResourceRepor
         if not loads[-1].real_time:
             break
     return ResourceReport(
-        tags=plan.tags, moments=tuple(moments), lost_samples=lost, loads=tuple(loads)
+        tags=plan.tags,
+        moments=tuple(moments),
+        written=written,
+        lost_samples=lost,
+        loads=tuple(loads),
     )
 
 
-def _long_flight(plan: Plan, say: Say) -> tuple[list[Moment], float]:
+def _long_flight(plan: Plan, say: Say) -> tuple[list[Moment], Written, float]:
     with SteadyFlight(plan.tags) as flight:
         flight.upload()
         flight.start()
         began_s = monotonic_s()
+        disk = _DiskMeter(flight)
         moments = []
         for thesis_minute in MINUTES:
             due_s = began_s + 60.0 * plan.minutes * thesis_minute / THESIS_MINUTES
             start_s = due_s - STRETCH * max(0.0, due_s - monotonic_s())
             moments.append(_moment(flight, start_s, due_s, began_s))
             say(f"{moments[-1].minute:.1f} min measured")
-        return moments, flight.lost_samples()
+        return moments, disk.read(), flight.lost_samples()
 
 
 def _moment(flight: SteadyFlight, start_s: float, end_s: float, began_s: float) -> Moment:
@@ -94,6 +103,26 @@ def _moment(flight: SteadyFlight, start_s: float, end_s: float, began_s: float) 
         },
         pss_mb=memory,
     )
+
+
+class _DiskMeter:
+    """What is written from now on."""
+
+    def __init__(self, flight: SteadyFlight) -> None:
+        self._flight = flight
+        self._began_s = monotonic_s()
+        self._written = by_process(flight.readings(), "written_mb")
+        self._syncs = flight.counter("recorder", SYNCS)
+
+    def read(self) -> Written:
+        """Get what was written since."""
+        hours = (monotonic_s() - self._began_s) / 3600.0
+        now = by_process(self._flight.readings(), "written_mb")
+        before = self._written
+        return Written(
+            mb_h={name: (now[name] - before.get(name, 0.0)) / hours for name in now},
+            syncs_h=(self._flight.counter("recorder", SYNCS) - self._syncs) / hours,
+        )
 
 
 def _mean_memory(flight: SteadyFlight, end_s: float) -> dict[str, float]:

@@ -1,0 +1,56 @@
+/* Kernels for what NumPy does at several times the price: module uavrt._native.
+
+   Each does what a function of the package does in NumPy, which stays and is used where this
+   module is not there; `uavrt.native` says which. Buffers only, no NumPy, CPython's stable
+   interface: one build serves every Python from 3.11 on. Sizes are checked against the buffers
+   before anything is read or written. */
+#include "anchors.h"
+#include "bank.h"
+#include "fir.h"
+/* After the filters, whose sums it uses. */
+#include "band.h"
+
+static PyMethodDef methods[] = {
+    {"bank", (PyCFunction)(void (*)(void))bank, METH_FASTCALL,
+     "Outputs of a filter bank: uavrt.dsp.channelizer."},
+    {"decimate", (PyCFunction)(void (*)(void))decimate, METH_FASTCALL,
+     "Filter and keep every D-th sample: uavrt.dsp.decimator."},
+    {"largest", (PyCFunction)(void (*)(void))largest, METH_FASTCALL,
+     "Largest part of any sample: uavrt.detection.samples."},
+    {"narrow", (PyCFunction)(void (*)(void))narrow, METH_FASTCALL,
+     "A tag's narrow band: uavrt.detection.grid."},
+    {"powers", (PyCFunction)(void (*)(void))powers, METH_FASTCALL,
+     "Power of the cells of a tag's spectrogram: uavrt.detection.grid."},
+    {"note", (PyCFunction)(void (*)(void))note, METH_FASTCALL,
+     "Keep new columns and find anchors among them: uavrt.detection.anchors."},
+    {"rate", (PyCFunction)(void (*)(void))rate, METH_FASTCALL,
+     "Best sums of anchors: uavrt.detection.anchors."},
+    {NULL, NULL, 0, NULL},
+};
+
+/* The number that uavrt/native.py asks for: raised when arguments of a kernel change. */
+#define INTERFACE 2
+
+static int fill(PyObject *module)
+{
+    return PyModule_AddIntConstant(module, "INTERFACE", INTERFACE) < 0 ||
+                   PyModule_AddStringConstant(module, "BUILT", BUILT_FOR) < 0
+               ? -1
+               : 0;
+}
+
+static PyModuleDef_Slot slots[] = {{Py_mod_exec, (void *)fill}, {0, NULL}};
+
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT,
+    .m_name = "_native",
+    .m_doc = "Compiled kernels of uavrt; native/kernels.c.",
+    .m_size = 0,
+    .m_methods = methods,
+    .m_slots = slots,
+};
+
+PyMODINIT_FUNC PyInit__native(void)
+{
+    return PyModuleDef_Init(&definition);
+}

@@ -1,0 +1,55 @@
+"""Secrets in files: read only from files that nobody else on the computer may read."""
+
+import os
+import stat
+from pathlib import Path
+
+from uavrt.errors import ConfigError
+
+REMEDY = "`(umask 077; openssl rand -hex 32 > FILE)` makes one"
+
+
+def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> bytes:
+    """Read a secret written as hexadecimal digits.
+
+    Parameters
+    ----------
+    path : str or Path
+    what : str
+        What the file is called when it cannot be read: ``key file``.
+    least, most : int
+        Bytes that the secret may have.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    ConfigError
+        There is no such file, other users may read or change it, or it does not hold
+        that many hexadecimal digits.
+    """
+    try:
+        with open(path, encoding="ascii") as file:
+            # Windows keeps its permissions elsewhere.
+            mode = os.fstat(file.fileno()).st_mode if os.name == "posix" else 0
+            text = file.read(1000)
+    except OSError as error:
+        raise ConfigError(
+            f"cannot read the {what} {path}: {error.strerror}", remedy=REMEDY
+        ) from error
+    except ValueError:
+        text = ""
+    try:
+        secret = bytes.fromhex(text.strip())
+    except ValueError:
+        secret = b""
+    if not least <= len(secret) <= most:
+        count = f"{2 * least}" if least == most else f"{2 * least} to {2 * most}"
+        raise ConfigError(
+            f"{path} is no {what}: it must hold {count} hexadecimal digits", remedy=REMEDY
+        )
+    if stat.S_IMODE(mode) & 0o077:
+        raise ConfigError(f"other users can read the {what} {path}", remedy=f"chmod 600 {path}")
+    return secret

@@ -1,0 +1,37 @@
+"""Tags whose pulses are heard in each other's band."""
+
+from collections.abc import Sequence
+
+from uavrt.messages import Tag
+
+
+def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
+    """Put bands that overlap together, also by way of others.
+
+    Parameters
+    ----------
+    bands_hz : sequence of (float, float)
+        Lower and upper edge of each.
+
+    Returns
+    -------
+    list of list of int
+        Places of the bands, each once, rising; ordered by the first of each list.
+    """
+    found: list[list[int]] = []
+    reach_hz = 0.0
+    for place in sorted(range(len(bands_hz)), key=lambda at: bands_hz[at]):
+        low_hz, high_hz = bands_hz[place]
+        if found and low_hz < reach_hz:
+            found[-1].append(place)
+            reach_hz = max(reach_hz, high_hz)
+        else:
+            found.append([place])
+            reach_hz = high_hz
+    return sorted(sorted(places) for places in found)
+
+
+def tags_by_band(tags: Sequence[Tag], window_hz: float) -> list[list[Tag]]:
+    """Put tags together that are searched, within a half-width, in overlapping bands."""
+    bands_hz = [(tag.frequency_hz - window_hz, tag.frequency_hz + window_hz) for tag in tags]
+    return [[tags[place] for place in places] for places in overlapping(bands_hz)]

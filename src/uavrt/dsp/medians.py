@@ -1,0 +1,29 @@
+"""Medians over time of each row of a spectrogram, several times faster than NumPy's own."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def medians(power: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Median of each column of an array, the same as `np.median(power, axis=0)`.
+
+    One partition of contiguous lines at one place; `np.median` takes two places, and strides.
+
+    Parameters
+    ----------
+    power : ndarray of float32, shape (times, rows)
+        At least one time, no NaN.
+
+    Returns
+    -------
+    ndarray of float32, shape (rows,)
+    """
+    lines = power.T.copy()
+    count = lines.shape[1]
+    half = count // 2
+    lines.partition(half, axis=1)
+    upper: NDArray[np.float32] = lines[:, half]
+    if count % 2:
+        return upper
+    lower: NDArray[np.float32] = lines[:, :half].max(axis=1)
+    return np.asarray((lower + upper) * np.float32(0.5), np.float32)

@@ -1,0 +1,215 @@
+"""Random bursts in the channel: hoppers, slots of a frame, speech.
+
+Levels are the ENR that a burst of the length of the tag's pulse has at its own frequency.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Samples = NDArray[np.complex64]
+Scene = Callable[[np.random.Generator, int], Samples]
+"""Makes so many samples of what is on air, without noise."""
+LEVELS_DB = (20.0, 35.0)
+_PULSE_S = 0.020
+_EDGE_S = 0.5e-3
+_PITCH_HZ = (90.0, 220.0)
+_HARMONICS = 12
+
+
+def add_burst(
+    samples: Samples,
+    *,
+    start_s: float,
+    length_s: float,
+    offset_hz: float,
+    level_db: float,
+    phase: float,
+    sample_rate_hz: float = 3750.0,
+) -> None:
+    """Add a burst of one frequency in place, with edges of half a millisecond."""
+    first = max(0, math.ceil(start_s * sample_rate_hz))
+    last = min(len(samples), math.ceil((start_s + length_s) * sample_rate_hz))
+    if last <= first:
+        return
+    t = np.arange(first, last) / sample_rate_hz
+    edge = np.clip(np.minimum(t - start_s, start_s + length_s - t) / _EDGE_S, 0.0, 1.0)
+    amplitude = math.sqrt(10.0 ** (level_db / 10.0) / (_PULSE_S * sample_rate_hz))
+    wave = amplitude * edge * np.exp(1j * (2.0 * np.pi * offset_hz * t + phase))
+    samples[first:last] += wave.astype(np.complex64)
+
+
+class Hopper:
+    """Bursts at random times and frequencies.
+
+    Parameters
+    ----------
+    per_s : float
+        Mean number in a second in the whole channel.
+    dwell_s : (float, float)
+        Shortest and longest.
+    """
+
+    def __init__(
+        self,
+        per_s: float,
+        *,
+        dwell_s: tuple[float, float] = (0.010, 0.025),
+        levels_db: tuple[float, float] = LEVELS_DB,
+    ) -> None:
+        self._per_s = per_s
+        self._dwell_s = dwell_s
+        self._levels_db = levels_db
+
+    def __call__(
+        self, rng: np.random.Generator, count: int, sample_rate_hz: float = 3750.0
+    ) -> Samples:
+        """So many samples of it."""
+        samples = np.zeros(count, np.complex64)
+        duration_s = count / sample_rate_hz
+        for start_s in rng.uniform(0.0, duration_s, rng.poisson(self._per_s * duration_s)):
+            add_burst(
+                samples,
+                start_s=start_s,
+                length_s=rng.uniform(*self._dwell_s),
+                offset_hz=rng.uniform(-0.5, 0.5) * sample_rate_hz,
+                level_db=rng.uniform(*self._levels_db),
+                phase=rng.uniform(0.0, 2.0 * math.pi),
+                sample_rate_hz=sample_rate_hz,
+            )
+        return samples
+
+
+class Slots:
+    """Slots of a frame on one frequency, each sent in or not at random.
+
+    Parameters
+    ----------
+    frame_s : float
+        From a slot to the next of the same user.
+    slot_s : float
+        Length of a burst.
+    busy : float
+        Share of the frames in which the slot is used.
+    offset_hz : float
+    users : int
+        Their slots lie at different places of the frame, with levels and frequencies (± 20 Hz)
+        of their own.
+    """
+
+    def __init__(
+        self,
+        frame_s: float,
+        *,
+        slot_s: float,
+        busy: float,
+        offset_hz: float = 120.0,
+        users: int = 1,
+        levels_db: tuple[float, float] = LEVELS_DB,
+    ) -> None:
+        self._frame_s = frame_s
+        self._slot_s = slot_s
+        self._busy = busy
+        self._offset_hz = offset_hz
+        self._users = users
+        self._levels_db = levels_db
+
+    def __call__(
+        self, rng: np.random.Generator, count: int, sample_rate_hz: float = 3750.0
+    ) -> Samples:
+        """So many samples of it."""
+        samples = np.zeros(count, np.complex64)
+        duration_s = count / sample_rate_hz
+        for _ in range(self._users):
+            first_s = rng.uniform(0.0, self._frame_s)
+            level_db = rng.uniform(*self._levels_db)
+            offset_hz = self._offset_hz + rng.uniform(-20.0, 20.0)
+            starts_s = np.arange(first_s, duration_s, self._frame_s)
+            for start_s in starts_s[rng.uniform(size=len(starts_s)) < self._busy]:
+                add_burst(
+                    samples,
+                    start_s=float(start_s),
+                    length_s=self._slot_s,
+                    offset_hz=offset_hz,
+                    level_db=level_db + rng.normal(0.0, 1.0),
+                    phase=rng.uniform(0.0, 2.0 * math.pi),
+                    sample_rate_hz=sample_rate_hz,
+                )
+        return samples
+
+
+class Voice:
+    """Speech of one sideband: syllables of harmonics of a pitch that glides, in overs.
+
+    Parameters
+    ----------
+    per_s : float
+        Syllables in a second of an over.
+    over_s, pause_s : float
+        Mean lengths of an over and of the silence after it.
+    syllable_s : (float, float)
+        Shortest and longest.
+    lowest_hz : float
+        Where the speech's zero lies, relative to the channel's centre.
+    """
+
+    def __init__(
+        self,
+        per_s: float,
+        *,
+        over_s: float = 4.0,
+        pause_s: float = 4.0,
+        syllable_s: tuple[float, float] = (0.020, 0.120),
+        lowest_hz: float = -900.0,
+        levels_db: tuple[float, float] = LEVELS_DB,
+    ) -> None:
+        self._per_s = per_s
+        self._over_s = over_s
+        self._pause_s = pause_s
+        self._syllable_s = syllable_s
+        self._lowest_hz = lowest_hz
+        self._levels_db = levels_db
+
+    def __call__(
+        self, rng: np.random.Generator, count: int, sample_rate_hz: float = 3750.0
+    ) -> Samples:
+        """So many samples of it."""
+        samples = np.zeros(count, np.complex64)
+        duration_s = count / sample_rate_hz
+        at = float(rng.exponential(self._pause_s))
+        while at < duration_s:
+            until = at + float(rng.exponential(self._over_s))
+            while at < min(until, duration_s):
+                length_s = rng.uniform(*self._syllable_s)
+                self._speak(rng, samples, at, length_s, sample_rate_hz)
+                at += length_s + float(rng.exponential(1.0 / self._per_s))
+            at += float(rng.exponential(self._pause_s))
+        return samples
+
+    def _speak(
+        self,
+        rng: np.random.Generator,
+        samples: Samples,
+        start_s: float,
+        length_s: float,
+        sample_rate_hz: float,
+    ) -> None:
+        """Add a syllable."""
+        first = math.ceil(start_s * sample_rate_hz)
+        last = min(len(samples), math.ceil((start_s + length_s) * sample_rate_hz))
+        if last <= first:
+            return
+        t = np.arange(last - first) / sample_rate_hz
+        pitch_hz, glide = rng.uniform(*_PITCH_HZ), rng.normal(0.0, 60.0)
+        formant_hz, level_db = rng.uniform(300.0, 1500.0), rng.uniform(*self._levels_db)
+        envelope = np.sin(np.pi * np.clip(t / length_s, 0.0, 1.0)) ** 0.5
+        wave = np.zeros(len(t), np.complex128)
+        for harmonic in range(1, _HARMONICS + 1):
+            away = (harmonic * pitch_hz - formant_hz) / 400.0
+            amplitude = 10.0 ** ((level_db - 6.0 * away * away) / 20.0)
+            turn = harmonic * (pitch_hz * t + 0.5 * glide * t * t) + self._lowest_hz * t
+            wave += amplitude * np.exp(1j * (2.0 * np.pi * turn + rng.uniform(0.0, 6.28)))
+        scale = 1.0 / math.sqrt(_PULSE_S * sample_rate_hz)
+        samples[first:last] += (scale * envelope * wave).astype(np.complex64)

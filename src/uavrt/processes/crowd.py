@@ -1,0 +1,62 @@
+"""How many messages of ground stations are looked at: a flood must not hold up the pulses.
+
+The station whose commands were carried out has a share of its own; all others, who may be one
+sender with many names, share one. What is beyond is counted, neither answered nor written.
+"""
+
+from uavrt.allowance import Allowance
+
+Place = tuple[int, int]
+"""System and component id."""
+
+OWN_BURST, OWN_PER_S = 400, 50
+"""A hundred tags sent three times over, receipts seven times a second."""
+OTHERS_BURST, OTHERS_PER_S = 120, 60
+"""What is not answered: receipts of eight stations."""
+QUESTIONS_BURST, QUESTIONS_PER_S = 12, 1
+"""What is answered, and each answer goes before a pulse, of which a link takes 50 a second at
+most: the beginning of an upload, or a list of the parameters, in a quarter of a second."""
+
+
+class Crowd:
+    """Says which messages are looked at."""
+
+    def __init__(self) -> None:
+        self._commander: Place | None = None
+        self._own = Allowance(burst=OWN_BURST, per_s=OWN_PER_S)
+        self._others = Allowance(burst=OTHERS_BURST, per_s=OTHERS_PER_S)
+        self._questions = Allowance(burst=QUESTIONS_BURST, per_s=QUESTIONS_PER_S)
+        self.passed_over = 0
+        """Messages that were too many."""
+
+    @property
+    def has_commander(self) -> bool:
+        """Whether it is known who commands."""
+        return self._commander is not None
+
+    def commander(self, place: Place) -> None:
+        """Take note of who commands."""
+        if place != self._commander:
+            self._commander = place
+            self._own = Allowance(burst=OWN_BURST, per_s=OWN_PER_S)
+
+    def admits(self, place: Place, now_ns: int, *, answers: int = 0) -> bool:
+        """Whether a message is looked at.
+
+        Parameters
+        ----------
+        place : (int, int)
+            Who sent it.
+        now_ns : int
+            Time now.
+        answers : int
+            Messages that the answer to it takes.
+        """
+        if place == self._commander:
+            admitted = self._own.take(now_ns)
+        elif answers:
+            admitted = all(self._questions.take(now_ns) for _ in range(answers))
+        else:
+            admitted = self._others.take(now_ns)
+        self.passed_over += not admitted
+        return admitted

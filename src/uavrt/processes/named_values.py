@@ -1,0 +1,112 @@
+"""SNR and count of each tag as named numbers, for ground stations that do not know our pulses.
+
+They never hold up a pulse: they leave when no pulse waits, and few of them.
+"""
+
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable, Mapping
+
+from uavrt.config.settings import NamedValuesName
+from uavrt.mavlink.named_value import NamedValueFloat, value_name
+from uavrt.messages import Pulse
+from uavrt.units import ns_from_s
+
+PERIOD_NS = ns_from_s(0.25)
+"""Four messages of at most 30 bytes a second: a tenth of the slowest link."""
+TAG_PERIOD_NS = ns_from_s(1.0)
+"""Between two values of the same tag."""
+FRESH_NS = ns_from_s(5.0)
+"""What could not leave for so long is no news any more; the next pulse brings the count."""
+NS_PER_MS = 1_000_000
+
+
+class NamedValues:
+    """A source of messages (`uavrt.mavlink.pacing.Source`): what each tag's newest pulse says.
+
+    Parameters
+    ----------
+    which : {"all", "snr", "off"}
+        SNR and count, the SNR alone, or nothing.
+    wanted : callable
+        Whether somebody is there who needs them.
+    pulses_wait : callable
+        Whether pulses are still to be sent.
+    """
+
+    def __init__(
+        self,
+        which: NamedValuesName,
+        *,
+        wanted: Callable[[], bool],
+        pulses_wait: Callable[[], bool],
+    ) -> None:
+        self._which = which
+        self._wanted, self._pulses_wait = wanted, pulses_wait
+        self._counts: Counter[int] = Counter()
+        self._news: OrderedDict[int, tuple[int, float]] = OrderedDict()
+        """When a tag was last heard and its SNR; who waits longest is first."""
+        self._told_ns: dict[int, int] = {}
+        self._outgoing: deque[NamedValueFloat] = deque()
+        self._free_ns = 0
+
+    def begin_flight(self) -> None:
+        """Count from zero."""
+        self._counts.clear()
+        self._news.clear()
+        self._outgoing.clear()
+
+    def heard_before(self, counts: Mapping[int, int]) -> None:
+        """Count on from what was heard in this flight before this process began."""
+        self._counts.update(counts)
+
+    def heard(self, pulse: Pulse, now_ns: int) -> None:
+        """Take a pulse; only confirmed ones count."""
+        if pulse.confirmed and self._which != "off":
+            self._counts[pulse.tag_id] += 1
+            self._news[pulse.tag_id] = now_ns, pulse.snr_db
+
+    def wait_ns(self, now_ns: int) -> int | None:
+        """Time until there is one; None when there is none."""
+        if not self._wanted() or self._pulses_wait():
+            return None
+        gap_ns = max(0, self._free_ns - now_ns)
+        if self._outgoing:
+            return gap_ns
+        self._forget_stale(now_ns)
+        waits = (self._wait_of(tag_id, now_ns) for tag_id in self._news)
+        first_ns = min(waits, default=None)
+        return None if first_ns is None else max(gap_ns, first_ns)
+
+    def take(self, now_ns: int, rate_bytes_s: float) -> NamedValueFloat | None:
+        """Give one; a tag's count follows its SNR."""
+        if self.wait_ns(now_ns) != 0:
+            return None
+        if not self._outgoing:
+            self._write_next(now_ns)
+        self._free_ns = now_ns + PERIOD_NS
+        return self._outgoing.popleft()
+
+    def _write_next(self, now_ns: int) -> None:
+        tag_id = next(tag for tag in self._news if not self._wait_of(tag, now_ns))
+        _, snr_db = self._news.pop(tag_id)
+        self._told_ns[tag_id] = now_ns
+        values = {"SNR": snr_db}
+        if self._which == "all":
+            values["CNT"] = float(self._counts[tag_id])
+        for kind, value in values.items():
+            self._outgoing.append(
+                NamedValueFloat(
+                    time_boot_ms=now_ns // NS_PER_MS & 0xFFFFFFFF,
+                    value=value,
+                    name=value_name(kind, tag_id),
+                )
+            )
+
+    def _wait_of(self, tag_id: int, now_ns: int) -> int:
+        told_ns = self._told_ns.get(tag_id)
+        return 0 if told_ns is None else max(0, told_ns + TAG_PERIOD_NS - now_ns)
+
+    def _forget_stale(self, now_ns: int) -> None:
+        stale = [tag for tag, (at_ns, _) in self._news.items() if now_ns - at_ns > FRESH_NS]
+        for tag_id in stale:
+            del self._news[tag_id]

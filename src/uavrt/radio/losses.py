@@ -1,0 +1,356 @@
+"""Samples that a radio lost without a word, found in the arrivals of those that came.
+
+A loss makes everything after it late, for good and by one amount. A machine that is held up
+makes a few arrivals late, and catches up: what it held comes at once. Jitter makes single ones
+late. Nothing else makes an arrival late, so the three are told apart by what follows::
+
+    late |            : :  :.: : :    a loss: late by one amount, at the pace of the samples
+         |        :
+         |     :    :                 a stall: then all at once, each less late than the last
+         |__:_.__:_._:_:___________
+
+Arrivals are gathered in cells of 20 ms, of which the least late counts. A stretch of cells that
+are all late, come at the pace of the samples and lie level, is a loss once it is too long for
+the jitter as it has been so far: with exponential jitter of mean u, n cells are all later than
+c with probability exp(-n c / u). While losses happen, half of that evidence is enough.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+CELL_S: Final = 0.020
+"""Shortest stretch of stream of which one lateness is kept; USB transfers are 5 to 65 ms."""
+SLOWEST_RATE: Final = 75e-6
+"""No crystal in use is slower than that: what is more may as well be small losses."""
+_UNSEEN_S: Final = 0.010
+HALVED_S: Final = 0.036
+"""A loss somewhere about a transfer, if shorter than this, is put half before it and half
+behind: so no sample is off by more than half of it."""
+_CELLS: Final = 100
+"""Two seconds of them."""
+_WINDOW_S: Final = 1.0
+"""Longest stretch that is weighed."""
+_LEAST_CELLS: Final = 3
+"""A stall and another one after it are no third."""
+_NEWEST: Final = 4
+"""So many cells tell the level of now."""
+_QUIET_S: Final = 1.0
+"""So long after a loss the arrivals may still be late by what remains of it."""
+_EVIDENCE: Final = 14.0
+"""Natural logarithm of the odds against jitter: one in a million stretches, 40 of them in a
+second, of which few are independent."""
+_EVIDENCE_KNOWN: Final = 7.0
+"""The same within `_KNOWN_S` of a loss."""
+_KNOWN_S: Final = 10.0
+_FLOOR_S: Final = 0.002
+"""Less than this over the jitter is never a loss: it may be the crystal or its temperature."""
+_LEVEL_S: Final = 0.006
+_LEVEL_SLOPE: Final = 0.06
+"""A stretch that rises faster is a program that falls behind, and will catch up."""
+_CLIMB_S: Final = 0.35
+_LEVEL_AFTER_CLIMB_S: Final = 1.5
+_QUESTION_S: Final = 0.008
+"""Later than this, a cell may be the first after a loss."""
+_QUESTION_ENDS_S: Final = 0.35
+_SHARP: Final = 0.6
+"""Share of the lateness that came within `_BEFORE_S`: a step, which no crystal makes."""
+_BEFORE_S: Final = 0.5
+_SURE_SHARE: Final = 0.0008
+"""Losses of a larger share of `_SHARE_S` are losses: no crystal is 800 ppm slow."""
+_SHARE_S: Final = 30.0
+_EARLY_CELLS: Final = 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loss:
+    """A stretch of samples that did not come."""
+
+    duration_s: float
+    since_s: float
+    """Where the late arrivals begin [nominal seconds]."""
+    sharp: bool
+    """It came within half a second: a step, not a drift."""
+    inside_s: float
+    """Length of the first late arrival if the loss must lie within it; 0: before it."""
+    sure: bool
+    """False for a slow drift that a crystal far off its rate would show as well."""
+
+
+@dataclass(slots=True)
+class _Cell:
+    begin_s: float
+    end_s: float
+    late_s: float
+    fresh: bool
+    """It took as long to come as to be sampled: the sender was not catching up."""
+    single: bool
+    """It came at once."""
+
+
+class LossFinder:
+    """Judges the lateness of arrivals; pure.
+
+    Lateness is that over the lower envelope of all arrivals, in seconds of the nominal rate.
+    Losses that were found must be added to the nominal seconds of what follows.
+    """
+
+    def __init__(self) -> None:
+        self.jitter_s = 0.005
+        """Mean lateness of the cells, as far as jitter makes it."""
+        self.question_s: float | None = None
+        """Nominal seconds where the arrivals begin to be so late that a loss may lie there."""
+        self._falls = 0
+        self._usual_s = 0.001
+        """Least lateness of four cells as a rule: the envelope is that of many more."""
+        self._cells: deque[_Cell] = deque(maxlen=_CELLS)
+        self._from: tuple[float, float] | None = None
+        self._lowest_s = math.inf
+        self._known_until_s = -math.inf
+        self._loss_at_s = -math.inf
+        self._slow: deque[tuple[float, float]] = deque()
+        self._began_s: float | None = None
+
+    def expect(self, at_s: float) -> None:
+        """Learn from elsewhere that the radio is losing samples."""
+        self._known_until_s = at_s + _KNOWN_S
+
+    def put(self, at_s: float, arrived_s: float, late_s: float) -> Loss | None:
+        """Take an arrival; get the loss that it proves.
+
+        Parameters
+        ----------
+        at_s : float
+            Nominal seconds up to which the samples are here, lost ones counted.
+        arrived_s : float
+            When that was, on a clock [s].
+        late_s : float
+            How much later than the envelope.
+        """
+        if self._from is None:
+            self._from = (at_s, arrived_s)
+            self._began_s = at_s
+            return None
+        single = self._lowest_s == math.inf
+        self._lowest_s = min(self._lowest_s, late_s)
+        begin_s, before_s = self._from
+        if at_s - begin_s < CELL_S:
+            return None
+        cell = _Cell(
+            begin_s=begin_s,
+            end_s=at_s,
+            late_s=self._lowest_s,
+            fresh=arrived_s - before_s >= 0.5 * (at_s - begin_s),
+            single=single,
+        )
+        self._learn_jitter(cell)
+        self._cells.append(cell)
+        self._from = (at_s, arrived_s)
+        self._lowest_s = math.inf
+        self._ask(cell)
+        self._learn_usual()
+        loss = self._judge()
+        if loss is not None:
+            self._take(loss)
+        return loss
+
+    def early_s(self) -> float:
+        """How much too late the envelope is, by two arrivals within a second; or 0."""
+        if len(self._cells) < 2:
+            return 0.0
+        newest = [
+            self._cells[-1 - at].late_s for at in range(min(_EARLY_CELLS, len(self._cells)))
+        ]
+        second_s = sorted(newest)[1]
+        if second_s > -max(_FLOOR_S, 1.5 * self.jitter_s):
+            return 0.0
+        return second_s
+
+    def shift(self, seconds: float) -> None:
+        """Take note that the envelope has moved: what was late is less so by this."""
+        for cell in self._cells:
+            cell.late_s -= seconds
+
+    def skip(self, seconds: float) -> None:
+        """Take note that nominal seconds have been left out."""
+        if self._from is not None:
+            self._from = (self._from[0] + seconds, self._from[1])
+        if self.question_s is not None:
+            self.question_s += seconds
+
+    def _learn_jitter(self, cell: _Cell) -> None:
+        """Follow the mean fall from cell to cell: losses make none, jitter its mean."""
+        if not cell.fresh or not self._cells or not self._cells[-1].fresh:
+            return
+        if self.question_s is not None:
+            return  # what falls now may be a program that catches up
+        fall_s = self._cells[-1].late_s - cell.late_s
+        if fall_s <= 0.0:
+            return
+        self._falls += 1
+        gain = max(0.03, 1.0 / (self._falls + 8))
+        self.jitter_s += gain * (min(fall_s, 3.0 * self.jitter_s + 0.001) - self.jitter_s)
+        self.jitter_s = min(max(self.jitter_s, 0.0003), 0.010)
+
+    def _newest_s(self, count: int) -> float:
+        return min(self._cells[at].late_s for at in range(-count, 0))
+
+    def _learn_usual(self) -> None:
+        """Follow the least lateness of a few cells, as long as nothing is lost."""
+        quiet = self._cells[-1].end_s > self._loss_at_s + _QUIET_S
+        if quiet and self.question_s is None and len(self._cells) >= _NEWEST:
+            self._usual_s += 0.02 * (self._newest_s(_NEWEST) - self._usual_s)
+        self._usual_s = min(max(self._usual_s, 0.0), self.jitter_s)
+
+    def _ask(self, cell: _Cell) -> None:
+        """Open or close the question whether a loss lies before the late cells."""
+        if cell.late_s <= max(_QUESTION_S, 5.0 * self.jitter_s):
+            self.question_s = None
+        elif self.question_s is None:
+            self.question_s = cell.begin_s
+        elif cell.end_s - self.question_s > _QUESTION_ENDS_S:
+            self.question_s = math.inf
+
+    @property
+    def asking(self) -> bool:
+        """Whether the next few arrivals will tell if there was a loss."""
+        return self.question_s is not None and self.question_s < math.inf
+
+    def _judge(self) -> Loss | None:
+        """Weigh all stretches of cells up to the newest."""
+        cells, jitter_s = self._cells, self.jitter_s
+        end_s = cells[-1].end_s
+        needed = _EVIDENCE_KNOWN if end_s < self._known_until_s else _EVIDENCE
+        least_s = 2.0 * jitter_s
+        lowest_s, fresh, best, best_score = math.inf, 0, 0, needed
+        for count in range(1, len(cells) + 1):
+            cell = cells[-count]
+            lowest_s = min(lowest_s, cell.late_s)
+            if lowest_s <= least_s + _FLOOR_S or end_s - cell.begin_s > _WINDOW_S:
+                break
+            fresh += cell.fresh
+            score = (lowest_s - least_s) * fresh / jitter_s
+            if fresh < _LEAST_CELLS or score < best_score:
+                continue
+            known = needed < _EVIDENCE
+            span_s = end_s - cell.begin_s
+            if (known or span_s >= _least_span_s(lowest_s)) and self._level(count):
+                best, best_score = count, score
+        if not best or not self._has_turned(best):
+            return None
+        return self._loss(best)
+
+    def _has_turned(self, count: int) -> bool:
+        """Whether the lateness has lain level for long enough after a long climb.
+
+        A program that falls behind and catches up is level for a moment, at the top.
+        """
+        cells = list(self._cells)
+        lowest_s = min(cell.late_s for cell in cells[-count:])
+        first = len(cells) - count
+        while first and cells[first - 1].late_s >= lowest_s:
+            first -= 1
+        low_s = 2.0 * self.jitter_s + _FLOOR_S
+        low = first
+        while low and cells[low - 1].late_s > low_s:
+            low -= 1
+        climb_s = cells[first].begin_s - cells[low].begin_s
+        level_s = cells[-1].end_s - cells[first].begin_s
+        return climb_s <= _CLIMB_S or level_s >= min(0.5 * climb_s, _LEVEL_AFTER_CLIMB_S)
+
+    def _level(self, count: int) -> bool:
+        """Whether the newest cells lie level: they agree, and neither fall nor climb away."""
+        cells = [self._cells[at] for at in range(-count, 0)]
+        if len(self._agreeing(count)) < _LEAST_CELLS:
+            return False
+        half = count // 2
+        rise_s = min(c.late_s for c in cells[half:]) - min(c.late_s for c in cells[:half])
+        span_s = cells[-1].end_s - cells[0].end_s
+        fall_s = _FLOOR_S + 2.0 * self.jitter_s
+        return -fall_s <= rise_s <= _LEVEL_S + _LEVEL_SLOPE * span_s
+
+    def _agreeing(self, count: int) -> list[_Cell]:
+        """Those of the newest cells that came at their pace and lie near the least late one."""
+        cells = [self._cells[at] for at in range(-count, 0)]
+        near_s = min(c.late_s for c in cells) + _LEVEL_S + 2.0 * self.jitter_s
+        near_s += _LEVEL_SLOPE * (cells[-1].end_s - cells[0].end_s)
+        return [c for c in cells if c.fresh and c.late_s <= near_s]
+
+    def _loss(self, count: int) -> Loss:
+        """Measure the loss that the newest cells show."""
+        cells = self._cells
+        lowest_s = min(cells[at].late_s for at in range(-count, 0))
+        # The level now: more may have been lost since the stretch began.
+        newest_s = min(c.late_s for c in self._agreeing(count)[-_NEWEST:])
+        first = cells[-count]
+        duration_s = newest_s - self._usual_s
+        before = [
+            c.late_s
+            for c in cells
+            if first.begin_s - _BEFORE_S <= c.begin_s < first.begin_s and c.fresh
+        ]
+        sharp = (
+            bool(before) and lowest_s - sorted(before)[len(before) // 2] >= _SHARP * lowest_s
+        )
+        return Loss(
+            duration_s=duration_s,
+            since_s=first.begin_s,
+            sharp=sharp,
+            inside_s=self._inside_s(first, duration_s) if sharp else 0.0,
+            sure=sharp or self._is_much(duration_s),
+        )
+
+    def _inside_s(self, first: _Cell, duration_s: float) -> float:
+        """Tell whole transfers that were dropped from a hole in one that came.
+
+        Whole ones make the loss a multiple of their length. What lies inside may be anywhere
+        in it; the end is as good as the beginning for the mean, and leaves what was sampled
+        before the loss at its true time.
+        """
+        length_s = first.end_s - first.begin_s
+        if not first.single or length_s <= 0.0:
+            return 0.0
+        rest = math.remainder(duration_s, length_s)
+        whole = duration_s > HALVED_S and abs(rest) <= max(0.001, 1.5 * self.jitter_s)
+        return 0.0 if whole else length_s
+
+    def _is_much(self, duration_s: float) -> bool:
+        """Whether so much is lost in half a minute that no crystal explains it."""
+        now_s = self._cells[-1].end_s
+        while self._slow and self._slow[0][0] < now_s - _SHARE_S:
+            self._slow.popleft()
+        began_s = self._began_s if self._began_s is not None else now_s
+        lost_s = duration_s + sum(lost for _, lost in self._slow)
+        return lost_s > _SURE_SHARE * min(_SHARE_S, max(now_s - began_s, 5.0))
+
+    def _take(self, loss: Loss) -> None:
+        """Go on behind a loss: its cells are late no longer."""
+        now_s = self._cells[-1].end_s
+        self._slow.append((now_s, loss.duration_s))
+        for cell in self._cells:
+            if cell.begin_s >= loss.since_s:
+                cell.late_s -= loss.duration_s
+        self.question_s = None
+        self._loss_at_s = now_s
+        self.expect(now_s)
+
+
+def most_lost(unsure: int, *, samples: int, sample_rate_hz: float) -> int:
+    """Bound how many samples may be lost beside those that are surely lost.
+
+    Parameters
+    ----------
+    unsure : int
+        Samples that are lost unless the crystal is far off its rate.
+    samples : int
+        Length of the stream: so small a share of it looks like any crystal.
+    sample_rate_hz : float
+        Of the stream; what has gathered since the last gap is not seen yet.
+    """
+    return unsure + round(SLOWEST_RATE * samples + _UNSEEN_S * sample_rate_hz)
+
+
+def _least_span_s(lowest_s: float) -> float:
+    """How long a first lateness must last to be a loss: jitter of neighbours is alike."""
+    return 0.5 * min(max(0.0, (0.015 - lowest_s) / 0.010), 1.0)

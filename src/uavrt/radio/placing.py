@@ -1,0 +1,225 @@
+"""Where the samples of a live stream belong: index, time, and the gaps between them.
+
+A source gathers samples to blocks and tells of every arrival. When one is so late that samples
+may have been lost, the block ends before it: the next few arrivals tell whether a gap lies
+there or the machine was held up, before anybody has been given what came after.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.log import get_logger
+from uavrt.messages import IQBlock
+from uavrt.radio.losses import HALVED_S
+from uavrt.radio.times import NominalTimes, TimeKeeper
+
+HOLD_S: Final = 0.13
+"""So much longer than a block is waited for an answer: two transfers of a slow radio."""
+_LOG_S: Final = 10.0
+_BURST_NS: Final = 1_000_000
+"""What comes within this is one write of the radio's program."""
+_LEAST_S: Final = 0.001
+"""Less before a late arrival is not made a block of its own."""
+
+log = get_logger()
+
+
+@dataclass(frozen=True, slots=True)
+class _Arrival:
+    held: int
+    time_ns: int
+
+
+class Placer:
+    """Numbers and times the samples of a live stream.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Nominal rate.
+    start_time_ns : int, optional
+        Time of the first sample [ns, UTC]; then times follow from the nominal rate alone, and
+        only losses that somebody tells are known.
+    start_moves : bool
+        Stamp the start anew when the first arrivals turn out to have been held up; False where
+        those who listen need times without a step from the first block on.
+    """
+
+    def __init__(
+        self,
+        sample_rate_hz: float,
+        *,
+        start_time_ns: int | None = None,
+        start_moves: bool = True,
+    ) -> None:
+        self._start_moves = start_moves
+        self.index = 0
+        """Of the next sample to be given, lost ones counted."""
+        self.lost = 0
+        self.unsure = 0
+        """Of the lost, so many may as well be a crystal far off its rate."""
+        self._rate_hz = sample_rate_hz
+        self._keeper = TimeKeeper(sample_rate_hz)
+        self._nominal = (
+            None if start_time_ns is None else NominalTimes(start_time_ns, sample_rate_hz)
+        )
+        self._before = 0
+        """Samples lost before those that are held."""
+        self._cut = 0
+        """So many of those held come before a late arrival, and are to be given first."""
+        self._after_cut = 0
+        self._burst: _Arrival | None = None
+        self._last: tuple[int, int] | None = None
+        self._question_cut = False
+        self._unsaid = 0
+        self._say_again = 0
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Rate against UTC as measured so far."""
+        times = self._nominal or self._keeper
+        return times.sample_rate_hz
+
+    def begin(self, now_ns: int) -> None:
+        """Note when samples were first waited for."""
+        if self._last is None:
+            self._last = (0, now_ns)
+
+    def arrived(self, held: int, now_ns: int, *, full: bool = False) -> None:
+        """Learn that so many samples are here, counted from the next to be given.
+
+        Parameters
+        ----------
+        held : int
+            Those at hand and those that only wait to be read.
+        now_ns : int
+            Time [ns, UTC].
+        full : bool
+            The sender is waiting for us: it tells nothing of the radio.
+        """
+        if self._nominal is not None:
+            return
+        if full and self.index > 2.0 * self._rate_hz:
+            self._burst, self._last = None, (self._place(held), now_ns)
+            return
+        burst, self._burst = self._burst, _Arrival(held, now_ns)
+        if burst is not None and now_ns - burst.time_ns >= _BURST_NS:
+            self._learn(burst, full)
+        if not self._keeper.started:
+            self._learn(self._burst, full)
+            self._burst = None
+
+    def settle(self) -> bool:
+        """Whether what is held can be given now: no late arrival is in question."""
+        if self._keeper.asking and self._burst is not None:
+            burst, self._burst = self._burst, None
+            self._learn(burst, False)
+        return not self._keeper.asking
+
+    @property
+    def to_give_first(self) -> int:
+        """Samples of those held that end a block, though more are here; 0 for none."""
+        return self._cut
+
+    def tell_lost(self, samples: int, held: int = 0) -> None:
+        """Learn of a loss from the radio itself.
+
+        Parameters
+        ----------
+        samples : int
+            How many.
+        held : int
+            How many samples are held that came before it.
+        """
+        left = self._keeper.skip(samples)
+        if left <= 0:
+            return
+        if held > 0 and not self._cut:
+            self._cut = held
+        if self._cut:
+            self._after_cut += left
+        else:
+            self._before += left
+
+    def expect_losses(self) -> None:
+        """Learn that the radio tells of losses, without their number."""
+        self._keeper.expect_losses()
+
+    def place(self, samples: NDArray[np.complex64]) -> IQBlock:
+        """Make a block of the oldest samples held, and go on behind it."""
+        lost, unsure = self._before, self._keeper.unsure_samples - self.unsure
+        self._before, self._after_cut, self._cut = self._after_cut, 0, 0
+        self.index += lost
+        if lost:
+            unsure = min(unsure, lost)
+            self.lost += lost
+            self.unsure += unsure
+            self._log(lost)
+        else:
+            unsure = 0
+        times = self._nominal or self._keeper
+        block = IQBlock(
+            samples=samples,
+            sample_index=self.index,
+            time_ns=times.time_ns(self.index),
+            sample_rate_hz=times.sample_rate_hz,
+            lost_before=lost,
+            unsure_before=unsure,
+        )
+        self.index += len(samples)
+        if self._burst is not None:
+            self._burst = _Arrival(self._burst.held - len(samples), self._burst.time_ns)
+        return block
+
+    def _log(self, lost: int) -> None:
+        """Say a first loss at once, then what has gathered in ten seconds of the stream."""
+        self._unsaid += lost
+        if self.index >= self._say_again:
+            log.warning(
+                "samples lost",
+                count=self._unsaid,
+                before_index=self.index,
+                total=self.lost,
+                rate_or_loss=self.unsure,
+            )
+            self._unsaid = 0
+            self._say_again = self.index + round(_LOG_S * self._rate_hz)
+
+    def _place(self, held: int) -> int:
+        return self.index + self._before + self._after_cut + held
+
+    def _learn(self, arrival: _Arrival, full: bool) -> None:
+        """Tell the time keeper of an arrival, and take what it has found."""
+        end = self._place(arrival.held)
+        last_end, last_ns = self._last or (0, arrival.time_ns)
+        took_s = (arrival.time_ns - last_ns) * 1e-9
+        self._last = (end, arrival.time_ns)
+        keeper = self._keeper
+        keeper.arrived(
+            end,
+            arrival.time_ns,
+            catching_up=self._start_moves
+            and (full or took_s < 0.5 * (end - last_end) / self._rate_hz),
+        )
+        lost = keeper.lost_samples()
+        if lost and self._question_cut and not self._cut and keeper.inside < arrival.held:
+            self._cut = keeper.inside
+            if self._cut and lost < HALVED_S * self._rate_hz:
+                self._before += lost // 2
+                self._after_cut -= lost // 2
+        if self._cut:
+            self._after_cut += lost
+        else:
+            self._before += lost
+        if lost:
+            self._last = (end + lost, arrival.time_ns)
+        if not keeper.asking:
+            self._question_cut = False
+        elif not self._question_cut:
+            self._question_cut = True
+            before = keeper.question_index - self.index - self._before
+            if before > _LEAST_S * self._rate_hz and not self._cut:
+                self._cut = min(before, arrival.held)

@@ -1,0 +1,33 @@
+"""Which tags were heard in a flight that still goes on: how often, and when last."""
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+from uavrt.errors import RecordingError
+from uavrt.recording.layout import FlightLayout
+
+_HEARD = "SELECT tag_id, COUNT(*), MAX(end_time_ns) FROM pulses WHERE confirmed GROUP BY tag_id"
+
+
+def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
+    """Get how many confirmed pulses each tag has in the flight, and the end of the newest.
+
+    Returns
+    -------
+    dict of int to (int, int)
+        By tag id: the count and the time [ns]; tags without any are left out.
+
+    Raises
+    ------
+    RecordingError
+        The database cannot be read.
+    """
+    path = FlightLayout(Path(directory)).database
+    try:
+        uri = f"{path.absolute().as_uri()}?mode=ro"
+        with closing(sqlite3.connect(uri, uri=True, timeout=0.05)) as database:
+            rows = database.execute(_HEARD).fetchall()
+        return {int(tag_id): (int(count), int(end_ns)) for tag_id, count, end_ns in rows}
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        raise RecordingError(f"{path} cannot be read: {error}") from error

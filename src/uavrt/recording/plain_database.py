@@ -1,0 +1,79 @@
+"""Open a flight's database that somebody else has made.
+
+A view in the place of a table may never come to an end, a pipe beside the database is waited
+for by SQLite, and a query that runs is deaf to Ctrl-C. What is in a flight's directory concerns
+that flight alone.
+"""
+
+import os
+import sqlite3
+import stat
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+STEPS = 50_000
+"""Of SQLite's machine between two looks at the clock: some milliseconds."""
+LONGEST_S = 120.0
+"""Of one use of a database; 100 000 pulses are read in one second."""
+_BESIDE = ("", "-wal", "-shm", "-journal")
+_ODD = (
+    "SELECT name FROM sqlite_master WHERE type IN ('view', 'trigger') "
+    "OR sql LIKE 'CREATE VIRTUAL%' LIMIT 1"
+)
+
+ended = threading.Event()
+"""Set when the program ends: queries end with it."""
+
+
+def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
+    """Open a database for reading; only tables are in it, and no query runs for ever.
+
+    With ``"rw"`` as `mode` SQLite may fold what was not yet folded: for a copy.
+
+    Raises
+    ------
+    sqlite3.Error
+        It cannot be opened, is damaged, or is not what we write.
+    """
+    require_plain_files(path)
+    address = f"{path.absolute().as_uri()}?mode={mode}"
+    database = sqlite3.connect(address, uri=True, timeout=5.0)
+    try:
+        watch(database)
+        database.execute("PRAGMA trusted_schema=OFF")
+        odd = database.execute(_ODD).fetchone()
+    except sqlite3.Error:
+        database.close()
+        raise
+    if odd is not None:
+        database.close()
+        raise sqlite3.DatabaseError(f"{odd[0][:80]!r} in it is no table")
+    return database
+
+
+def require_plain_files(path: Path) -> None:
+    """Refuse a database of which a part would be waited for.
+
+    Raises
+    ------
+    sqlite3.DatabaseError
+        A pipe, a socket or a device is in the place of a file.
+    """
+    for suffix in _BESIDE:
+        try:
+            mode = os.stat(f"{path}{suffix}").st_mode
+        except OSError:
+            continue
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise sqlite3.DatabaseError(f"{path.name}{suffix} is no file")
+
+
+def watch(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:
+    """Have queries end after a while, when the program ends, and by Ctrl-C."""
+    database.set_progress_handler(_watcher(time.monotonic() + longest_s), STEPS)
+
+
+def _watcher(until_s: float) -> Callable[[], int]:
+    return lambda: int(ended.is_set() or time.monotonic() > until_s)

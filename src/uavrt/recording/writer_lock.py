@@ -1,0 +1,44 @@
+"""One writer for each flight: a lock that the kernel lets go of whatever ends the writer."""
+
+import contextlib
+import fcntl
+import os
+import time
+from pathlib import Path
+
+POLL_S = 0.05
+
+
+class WriterLock:
+    """A lock on a flight's directory; it leaves no file.
+
+    The recorder of a supervisor that was killed may still be bringing its last pulses to the
+    disk while the next one begins: that one waits here.
+    """
+
+    def __init__(self) -> None:
+        self._descriptor: int | None = None
+
+    def take(self, directory: Path, wait_s: float) -> bool:
+        """Take the lock, waiting for it if need be; False when another still has it."""
+        self.release()
+        deadline_s = time.monotonic() + wait_s
+        with contextlib.suppress(OSError):
+            directory.mkdir(parents=True, exist_ok=True)
+            self._descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            while True:
+                try:
+                    fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    return True
+                except BlockingIOError:
+                    if time.monotonic() >= deadline_s:
+                        break
+                time.sleep(POLL_S)
+        self.release()
+        return False
+
+    def release(self) -> None:
+        """Let another have it."""
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None

@@ -1,0 +1,41 @@
+"""Tag lists by name: whether drone and ground mean the same one.
+
+A drone that detects refuses new tags and says in the refusal which it searches, with a digest.
+A ground station that was restarted finds its own list by it and goes on listening.
+"""
+
+import hashlib
+import re
+from collections.abc import Iterable
+
+from uavrt.messages import Tag
+from uavrt.tunnel.convert import tag_to_wire
+
+MOST_NAMED = 10
+_DIGEST = re.compile(r"\blist ([0-9a-f]{8})\b")
+
+
+def tag_list_digest(tags: Iterable[Tag]) -> str:
+    """Get eight hexadecimal digits that tell tag lists apart, in whatever order.
+
+    What the wire does not carry, names and fractions of a millisecond, does not count: the
+    drone may have the list from a wire or from a file.
+    """
+    encoded = sorted(tag_to_wire(tag).encode() for tag in tags)
+    return hashlib.blake2b(b"".join(encoded), digest_size=4).hexdigest()
+
+
+def searched_text(tags: Iterable[Tag]) -> str:
+    """Say which tags are searched: ``tags 2, 4 (list 0a1b2c3d)``; 64 characters at most."""
+    known = list(tags)
+    digest = tag_list_digest(known)
+    ids = ", ".join(str(tag.tag_id) for tag in known)
+    if len(known) > MOST_NAMED or len(ids) > 40:
+        ids = f"{known[0].tag_id} and {len(known) - 1} more"
+    return f"tags {ids} (list {digest})"
+
+
+def digest_in(text: str) -> str | None:
+    """Find the digest in what a drone said; None when there is none."""
+    found = _DIGEST.search(text)
+    return found[1] if found else None

@@ -1,0 +1,122 @@
+"""What a receiver makes of a strong tag is not confirmed as another, and clipping is told."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from uavrt.analysis.detect import DetectionSummary, detect
+from uavrt.detection import Receiver
+from uavrt.experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    TruePulse,
+    make_samples,
+    pulse_train,
+)
+from uavrt.messages import Pulse, Tag
+from uavrt.radio import open_recording
+
+RATE_HZ = 96_000.0
+CENTER_HZ = 148_700_000.0
+OWN_HZ = 20_300.0
+DURATION_S = 30.0
+STRONG, MIRROR, THIRD = (
+    replace(THESIS_TAG, tag_id=tag_id, frequency_hz=CENTER_HZ + multiple * OWN_HZ)
+    for tag_id, multiple in ((2, 1), (4, -1), (6, -3 + RATE_HZ / OWN_HZ))
+)
+"""The third is where -3 times the strong one's offset is seen at this rate."""
+
+
+def scene(
+    sent: Sequence[tuple[Tag, float, float]], *, image_db: float | None = None
+) -> tuple[list[list[TruePulse]], NDArray[np.complex64]]:
+    """Trains of (tag, interval [s], ENR [dB]), and samples with the receiver's image."""
+    rng = np.random.default_rng(5)
+    trains = [
+        pulse_train(
+            rng,
+            duration_s=DURATION_S,
+            interval_s=interval_s,
+            offset_hz=tag.frequency_hz - CENTER_HZ,
+            enr_db=enr_db,
+            jitter_s=0.001,
+        )
+        for tag, interval_s, enr_db in sent
+    ]
+    pulses = [pulse for train in trains for pulse in train]
+    samples = make_samples(rng, pulses, duration_s=DURATION_S, sample_rate_hz=RATE_HZ)
+    if image_db is not None:
+        samples += np.float32(10.0 ** (image_db / 20.0)) * np.conj(samples)
+    return trains, samples
+
+
+def recorded(
+    path: Path, samples: NDArray[np.complex64], tags: Sequence[Tag], *, steps: float
+) -> tuple[list[Pulse], DetectionSummary]:
+    """Record with 8 bits, noise of so many steps, and run `uavrt detect`'s engine over it."""
+    values = np.clip(np.round(samples.view(np.float32) * steps), -128, 127)
+    values.astype(np.int8).tofile(path)
+    pulses: list[Pulse] = []
+    source = open_recording(
+        path,
+        "ci8",
+        sample_rate_hz=RATE_HZ,
+        center_frequency_hz=CENTER_HZ,
+        start_time_ns=START_NS,
+    )
+    summary = detect(source, tags, pulses.extend)
+    source.close()
+    return pulses, summary
+
+
+def confirmed(tag: Tag, pulses: Sequence[Pulse]) -> list[Pulse]:
+    return [pulse for pulse in pulses if pulse.tag_id == tag.tag_id and pulse.confirmed]
+
+
+def test_the_image_of_a_strong_tag_is_not_confirmed_as_another(tmp_path: Path) -> None:
+    _, samples = scene([(STRONG, 1.254, 48.0)], image_db=-30.0)
+    pulses, summary = recorded(tmp_path / "a.cs8", samples, (STRONG, MIRROR), steps=3.0)
+    assert len(confirmed(STRONG, pulses)) >= 20
+    assert not confirmed(MIRROR, pulses)
+    assert summary.ghosts[4, 2] >= 18
+    assert summary.clipped == 0
+
+
+def test_a_tag_at_the_mirror_place_with_another_interval_keeps_its_pulses(
+    tmp_path: Path,
+) -> None:
+    trains, samples = scene([(STRONG, 1.254, 48.0), (MIRROR, 1.28, 16.0)], image_db=-30.0)
+    pulses, _ = recorded(tmp_path / "a.cs8", samples, (STRONG, MIRROR), steps=3.0)
+    free = [p for p in trains[1] if all(abs(p.start_s - q.start_s) > 0.04 for q in trains[0])]
+    told = [(p.start_time_ns - START_NS) * 1e-9 for p in confirmed(MIRROR, pulses)]
+    kept = sum(any(abs(p.start_s - t) < 0.015 for t in told) for p in free)
+    assert kept >= 0.9 * len(free)
+    ghosts = [p.start_s for p in trains[0]]
+    both = [t for t in told if any(abs(t - g) < 0.015 for g in ghosts)]
+    assert len(both) <= 0.1 * len(told)
+
+
+def test_a_saturated_converter_makes_no_tags_and_is_told(tmp_path: Path) -> None:
+    _, samples = scene([(STRONG, 1.254, 68.0)])
+    tags = (STRONG, MIRROR, THIRD)
+    pulses, summary = recorded(tmp_path / "a.cs8", samples, tags, steps=6.0)
+    assert len(confirmed(STRONG, pulses)) >= 20
+    assert all(pulse.clipped for pulse in confirmed(STRONG, pulses))
+    assert not confirmed(MIRROR, pulses)
+    assert not confirmed(THIRD, pulses)
+    assert summary.ghosts[6, 2] >= 15
+    assert summary.clipped >= 20
+    assert summary.clipped_share == pytest.approx(0.02 / 1.254, rel=0.3)
+
+
+def test_ghosts_lie_at_the_mirror_and_at_multiples_across_the_edge() -> None:
+    receiver = Receiver(CENTER_HZ, RATE_HZ)
+    strong = CENTER_HZ + OWN_HZ
+    assert receiver.makes(CENTER_HZ - OWN_HZ, strong)
+    assert receiver.makes(CENTER_HZ - 3.0 * OWN_HZ + RATE_HZ, strong)
+    assert not receiver.makes(strong + 300.0, strong)
+    assert not receiver.makes(CENTER_HZ - OWN_HZ + 200.0, strong)

@@ -1,0 +1,105 @@
+"""Detectors find the same pulses with the compiled kernels and without."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uavrt import native
+from uavrt.detection import DetectorGroup, PulseDetector
+from uavrt.detection.grid import Spectrogram, make_grid
+from uavrt.experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
+from uavrt.messages import Pulse, Tag
+
+pytestmark = pytest.mark.skipif(
+    native.kernels() is None, reason=f"{native.description()}: python hatch_build.py kernels"
+)
+RATE_HZ = 7500.0
+SHORT = replace(THESIS_TAG, pulse_width_s=0.010)
+NARROW = replace(THESIS_TAG, k=20, interval_uncertainty_s=0.000125, interval_jitter_s=0.002)
+
+
+def found(tag: Tag, *, window_hz: float, enr_db: float, seed: int) -> list[Pulse]:
+    """Three detectors beside a tag of theirs, a carrier and an impulse, as a group."""
+    rng = np.random.default_rng(seed)
+    seconds = 12.0 if tag.k < 9 else 32.0
+    width_s = tag.pulse_width_s
+    pulses = pulse_train(
+        rng, duration_s=seconds, interval_s=1.254, offset_hz=80.0, enr_db=enr_db
+    )
+    samples = make_samples(rng, pulses, duration_s=seconds, sample_rate_hz=RATE_HZ)
+    level = float(np.abs(samples).std()) / width_s**0.5
+    time_s = np.arange(len(samples)) / RATE_HZ
+    samples += (0.2 * level * np.exp(2j * np.pi * 1234.0 * time_s)).astype(np.complex64)
+    samples[40_000:40_006] += np.complex64(30.0 * level)
+    group = DetectorGroup()
+    for index in range(3):
+        detector = PulseDetector(
+            replace(tag, tag_id=2 * index + 2),
+            sample_rate_hz=RATE_HZ,
+            center_frequency_hz=tag.frequency_hz - 30.0 * index,
+            frequency_window_hz=window_hz,
+        )
+        group.add(index, [detector])
+    heard: list[Pulse] = []
+    for first in range(0, len(samples), 653):
+        for index in range(3):
+            block = samples[first : first + 653]
+            group.put(index, block, START_NS + round(first / RATE_HZ * 1e9))
+        heard += group.collect()
+    return heard + group.flush()
+
+
+@pytest.mark.parametrize(
+    ("tag", "window_hz", "enr_db"),
+    [
+        (THESIS_TAG, 500.0, 20.0),
+        (THESIS_TAG, 500.0, 11.0),
+        (THESIS_TAG, 1e6, 14.0),
+        (replace(THESIS_TAG, k=1), 500.0, 18.0),
+        (replace(THESIS_TAG, k=5), 200.0, 10.0),
+        (NARROW, 100.0, 9.0),
+        (replace(THESIS_TAG, false_alarm_probability=0.5), 500.0, -20.0),
+    ],
+)
+def test_the_pulses_are_the_same(tag: Tag, window_hz: float, enr_db: float) -> None:
+    one = found(tag, window_hz=window_hz, enr_db=enr_db, seed=5)
+    with native.numpy_only():
+        two = found(tag, window_hz=window_hz, enr_db=enr_db, seed=5)
+    assert len(one) == len(two)
+    assert len(one) > (0 if enr_db < 0.0 else 5)
+    for mine, other in zip(one, two, strict=True):
+        assert mine.tag_id == other.tag_id
+        assert (mine.group_index, mine.group_sequence) == (
+            other.group_index,
+            other.group_sequence,
+        )
+        assert mine.detection_status == other.detection_status
+        assert abs(mine.start_time_ns - other.start_time_ns) < 0.01 / RATE_HZ * 1e9
+        assert mine.frequency_hz == pytest.approx(other.frequency_hz, abs=0.01)
+        assert mine.snr_db == pytest.approx(other.snr_db, abs=1e-3)
+        assert mine.group_snr_db == pytest.approx(other.group_snr_db, abs=1e-3)
+
+
+@pytest.mark.parametrize("width_s", [0.0077, 0.010, 0.020, 0.033])
+@pytest.mark.parametrize("half_width_hz", [60.0, 500.0, 1400.0])
+@pytest.mark.parametrize("offset_hz", [0.0, 333.0, -3500.0])
+def test_the_cells_are_the_same(width_s: float, half_width_hz: float, offset_hz: float) -> None:
+    rng = np.random.default_rng(3)
+    samples = rng.standard_normal((9000, 2), np.float32).view(np.complex64)[:, 0]
+    grid = make_grid(
+        sample_rate_hz=RATE_HZ,
+        pulse_width_s=width_s,
+        offset_hz=offset_hz,
+        half_width_hz=half_width_hz,
+    )
+    by_kernels, by_numpy = Spectrogram(grid), Spectrogram(grid)
+    first = 0
+    for upto in (600, 3000, 3001, 3100, 9000):
+        one = by_kernels.push(samples[first:upto])
+        with native.numpy_only():
+            two = by_numpy.push(samples[first:upto])
+        np.testing.assert_allclose(one, two, rtol=0.0, atol=3e-5)
+        np.testing.assert_allclose(by_kernels.band, by_numpy.band, rtol=0.0, atol=3e-6)
+        assert by_kernels.consumed == by_numpy.consumed
+        first = by_kernels.consumed * grid.decimation

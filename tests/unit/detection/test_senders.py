@@ -1,0 +1,212 @@
+"""Listed tags of one band: each train of pulses is one tag's, and what is uncertain is said."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from uavrt.detection import DetectorGroup, PulseDetector
+from uavrt.detection.senders import part
+from uavrt.experiments.detection.one_band import OneBand
+from uavrt.experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    TruePulse,
+    make_samples,
+    pulse_train,
+)
+from uavrt.experiments.detection.trials import RATE_HZ, blocks_of
+from uavrt.messages import Pulse, Tag
+
+Sent = tuple[float, float]
+"""Interval [s] and ENR [dB]."""
+
+
+def tag_of(
+    tag_id: int, *intervals_s: float, uncertainty_s: float = 0.06, apart_hz: float = 0.0
+) -> Tag:
+    return replace(
+        THESIS_TAG,
+        tag_id=tag_id,
+        pulse_intervals_s=intervals_s,
+        interval_uncertainty_s=uncertainty_s,
+        frequency_hz=THESIS_TAG.frequency_hz + apart_hz,
+    )
+
+
+TWO = (tag_of(2, 1.254), tag_of(4, 1.294))
+
+
+def heard(
+    tags: Sequence[Tag],
+    sent: Sequence[Sent],
+    *,
+    seed: int = 1,
+    duration_s: float = 60.0,
+    begin_s: Sequence[float] = (),
+    end_s: Sequence[float] = (),
+    apart_hz: Sequence[float] = (),
+) -> tuple[list[list[TruePulse]], list[Pulse]]:
+    """What was sent, each train, and all pulses that were told."""
+    rng = np.random.default_rng(seed)
+    trains = [
+        pulse_train(
+            rng,
+            duration_s=duration_s,
+            interval_s=interval_s,
+            offset_hz=20.0 + 3.0 * at + (apart_hz[at] if apart_hz else 0.0),
+            enr_db=enr_db,
+            jitter_s=0.002,
+        )
+        for at, (interval_s, enr_db) in enumerate(sent)
+    ]
+    for at, (first_s, last_s) in enumerate(zip(begin_s, end_s, strict=True)):
+        trains[at] = [p for p in trains[at] if first_s <= p.start_s < last_s]
+    samples = make_samples(rng, [p for t in trains for p in t], duration_s=duration_s)
+    group = DetectorGroup()
+    group.add(
+        0,
+        [
+            PulseDetector(
+                tag, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
+            )
+            for tag in tags
+        ],
+    )
+    pulses: list[Pulse] = []
+    for block, time_ns in blocks_of(samples):
+        group.put(0, block, time_ns)
+        pulses += group.collect()
+    return trains, pulses + group.flush()
+
+
+def time_s(pulse: Pulse) -> float:
+    return (pulse.start_time_ns - START_NS) * 1e-9
+
+
+def kept(train: list[TruePulse], others: list[list[TruePulse]], pulses: list[Pulse]) -> float:
+    """Share of a train's pulses, those hit by another's left out, that were confirmed."""
+    free = [
+        p
+        for p in train
+        if all(abs(p.start_s - q.start_s) > 0.04 for other in others for q in other)
+    ]
+    told = [time_s(pulse) for pulse in pulses if pulse.confirmed]
+    return sum(any(abs(p.start_s - t) < 0.015 for t in told) for p in free) / len(free)
+
+
+def of(tag: Tag, pulses: list[Pulse]) -> list[Pulse]:
+    return [pulse for pulse in pulses if pulse.tag_id == tag.tag_id]
+
+
+@pytest.mark.parametrize("at", [0, 1])
+def test_a_tag_alone_is_not_told_twice_and_may_be_the_other(at: int) -> None:
+    [train], pulses = heard(TWO, [(TWO[at].pulse_intervals_s[0], 16.0)])
+    assert kept(train, [], of(TWO[at], pulses)) > 0.9
+    assert not [p for p in of(TWO[1 - at], pulses) if p.confirmed]
+    assert {p.also_possible_tag_ids for p in pulses if p.confirmed} == {(TWO[1 - at].tag_id,)}
+
+
+@pytest.mark.parametrize("levels_db", [(16.0, 16.0), (24.0, 14.0), (14.0, 24.0)])
+@pytest.mark.parametrize("order", [1, -1])
+def test_two_tags_at_once_are_told_apart_also_when_one_is_10_db_stronger(
+    levels_db: tuple[float, float], order: int
+) -> None:
+    sent = [(1.254, levels_db[0]), (1.294, levels_db[1])]
+    trains, pulses = heard(TWO[::order], sent)
+    for tag, own, other in zip(TWO, trains, trains[::-1], strict=True):
+        assert kept(own, [other], of(tag, pulses)) >= 0.9
+        assert kept(other, [own], of(tag, pulses)) < 0.05
+        doubts = Counter(p.also_possible_tag_ids for p in of(tag, pulses) if p.confirmed)
+        assert doubts[()] > 0.9 * doubts.total()
+
+
+def test_three_tags_at_once_one_of_them_with_two_rates() -> None:
+    tags = (tag_of(2, 1.254, 1.881), tag_of(4, 1.294), tag_of(6, 1.334))
+    trains, pulses = heard(tags, [(1.881, 16.0), (1.294, 14.0), (1.334, 18.0)])
+    for tag, own in zip(tags, trains, strict=True):
+        others = [train for train in trains if train is not own]
+        assert kept(own, others, of(tag, pulses)) >= 0.9
+
+
+def test_the_order_of_the_tags_changes_nothing() -> None:
+    sent = [(1.254, 15.0), (1.294, 18.0)]
+
+    def told(tags: Sequence[Tag]) -> list[Pulse]:
+        pulses = heard(tags, sent, duration_s=30.0)[1]
+        return sorted(pulses, key=lambda p: (p.tag_id, p.start_time_ns))
+
+    assert told(TWO) == told(TWO[::-1])
+
+
+def test_what_was_learnt_while_both_were_heard_tells_one_that_is_left() -> None:
+    # Alone at 1.27 s it could be either by what was declared.
+    sent = [(1.262, 16.0), (1.294, 16.0)]
+    _, pulses = heard(TWO, sent, duration_s=100.0, begin_s=(0.0, 0.0), end_s=(100.0, 40.0))
+    late = [p for p in pulses if p.confirmed and time_s(p) > 70.0]
+    assert len(late) > 20
+    assert {p.tag_id for p in late} == {2}
+    assert {p.also_possible_tag_ids for p in late} == {()}
+
+
+def test_of_many_tags_in_a_chain_of_overlapping_bands_all_are_told() -> None:
+    apart_hz = [350.0 * (n - 4.0) for n in range(9)]
+    tags = [tag_of(2 * n + 2, 1.254, apart_hz=apart) for n, apart in enumerate(apart_hz)]
+    sent = [(1.214 + 0.01 * n, 18.0) for n in range(len(tags))]
+    trains, pulses = heard(tags, sent, duration_s=25.0, apart_hz=apart_hz)
+    for tag, own in zip(tags, trains, strict=True):
+        others = [train for train in trains if train is not own]
+        assert kept(own, others, of(tag, pulses)) >= 0.8
+
+
+def test_every_second_pulse_of_a_tag_is_not_a_tag_of_twice_the_interval() -> None:
+    tags = (tag_of(2, 1.254), tag_of(4, 2.508))
+    [train], pulses = heard(tags, [(1.254, 16.0)])
+    assert kept(train, [], of(tags[0], pulses)) > 0.9
+    assert not [p for p in of(tags[1], pulses) if p.confirmed]
+    assert {p.also_possible_tag_ids for p in pulses if p.confirmed} == {()}
+
+
+def test_two_tags_of_one_interval_go_by_frequency() -> None:
+    tags = (tag_of(2, 1.254, apart_hz=20.0), tag_of(4, 1.254, apart_hz=440.0))
+    [train], pulses = heard(tags, [(1.254, 16.0)])
+    assert kept(train, [], of(tags[0], pulses)) > 0.9
+    assert not [p for p in of(tags[1], pulses) if p.confirmed]
+
+
+def test_two_of_the_very_same_interval_are_each_told_once() -> None:
+    tags = (tag_of(2, 1.254), tag_of(4, 1.254))
+    trains, pulses = heard(tags, [(1.254, 14.0), (1.266, 24.0)])
+    for own, other in zip(trains, trains[::-1], strict=True):
+        assert kept(own, [other], pulses) >= 0.9
+    told = sorted(time_s(p) for p in pulses if p.confirmed)
+    assert min(b - a for a, b in pairwise(told)) > 0.005
+    assert all(p.also_possible_tag_ids for p in pulses if p.confirmed)
+
+
+def test_the_figures_at_which_two_tags_part() -> None:
+    near = part(*TWO)
+    assert not near.certain
+    assert near.gap_s == pytest.approx(0.040)
+    assert near.uncertainty_s == pytest.approx(0.0196, abs=2e-4)
+    assert near.pulses == 3
+    narrow = part(tag_of(2, 1.254, uncertainty_s=0.019), tag_of(4, 1.294, uncertainty_s=0.019))
+    assert narrow.certain
+    assert part(tag_of(2, 1.254), tag_of(4, 1.255)).pulses is None
+    fine = part(tag_of(2, 1.254), tag_of(4, 1.264))
+    assert fine.pulses is not None
+    assert fine.pulses > 3
+    assert fine.seconds == pytest.approx(fine.pulses * 1.264)
+
+
+def test_tags_do_not_change_places_where_their_trains_cross() -> None:
+    """What was learnt of each holds when a track goes over to the other's pulses."""
+    scene = OneBand(
+        intervals_s=((1.254, 1.881), (1.294,), (1.334,)), levels_db=(16.0, 14.0, 18.0)
+    )
+    heard = scene.fly(np.random.default_rng([21, 6]), 6)
+    assert heard.confirmed >= 0.9 * heard.true
+    assert heard.wrong <= 6

@@ -1,0 +1,123 @@
+"""One weak pulse among many, or one that something covers, speaks for itself, not its group."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from uavrt.experiments.detection.integration import long_decision, long_tag
+from uavrt.experiments.detection.signals import (
+    THESIS_TAG,
+    TruePulse,
+    add_pulse,
+    make_samples,
+    noise,
+    pulse_train,
+)
+from uavrt.experiments.detection.trials import RATE_HZ, Decision, detect, group_found
+
+Extra = Callable[[np.random.Generator, NDArray[np.complex64], list[TruePulse]], None]
+
+
+def found(decision: Decision, enr_db: float, count: int, extra: Extra | None = None) -> int:
+    """In how many of `count` stretches the group is found."""
+    hits = 0
+    for number in range(count):
+        rng = np.random.default_rng((6, number))
+        samples, truth = decision.stretch(rng, enr_db)
+        if extra is not None:
+            extra(rng, samples, truth)
+        pulses, _ = detect(
+            samples, decision.tag, frequency_window_hz=decision.frequency_window_hz
+        )
+        hits += group_found(pulses, truth, decision.tag)
+    return hits
+
+
+@pytest.mark.parametrize(("k", "enr_db"), [(20, 4.0), (40, 3.0)])
+def test_a_group_of_many_weak_pulses_is_found(k: int, enr_db: float) -> None:
+    # In every such group there is a pulse beside which the noise is twice as strong.
+    assert found(long_decision(k, 0.002), enr_db, 8) >= 7
+
+
+def test_a_group_of_eight_in_a_part_of_the_channel_is_found() -> None:
+    tag = replace(THESIS_TAG, k=8)
+    assert found(Decision(tag=tag, frequency_window_hz=500.0, band_hz=400.0), 8.0, 8) >= 7
+
+
+def _impulse(
+    rng: np.random.Generator, samples: NDArray[np.complex64], truth: list[TruePulse]
+) -> None:
+    at = round((truth[len(truth) // 2].start_s + 0.01) * RATE_HZ)
+    samples[at : at + 6] += (40.0 * np.exp(2j * np.pi * rng.random(6))).astype(np.complex64)
+
+
+def _other_pulse(
+    rng: np.random.Generator, samples: NDArray[np.complex64], truth: list[TruePulse]
+) -> None:
+    of = truth[len(truth) // 2]
+    add_pulse(
+        samples,
+        TruePulse(start_s=of.start_s, offset_hz=of.offset_hz + 220.0, enr_db=25.0),
+        sample_rate_hz=RATE_HZ,
+        width_s=THESIS_TAG.pulse_width_s,
+        phase=rng.uniform(0.0, 2.0 * np.pi),
+    )
+
+
+@pytest.mark.parametrize("extra", [_impulse, _other_pulse])
+def test_what_covers_one_pulse_of_twenty_does_not_hide_the_group(extra: Extra) -> None:
+    assert found(long_decision(20, 0.002), 6.0, 6, extra) >= 5
+
+
+def _noisy_above(
+    rng: np.random.Generator, samples: NDArray[np.complex64], truth: list[TruePulse]
+) -> None:
+    spectrum = np.fft.fft(noise(rng, len(samples)))
+    at_hz = np.fft.fftfreq(len(samples), 1.0 / RATE_HZ)
+    spectrum[(at_hz < 900.0) | (at_hz > 1700.0)] = 0.0
+    samples += (3.0 * np.fft.ifft(spectrum)).astype(np.complex64)
+
+
+@pytest.mark.parametrize(
+    ("decision", "enr_db"),
+    [
+        (Decision(frequency_window_hz=500.0, band_hz=400.0), 13.0),
+        (long_decision(20, 0.002), 5.0),
+    ],
+    ids=["K = 3", "K = 20"],
+)
+def test_noise_outside_the_frequencies_searched_hides_no_group(
+    decision: Decision, enr_db: float
+) -> None:
+    assert found(decision, enr_db, 8, _noisy_above) >= 7
+
+
+@pytest.mark.parametrize(("k", "enr_db"), [(5, 9.0), (8, 8.0)])
+def test_a_weak_pulse_of_a_tag_with_two_rates_is_not_a_missing_one(
+    k: int, enr_db: float
+) -> None:
+    tag = replace(THESIS_TAG, k=k, pulse_intervals_s=(1.254, 1.9), interval_uncertainty_s=0.03)
+    decision = Decision(tag=tag, frequency_window_hz=500.0, band_hz=400.0)
+    assert found(decision, enr_db, 10) >= 8
+
+
+@pytest.mark.parametrize("k", [20, 40])
+@pytest.mark.parametrize("apart_s", [0.005, 0.01])
+def test_a_silent_tag_of_many_pulses_is_not_confirmed_by_a_strong_one(
+    k: int, apart_s: float
+) -> None:
+    rng = np.random.default_rng(4)
+    truth = pulse_train(
+        rng,
+        duration_s=100.0,
+        interval_s=THESIS_TAG.pulse_intervals_s[0] + apart_s,
+        offset_hz=20.0,
+        enr_db=25.0,
+        jitter_s=0.002,
+    )
+    samples = make_samples(rng, truth, duration_s=100.0)
+    pulses, _ = detect(samples, long_tag(k, 0.002), frequency_window_hz=100.0)
+    assert not any(pulse.confirmed for pulse in pulses)

@@ -1,0 +1,183 @@
+"""Flight folders with hostile contents concern only themselves."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+from collections.abc import Callable
+from contextlib import closing, suppress
+from pathlib import Path
+
+import pytest
+from pulses import pulse_at
+
+from uavrt.errors import FormatError, UavrtError
+from uavrt.ground.flight_keeper import FlightKeeper
+from uavrt.ground.flights import FlightLibrary
+from uavrt.messages import FlightInfo
+from uavrt.recording import FlightRecorder, plain_database, read_flight
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT {} FROM n"
+
+
+def flight(directory: Path) -> Path:
+    info = FlightInfo(
+        directory=str(directory),
+        start_time_ns=10**18,
+        clock_offset_ns=0,
+        center_frequency_hz=148.7e6,
+        sample_rate_hz=3e6,
+        tags=(),
+    )
+    recorder = FlightRecorder.create(info)
+    recorder.write_pulses([pulse_at(10**18 + 10**9)])
+    recorder.close()
+    return directory
+
+
+def folder_for_a_database(place: Path) -> None:
+    (place / "flight.sqlite").mkdir(parents=True)
+
+
+def pipe_for_a_database(place: Path) -> None:
+    place.mkdir()
+    os.mkfifo(place / "flight.sqlite")
+
+
+def pipe_for_its_log(place: Path) -> None:
+    os.mkfifo(flight(place) / "flight.sqlite-wal")
+
+
+def folder_for_its_log(place: Path) -> None:
+    (flight(place) / "flight.sqlite-wal").mkdir()
+
+
+def endless_view(place: Path) -> None:
+    columns = "i AS tag_id, i AS start_time_ns, i AS end_time_ns, i AS pulse_id"
+    altered(place, "pulses", f"CREATE VIEW pulses AS {ENDLESS.format(columns)}")
+
+
+def endless_flight(place: Path) -> None:
+    columns = "i AS start_time_ns, i AS clock_offset_ns"
+    altered(place, "flight", f"CREATE VIEW flight AS {ENDLESS.format(columns)} WHERE i < 0")
+
+
+def words_for_numbers(place: Path) -> None:
+    with closing(sqlite3.connect(flight(place) / "flight.sqlite")) as database, database:
+        database.execute("UPDATE flight SET start_time_ns = 'noon'")
+        database.execute("UPDATE pulses SET end_time_ns = x'ff', tag_id = 1e300")
+
+
+def no_tables(place: Path) -> None:
+    altered(place, "pulses", "CREATE TABLE other (x)")
+
+
+def altered(place: Path, table: str, statement: str) -> None:
+    with closing(sqlite3.connect(flight(place) / "flight.sqlite")) as database, database:
+        database.execute(f"DROP TABLE {table}")
+        database.execute(statement)
+
+
+HOSTILE: list[Callable[[Path], None]] = [
+    folder_for_a_database,
+    pipe_for_a_database,
+    pipe_for_its_log,
+    folder_for_its_log,
+    endless_view,
+    endless_flight,
+    words_for_numbers,
+    no_tables,
+]
+
+
+@pytest.mark.parametrize("make", HOSTILE, ids=lambda make: str(make.__name__))
+@pytest.mark.timeout(20)
+def test_a_hostile_folder_is_left_out_and_the_others_are_listed(
+    tmp_path: Path, make: Callable[[Path], None]
+) -> None:
+    make(tmp_path / "flight_log_0_hostile")
+    flight(tmp_path / "flight_log_1_good")
+    library = FlightLibrary(tmp_path)
+    assert "flight_log_1_good" in [one.flight_id for one in library.summaries()]
+    library.prepare()
+    for read in (library.summary, library.columns, library.log):
+        with suppress(UavrtError):
+            read("flight_log_0_hostile")
+    assert len(library.records("flight_log_1_good", 0, 9)) == 1
+
+
+@pytest.mark.parametrize("make", HOSTILE, ids=lambda make: str(make.__name__))
+@pytest.mark.timeout(20)
+def test_the_command_line_says_in_one_line_what_is_wrong_with_it(
+    tmp_path: Path, make: Callable[[Path], None]
+) -> None:
+    place = tmp_path / "flight_log_0"
+    make(place)
+    if make is folder_for_its_log:
+        with suppress(FormatError):
+            read_flight(place)  # readable for SQLite, or not: it ends
+        return
+    with pytest.raises(FormatError):
+        read_flight(place)
+
+
+def test_a_query_ends_with_the_program_and_after_its_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with closing(sqlite3.connect(":memory:", check_same_thread=False)) as database:
+        plain_database.watch(database, 0.2)
+        with pytest.raises(sqlite3.OperationalError, match="interrupted"):
+            database.execute(ENDLESS.format("count(*)")).fetchall()
+        monkeypatch.setattr(plain_database, "ended", threading.Event())
+        plain_database.watch(database, 3600.0)
+        threading.Timer(0.2, plain_database.ended.set).start()
+        with pytest.raises(sqlite3.OperationalError, match="interrupted"):
+            database.execute(ENDLESS.format("count(*)")).fetchall()
+
+
+STUCK = """
+import sys, threading, time
+from uavrt.ground.flights import FlightLibrary
+FlightLibrary.summaries = lambda self: time.sleep(3600)
+sys.argv = ["uavrt", "ground", "--page", "--no-browser", "--port", "0", "-o", sys.argv[1]]
+from uavrt.cli.__main__ import main
+main()
+"""
+
+
+@pytest.mark.timeout(60)
+def test_the_page_ends_on_sigterm_whatever_a_query_does(tmp_path: Path) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", STUCK, str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as program:
+        try:
+            assert program.stdout is not None
+            address = program.stdout.readline().split()[4]
+            asking = threading.Thread(target=_ask, args=(f"{address}api/flights",), daemon=True)
+            asking.start()
+            time.sleep(1.0)
+            assert asking.is_alive()
+            program.send_signal(signal.SIGTERM)
+            assert program.wait(timeout=20) == 0
+        finally:
+            program.kill()
+
+
+def _ask(address: str) -> None:
+    with suppress(OSError):
+        urllib.request.urlopen(address, timeout=30).read()
+
+
+def test_a_hostile_folder_is_not_gone_on_with(tmp_path: Path) -> None:
+    from uavrt.clock import Clock
+
+    endless_view(tmp_path / "flight_log_0")
+    keeper = FlightKeeper(tmp_path, Clock.start())
+    assert not keeper.resume("flight_log_0")

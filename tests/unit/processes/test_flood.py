@@ -1,0 +1,164 @@
+"""A flood of a stranger's messages: pulses go on, and none of it is written or answered."""
+
+import asyncio
+import socket
+from collections.abc import Awaitable, Callable, Iterator
+from itertools import cycle
+from typing import Any
+
+import pytest
+
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import FrameWriter
+from uavrt.messages import PulsePose, SystemState, SystemStatus
+from uavrt.processes.crowd import (
+    OTHERS_BURST,
+    OTHERS_PER_S,
+    OWN_BURST,
+    QUESTIONS_BURST,
+    QUESTIONS_PER_S,
+    Crowd,
+)
+from uavrt.tunnel.private import Receipt, payload_hash
+from uavrt.tunnel.reliable import MOST_STORES, ReliableSender
+
+Bay = Any  # tests/unit/processes/conftest.py
+Until = Callable[..., Awaitable[None]]
+COUNT = 4000
+SECOND_NS = 10**9
+OURS = {"target_system": 1, "target_component": 191}
+
+
+def tunnel(kind: int, payload: bytes) -> dialect.Tunnel:
+    return dialect.Tunnel(
+        **OURS, payload_type=kind, payload_length=len(payload), payload=payload
+    )
+
+
+def flood() -> Iterator[bytes]:
+    """Frames of a stranger that has many names, as many of each kind."""
+    messages = cycle(
+        (
+            tunnel(0, b"\x06\0\0\0"),
+            tunnel(0, b"\x0d\0\0\0"),
+            tunnel(0, b"\x63\0\0\0rubbish"),
+            tunnel(60_001, bytes(20)),
+            tunnel(60_001, Receipt(store=77).encode()),
+            tunnel(60_002, bytes(40)),
+            dialect.ParamSet(**OURS, param_id="DET_K", param_value=5.0, param_type=9),
+            dialect.ParamRequestList(**OURS),
+            dialect.Ping(time_usec=1, seq=2, target_system=0, target_component=0),
+            dialect.CommandLong(
+                **OURS,
+                command=512,
+                confirmation=0,
+                **{f"param{n}": 148.0 for n in range(1, 8)},  # type: ignore[arg-type]
+            ),
+        )
+    )
+    for number in range(COUNT):
+        yield FrameWriter(1 + number % 250, 195).encode(next(messages))
+
+
+def commanded_by(source: str) -> SystemStatus:
+    return SystemStatus(
+        time_ns=0,
+        state=SystemState.DETECTING,
+        flight_directory=None,
+        center_frequency_hz=None,
+        tags=(),
+        processes=(),
+        commander=source,
+    )
+
+
+def pulses(events: list[Any]) -> set[float]:
+    return {event.pulse.frequency_hz for event in events if isinstance(event, PulsePose)}
+
+
+def test_a_flood_is_neither_answered_nor_written_and_pulses_go_on(
+    bay: Bay, until: Until, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def main() -> None:
+        async with bay.running(), bay.ground_station() as (ground, events):
+            await until(lambda: ground.protocol.drone is not None)
+            bay.tell("system_status", commanded_by("mavlink 255/190"))
+            stranger = socket.socket(type=socket.SOCK_DGRAM)
+            stranger.connect(("127.0.0.1", bay.companion_port))
+            capsys.readouterr()
+            for number, frame in enumerate(flood()):
+                stranger.send(frame)
+                if number % 40 == 0:
+                    await asyncio.sleep(0.01)
+                if number % 400 == 0:
+                    bay.send_pulse(number // 400)
+            await ground.stop_detection()
+            await until(lambda: len(pulses(events)) == COUNT // 400)
+            stranger.close()
+            counters = bay.process._counters()
+            assert counters["messages_passed_over"] > COUNT // 4
+            assert counters["questions_passed_over"] > COUNT // 20
+            assert len(bay.commands) < COUNT // 20
+
+    asyncio.run(main())
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) < 60, "powers of two of a few kinds"
+
+
+def test_others_share_what_is_left_beside_the_commander() -> None:
+    crowd = Crowd()
+    crowd.commander((255, 190))
+    admitted = sum(crowd.admits((n % 250, 195), n * SECOND_NS // 2000) for n in range(20_000))
+    assert OTHERS_BURST <= admitted <= OTHERS_BURST + 10 * OTHERS_PER_S + 1
+    assert crowd.passed_over == 20_000 - admitted
+    assert all(crowd.admits((255, 190), 10 * SECOND_NS) for _ in range(OWN_BURST))
+    asked = sum(
+        crowd.admits((n % 250, 195), n * SECOND_NS // 2000, answers=1) for n in range(20_000)
+    )
+    assert QUESTIONS_BURST <= asked <= QUESTIONS_BURST + 10 * QUESTIONS_PER_S + 1
+    lists = sum(crowd.admits((9, 9), 60 * SECOND_NS, answers=11) for _ in range(100))
+    assert lists == QUESTIONS_BURST // 11
+
+
+def test_made_up_stores_take_no_place_from_who_acknowledges() -> None:
+    sender: ReliableSender[int] = ReliableSender(lambda number: bytes([number]))
+    sender.station_present(True, 0)
+    now_ns = SECOND_NS
+    sender.receipt(1, (), (255, 190), 0)
+    sender.add((2, 1), 1)
+    outgoing = sender.take(now_ns, 1e6)
+    assert outgoing is not None
+    genuine = Receipt.decode(
+        Receipt(store=1, hashes=(payload_hash(outgoing.payload),)).encode()
+    )
+    assert sender.receipt(1, genuine.hashes, (255, 190), SECOND_NS) == [(2, 1)]
+    for store in range(100, 400):
+        now_ns += SECOND_NS
+        sender.receipt(1, (), (255, 190), now_ns)
+        sender.receipt(store, (), (254, 190), now_ns)
+        sender.wait_ns(now_ns)
+    assert 1 in sender._stores
+    assert len(sender._stores) <= MOST_STORES
+    assert sender.stores_refused > 250
+
+
+def test_a_made_up_store_does_not_hold_up_who_acknowledges() -> None:
+    sender: ReliableSender[int] = ReliableSender(lambda number: number.to_bytes(4, "little"))
+    sender.station_present(True, 0)
+    sender.receipt(1, (), (255, 190), 0)
+    sender.receipt(77, (), (254, 190), 0)
+    heard: set[bytes] = set()
+    now_ns = 0
+    for number in range(300):
+        sender.add((2, number), number)
+        now_ns += SECOND_NS // 10
+        sender.receipt(77, (), (254, 190), now_ns)
+        hashes = []
+        while (outgoing := sender.take(now_ns, 1e6)) is not None:
+            heard.add(outgoing.payload)
+            hashes.append(payload_hash(outgoing.payload))
+        sender.receipt(1, hashes, (255, 190), now_ns)
+        assert len(heard) == number + 1, "at once"
+    assert 77 not in sender._stores
+    assert sender.stores_refused > 0
+    assert sender.repeats < 100

@@ -1,0 +1,483 @@
+"""The recorder in this program, with the test in the supervisor's place."""
+
+import math
+import socket
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pulses import pulse_at
+
+from uavrt.config.settings import AntennaSettings, RecordingSettings, Settings
+from uavrt.ipc import Assignment, ProcessFrame, decode_record, encode_record
+from uavrt.ipc.link import ChildLink, LineBuffer
+from uavrt.messages import (
+    Command,
+    CommandReply,
+    Delivered,
+    FlightInfo,
+    Health,
+    Pose,
+    Poses,
+    Pulse,
+    PulsePose,
+    SearchReport,
+    StatusText,
+    Tag,
+    Taken,
+)
+from uavrt.pose.mounting import Mounting
+from uavrt.processes.commit_times import PULSES_S
+from uavrt.processes.recorder import MOST_COMMANDS, POSE_PATIENCE_S, Recorder
+from uavrt.recording import FlightRecorder, read_flight, read_pulse_pose_log
+from uavrt.supervisor.outbox import Outbox
+
+S = 1_000_000_000
+START_NS = 1_700_000_000 * S
+ANTENNA = AntennaSettings(yaw_offset_deg=90.0, offset_forward_m=2.0)
+
+
+def vehicle(time_ns: int) -> Pose:
+    """A vehicle that turns by 30° a second."""
+    half = math.radians(30.0 * (time_ns - START_NS) / S) / 2
+    return Pose(
+        time_ns=time_ns,
+        latitude_deg=47.0 + (time_ns - START_NS) / S * 1e-5,
+        longitude_deg=8.5,
+        altitude_amsl_m=500.0,
+        altitude_relative_m=40.0,
+        quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+    )
+
+
+def poses(first_s: float, last_s: float) -> Poses:
+    steps = range(round(first_s * 20), round(last_s * 20) + 1)
+    return Poses(poses=tuple(vehicle(START_NS + step * S // 20) for step in steps))
+
+
+def pulse(at_s: float, tag_id: int = 2) -> Pulse:
+    return replace(pulse_at(START_NS + round(at_s * S)), tag_id=tag_id)
+
+
+def posed(one: Pulse) -> PulsePose:
+    return PulsePose(pulse=one, pose=vehicle(one.start_time_ns))
+
+
+class Drone:
+    """An outbox that outlives recorders, and recorders that may be killed at any moment."""
+
+    def __init__(self, directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_s = 1000.0
+        monkeypatch.setattr("uavrt.processes.recorder.monotonic_s", lambda: self.now_s)
+        self.flights = directory
+        self.info = FlightInfo(
+            directory=str(directory / "flight_log_1"),
+            start_time_ns=START_NS,
+            clock_offset_ns=0,
+            center_frequency_hz=148.7e6,
+            sample_rate_hz=3e6,
+            tags=(
+                Tag(
+                    tag_id=2,
+                    frequency_hz=148.71e6,
+                    pulse_width_s=0.02,
+                    pulse_intervals_s=(1.0,),
+                ),
+            ),
+        )
+        self.last_flights: tuple[str, ...] = ()
+        self.outbox = Outbox(keeps=True)
+        self.said: list[tuple[str, Any]] = []
+        self.recorder: Recorder
+        self._socks: tuple[socket.socket, socket.socket]
+        self.start()
+
+    def start(self) -> None:
+        ours, theirs = socket.socketpair()
+        ours.setblocking(False)
+        self._socks, self._lines = (ours, theirs), LineBuffer()
+        settings = Settings(
+            antenna=ANTENNA, recording=RecordingSettings(directory=str(self.flights))
+        )
+        assignment = Assignment(
+            process="recorder",
+            settings=settings,
+            clock_offset_ns=0,
+            flight=self.outbox.flight,
+            last_flights=self.last_flights,
+        )
+        self.recorder = Recorder(ProcessFrame(ChildLink(theirs), assignment))
+        self.frame = self.recorder._frame
+        if assignment.flight is not None:
+            self.recorder.open(assignment.flight)
+
+    def fly(self) -> None:
+        self.send("flight", self.info)
+        self.turn()
+
+    def send(self, topic: str, record: object) -> None:
+        self.outbox.put(encode_record(topic, record))
+        self.outbox.write_to(self._socks[0])
+
+    def turn(self, after_s: float = 0.0) -> None:
+        """Let the recorder work, `after_s` later."""
+        self.now_s += after_s
+        self.recorder.turn(self.frame.receive())
+        self.frame.link.flush()
+        self._listen()
+
+    def _listen(self) -> None:
+        try:
+            data = self._socks[0].recv(1 << 20)
+        except BlockingIOError:
+            return
+        for topic, record in map(decode_record, self._lines.feed(data)):
+            if isinstance(record, Taken):
+                self.outbox.taken(record.records)
+            else:
+                self.said.append((topic, record))
+
+    def kill(self) -> None:
+        """SIGKILL: what it holds in memory, and what is unread in its socket, is gone."""
+        flight = self.recorder._flight
+        if flight is not None and flight._database is not None:
+            if flight._database.in_transaction:
+                flight._database.execute("ROLLBACK")
+            flight._database.close()
+        self.recorder._lock.release()
+        for sock in self._socks:
+            sock.close()
+        self.outbox.process_ended(by_itself=False)
+
+    def restart(self) -> None:
+        self.kill()
+        self.start()
+        self.outbox.write_to(self._socks[0])
+
+    def end(self) -> None:
+        self.recorder.end()
+        self._listen()
+
+    def heard(self, topic: str) -> list[Any]:
+        return [record for name, record in self.said if name == topic]
+
+    def stored(self) -> dict[Pulse, Pose | None]:
+        return {one.pulse: one.pose for one in read_flight(self.info.directory).pulse_poses}
+
+    def logged(self) -> list[PulsePose]:
+        return list(read_pulse_pose_log(Path(self.info.directory) / "pulse_pose_log.txt"))
+
+
+@pytest.fixture
+def drone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Drone]:
+    flying = Drone(tmp_path, monkeypatch)
+    yield flying
+    flying.kill()
+
+
+def test_a_pulse_is_said_to_be_recorded_when_a_power_cut_cannot_take_it_and_within_3_s(
+    drone: Drone,
+) -> None:
+    drone.fly()
+    one = pulse(5.0)
+    drone.send("pulse", one)
+    drone.send("pulse_pose", posed(one))
+    drone.turn(0.1)
+    drone.turn(PULSES_S - 0.2)
+    assert drone.heard("recorded_pulse_pose") == []
+    assert drone.stored() == {}
+    drone.turn(0.3)
+    assert drone.heard("recorded_pulse_pose") == [posed(one)]
+    assert list(drone.stored()) == [one]
+    flight = drone.recorder._flight
+    assert flight is not None
+    assert flight._database is not None
+    assert flight._database.execute("PRAGMA synchronous").fetchone() == (2,)
+
+
+def test_commits_for_pulses_are_3_s_apart_however_many_come(drone: Drone) -> None:
+    drone.fly()
+    flight = drone.recorder._flight
+    assert flight is not None
+    before = flight.syncs
+    for step in range(300):
+        one = pulse(step * 0.1)
+        drone.send("pulse", one)
+        drone.send("pulse_pose", posed(one))
+        drone.turn(0.1)
+    assert 9 <= flight.syncs - before <= 11
+    assert len(drone.heard("recorded_pulse_pose")) >= 270
+
+
+def test_what_a_killed_recorder_had_not_committed_its_successor_gets_again(
+    drone: Drone,
+) -> None:
+    drone.fly()
+    pulses = [pulse(0.5 * number) for number in range(40)]
+    for number, one in enumerate(pulses):
+        drone.send("poses", poses(0.5 * number, 0.5 * number + 0.45))
+        drone.send("pulse", one)
+        drone.send("pulse_pose", posed(one))
+        drone.send("delivered", Delivered(time_ns=1, store=7, pulses=((2, one.start_time_ns),)))
+        drone.send("status_text", StatusText(severity=6, text=str(number)))
+        if number % 3:
+            drone.turn(0.5)
+        if number % 7 == 6:
+            drone.restart()
+    drone.end()
+    assert set(drone.stored()) == set(pulses)
+    assert [one.pulse.start_time_ns for one in drone.logged()] == [
+        one.start_time_ns for one in pulses
+    ]
+    flight = read_flight(drone.info.directory)
+    assert [text.text for _, text in flight.status_texts] == [str(n) for n in range(40)]
+    assert len(flight.poses) == 400
+    with sqlite3.connect(Path(drone.info.directory) / "flight.sqlite") as database:
+        assert database.execute("SELECT count(*) FROM deliveries").fetchone() == (40,)
+    database.close()
+
+
+def test_what_was_sent_to_a_recorder_whose_supervisor_is_killed_reaches_the_disk(
+    drone: Drone,
+) -> None:
+    drone.fly()
+    one, other = pulse(1.0), pulse(2.0)
+    drone.send("pulse", one)
+    drone.send("pulse_pose", posed(one))
+    drone.turn(0.1)
+    drone.send("pulse", other)  # unread when the supervisor ends
+    drone._socks[0].close()
+    drone.recorder.end()
+    assert set(drone.stored()) == {one, other}
+    assert len(drone.logged()) == 2
+
+
+def test_a_pulse_whose_pose_never_comes_gets_one_from_the_recorded_poses(
+    drone: Drone,
+) -> None:
+    drone.fly()
+    one = pulse(2.03)
+    drone.send("pulse", one)
+    for second in range(5):
+        drone.send("poses", poses(second, second + 0.95))
+        drone.turn(1.0)
+    assert drone.heard("pulse_pose") == []
+    drone.turn(POSE_PATIENCE_S)
+    (made,) = drone.heard("pulse_pose")
+    truth = Mounting.from_settings(ANTENNA).antenna_pose(
+        vehicle((one.start_time_ns + one.end_time_ns) // 2)
+    )
+    assert made.pulse == one
+    assert not made.pose.extrapolated
+    assert made.pose.latitude_deg == pytest.approx(truth.latitude_deg, abs=1e-9)
+    assert made.pose.quaternion_wxyz == pytest.approx(truth.quaternion_wxyz, abs=1e-4)
+    drone.turn(PULSES_S)
+    assert drone.heard("recorded_pulse_pose") == [made]
+    assert drone.stored() == {one: made.pose}
+    (told,) = drone.heard("status_text")
+    assert "1 made up" in told.text
+    assert drone.recorder._counters()["poses_made_up"] == 1
+
+
+def test_a_pulse_without_any_pose_is_recorded_with_empty_fields_passed_on_and_told(
+    drone: Drone,
+) -> None:
+    drone.fly()
+    drone.send("poses", poses(0.0, 1.0))
+    one = pulse(9.0)  # the vehicle was last heard of 8 s before
+    drone.send("pulse", one)
+    drone.turn(1.0)
+    drone.turn(drone.recorder._awaited._patience_s)
+    assert drone.heard("pulse_pose") == [PulsePose(pulse=one, pose=None)]
+    drone.end()
+    assert drone.stored() == {one: None}
+    assert [line.pose for line in drone.logged()] == [None]
+    assert "1 pulses without" in drone.heard("status_text")[0].text
+
+
+def test_a_pulse_is_not_waited_for_when_a_later_one_of_its_tag_has_its_pose(
+    drone: Drone,
+) -> None:
+    drone.fly()
+    first, second, third = pulse(1.0), pulse(2.0), pulse(1.5, tag_id=4)
+    for one in (first, second, third):
+        drone.send("pulse", one)
+    drone.send("poses", poses(0.0, 3.0))
+    drone.send("pulse_pose", posed(second))
+    drone.turn(0.1)
+    # The other tag's pulse may still get its own.
+    assert [made.pulse for made in drone.heard("pulse_pose")] == [first]
+
+
+def test_whoever_restarts_takes_up_the_pulses_without_poses(drone: Drone) -> None:
+    drone.fly()
+    lost = [pulse(1.0 + number) for number in range(3)]
+    for one in lost:
+        drone.send("pulse", one)
+    drone.send("poses", poses(0.0, 5.0))
+    drone.turn(0.1)
+    drone.recorder._commit()
+    drone.recorder._say_taken()  # nobody sends it again
+    drone.turn(0.1)
+    assert not drone.outbox.holds("pulse")
+    drone.restart()
+    drone.turn(1.0)
+    drone.turn(drone.recorder._awaited._patience_s)
+    assert [made.pulse for made in drone.heard("pulse_pose")] == lost
+    drone.end()
+    assert all(pose is not None for pose in drone.stored().values())
+
+
+def test_a_commit_in_the_middle_of_a_burst_does_not_take_the_rest_of_it(drone: Drone) -> None:
+    drone.fly()
+    first, second, third = (pulse(float(number)) for number in range(3))
+    for one in (first, second):
+        drone.send("pulse", one)
+    drone.send("pulse_pose", posed(second))  # now the first is made up for, and committed
+    drone.send("pulse", third)
+    drone.send("pulse_pose", posed(third))
+    drone.turn(0.1)
+    drone.restart()
+    drone.turn(0.1)
+    drone.end()
+    assert set(drone.stored()) == {first, second, third}
+
+
+def test_commands_whose_reply_never_comes_take_bounded_memory(drone: Drone) -> None:
+    drone.fly()
+    for number in range(1000):
+        drone.send("command", Command(name="radio_status", request_id=number, source="a"))
+        drone.turn(0.01)
+    assert len(drone.recorder._commands) == MOST_COMMANDS
+    reply = CommandReply(request_id=999, name="radio_status", accepted=True, message="")
+    drone.send("command_reply", reply)
+    drone.end()
+    with sqlite3.connect(Path(drone.info.directory) / "flight.sqlite") as database:
+        rows = database.execute("SELECT request_id, accepted FROM commands").fetchall()
+    database.close()
+    assert rows == [(999, 1)]
+
+
+def test_the_end_of_a_flight_waits_for_no_pose(drone: Drone) -> None:
+    drone.fly()
+    one = pulse(1.0)
+    drone.send("pulse", one)
+    drone.turn(0.1)
+    drone.send("flight_end", drone.info)
+    drone.turn(0.1)
+    assert drone.heard("pulse_pose") == [PulsePose(pulse=one, pose=None)]
+    assert drone.heard("recorded_pulse_pose") == [PulsePose(pulse=one, pose=None)]
+    assert not drone.outbox.holds("flight_end")
+    assert not (Path(drone.info.directory) / "flight.sqlite-wal").exists()
+
+
+def test_a_flight_that_was_cut_off_and_is_over_gets_its_poses_too(drone: Drone) -> None:
+    old = replace(drone.info, directory=str(drone.flights / "flight_log_0"))
+    cut_off = FlightRecorder.open(old)
+    pulses = [pulse(1.0 + 0.001 * number) for number in range(1500)]
+    cut_off.write_pulses(pulses)
+    cut_off.write_poses(poses(0.0, 4.0))
+    cut_off.close()
+    drone.last_flights = (old.directory,)
+    drone.restart()
+    for _ in range(20):
+        drone.turn(0.3)
+    assert [made.pulse for made in drone.heard("pulse_pose")] == pulses
+    stored = read_flight(old.directory).pulse_poses
+    assert all(one.pose is not None for one in stored)
+    assert len(read_pulse_pose_log(Path(old.directory) / "pulse_pose_log.txt")) == 1500
+
+
+def test_records_of_an_earlier_flight_that_were_not_taken_stay_out_of_the_present_one(
+    drone: Drone,
+) -> None:
+    drone.fly()
+    one = pulse(1.0)
+    drone.send("pulse", one)
+    drone.kill()  # and away while the flight ends and the next begins
+    second = replace(drone.info, directory=str(drone.flights / "flight_log_2"))
+    for topic, record in (
+        ("pulse_pose", posed(one)),
+        ("flight_end", drone.info),
+        ("flight", second),
+        ("pulse", pulse(20.0)),
+    ):
+        drone.outbox.put(encode_record(topic, record))
+    drone.start()
+    drone.outbox.write_to(drone._socks[0])
+    drone.turn(1.0)
+    drone.end()
+    assert set(drone.stored()) == {one}
+    later = read_flight(second.directory).pulse_poses
+    assert [item.pulse for item in later] == [pulse(20.0)]
+
+
+@pytest.mark.parametrize("what", ["pulse", "delivered"])
+def test_a_failing_disk_is_not_said_to_have_anything(
+    drone: Drone, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    drone.fly()
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError("No space left on device")
+
+    one = pulse(1.0)
+    with monkeypatch.context() as failing:
+        failing.setattr(FlightRecorder, "_insert_all", full)
+        drone.send("pulse", one)
+        drone.send("pulse_pose", posed(one))
+        if what == "delivered":
+            drone.send("delivered", Delivered(time_ns=1, store=7, pulses=((2, 1),)))
+        for _ in range(20):
+            drone.turn(1.0)
+    assert drone.heard("recorded_pulse_pose") == []
+    assert drone.outbox.holds(what)
+    drone.turn(2.0)
+    assert drone.heard("recorded_pulse_pose") == [posed(one)]
+
+
+def test_an_ordinary_flight_writes_less_than_its_bar(drone: Drone) -> None:
+    # Two of eight tags heard, groups of three; everything else that a drone records.
+    drone.fly()
+    before, seconds = written_bytes(), 120
+    counters = {f"a_counter_of_a_process_{number}": 1e6 + number for number in range(12)}
+    for second in range(seconds):
+        drone.send("poses", poses(second, second + 0.95))
+        for name in ("recorder", "connection", "detector-1", "receiver"):
+            time_ns = START_NS + second * S
+            drone.send(
+                "health",
+                Health(process=name, time_ns=time_ns, status="ok", ok=True, counters=counters),
+            )
+        for tag_id in range(2, 18, 2):
+            report = SearchReport(
+                time_ns=START_NS + second * S,
+                tag_id=tag_id,
+                frequency_hz=148.7e6,
+                noise_psd=1e-12,
+                best_score=0.5,
+            )
+            drone.send("search_report", report)
+        for one in (pulse(second + 0.1, 2), pulse(second + 0.7, 10)):
+            drone.send("pulse", one)
+            drone.send("pulse_pose", posed(one))
+            key = ((one.tag_id, one.start_time_ns),)
+            drone.send("delivered", Delivered(time_ns=1, store=7, pulses=key))
+        for _ in range(4):
+            drone.turn(0.25)
+    flight = drone.recorder._flight
+    assert flight is not None
+    assert flight.syncs < 0.45 * seconds
+    drone.end()
+    megabytes_an_hour = (written_bytes() - before) / 1e6 * 3600 / seconds
+    assert 5.0 < megabytes_an_hour < 40.0
+    assert len(drone.stored()) == 2 * seconds
+
+
+def written_bytes() -> int:
+    """Bytes that this process has given to write calls, on whatever file system."""
+    lines = Path("/proc/self/io").read_text().splitlines()
+    return int(dict(line.split(": ") for line in lines)["wchar"])

@@ -1,0 +1,164 @@
+"""Samples lost without a word: found, placed and counted; nothing else is called a loss."""
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uavrt.clock import Clock
+from uavrt.experiments.detection.unsaid import TimesKept, Unsaid, place
+from uavrt.radio import CS16, StreamSource
+from uavrt.radio.losses import most_lost
+from uavrt.radio.placing import Placer
+from uavrt.simulation.arrivals import DeliveredStream, Delivery
+
+USB = Delivery(transfer_s=65_536 / 3e6, jitter_s=0.002, stall_share=0.01)
+START_NS = 1_700_000_000_000_000_000
+
+
+def kept(delivery: Delivery, *seeds: int) -> TimesKept:
+    """Sum over streams of two minutes, with a crystal of + 50, - 50 and 0 ppm in turn."""
+    each = [
+        Unsaid(delivery=delivery).keep_times(np.random.default_rng(seed), seed)
+        for seed in seeds
+    ]
+    names = ("instants", "within", "settled", "settled_within", "lost", "found", "unsure")
+    return TimesKept(**{name: sum(getattr(one, name) for one in each) for name in names})
+
+
+@pytest.mark.parametrize("jitter", ["exponential", "normal"])
+@pytest.mark.parametrize("loss_s", [0.001, 0.005, 0.02, 0.05, 0.1])
+@pytest.mark.parametrize("share", [0.01, 0.05])
+def test_losses_are_counted_and_times_stay_right(
+    share: float, loss_s: float, jitter: str
+) -> None:
+    got = kept(replace(USB, loss_share=share, loss_s=loss_s, jitter=jitter), 0, 1, 2)  # type: ignore[arg-type]
+    assert got.within >= 0.95 * got.instants
+    assert got.settled_within >= 0.96 * got.settled
+    assert got.found - got.unsure == pytest.approx(got.lost, rel=0.1)
+
+
+@pytest.mark.parametrize("transfer_s", [0.005, 0.0328, 0.0437])
+def test_writes_of_any_length_show_the_losses(transfer_s: float) -> None:
+    for loss_s in (0.005, 0.1):
+        got = kept(
+            replace(
+                USB, transfer_s=transfer_s, stall_share=0.002, loss_share=0.05, loss_s=loss_s
+            ),
+            3,
+        )
+        assert got.within >= 0.95 * got.instants
+        assert got.found == pytest.approx(got.lost, rel=0.1)
+
+
+@pytest.mark.parametrize("jitter", ["exponential", "normal"])
+@pytest.mark.parametrize("transfer_s", [0.005, 65_536 / 3e6, 0.0874])
+@pytest.mark.parametrize("jitter_s", [0.0003, 0.002])
+def test_a_steady_crystal_is_never_called_a_loss(
+    jitter: str, transfer_s: float, jitter_s: float
+) -> None:
+    share = 0.01 if transfer_s > 0.01 else 0.001
+    steady = replace(USB, transfer_s=transfer_s, jitter=jitter, jitter_s=jitter_s)  # type: ignore[arg-type]
+    got = kept(replace(steady, stall_share=share), 0, 1, 2)
+    assert got.found == 0
+    assert got.within == got.instants
+
+
+def test_a_few_short_losses_are_rate_or_loss() -> None:
+    """0.02 % in pieces too short to see one by one: a crystal 200 ppm slow looks alike."""
+    lossy = kept(replace(USB, loss_share=0.0002, loss_s=0.0005), 2, 5, 8)
+    stream = DeliveredStream(
+        replace(USB, rate_error_ppm=-200.0), 120.0, np.random.default_rng(1)
+    )
+    blocks = list(place(stream))
+    assert lossy.unsure > 0
+    assert lossy.found - lossy.unsure <= 0.2 * lossy.lost
+    assert lossy.lost <= most_lost(lossy.unsure, samples=3 * 360_000_000, sample_rate_hz=3e6)
+    assert sum(b.lost_before - b.unsure_before for b in blocks) == 0
+    assert 0 < sum(b.unsure_before for b in blocks) <= 200e-6 * 1.5 * stream.samples
+
+
+def test_a_stall_at_the_very_start_does_not_shift_the_times() -> None:
+    rate_hz = 3e6
+    placer = Placer(rate_hz)
+    placer.begin(START_NS)
+    transfer, held, first, errors = 65_536, 0, 0, []
+    for number in range(1, 400):
+        taken_s = number * transfer / rate_hz
+        held += transfer
+        placer.arrived(held, START_NS + round(max(taken_s, 0.3) * 1e9))
+        while placer.to_give_first or held >= 4 * transfer:
+            count = placer.to_give_first or held
+            block = placer.place(np.zeros(count, np.complex64))
+            errors.append((block.time_ns - START_NS) * 1e-9 - first / rate_hz)
+            first, held = first + count, held - count
+    assert placer.lost == 0
+    assert max(abs(error) for error in errors[4:]) < 0.002
+
+
+def test_what_a_radio_tells_later_is_not_counted_twice() -> None:
+    stream = DeliveredStream(
+        Delivery(loss_share=0.02, loss_s=0.5, jitter_s=0.0005), 40.0, np.random.default_rng(0)
+    )
+    assert len(stream.losses) == 1
+    placer = Placer(3e6)
+    placer.begin(START_NS)
+    told = False
+    for transfer in stream.transfers():
+        placer.arrived(transfer.count, START_NS + round(transfer.arrival_s * 1e9))
+        if transfer.first > stream.losses[0] + 1_500_000 and not told:
+            placer.tell_lost(stream.lost)
+            told = True
+        placer.place(np.zeros(transfer.count, np.complex64))
+    assert told
+    assert placer.lost == pytest.approx(stream.lost, abs=0.003 * 3e6)
+
+
+@pytest.fixture
+def pipe() -> Iterator[tuple[int, int]]:
+    reading, writing = os.pipe()
+    yield reading, writing
+    os.close(reading)
+
+
+def test_a_gap_in_a_pipe_is_found_while_it_is_read(pipe: tuple[int, int]) -> None:
+    """A radio of 250 kS/s that loses 0.2 s after 1.5 s and is stalled once before."""
+    rate_hz, write = 250e3, 2048
+    reading, writing = pipe
+
+    def send() -> None:
+        begin_s, lost_s = time.monotonic(), 0.0
+        for number in range(420):
+            if number == 190:
+                lost_s = 0.2
+            due_s = begin_s + lost_s + (number + 1) * write / rate_hz
+            if number == 80:
+                due_s += 0.12
+            time.sleep(max(0.0, due_s - time.monotonic()))
+            os.write(writing, np.full(2 * write, number, "<i2").tobytes())
+        os.close(writing)
+
+    source = StreamSource(
+        reading, CS16, sample_rate_hz=rate_hz, center_frequency_hz=148e6, clock=Clock.start()
+    )
+    sender = threading.Thread(target=send)
+    sender.start()
+    gaps, parts = [], []
+    try:
+        while (block := source.read(timeout_s=5.0)) is not None:
+            parts.append(block.samples.real.copy())
+            if block.lost_before:
+                gaps.append((block.lost_before, round(float(parts[-1][0]) * 32768)))
+    except EOFError:
+        pass
+    sender.join()
+    whole = np.round(np.concatenate(parts) * 32768).astype(int)
+    np.testing.assert_array_equal(whole, np.repeat(np.arange(420), write))
+    assert sum(lost for lost, _ in gaps) == pytest.approx(0.2 * rate_hz, rel=0.1)
+    assert source.samples_lost == sum(lost for lost, _ in gaps)
+    # The gap lies where it was, within two writes, or half before and half behind.
+    assert all(188 <= number <= 194 for _, number in gaps)

@@ -1,0 +1,97 @@
+"""Flights that an older version recorded are read and gone on with."""
+
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+from uavrt.ground.flights import PULSE_COLUMNS, FlightLibrary
+from uavrt.messages import FlightInfo, Pulse, PulsePose
+from uavrt.recording import FlightLayout, FlightRecorder, read_flight
+from uavrt.recording.schema import VERSION
+from uavrt.recording.spool import undelivered
+
+PULSES_OF_VERSION_1 = """
+CREATE TABLE pulses (
+    pulse_id INTEGER PRIMARY KEY, tag_id INTEGER, frequency_hz REAL, start_time_ns INTEGER,
+    end_time_ns INTEGER, snr_db REAL, group_snr_db REAL, score REAL, group_index INTEGER,
+    group_sequence INTEGER, noise_psd REAL, detection_status TEXT, confirmed INTEGER,
+    rate INTEGER, predicted_next_start_ns INTEGER, predicted_next_end_ns INTEGER,
+    UNIQUE (tag_id, start_time_ns)
+)
+"""
+
+
+def record_and_age(
+    info: FlightInfo, make_pulse_pose: Callable[..., PulsePose]
+) -> list[PulsePose]:
+    """Record a flight and make its database one of version 1."""
+    recorded = [make_pulse_pose(number) for number in range(5)]
+    recorder = FlightRecorder.create(info)
+    recorder.write_pulse_poses(recorded)
+    recorder.close()
+    with closing(sqlite3.connect(FlightLayout(Path(info.directory)).database)) as database:
+        database.execute("ALTER TABLE pulses RENAME TO newer")
+        database.execute(PULSES_OF_VERSION_1)
+        names = [row[1] for row in database.execute("PRAGMA table_info(pulses)")]
+        columns = ", ".join(names)
+        database.execute(f"INSERT INTO pulses ({columns}) SELECT {columns} FROM newer")
+        database.execute("DROP TABLE newer")
+        database.execute("PRAGMA user_version=1")
+        database.commit()
+    return recorded
+
+
+def test_a_flight_of_version_1_is_read_by_all_that_read_flights(
+    make_info: Callable[..., FlightInfo], make_pulse_pose: Callable[..., PulsePose]
+) -> None:
+    info = make_info()
+    recorded = record_and_age(info, make_pulse_pose)
+    assert read_flight(info.directory).pulse_poses == tuple(recorded)
+    waiting, more = undelivered(info.directory, store=1, limit=10)
+    assert (waiting, more) == (recorded[::-1], False)
+    library = FlightLibrary(Path(info.directory).parent)
+    flight_id = Path(info.directory).name
+    cells = library.pulses(flight_id)
+    assert cells.shape == (len(PULSE_COLUMNS), len(recorded))
+    assert not cells[PULSE_COLUMNS.index("clipped")].any()
+    records = library.records(flight_id, 0, 10)
+    assert [record["also_possible_tag_ids"] for record in records] == [[]] * len(recorded)
+
+
+def test_a_flight_of_version_1_is_gone_on_with_and_keeps_what_is_in_doubt(
+    make_info: Callable[..., FlightInfo], make_pulse_pose: Callable[..., PulsePose]
+) -> None:
+    info = make_info()
+    recorded = record_and_age(info, make_pulse_pose)
+    recorder = FlightRecorder.reopen(info.directory)
+    newer = make_pulse_pose(7)
+    doubtful = replace(
+        newer,
+        pulse=replace(
+            newer.pulse, also_possible_tag_ids=(4, 6), ghost_of_tag_id=8, clipped=True
+        ),
+    )
+    recorder.write_pulse_poses([doubtful])
+    recorder.close()
+    assert read_flight(info.directory).pulse_poses == (*recorded, doubtful)
+    with closing(sqlite3.connect(FlightLayout(Path(info.directory)).database)) as database:
+        assert database.execute("PRAGMA user_version").fetchone() == (VERSION,)
+
+
+def test_what_is_in_doubt_of_a_pulse_is_read_back_before_it_has_a_pose(
+    make_info: Callable[..., FlightInfo], make_pulse: Callable[..., Pulse]
+) -> None:
+    info = make_info()
+    pulses = [
+        make_pulse(0),
+        replace(make_pulse(1), also_possible_tag_ids=(4,)),
+        replace(make_pulse(2), ghost_of_tag_id=4, confirmed=False, detection_status="detected"),
+        replace(make_pulse(3), clipped=True),
+    ]
+    recorder = FlightRecorder.create(info)
+    recorder.write_pulses(pulses)
+    recorder.commit()
+    assert recorder.without_pose(10) == pulses
+    recorder.close()

@@ -1,0 +1,177 @@
+"""Two drones in one ROS domain, and recordings played into it: real gateway processes."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from pulses import pulse_at
+
+from uavrt.cli.listeners import RosPulses
+from uavrt.config.settings import Ros2Settings
+from uavrt.errors import UsageError
+from uavrt.messages import Command, Tag
+from uavrt.ros2 import TOPICS, full_name
+from uavrt.ros2.convert import tag_to_ros
+
+INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
+ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
+TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+PULSE = pulse_at(1_777_623_301_019_828_320, frequency_hz=148_710_000.0)
+
+
+def order(ros_peer: Any, what: str) -> Any:
+    stamp = ros_peer.new("builtin_interfaces/msg/Time", 0, 0)
+    header = ros_peer.new("std_msgs/msg/Header", stamp, "")
+    status = ros_peer.new("diagnostic_msgs/msg/DiagnosticStatus", 0, "NA", what, "", [])
+    return ros_peer.new(ARRAY, header, [status])
+
+
+def tag_message(ros_peer: Any, tag: Tag) -> Any:
+    ours = tag_to_ros(tag)
+    values = [getattr(ours, name) for name in type(ours).__slots__]
+    return ros_peer.new("uavrt_interfaces/msg/Tag", *values)
+
+
+def counters(gateway: Any) -> dict[str, float]:
+    return dict(gateway.receive("health")[0].counters)
+
+
+def test_what_one_drone_s_ground_station_asks_does_not_command_the_other(
+    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+) -> None:
+    settings = Ros2Settings(enabled=True, domain_id=ros_domain, accept_pulses=True)
+    mine, other = launch(settings), launch(settings)
+    number = iter(range(1, 10_000))
+
+    def heard() -> bool:
+        for name in ("start_tags", "add_tag", "end_tags", "start_detection", "stop_detection"):
+            asked: Any = name
+            command = Command(name=asked, request_id=next(number), source="mavlink 255/190")
+            mine.send("command", replace(command, tag=TAG if name == "add_tag" else None))
+        mine.send("pulse", PULSE)
+        return counters(other)["ros2_messages_of_gateways"] >= 20
+
+    wait_until(heard)
+    told = counters(other)
+    assert told["ros2_commands"] == told["ros2_pulses_taken"] == 0
+    # An operator is obeyed all the same, by both.
+    ros_peer.advertise("control_stop_subprocess", ARRAY, subscribers=2)
+    ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+    for gateway in (mine, other):
+        assert gateway.receive("command")[0].name == "stop_detection"
+
+
+def test_a_recording_with_the_live_names_does_not_command(
+    launch: Any, ros_peer: Any, wait_until: Any
+) -> None:
+    gateway = launch()
+    # `ros2 bag play` publishes everything as one participant.
+    for name in ("pulse_pose", "control_stop_subprocess"):
+        ros_peer.advertise(name, full_name(TOPICS[name].message))
+    ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+    wait_until(lambda: counters(gateway)["ros2_messages_of_gateways"] == 1)
+    assert counters(gateway)["ros2_commands"] == 0
+
+
+def test_a_hundred_tags_their_release_and_the_start_at_once_are_taken_in_their_order(
+    launch: Any, ros_peer: Any
+) -> None:
+    gateway = launch()
+    for name in (
+        "store_tag_information",
+        "release_tag_information",
+        "control_start_subprocess",
+    ):
+        ros_peer.advertise(name, full_name(TOPICS[name].message))
+    tags = [replace(TAG, tag_id=2 * n, frequency_hz=148e6 + 5e3 * n) for n in range(1, 101)]
+    messages = [tag_message(ros_peer, tag) for tag in tags]
+    release = ros_peer.new("std_msgs/msg/Bool", True)
+    start = order(ros_peer, "start")
+    for message in messages:
+        ros_peer.publish("store_tag_information", message)
+    ros_peer.publish("release_tag_information", release)
+    ros_peer.publish("control_start_subprocess", start)
+    commands = gateway.receive("command", 103)
+    names = [command.name for command in commands]
+    assert names == ["start_tags", *["add_tag"] * 100, "end_tags", "start_detection"]
+    assert [command.tag for command in commands[1:-2]] == tags
+    assert commands[-1].tag_count == 100
+
+
+REMOTE = """
+import sys
+from uavrt.cli.listeners import RosPulses
+pulses = RosPulses("lo", (), "drone1")
+sys.stdin.read()
+pulses.close()
+"""
+
+
+def test_a_remote_detector_has_a_node_name_of_its_own_and_the_drone_s_namespace(
+    ros_domain: int, ros_peer: Any, wait_until: Any
+) -> None:
+    read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
+    environment = os.environ | {"ROS_DOMAIN_ID": str(ros_domain)}
+    with subprocess.Popen(
+        [sys.executable, "-c", REMOTE], stdin=subprocess.PIPE, env=environment
+    ) as process:
+        infos: list[Any] = []
+
+        def come() -> bool:
+            infos.extend(ros_peer.read(cdr, INFO) for cdr in read())
+            return bool(infos)
+
+        wait_until(come)
+        (node,) = infos[-1].node_entities_info_seq
+        assert node.node_name.startswith("Detector_")
+        assert node.node_name.endswith(f"_{process.pid}")
+        assert node.node_namespace == "/drone1"
+        wait_until(lambda: "rt/drone1/pulse" in ros_peer.endpoints())
+        assert process.stdin is not None
+        process.stdin.close()
+        assert process.wait(20.0) == 0
+
+
+def test_a_namespace_that_is_none_is_refused() -> None:
+    with pytest.raises(UsageError, match="not a ROS namespace"):
+        RosPulses("lo", (TAG,), "drone 1")
+
+
+HOSTILE = """
+import ctypes, sys
+from cyclonedds.domain import Domain
+from cyclonedds.internal import load_cyclonedds
+from uavrt.ros2.dds import cyclone_config
+number = int(sys.argv[1])
+domain = Domain(number, cyclone_config(()))
+library = load_cyclonedds()
+library.dds_create_qos.restype = ctypes.c_void_p
+qos = ctypes.c_void_p(library.dds_create_qos())
+library.dds_qset_entity_name(qos, ctypes.c_char_p(bytes([255, 254])))
+for _ in range(3):
+    assert library.dds_create_participant(ctypes.c_uint32(number), qos, None) > 0
+print("here", flush=True)
+sys.stdin.read()
+"""
+"""Participants whose names are not UTF-8."""
+
+
+def test_a_name_that_is_none_makes_the_gateway_deaf_to_nobody(
+    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+) -> None:
+    gateway = launch()
+    with subprocess.Popen(
+        [sys.executable, "-c", HOSTILE, str(ros_domain)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    ) as hostile:
+        assert hostile.stdout is not None
+        assert hostile.stdout.readline() == b"here\n"
+        wait_until(lambda: counters(gateway)["ros2_faults"] >= 3)
+        ros_peer.advertise("control_stop_subprocess", ARRAY)
+        ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+        assert gateway.receive("command")[0].name == "stop_detection"
+        hostile.communicate()

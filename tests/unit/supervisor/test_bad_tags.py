@@ -1,0 +1,171 @@
+"""What the tag files refuse no wire may bring in: a detector would die of it."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavrt.config.settings import DetectionSettings, RadioSettings, RecordingSettings, Settings
+from uavrt.config.tag_files import faults_of_tags, read_tags, write_tags
+from uavrt.detection import PulseDetector
+from uavrt.errors import TagFileError
+from uavrt.messages import Command, CommandReply, Tag
+from uavrt.supervisor.memory import StateStore
+from uavrt.supervisor.mission import Mission
+from uavrt.tunnel import FAILURE, AckG1, decode, tag_to_wire
+from uavrt.tunnel.exchange import Answer, Exchange
+
+TAG = Tag(
+    tag_id=2,
+    frequency_hz=148_710_000.0,
+    pulse_width_s=0.02,
+    pulse_intervals_s=(1.254,),
+    interval_uncertainty_s=0.06,
+    interval_jitter_s=0.01,
+)
+BAD: list[tuple[dict[str, Any], str]] = [
+    ({"pulse_width_s": 0.7}, "pulse_width_ms 700 must be under half of the interval"),
+    ({"interval_uncertainty_s": 60.0}, "interval_uncertainty_ms 60000 must be under half"),
+    ({"k": 400}, "k 400 must be a whole number from 1 to 100"),
+    ({"k": 4_000_000_000}, "k 4000000000 must be a whole number from 1 to 100"),
+    ({"k": 40}, "k 40 is too many for interval_uncertainty_ms 60"),
+    ({"frequency_hz": 148_710.0}, "looks like kHz"),
+    ({"pulse_intervals_s": (3600.0,)}, "at most 60000 ms"),
+    ({"pulse_intervals_s": (1.254, 1.254)}, "is the same as the first interval"),
+    ({"interval_jitter_s": 1.0}, "must be under half of the interval"),
+    ({"false_alarm_probability": 0.6}, "must be above 0 and at most 0.5"),
+]
+
+
+def mission_in(directory: Path, **detection: Any) -> Mission:
+    return Mission(
+        Settings(
+            recording=RecordingSettings(directory=str(directory)),
+            radio=RadioSettings(center_frequency_hz=148.7e6),
+            detection=DetectionSettings(**detection),
+        ),
+        StateStore(directory),
+        tell=lambda _severity, _text: None,
+        on_start=lambda _flight: None,
+        on_stop=lambda: None,
+    )
+
+
+def say(mission: Mission, number: int, name: Any, **details: Any) -> CommandReply:
+    return mission.command(
+        Command(name=name, request_id=number, source="mavlink 255/190", **details)
+    )
+
+
+@pytest.mark.parametrize(("change", "reason"), BAD)
+def test_a_bad_tag_by_air_is_refused_with_its_reason_in_the_acknowledgement(
+    change: dict[str, Any], reason: str, tmp_path: Path
+) -> None:
+    exchange, mission = Exchange(), mission_in(tmp_path)
+    say(mission, 1000, "start_tags")
+    payload = tag_to_wire(replace(TAG, **change)).encode()
+    asked = exchange.receive(payload, (255, 190))
+    assert isinstance(asked, Command)
+    answer = exchange.reply(mission.command(asked))
+    assert isinstance(answer, Answer)
+    acknowledgement = decode(answer.payload)
+    assert isinstance(acknowledgement, AckG1)
+    assert acknowledgement.result == FAILURE
+    assert acknowledgement.message.startswith("tag 2: ")
+    assert reason[:90] in acknowledgement.message
+    assert not mission.tags
+
+
+@pytest.mark.parametrize(("change", "reason"), BAD)
+def test_the_files_refuse_the_same_tag(
+    change: dict[str, Any], reason: str, tmp_path: Path
+) -> None:
+    tag = replace(TAG, **change)
+    assert reason in faults_of_tags([tag])[0]
+    write_tags(tmp_path / "tags.toml", (tag,))
+    with pytest.raises(TagFileError):
+        read_tags(tmp_path / "tags.toml")
+
+
+def test_no_more_tags_are_taken_than_the_computer_carries(tmp_path: Path) -> None:
+    mission = mission_in(tmp_path, maximum_tags=3)
+    say(mission, 1, "start_tags")
+    for number in (2, 4, 6):
+        assert say(mission, number, "add_tag", tag=replace(TAG, tag_id=number)).accepted
+    refused = say(mission, 8, "add_tag", tag=replace(TAG, tag_id=8))
+    assert (refused.accepted, refused.message) == (
+        False,
+        "3 tags are the most: see detection.maximum_tags",
+    )
+    assert say(mission, 9, "add_tag", tag=replace(TAG, tag_id=6)).accepted, "a repetition"
+    assert len(mission.tags) == 3
+
+
+def test_a_setting_for_all_tags_that_makes_them_unsearchable_is_told_at_the_start(
+    tmp_path: Path,
+) -> None:
+    mission = mission_in(tmp_path, k=40)
+    say(mission, 1, "start_tags")
+    say(mission, 2, "add_tag", tag=TAG)
+    say(mission, 3, "end_tags")
+    reply = say(mission, 4, "start_detection")
+    assert not reply.accepted
+    assert "k 40 is too many" in reply.message
+    assert mission.flight is None
+
+
+@given(
+    width_ms=st.integers(0, 2_000),
+    intervals_ms=st.lists(st.integers(0, 70_000), min_size=1, max_size=2),
+    uncertainty_ms=st.integers(0, 70_000),
+    jitter_ms=st.integers(0, 40_000),
+    k=st.integers(0, 9),
+    false_alarm=st.floats(0.0, 1.0),
+)
+@settings(max_examples=150, deadline=None)
+def test_whatever_the_rules_take_a_detector_takes(
+    width_ms: int,
+    intervals_ms: list[int],
+    uncertainty_ms: int,
+    jitter_ms: int,
+    k: int,
+    false_alarm: float,
+) -> None:
+    tag = Tag(
+        tag_id=1,
+        frequency_hz=148.7e6,
+        pulse_width_s=width_ms / 1e3,
+        pulse_intervals_s=tuple(interval / 1e3 for interval in intervals_ms),
+        interval_uncertainty_s=uncertainty_ms / 1e3,
+        interval_jitter_s=jitter_ms / 1e3,
+        k=k,
+        false_alarm_probability=false_alarm,
+    )
+    if not faults_of_tags([tag]):
+        PulseDetector(tag, sample_rate_hz=7500.0, center_frequency_hz=148.7e6)
+
+
+@pytest.mark.parametrize("jitter_s", [0.0, 0.001])
+def test_a_hundred_pulses_for_a_decision_are_searched(jitter_s: float) -> None:
+    tag = replace(TAG, k=100, interval_uncertainty_s=0.001, interval_jitter_s=jitter_s)
+    assert not faults_of_tags([tag])
+    PulseDetector(tag, sample_rate_hz=7500.0, center_frequency_hz=148.71e6)
+
+
+def test_a_start_with_fewer_tags_than_were_sent_is_refused(tmp_path: Path) -> None:
+    mission = mission_in(tmp_path)
+    say(mission, 1, "start_tags")
+    for number in range(2):
+        good = replace(TAG, tag_id=2 + 2 * number)
+        assert say(mission, 10 + number, "add_tag", tag=good).accepted
+    assert not say(mission, 20, "add_tag", tag=replace(TAG, tag_id=6, k=400)).accepted
+    assert say(mission, 21, "end_tags").accepted
+    refused = say(mission, 22, "start_detection", tag_count=3)
+    assert not refused.accepted
+    assert refused.message == "only 2 of 3 tags came: send them all again"
+    assert mission.flight is None
+    # As many or more: some may have come by another wire.
+    assert say(mission, 23, "start_detection", tag_count=1).accepted

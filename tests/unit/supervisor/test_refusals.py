@@ -1,0 +1,38 @@
+"""What a mission says to a ground station that comes while it detects."""
+
+from pathlib import Path
+
+from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
+from uavrt.messages import Command, CommandReply, Tag
+from uavrt.supervisor.memory import StateStore
+from uavrt.supervisor.mission import Mission
+from uavrt.tunnel.tag_lists import digest_in, tag_list_digest
+
+TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+
+
+def test_new_tags_are_refused_with_those_that_are_searched(tmp_path: Path) -> None:
+    mission = Mission(
+        Settings(
+            recording=RecordingSettings(directory=str(tmp_path)),
+            radio=RadioSettings(center_frequency_hz=148.7e6),
+        ),
+        StateStore(tmp_path),
+        tell=lambda _severity, _text: None,
+        on_start=lambda _flight: None,
+        on_stop=lambda: None,
+        on_settings=lambda _settings: None,
+    )
+
+    def say(number: int, name: str, **details: object) -> CommandReply:
+        return mission.command(Command(name=name, request_id=number, **details))  # type: ignore[arg-type]
+
+    say(1, "start_tags")
+    say(2, "add_tag", tag=TAG)
+    say(3, "end_tags")
+    assert say(4, "start_detection").accepted
+    reply = say(5, "start_tags")
+    assert not reply.accepted
+    assert reply.message.startswith("detecting tags 2 (list ")
+    assert reply.message.endswith(": send stop first")
+    assert digest_in(reply.message) == tag_list_digest([TAG])

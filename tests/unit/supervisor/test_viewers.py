@@ -1,0 +1,42 @@
+"""The socket by which a running system is watched."""
+
+import asyncio
+import socket
+import stat
+from pathlib import Path
+
+import pytest
+
+from uavrt.errors import ConfigError
+from uavrt.supervisor.viewers import Viewers
+
+
+def test_two_systems_cannot_share_a_socket(tmp_path: Path) -> None:
+    path = str(tmp_path / "status.sock")
+
+    async def main() -> None:
+        server = await Viewers().serve(path)
+        with pytest.raises(ConfigError, match="another uavrt shows itself"):
+            await Viewers().serve(path)
+        # The first is still watched.
+        _, writer = await asyncio.open_unix_connection(path)
+        writer.close()
+        await writer.wait_closed()
+        server.close()
+        await asyncio.sleep(0.05)  # the connections end
+
+    asyncio.run(main())
+
+
+def test_a_socket_that_a_killed_system_left_is_taken_over(tmp_path: Path) -> None:
+    path = tmp_path / "status.sock"
+    left = socket.socket(socket.AF_UNIX)
+    left.bind(str(path))
+    left.close()
+
+    async def main() -> None:
+        server = await Viewers().serve(str(path))
+        assert stat.S_IMODE(path.stat().st_mode) & 0o007 == 0  # closed to everybody else
+        server.close()
+
+    asyncio.run(main())

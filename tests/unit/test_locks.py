@@ -1,0 +1,66 @@
+"""What the drone installs is pinned by hash, and may be shipped."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parents[2]
+LOCKS = ROOT / "deploy/locks"
+PIN = re.compile(
+    r"^([\w.-]+)==(\S+)((?: ;[^\\\n]*)?) \\\n((?:    --hash=\S+(?: \\)?\n)+)", re.M
+)
+
+
+def pins(lock: str) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for match in PIN.finditer((LOCKS / lock).read_text()):
+        found.setdefault(canonicalize_name(match[1]), []).append(match[2])
+    return found
+
+
+def wanted(lock: str) -> list[str]:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    runs: list[str] = project["project"]["dependencies"]
+    all_wanted: dict[str, list[str]] = {
+        "drone.txt": runs,
+        "drone-ros2.txt": runs + project["project"]["optional-dependencies"]["ros2"],
+        "build.txt": project["build-system"]["requires"],
+    }
+    return all_wanted[lock]
+
+
+@pytest.mark.parametrize("lock", ["drone.txt", "drone-ros2.txt", "build.txt"])
+def test_a_lock_pins_every_requirement_to_an_allowed_version(lock: str) -> None:
+    found = pins(lock)
+    for text in wanted(lock):
+        requirement = Requirement(text)
+        versions = found[canonicalize_name(requirement.name)]
+        assert all(requirement.specifier.contains(version) for version in versions), (
+            f"{text} is not what {lock} pins ({versions}): run `make locks`"
+        )
+
+
+@pytest.mark.parametrize("lock", ["drone.txt", "drone-ros2.txt", "build.txt"])
+def test_nothing_in_a_lock_is_without_a_hash_or_from_elsewhere(lock: str) -> None:
+    text = (LOCKS / lock).read_text()
+    rest = PIN.sub("", text)
+    assert all(line.lstrip().startswith("#") for line in rest.splitlines() if line.strip())
+    assert "://" not in text
+
+
+def test_all_that_runs_with_uavrt_may_be_shipped() -> None:
+    checked = subprocess.run(
+        [sys.executable, str(ROOT / "deploy/licences.py"), "--check"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert checked.returncode == 0, checked.stderr
+    listed = re.findall(r"^(numpy|scipy|pydantic)\s+\S+\s+\S", checked.stdout, re.M)
+    assert listed == ["numpy", "pydantic", "scipy"]
