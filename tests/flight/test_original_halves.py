@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from uavrt.config.settings import UdpChannelSettings
+from uavrt.demo.programs import free_udp_port
 from uavrt.ipc.pulse_datagram import PulseRecord
 from uavrt.radio.channel_datagram import SAMPLES, encode_channel_datagram
 from uavrt.recording import read_detector_config
@@ -38,12 +39,6 @@ opMode:\t{mode}
 excldFreqs:\t{excluded}
 falseAlarmProb:\t0.01
 """
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
 
 
 def beeping_channel(seconds: float) -> np.ndarray:
@@ -107,7 +102,7 @@ def test_a_channel_of_the_original_gives_its_pulse_records(tmp_path: Path, mode:
     config = tmp_path / "detectorConfig.txt"
     config.write_text(CONFIG.format(mode=mode, excluded="[Inf, -Inf]"))
     output = tmp_path / "pulses.jsonl"
-    port = free_port()
+    port = free_udp_port()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as controller:
         controller.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
         controller.bind(("127.0.0.1", 0))

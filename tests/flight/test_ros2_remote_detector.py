@@ -26,6 +26,7 @@ import pytest
 from uavrt.clock import Clock
 from uavrt.config import write_tags
 from uavrt.config.settings import Ros2Settings
+from uavrt.demo.programs import free_udp_port
 from uavrt.messages import SystemStatus, Tag
 from uavrt.radio.channel_datagram import SAMPLES, encode_channel_datagram
 from uavrt.recording import read_flight
@@ -104,16 +105,9 @@ def enter(namespace: str) -> None:
         os.close(handle)
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind((OTHER_COMPUTER, 0))
-        port: int = sock.getsockname()[1]
-        return port
-
-
 @pytest.fixture
 def band() -> Iterator[tuple[Band, int]]:
-    port = free_port()
+    port = free_udp_port(OTHER_COMPUTER)
     sender = Band(port)
     yield sender, port
     sender.close()

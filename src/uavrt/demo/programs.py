@@ -16,6 +16,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +29,14 @@ from uavrt.config.settings import (
     Ros2Settings,
     Settings,
 )
-from uavrt.errors import UavrtError
+from uavrt.errors import LinkError, UavrtError
 from uavrt.ipc.link import LineBuffer
 from uavrt.simulation import Scenario
 
 STOP_TIMEOUT_S = 15.0
+PORTS = range(61_000, 65_400)
+"""Ports that Linux gives to nobody who does not ask for them (``ip_local_port_range``)."""
+_ports = cycle(random.SystemRandom().sample(PORTS, len(PORTS)))
 _END_WITH_US = ("setpriv", "--pdeathsig", "TERM", "--") if shutil.which("setpriv") else ()
 """Words before a command by which the kernel asks it to end when we end, even by SIGKILL."""
 
@@ -67,12 +71,28 @@ class DemoPaths:
         return self.directory / "ground"
 
 
-def free_udp_port() -> int:
-    """Get a UDP port on the loopback that was free a moment ago."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        port: int = sock.getsockname()[1]
-        return port
+def free_udp_port(host: str = "127.0.0.1") -> int:
+    """Get a UDP port of this computer that nobody has, ever another one.
+
+    It is one of `PORTS`: a port that the kernel chose and that was closed again may be given
+    to any socket before it is bound, also to the next that asks here.
+
+    Raises
+    ------
+    LinkError
+        All ports above those are taken.
+    """
+    for port in islice(_ports, len(PORTS)):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            try:
+                sock.bind((host, port))
+            except OSError:
+                continue
+            return port
+    raise LinkError(
+        f"no UDP port of {host} from {PORTS[0]} to {PORTS[-1]} is free",
+        remedy="End other programs that hold ports, or start again.",
+    )
 
 
 def free_ros_domain() -> int:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from uavrt.demo.programs import free_udp_port
 from uavrt.dsp.filters import compatible_bank_taps
 from uavrt.radio.channel_datagram import channel_port, decode_channel_datagram
 from uavrt.radio.udp_address import listen
@@ -50,12 +51,6 @@ random.seed(1)
 while data := os.read(0, random.randint(1, 16384)):
     sock.send(data)
 """
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +155,7 @@ def test_the_pipe_of_the_thesis_ends_in_the_channels_of_the_original(
     netcat = Path(found) if kind == "installed" and found is not None else None
     listeners.update({n: listen("127.0.0.1", channel_port(n - 1)) for n in (1, 46, 100)})
     listeners[-46] = listen("127.0.0.1", channel_port(45, second=True))
-    port = free_port()
+    port = free_udp_port()
     process = channelizer(f"udp://localhost:{port}", "--channels", "1,-46,100")
     try:
         run_the_thesis(tmp_path, recording, port, netcat)
@@ -261,7 +256,7 @@ def test_what_no_channels_can_be_sent_of_is_refused_before_it_begins(
     run = subprocess.run(
         [
             *(sys.executable, "-m", "uavrt.cli", "channelize"),
-            *(f"udp://127.0.0.1:{free_port()}", *arguments),
+            *(f"udp://127.0.0.1:{free_udp_port()}", *arguments),
         ],
         capture_output=True,
         text=True,
@@ -275,5 +270,5 @@ def test_what_no_channels_can_be_sent_of_is_refused_before_it_begins(
 
 @pytest.mark.parametrize("rate_hz", [375e3, 750e3, 1.5e6, 3e6, 6e6])
 def test_the_rates_that_the_refusal_names_give_the_originals_channels(rate_hz: float) -> None:
-    process = channelizer(f"udp://127.0.0.1:{free_port()}", "--sample-rate", f"{rate_hz:g}")
+    process = channelizer(f"udp://127.0.0.1:{free_udp_port()}", "--sample-rate", f"{rate_hz:g}")
     assert " 0 samples" in " " + stopped(process)

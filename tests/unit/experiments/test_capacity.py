@@ -1,12 +1,12 @@
 """The thesis's §5.4, by model and through links."""
 
 import asyncio
-import socket
 from dataclasses import replace
 
 import pytest
 
 from uavrt.clock import Clock
+from uavrt.demo.programs import free_udp_port
 from uavrt.experiments.capacity import COUNTS, GAPS_MS, model_row, our_sender_row, run_links
 from uavrt.messages import Pose
 from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
@@ -30,14 +30,8 @@ def test_our_sender_loses_none_in_4_ms_and_8_ms_loops(gap_s: float) -> None:
         assert (row.received, row.dropped_by_autopilot) == (1500, 0)
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
-        opened.bind(("127.0.0.1", 0))
-        return int(opened.getsockname()[1])
-
-
 def test_through_links_every_loss_is_the_autopilots() -> None:
-    companion, ground = free_port(), free_port()
+    companion, ground = free_udp_port(), free_udp_port()
     settings = AutopilotSettings(
         companion=("127.0.0.1", companion), ground=("127.0.0.1", ground)
     )

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import math
-import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import replace
 
@@ -12,6 +11,7 @@ from pulses import pulse_at
 
 from uavrt import tunnel
 from uavrt.clock import Clock
+from uavrt.demo.programs import free_udp_port
 from uavrt.errors import TunnelError
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
 from uavrt.mavlink.ftp_server import FileServer
@@ -30,12 +30,6 @@ THESIS_TAG = Tag(
     k=3,
     false_alarm_probability=0.005,
 )
-
-
-def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
-        opened.bind(("127.0.0.1", 0))
-        return int(opened.getsockname()[1])
 
 
 def turning_vehicle(rate_deg_s: float) -> Callable[[int], Pose]:

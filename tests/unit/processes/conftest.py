@@ -14,6 +14,7 @@ from pulses import pulse_at
 
 from uavrt.clock import Clock
 from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
+from uavrt.demo.programs import free_udp_port
 from uavrt.ground.link import GroundLink
 from uavrt.ipc import Assignment, ProcessFrame, decode_record, encode_record
 from uavrt.ipc.link import ChildLink, LineBuffer
@@ -21,12 +22,6 @@ from uavrt.messages import Command, CommandReply, FlightInfo, Health, Pose, Puls
 from uavrt.processes.connection import ConnectionProcess
 from uavrt.recording import FlightRecorder
 from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
-
-
-def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
-        opened.bind(("127.0.0.1", 0))
-        return int(opened.getsockname()[1])
 
 
 def turning(time_ns: int) -> Pose:

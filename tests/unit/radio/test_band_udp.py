@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from uavrt.demo.programs import free_udp_port
 from uavrt.radio.band_source import BandDatagramSource, ByteJoiner, misalignment
 from uavrt.radio.udp_address import parse_udp_address
 
@@ -24,11 +25,8 @@ def signal(count: int, seed: int = 1) -> np.ndarray:
 
 @pytest.fixture
 def source() -> Iterator[BandDatagramSource]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        port = sock.getsockname()[1]
     opened = BandDatagramSource(
-        f"udp://localhost:{port}",
+        f"udp://localhost:{free_udp_port()}",
         sample_rate_hz=RATE_HZ,
         center_frequency_hz=148.7e6,
         start_time_ns=START_NS,

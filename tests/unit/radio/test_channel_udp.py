@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from uavrt.demo.programs import free_udp_port
 from uavrt.errors import ConfigError, RadioError
 from uavrt.messages import ChannelBlock
 from uavrt.radio.channel_datagram import decode_channel_datagram, encode_channel_datagram
@@ -108,16 +109,12 @@ def test_stamps_that_creep_are_followed_without_a_gap() -> None:
 @pytest.fixture
 def source() -> Iterator[ChannelDatagramSource]:
     opened = ChannelDatagramSource(
-        f"udp://127.0.0.1:{free_port()}", sample_rate_hz=RATE_HZ, center_frequency_hz=148.71e6
+        f"udp://127.0.0.1:{free_udp_port()}",
+        sample_rate_hz=RATE_HZ,
+        center_frequency_hz=148.71e6,
     )
     yield opened
     opened.close()
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
 
 
 def block(first: int, count: int, *, lost: int = 0, channel: int = 45) -> ChannelBlock:
@@ -159,7 +156,7 @@ def test_what_is_sent_arrives_whole_however_the_blocks_are_cut(
 
 
 def test_a_hundred_channels_in_a_burst_of_a_second_lose_nothing() -> None:
-    sockets = {channel: listen("127.0.0.1", free_port())[0] for channel in range(100)}
+    sockets = {channel: listen("127.0.0.1", free_udp_port())[0] for channel in range(100)}
     ports = {channel: [sock.getsockname()[1]] for channel, sock in sockets.items()}
     sender = ChannelDatagramSender(ports)
     for channel in ports:
@@ -193,7 +190,7 @@ def test_a_gap_within_a_frame_is_zeros_and_the_rest_of_it_a_gap_of_the_stamps(
 
 
 def test_nobody_listening_disturbs_nobody() -> None:
-    sender = ChannelDatagramSender({45: [free_port()]})
+    sender = ChannelDatagramSender({45: [free_udp_port()]})
     for number in range(10):
         sender.send(block(1024 * number, 1024))
     sender.close()
