@@ -194,6 +194,7 @@ def _turns_of(poses: Iterable[Pose]) -> list[Turn]:
         _yaw_deg(ordered),
         np.array([pose.latitude_deg for pose in ordered]),
         np.array([pose.longitude_deg for pose in ordered]),
+        height_m=np.array([pose.altitude_relative_m for pose in ordered]),
     )
 
 

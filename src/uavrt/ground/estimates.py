@@ -41,7 +41,7 @@ POSE_STEP_NS = 180_000_000
 POSE_GAP_NS = 2_000_000_000
 """Telemetry comes several times a second; this far from it, a pulse's own pose tells more."""
 _POSE_OF_PULSE = [1, *range(8, 15)]
-"""Rows of `PULSE_COLUMNS` that are those of a pose: time, place, quaternion."""
+"""Rows of `PULSE_COLUMNS` that are those of a pose: time, place, height, quaternion."""
 
 DRONE_LEVEL_SIGMA_DB = 1.0
 """Of a bearing that came from the drone, which does not tell it."""
@@ -212,6 +212,7 @@ def turns_of(columns: Columns) -> list[Turn]:
         yaw_deg(poses[4:8]),
         poses[1],
         poses[2],
+        height_m=poses[3],
         least_turn_deg=LEAST_TURN_DEG,
     )
 

@@ -98,6 +98,7 @@ class LiveBearings:
             Headings.from_quaternions(attitudes).yaw_deg,
             np.array([pose.latitude_deg for pose in self._poses]),
             np.array([pose.longitude_deg for pose in self._poses]),
+            height_m=np.array([pose.altitude_relative_m for pose in self._poses]),
             least_turn_deg=LEAST_TURN_DEG,
         )
 

@@ -5,6 +5,7 @@ stops or without any.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,22 @@ _STILL_DEG = 4.0
 """A stop keeps within this of its heading …"""
 _STOP_S = 2.0
 """… and lasts that long."""
+_LEAST_RATE_DEG_S = 0.5
+"""A heading that changes more slowly drifts …"""
+_SHARE_OF_RATE = 0.1
+"""… as does one that changes by less than this share of the turn's own rate."""
+_RATE_WINDOW_S = 4.0
+"""Over which a compass that errs by 0.5° tells rates to 0.15°/s."""
+_CLIMB_M_S = 0.4
+_CLIMB_M = 4.0
+"""A climb or descent is this high at the least; a gust does less."""
+_GROUND_SHARE = 0.15
+_GROUND_M = (2.0, 6.0)
+"""Lower than that share of the usual height, within these limits, is on the ground: a
+barometer drifts by metres in a flight."""
+_AROUND_START_M = 100.0
+"""Between flights the ground is where the drone started or landed; elsewhere, at the height of
+the start, it flies over lower ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +65,7 @@ def find_turns(
     latitude_deg: _Floats,
     longitude_deg: _Floats,
     *,
+    height_m: _Floats | None = None,
     least_turn_deg: float = 270.0,
     speed_m_s: float = 1.5,
     radius_m: float = 15.0,
@@ -63,6 +81,10 @@ def find_turns(
         Heading, any turn; several poses for each 180° of turn.
     latitude_deg, longitude_deg : (n,) float64 arrays
         Places of the poses.
+    height_m : (n,) float64 array, optional
+        Above the take-off, NaN where it is not known. With it, only what is turned in flight is
+        a turn: no standing, no climb, no carrying after the landing. Where nothing flew, as on
+        a turntable, all turns count.
     least_turn_deg : float
         Smaller turns are none. 270° is what the original asks for; 8 stops turn by 315°.
     speed_m_s : float
@@ -87,6 +109,8 @@ def find_turns(
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     hovering = _speed(seconds, east, north) < speed_m_s
+    if height_m is not None:
+        hovering &= _in_flight(east, north, height_m) & ~_climbing(seconds, height_m)
     turns = []
     for first, last in _runs(hovering):
         yaw = np.unwrap(yaw_deg[first:last], period=360.0)
@@ -177,33 +201,87 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
 def _without_long_pauses(
     seconds: _Floats, yaw: _Floats, longest_pause_s: float
 ) -> list[tuple[int, int]]:
-    """Cut a leg at long pauses; hovering before and after the turn is no part of it.
+    """Cut a leg at long pauses; standing and drifting before and after it are no part of it.
 
     The first and the last stop are kept as long as the longest one between them, so that a turn
     of eight stops has eight; of a turn without stops only the moving part is left.
     """
-    stops = _stops(seconds, yaw)
-    pauses = [(a, b) for a, b in stops if seconds[b] - seconds[a] > longest_pause_s]
-    inner = [
-        seconds[b] - seconds[a]
-        for a, b in stops
-        if a > 0 and b < len(yaw) - 1 and (a, b) not in pauses
-    ]
-    hold = max(inner, default=0.0)
-    bounds = [0, *(index for pause in pauses for index in pause), len(yaw) - 1]
-    parts = []
-    for a, b in zip(bounds[::2], bounds[1::2], strict=True):
-        first, last = a, b
-        moving = np.flatnonzero(np.abs(yaw[a : b + 1] - yaw[a]) > _STILL_DEG)
-        if not len(moving):
+    moving = _runs(_turning(seconds, yaw))
+    parts: list[list[tuple[int, int]]] = []
+    for run in moving:
+        pause_s = seconds[run[0]] - seconds[parts[-1][-1][1] - 1] if parts else np.inf
+        if pause_s > longest_pause_s:
+            parts.append([run])
+        else:
+            parts[-1].append(run)
+    return [_with_its_stops(seconds, yaw, part) for part in parts]
+
+
+def _with_its_stops(
+    seconds: _Floats, yaw: _Floats, moving: list[tuple[int, int]]
+) -> tuple[int, int]:
+    """First and last index of moving stretches with the stops before and after them."""
+    stops = [seconds[b[0]] - seconds[a[1] - 1] for a, b in pairwise(moving)]
+    hold_s = max((one for one in stops if one >= _STOP_S), default=0.0) + 0.5
+    first, last = moving[0][0], moving[-1][1] - 1
+    still = np.abs(yaw[: first + 1] - yaw[first]) <= _STILL_DEG
+    still &= seconds[: first + 1] >= seconds[first] - hold_s
+    first = int(np.flatnonzero(~still)[-1]) + 1 if not still.all() else 0
+    still = np.abs(yaw[last:] - yaw[last]) <= _STILL_DEG
+    still &= seconds[last:] <= seconds[last] + hold_s
+    last += (int(np.flatnonzero(~still)[0]) if not still.all() else len(still)) - 1
+    return first, last
+
+
+def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
+    """Where the heading changes as a turn does, and not as a compass drifts."""
+    half = _RATE_WINDOW_S / 2.0
+    before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
+    after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
+    took = np.maximum(seconds[after] - seconds[before], 1e-3)
+    rate = np.abs(yaw[after] - yaw[before]) / took
+    fast = rate >= _LEAST_RATE_DEG_S
+    usual = float(np.median(rate[fast])) if fast.any() else 0.0
+    turning = rate >= max(_LEAST_RATE_DEG_S, _SHARE_OF_RATE * usual)
+    # The window reaches two seconds into what stands still: seen where it is, not around it.
+    edges = np.zeros(len(yaw), bool)
+    for first, last in _runs(turning):
+        span = yaw[first:last]
+        if abs(span[-1] - span[0]) <= _STILL_DEG:
             continue
-        leaving = seconds[a + int(moving[0])]
-        first = int(np.searchsorted(seconds, max(seconds[a], leaving - hold - 0.5)))
-        arrived = np.flatnonzero(np.abs(yaw[a : b + 1] - yaw[b]) > _STILL_DEG)
-        arriving = seconds[a + int(arrived[-1])]
-        last = (
-            int(np.searchsorted(seconds, min(seconds[b], arriving + hold + 0.5), "right")) - 1
-        )
-        if last > first:
-            parts.append((first, last))
-    return parts
+        gone = np.flatnonzero(np.abs(span - span[0]) > 0.5 * _STILL_DEG)
+        left = np.flatnonzero(np.abs(span - span[-1]) > 0.5 * _STILL_DEG)
+        edges[first + int(gone[0]) - 1 : first + int(left[-1]) + 2] = True
+    return edges
+
+
+def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
+    """Where the drone is off the ground; everywhere when it never was, or nobody knows."""
+    known = np.isfinite(height_m)
+    if not known.any():
+        return np.ones(len(height_m), bool)
+    usual = float(np.quantile(np.abs(height_m[known]), 0.9))
+    margin = float(np.clip(_GROUND_SHARE * usual, *_GROUND_M))
+    off = ~known | (np.abs(height_m) > margin)
+    flown = np.flatnonzero(off & known)
+    if not len(flown):
+        return np.ones(len(height_m), bool)
+    away = np.ones(len(height_m), bool)
+    away[: flown[0]] = away[flown[-1] + 1 :] = False
+    for place in (max(0, flown[0] - 1), min(len(east) - 1, flown[-1] + 1)):
+        away &= np.hypot(east - east[place], north - north[place]) > _AROUND_START_M
+    return np.asarray(off | away)
+
+
+def _climbing(seconds: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
+    """Where the drone climbs or sinks by several metres."""
+    height = np.where(np.isfinite(height_m), height_m, 0.0)
+    half = _SPEED_WINDOW_S / 2.0
+    before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
+    after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
+    rate = (height[after] - height[before]) / np.maximum(seconds[after] - seconds[before], 1e-3)
+    climbing = np.zeros(len(height), bool)
+    for way in (1.0, -1.0):
+        for first, last in _runs(way * rate > _CLIMB_M_S):
+            climbing[first:last] |= abs(height[last - 1] - height[first]) >= _CLIMB_M
+    return climbing

@@ -20,6 +20,7 @@ class Flight:
 
     yaw: list[float] = field(default_factory=lambda: [0.0])
     east: list[float] = field(default_factory=lambda: [0.0])
+    height: list[float] = field(default_factory=lambda: [0.0])
 
     def hover(self, seconds: float) -> "Flight":
         return self.turn(0.0, seconds)
@@ -28,12 +29,21 @@ class Flight:
         steps = max(1, round(seconds * RATE_HZ))
         self.yaw += list(self.yaw[-1] + degrees * np.arange(1, steps + 1) / steps)
         self.east += [self.east[-1]] * steps
+        self.height += [self.height[-1]] * steps
+        return self
+
+    def climb(self, metres: float, speed: float = 2.0, turned: float = 0.0) -> "Flight":
+        steps = round(abs(metres) / speed * RATE_HZ)
+        self.yaw += list(self.yaw[-1] + turned * np.arange(1, steps + 1) / steps)
+        self.east += [self.east[-1]] * steps
+        self.height += list(self.height[-1] + metres * np.arange(1, steps + 1) / steps)
         return self
 
     def fly(self, metres: float, speed: float = 8.0) -> "Flight":
         steps = round(metres / speed * RATE_HZ)
         self.yaw += [self.yaw[-1]] * steps
         self.east += list(self.east[-1] + metres * np.arange(1, steps + 1) / steps)
+        self.height += [self.height[-1]] * steps
         return self
 
     def stops(self, count: int, dwell_s: float, way: float = 1.0) -> "Flight":
@@ -54,7 +64,8 @@ class Flight:
         east = np.array(self.east) + drift[0] + rng.normal(0, 0.1, count)
         north = drift[1] + rng.normal(0, 0.1, count)
         yaw = np.remainder(np.array(self.yaw) + rng.normal(0, 0.5, count), 360.0)
-        return find_turns(time_ns, yaw, *PLANE.to_geodetic(east, north))
+        height = np.array(self.height) + rng.normal(0, 0.1, count)
+        return find_turns(time_ns, yaw, *PLANE.to_geodetic(east, north), height_m=height)
 
 
 def seconds_of(turn: Turn) -> list[float]:
@@ -111,6 +122,55 @@ def test_looking_around_is_no_turn() -> None:
 
 def test_a_pause_of_minutes_ends_a_turn() -> None:
     assert Flight().turn(170, 30).hover(400).turn(170, 30).turns() == []
+
+
+def test_standing_before_the_take_off_with_a_drifting_heading_is_no_part_of_a_turn() -> None:
+    flight = Flight().turn(9.0, 150).climb(40.0).hover(3)
+    begin = flight.seconds()
+    flight.turn(360, 60)
+    end = flight.seconds()
+    (turn,) = flight.hover(5).fly(100).turns()
+    assert seconds_of(turn) == pytest.approx([begin, end], abs=2.5)
+    assert turn.turned_deg == pytest.approx(360.0, abs=8.0)
+
+
+def test_a_heading_that_drifts_while_hovering_is_no_part_of_a_turn() -> None:
+    flight = Flight().climb(40.0).turn(8.0, 130)
+    begin = flight.seconds()
+    flight.turn(360, 40)
+    end = flight.seconds()
+    (turn,) = flight.turn(7.0, 120).fly(100).turns()
+    assert seconds_of(turn) == pytest.approx([begin, end], abs=2.5)
+
+
+def test_yawing_during_the_climb_is_no_part_of_a_turn() -> None:
+    flight = Flight().climb(40.0, speed=1.0, turned=120.0).hover(3)
+    begin = flight.seconds()
+    (turn,) = flight.turn(360, 60).fly(100).turns()
+    assert seconds_of(turn)[0] == pytest.approx(begin, abs=2.5)
+    assert Flight().climb(40.0, speed=1.0, turned=300.0).fly(100).turns() == []
+
+
+def test_a_drone_that_is_carried_after_landing_makes_no_turn() -> None:
+    flight = Flight().climb(40.0).hover(3).turn(360, 60).hover(3).climb(-40.0)
+    (turn,) = flight.turn(330, 30).fly(8, speed=1.0).turn(-300, 25).turns()
+    assert turn.turned_deg == pytest.approx(360.0, abs=8.0)
+
+
+def test_a_turn_below_the_place_of_the_take_off_counts() -> None:
+    flight = Flight().climb(20.0).fly(300).climb(-60.0).hover(3).turn(360, 60).hover(3).climb(60.0)
+    assert len(flight.fly(-300).turns()) == 1
+
+
+def test_a_turn_counts_on_a_turntable_that_never_flies() -> None:
+    assert len(Flight().hover(10).turn(360, 60).hover(10).turns()) == 1
+
+
+def test_a_gust_that_lifts_the_drone_does_not_cut_a_turn() -> None:
+    flight = Flight().climb(40.0).hover(3).turn(180, 30)
+    flight.climb(2.0, speed=1.0, turned=12.0)
+    (turn,) = flight.turn(168, 28).hover(3).fly(100).turns()
+    assert turn.turned_deg == pytest.approx(360.0, abs=8.0)
 
 
 def test_poses_out_of_order_are_refused() -> None:
