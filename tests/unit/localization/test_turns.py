@@ -158,8 +158,8 @@ def test_a_drone_that_is_carried_after_landing_makes_no_turn() -> None:
 
 
 def test_a_turn_below_the_place_of_the_take_off_counts() -> None:
-    flight = Flight().climb(20.0).fly(300).climb(-60.0).hover(3).turn(360, 60).hover(3).climb(60.0)
-    assert len(flight.fly(-300).turns()) == 1
+    flight = Flight().climb(20.0).fly(300).climb(-60.0).hover(3)
+    assert len(flight.turn(360, 60).hover(3).climb(60.0).fly(-300).turns()) == 1
 
 
 def test_a_turn_counts_on_a_turntable_that_never_flies() -> None:
