@@ -64,8 +64,17 @@ def log(tmp_path: Path, *lines: str, name: str = "Pulse-2023-05-22-07-48-09-123.
         (ROW_2023 + QUATERNION.replace(" ", "") + ",",),
         (ROW_2023 + QUATERNION.replace(" ", "") + ",0.0",),
         (QUATERNION_HEADING, MARK, ROW_2023 + QUATERNION, MARK.replace("10,", "11,")),
+        (MARK + "," * 17, ROW_2023 + QUATERNION + ", 0.0,"),
+        (MARK + ",NaN" * 17, ROW_2023 + QUATERNION + ", 0.0, NaN"),
+        (MARK + ",0" * 17, ROW_2023 + QUATERNION + ",, 0.0"),
+        (MARK + ", " * 17, ROW_2023 + QUATERNION + ", NaN, NaN"),
+        ("cmd, tag_id, frequency_hz", ROW_2023.replace("7", "7.000000", 1) + QUATERNION),
     ],
-    ids=["no heading, 19", "empty 20th", "20 with offset", "heading and marks"],
+    ids=[
+        *("no heading, 19", "empty 20th", "20 with offset", "heading and marks"),
+        *("21, the last empty", "padded with NaN", "offset in the 21st", "padded with blanks"),
+        "a table's numbers",
+    ],
 )
 def test_every_variant_of_2023_says_the_same(tmp_path: Path, lines: tuple[str, ...]) -> None:
     found = read_pulse_log(log(tmp_path, *lines))

@@ -10,7 +10,7 @@ from uavrt.messages import PulsePose
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.formats.log import LogKind, PulseLog, RotationMark
 from uavrt.recording.formats.pyradiotracking import NAMES, column_names, read_pyradiotracking
-from uavrt.recording.formats.tagtracker import read_tagtracker
+from uavrt.recording.formats.tagtracker import is_heading, read_tagtracker, row_kind
 from uavrt.recording.formats.text import cells_of, read_lines
 from uavrt.recording.formats.ucsd import read_ucsd_pings
 from uavrt.recording.layout import FlightLayout
@@ -99,7 +99,7 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
         return "pyradiotracking"
     if len(cells) == COLUMNS and _is_thesis(first):
         return "pulse_pose_log"
-    if cells[0].startswith("#") or cells[0] in ("7", "10", "11", "20"):
+    if is_heading(cells) or row_kind(cells[0]) in ("7", "10", "11", "20"):
         return "tagtracker"
     if cells[0].isdigit() and len(lines) <= 2:
         return "pulse_pose_log"  # a single line, cut off

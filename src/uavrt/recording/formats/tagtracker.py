@@ -18,8 +18,10 @@ columns  noise  attitude    offset  written by
 20       yes    Euler       yes     2024–26; what we write
 =======  =====  ==========  ======  ==========================================
 
-The three with 20 are told apart by the heading where it names its columns, else by what fits
-*every* row: a quaternion has length 1, states are small whole numbers.
+They are told apart by what fits *every* row, not by their count: a quaternion has length 1,
+states are small whole numbers. What follows the attitude is the offset, or nothing; programs
+that write tables pad short rows with empty cells, zeros or ``NaN``, as in the original's own
+``rotation_example.csv`` with its 21 columns.
 
 A row ``20`` (since September 2026, 23 columns) comes from the detector in Python::
 
@@ -35,7 +37,6 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import product as combinations
 from typing import TextIO
 
 from uavrt.errors import FormatError
@@ -71,35 +72,56 @@ _REMEDY = "Rows of a TagTracker pulse CSV begin with 7, 10, 11 or 20"
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """Which of the optional cells a row 7 has."""
+    """What the cells of the rows 7 mean; the offset may stand behind the attitude."""
 
     noise: bool
     quaternion: bool
-    offset: bool
 
     @property
-    def columns(self) -> int:
-        return 15 + self.noise + (4 if self.quaternion else 3) + self.offset
+    def least_columns(self) -> int:
+        """Columns up to the attitude's last."""
+        return 15 + self.noise + (4 if self.quaternion else 3)
 
     def fits(self, cells: Sequence[str]) -> bool:
         """Whether a row can be of this layout."""
-        if len(cells) != self.columns:
-            return False
         try:
             states = [finite(cell) for cell in cells[10 + self.noise : 12 + self.noise]]
-            attitude = [finite(c) for c in cells[15 + self.noise : self.columns - self.offset]]
-        except ValueError:
+            attitude = [finite(c) for c in cells[15 + self.noise : self.least_columns]]
+            self.offset_deg(cells)
+        except (ValueError, IndexError):
             return False
         if any(state not in (0, 1, 2, 3) for state in states):
             return False
         return not self.quaternion or abs(math.hypot(*attitude) - 1.0) < _NORM_TOLERANCE
 
+    def offset_deg(self, cells: Sequence[str]) -> float:
+        """Antenna's offset: the one number behind the attitude, 0 where there is none.
+
+        Raises
+        ------
+        ValueError
+            The row ends before, or more is said than an offset.
+        """
+        if len(cells) < self.least_columns:
+            raise ValueError(f"{len(cells)} columns where the others have more")
+        said = [cell for cell in cells[self.least_columns :] if not _is_padding(cell)]
+        if len(said) > 1:
+            raise ValueError(f"{len(cells)} columns where the others have fewer")
+        return finite(said[0]) if said else 0.0
+
+
+def _is_padding(cell: str) -> bool:
+    """Whether a cell behind the last that means something is only there to fill the row."""
+    if not cell or cell.lower() == "nan":
+        return True
+    try:
+        return float(cell) == 0.0
+    except ValueError:
+        return False
+
 
 # Quaternions first: three angles and an offset are not of length 1 in every row of a log.
-_LAYOUTS = sorted(
-    (_Layout(*flags) for flags in combinations((True, False), repeat=3)),
-    key=lambda layout: not layout.quaternion,
-)
+_LAYOUTS = [_Layout(noise, quaternion) for quaternion in (True, False) for noise in (True, False)]
 
 
 def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
@@ -111,13 +133,9 @@ def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
         It cannot be read, or a row is none of those above; its line is named.
     """
     lines = read_lines(path)
-    rows = [(number, cells_of(line)) for number, line in enumerate(lines, start=1)]
-    rows = [(number, cells) for number, cells in rows if cells and cells[0][:1] != "#"]
-    layout = _layout(
-        [line for line in lines if line.lstrip().startswith("#")],
-        [cells for _, cells in rows if cells[0] == "7"],
-        path,
-    )
+    rows = [(number, _cells(line)) for number, line in enumerate(lines, start=1)]
+    rows = [(number, cells) for number, cells in rows if cells and not is_heading(cells)]
+    layout = _layout([cells for _, cells in rows if cells[0] == "7"], path)
     found: list[PulsePose] = []
     marks: list[RotationMark] = []
     nothing = 0
@@ -194,18 +212,30 @@ def euler_deg(q: Quaternion) -> tuple[float, float, float]:
     return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)
 
 
-def _layout(
-    headings: Sequence[str], rows: Sequence[Sequence[str]], path: str | os.PathLike[str]
-) -> _Layout | None:
-    """Layout of the rows 7 of a file: what its heading says, if every row agrees."""
+def is_heading(cells: Sequence[str]) -> bool:
+    """Whether a row names the columns, with ``#`` before it or without."""
+    return cells[0][:1] == "#" or ("tag_id" in cells[1:] and not cells[0].isdigit())
+
+
+def row_kind(cell: str) -> str:
+    """A row's command number as the original wrote it, or a table's ``7.000000``."""
+    try:
+        number = float(cell)
+    except ValueError:
+        return cell
+    return str(int(number)) if number in (7, 10, 11, 20) else cell
+
+
+def _cells(line: str) -> list[str]:
+    cells = cells_of(line)
+    return [row_kind(cells[0]), *cells[1:]] if cells else cells
+
+
+def _layout(rows: Sequence[Sequence[str]], path: str | os.PathLike[str]) -> _Layout | None:
+    """Layout that fits each of the rows 7 of a file."""
     if not rows:
         return None
     whole_rows = rows if len(rows) == 1 else rows[:-1]  # the last may be cut off
-    for heading in headings:
-        text = heading.lower()
-        told = _Layout("noise" in text, "orientation" in text, "offset" in text)
-        if text.count(",") > 10 and all(told.fits(cells) for cells in whole_rows):
-            return told
     for layout in _LAYOUTS:
         if all(layout.fits(cells) for cells in whole_rows):
             return layout
@@ -221,7 +251,7 @@ def _listed(counts: Sequence[int]) -> str:
 
 
 def _mark(cells: Sequence[str], before_pulse: int) -> RotationMark:
-    if len(cells) != 4:
+    if not all(_is_padding(cell) for cell in cells[4:]):
         raise ValueError(f"{len(cells)} columns where a rotation's mark has 4")
     return RotationMark(
         kind="start" if _MARKS[cells[0]] == "start" else "stop",
@@ -233,8 +263,7 @@ def _mark(cells: Sequence[str], before_pulse: int) -> RotationMark:
 
 
 def _pulse_7(cells: Sequence[str], layout: _Layout) -> PulsePose:
-    if len(cells) != layout.columns:
-        raise ValueError(f"{len(cells)} columns where the others have {layout.columns}")
+    offset = layout.offset_deg(cells)
     after = 10 + layout.noise
     confirmed = whole(cells[after + 1]) != 0
     start_ns = seconds_ns(cells[3])
@@ -255,9 +284,7 @@ def _pulse_7(cells: Sequence[str], layout: _Layout) -> PulsePose:
         predicted_next_start_ns=_predicted(cells[4]),
         predicted_next_end_ns=None,
     )
-    end = after + 5 + (4 if layout.quaternion else 3)
-    offset = finite(cells[end]) if layout.offset else 0.0
-    attitude = [finite(cell) for cell in cells[after + 5 : end]]
+    attitude = [finite(cell) for cell in cells[after + 5 : layout.least_columns]]
     if layout.quaternion:
         x, y, z, w = attitude
         vehicle = normalised((w, x, y, z))
@@ -267,7 +294,7 @@ def _pulse_7(cells: Sequence[str], layout: _Layout) -> PulsePose:
 
 
 def _pulse_20(cells: Sequence[str]) -> PulsePose | None:
-    if len(cells) != 23:
+    if len(cells) < 23 or not all(_is_padding(cell) for cell in cells[23:]):
         raise ValueError(f"{len(cells)} columns where such a row has 23")
     if whole(cells[12]) == 3:
         return None
