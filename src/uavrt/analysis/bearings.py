@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +24,15 @@ from uavrt.localization import (
 )
 from uavrt.localization.antenna import pattern_named
 from uavrt.localization.attitude import Headings
+from uavrt.localization.bearing import ADDED_METHODS
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import Flight, FlightLayout, read_flight
 from uavrt.recording.formats import read_pulses
 
+NO_BEARINGS_FROM_THESE = (
+    "No bearing is computed from these poses; detect again in a recording with the poses of "
+    "the autopilot's own log, or fly again."
+)
 HEADING_SIGMA_DEG = 1.0
 """Compass and mounting err by that much, the same for a whole turn, at the least."""
 MISS_THRESHOLD_DB = 13.0
@@ -69,9 +75,19 @@ def read_bearings(
     UsageError
         No pulse has a pose, or method or antenna is unknown.
     """
+    check_bearing_method(method)
     if FlightLayout(Path(path)).database.is_file():
         return bearings_of_flight(read_flight(path), method=method, antenna=antenna)
     return bearings_of_pulses(read_pulses(path), method=method, antenna=antenna)
+
+
+def check_bearing_method(method: str) -> None:
+    """Refuse an unknown method, also where no turn was flown; raises `UsageError`."""
+    known = [*get_args(BearingMethod), *ADDED_METHODS]
+    if method not in known:
+        raise UsageError(
+            f"there is no method {method!r}", remedy=f"Known are {', '.join(known)}"
+        )
 
 
 def bearings_of_flight(

@@ -1,13 +1,14 @@
-"""From bearings of a flight, or a bearings.csv, to one position for each tag."""
+"""From flights, pulse logs or a bearings.csv to one position for each tag."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
-from uavrt.analysis.bearings import TagBearing, read_bearings
+from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, TagBearing, read_bearings
 from uavrt.analysis.power_survey import MONOPOLE, TagSignal, position_of, power_track, signal_of
 from uavrt.errors import UsageError
 from uavrt.localization import (
@@ -17,10 +18,17 @@ from uavrt.localization import (
     Stations,
     estimate_position,
 )
+from uavrt.localization.position import ADDED_METHODS
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import FlightLayout, read_flight
 from uavrt.recording.bearing_files import BearingRow, read_bearing_file
-from uavrt.recording.formats import read_position_file, read_pulse_log, read_ucsd_estimates
+from uavrt.recording.formats import (
+    LogKind,
+    read_position_file,
+    read_pulse_log,
+    read_ucsd_estimates,
+)
+from uavrt.recording.formats.recognise import ORIGINAL_POSES, pulse_logs_in
 from uavrt.recording.formats.text import cells_of, read_lines
 from uavrt.recording.formats.ucsd import TargetEstimate, tag_numbers
 
@@ -36,57 +44,118 @@ class TagPosition:
 
 
 def read_positions(
-    path: str | os.PathLike[str],
-    *,
+    *paths: str | os.PathLike[str],
     method: PositionMethod = "bayes",
-    antenna: AntennaPattern | str = "RA-23K",
+    antenna: AntennaPattern | str | None = None,
     height_m: float | None = None,
+    warn: Callable[[str], None] = lambda text: None,
 ) -> list[TagPosition]:
-    """Estimate the positions of the tags of a flight directory or a bearings.csv.
-
-    A positions.csv, and an estimate CSV of UCSD's tracker, give those that are in them.
+    """Estimate the positions of tags from all that is known of them.
 
     Parameters
     ----------
-    path : path
-        The flight or file.
-    method, antenna : str
-        How bearings become positions; the pattern of the antenna.
+    *paths : path
+        Flights, pulse logs of any kind, folders of them: their bearings go together, one
+        position for each tag, taken to rest. Or one or more bearings.csv. A positions.csv, and
+        an estimate CSV of UCSD's tracker, give what is in them.
+    method : str
+        How bearings become positions.
+    antenna : str, optional
+        Pattern of the antenna; without it RA-23K, and a monopole for UCSD's pings.
     height_m : float, optional
         With a monopole: the drone's height over the tags where the log does not tell it.
+    warn : callable, optional
+        Called with what somebody who works with a log must know.
 
     Raises
     ------
     FormatError
-        It is neither.
+        One of them is nothing of that kind.
+    UsageError
+        There is no such method; or what was given cannot go together.
     """
+    check_position_method(method)
+    if len(paths) == 1:
+        if _holds_estimates(paths[0]):
+            return _stored_estimates(paths[0])
+        if _columns_of_named_file(paths[0]) in range(4, 9):
+            return _stored_positions(paths[0], method)
+    files = [path for path in paths if _columns_of_named_file(path)]
+    if files and len(files) < len(paths):
+        raise UsageError(
+            "a bearings.csv cannot go with flights or pulse logs",
+            remedy="Name the flights that its bearings are from, or it alone",
+        )
+    if files:
+        return _positions_of_rows(
+            [row for path in files for row in read_bearing_file(path)], method
+        )
+    logs = [(path, read_pulse_log(path)) for given in paths for path in pulse_logs_in(given)]
+    for text in dict.fromkeys(text for _, log in logs for text in log.warnings):
+        warn(text)
+    if antenna is None:
+        antenna = antenna_of([log.kind for _, log in logs])
     if antenna == MONOPOLE:
-        log = read_pulse_log(path)
         return positions_of_powers(
-            log.pulse_poses, tags_of(path), poses_of(path), method=method, height_m=height_m
+            [one for _, log in logs for one in log.pulse_poses],
+            list({tag.tag_id: tag for path, _ in logs for tag in tags_of(path)}.values()),
+            sorted(
+                (pose for path, _ in logs for pose in poses_of(path)),
+                key=lambda pose: pose.time_ns,
+            ),
+            method=method,
+            height_m=height_m,
         )[0]
-    if Path(path).is_dir():
-        found = read_bearings(path, antenna=antenna)
-        return positions_of_bearings(found, method=method)
-    if _holds_estimates(path):
-        return _stored_estimates(path)
-    if _holds_positions(path):
-        return _stored_positions(path, method)
-    rows = read_bearing_file(path)
+    bearings: list[TagBearing] = []
+    for path, log in logs:
+        if ORIGINAL_POSES in log.warnings:
+            warn(NO_BEARINGS_FROM_THESE)
+        else:
+            bearings += read_bearings(path, antenna=antenna)
+    return positions_of_bearings(bearings, method=method)
+
+
+def antenna_of(kinds: Sequence[LogKind]) -> str:
+    """Name of the antenna that logs are taken with: UCSD's tracker has an upright whip."""
+    return MONOPOLE if kinds and all(kind == "ucsd" for kind in kinds) else "RA-23K"
+
+
+def check_position_method(method: str) -> None:
+    """Refuse a method that does not exist; raises `UsageError`."""
+    known = [*get_args(PositionMethod), *ADDED_METHODS]
+    if method not in known:
+        raise UsageError(
+            f"there is no method {method!r}", remedy=f"Known are {', '.join(known)}"
+        )
+
+
+def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
+    """Columns of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for all else.
+
+    Both have a number and then the name of a file, which no pulse log has.
+    """
+    if not Path(path).is_file():
+        return 0
+    lines = (line for line in read_lines(path) if line.strip() and line[0] != "#")
+    cells = cells_of(next(lines, ""))
+    if cells[:1] == ["tag_id"]:
+        return len(cells) if {"parent_file", "bearing_file"} & set(cells) else 0
+    if len(cells) < 2 or not cells[0].replace(".0", "").isdigit():
+        return 0
+    try:
+        float(cells[1])
+    except ValueError:
+        return len(cells)
+    return 0
+
+
+def _positions_of_rows(rows: Sequence[BearingRow], method: PositionMethod) -> list[TagPosition]:
     return [
         _positioned(
             tag_id, _stations_of_rows([row for row in rows if row.tag_id == tag_id]), method
         )
         for tag_id in sorted({row.tag_id for row in rows})
     ]
-
-
-def _holds_positions(path: str | os.PathLike[str]) -> bool:
-    """Whether a file has the columns of a positions.csv: up to 8; a bearings.csv has 10."""
-    if not Path(path).is_file():
-        return False
-    lines = (line for line in read_lines(path) if line.strip() and line[0] != "#")
-    return 4 <= len(cells_of(next(lines, ""))) <= 8
 
 
 def _holds_estimates(path: str | os.PathLike[str]) -> bool:

@@ -124,7 +124,7 @@ def power_track(
     if not np.isfinite(height).all():
         raise UsageError(
             "the log does not tell heights above the ground",
-            remedy="Give the drone's height over the tags: uavrt localize --height 40",
+            remedy="Give the drone's height over the tags: --height 40",
         )
     return PowerTrack(
         latitude_deg=latitude,

@@ -7,9 +7,15 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-from uavrt.analysis.bearings import TagBearing, bearings_of_flight, bearings_of_pulses
+from uavrt.analysis.bearings import (
+    NO_BEARINGS_FROM_THESE,
+    TagBearing,
+    bearings_of_flight,
+    bearings_of_pulses,
+)
 from uavrt.analysis.positions import (
     TagPosition,
+    antenna_of,
     positions_of_bearings,
     positions_of_powers,
 )
@@ -25,11 +31,6 @@ from uavrt.recording import (
 )
 from uavrt.recording.formats import LogKind, read_pulse_log
 from uavrt.recording.formats.recognise import ORIGINAL_POSES
-
-NO_BEARINGS_FROM_THESE = (
-    "No bearing is computed from these poses; detect again in a recording with the poses of "
-    "the autopilot's own log, or fly again."
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,10 +94,21 @@ class Survey:
         return (min(times), max(times)) if times else None
 
 
-def read_survey(path: str | os.PathLike[str], *, antenna: str = "RA-23K") -> Survey:
+def read_survey(
+    path: str | os.PathLike[str], *, antenna: str | None = None, height_m: float | None = None
+) -> Survey:
     """Read a flight directory or a pulse log of any kind; estimate bearings and positions.
 
     What cannot be estimated is missing from the result, and a warning says why.
+
+    Parameters
+    ----------
+    path : path
+        The flight or log.
+    antenna : str, optional
+        Name of its pattern; without it RA-23K, and a monopole for UCSD's pings.
+    height_m : float, optional
+        With a monopole: the drone's height over the tags where the log does not tell it.
 
     Raises
     ------
@@ -107,12 +119,14 @@ def read_survey(path: str | os.PathLike[str], *, antenna: str = "RA-23K") -> Sur
     """
     place = Path(path)
     if FlightLayout(place).database.is_file():
-        return _of_flight(place, read_flight(place), antenna)
+        return _of_flight(place, read_flight(place), antenna or antenna_of(()), height_m)
     log = read_pulse_log(place)
+    antenna = antenna or antenna_of([log.kind])
     pulses = tuple(sorted(log.pulse_poses, key=lambda one: one.pulse.start_time_ns))
     warnings = list(log.warnings)
     if antenna == MONOPOLE and ORIGINAL_POSES not in warnings:
-        positions, signals = positions_of_powers(pulses, (), ())
+        positions, signals = positions_of_powers(pulses, (), (), height_m=height_m)
+        warnings += _reasons(positions)
         return Survey(
             name=place.name,
             kind=log.kind,
@@ -150,13 +164,22 @@ def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
     return first
 
 
-def _of_flight(directory: Path, flight: Flight, antenna: str) -> Survey:
+def _reasons(positions: Iterable[TagPosition]) -> list[str]:
+    """Why tags have no position by their strength, for those who can help it."""
+    return [
+        f"Tag {one.tag_id} has no position: {one.reason}."
+        for one in positions
+        if one.position is None
+    ]
+
+
+def _of_flight(directory: Path, flight: Flight, antenna: str, height_m: float | None) -> Survey:
     warnings: list[str] = []
     bearings: list[TagBearing] = []
     signals: list[TagSignal] = []
     if antenna == MONOPOLE:
         positions, signals = positions_of_powers(
-            flight.pulse_poses, flight.info.tags, flight.poses
+            flight.pulse_poses, flight.info.tags, flight.poses, height_m=height_m
         )
     else:
         bearings = _attempted(lambda: bearings_of_flight(flight, antenna=antenna), warnings)

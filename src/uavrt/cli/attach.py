@@ -70,4 +70,7 @@ def attach(
             writer.write(one)
     placed = sum(one.pose is not None for one in attached)
     text = f"{placed} of {len(attached)} pulses have a pose now"
-    print(f"{text}; clock offset {found.offset_s:+.2f} s ({found.found_by})", file=sys.stderr)
+    offset = f"clock offset {found.offset_s:+.2f} s"
+    if found.sigma_s is not None:
+        offset += f" ± {found.sigma_s:.2f} s, {found.heading_sigma_deg:.1f}° in a turn"
+    print(f"{text}; {offset} ({found.found_by})", file=sys.stderr)

@@ -17,7 +17,8 @@ def export(
     ] = None,
     mcap: Annotated[bool, Parameter(negative="")] = False,
     as_sent: Annotated[bool, Parameter(negative="")] = False,
-    antenna: str = "RA-23K",
+    antenna: str | None = None,
+    height: float | None = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
     """Write a flight, or an old pulse log, as files for other tools.
@@ -39,7 +40,10 @@ def export(
         no drone listens.
     antenna
         Name of the antenna's pattern, for the bearings; monopole: positions and a map of the
-        strongest signal from strength along the flight.
+        strongest signal from strength along the flight. Without it RA-23K; for UCSD's pings,
+        monopole.
+    height
+        With a monopole: height over the tags [m], for logs that do not tell it (UCSD's pings).
     output
         Directory to make; by default "export" in the flight directory or beside the log, and
         "bag" in the flight directory for --mcap.
@@ -65,7 +69,11 @@ def export(
             f"there is no format {', '.join(unknown)}",
             remedy=f"Known are {', '.join(EXPORT_FORMATS)}",
         )
-    survey = read_survey(flight, antenna=antenna_named(antenna))
+    survey = read_survey(
+        flight,
+        antenna=None if antenna is None else antenna_named(antenna),
+        height_m=height,
+    )
     for warning in survey.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
     beside = flight if flight.is_dir() else flight.parent

@@ -1,20 +1,22 @@
 """``uavrt localize``: where the tags of a flight are."""
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
+
+from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
     from uavrt.analysis.positions import TagPosition
 
 
 def localize(
-    flight: Path,
-    *,
+    *flights: Path,
     method: str = "bayes",
-    antenna: str = "RA-23K",
+    antenna: str | None = None,
     height: float | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
@@ -22,16 +24,18 @@ def localize(
 
     Parameters
     ----------
-    flight
-        A flight directory, or a bearings.csv; a positions.csv, and an estimate CSV of UCSD's
-        tracker, give what is in them.
+    flights
+        Flight directories, pulse logs in any format that is known, folders of them: together
+        they give one position for each tag, taken to rest. Or a bearings.csv; a positions.csv,
+        and an estimate CSV of UCSD's tracker, give what is in them.
     method
         bayes (a region with its probability); or mle, rmr, mest as the original system computes
         them; or rmr_ahead, mest_lenth as they were meant.
     antenna
         Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package;
         or a CSV file of angles and gains;
-        monopole: no bearings, positions from strength along the flight.
+        monopole: no bearings, positions from strength along the flight. Without it RA-23K; for
+        UCSD's pings, monopole.
     height
         With a monopole: height over the tags [m], for logs that do not tell it (UCSD's pings).
     as_json
@@ -40,15 +44,22 @@ def localize(
     from uavrt.analysis.antenna_files import antenna_named
     from uavrt.analysis.positions import read_positions
 
-    pattern = antenna_named(antenna)
-    found = read_positions(flight, method=method, antenna=pattern, height_m=height)  # type: ignore[arg-type]
+    if not flights:
+        raise ConfigError("no flight was named", remedy="Name a flight or a log")
+    found = read_positions(
+        *flights,
+        method=method,  # type: ignore[arg-type]
+        antenna=None if antenna is None else antenna_named(antenna),
+        height_m=height,
+        warn=lambda text: print(f"uavrt: {text}", file=sys.stderr),
+    )
     if as_json:
         print(json.dumps([_record(one) for one in found if one.position], indent=2))
         return
     for one in found:
         print(_sentence(one))
     if not found:
-        print(f"{flight}: no bearings")
+        print(f"{', '.join(map(str, flights))}: no bearings")
 
 
 def _record(one: "TagPosition") -> dict[str, Any]:

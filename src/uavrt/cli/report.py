@@ -10,7 +10,8 @@ from cyclopts import Parameter
 def report(
     flight: Path,
     *,
-    antenna: str = "RA-23K",
+    antenna: str | None = None,
+    height: float | None = None,
     html: bool = True,
     pdf: bool = True,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
@@ -24,7 +25,10 @@ def report(
     antenna
         Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package;
         or a CSV file of angles and gains;
-        monopole: no bearings, positions from strength along the flight.
+        monopole: no bearings, positions from strength along the flight. Without it RA-23K; for
+        UCSD's pings, monopole.
+    height
+        With a monopole: height over the tags [m], for logs that do not tell it (UCSD's pings).
     html
         Write report.html.
     pdf
@@ -36,7 +40,11 @@ def report(
     from uavrt.analysis.report import write_report
     from uavrt.analysis.survey import read_survey
 
-    survey = read_survey(flight, antenna=antenna_named(antenna))
+    survey = read_survey(
+        flight,
+        antenna=None if antenna is None else antenna_named(antenna),
+        height_m=height,
+    )
     for warning in survey.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
     name = "report" if flight.is_dir() else f"{flight.stem}_report"

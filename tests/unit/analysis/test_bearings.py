@@ -4,6 +4,7 @@ import json
 import math
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.angles import difference_deg
 from uavrt.messages import FlightInfo, Pose, PulsePose, Tag
 from uavrt.recording import Flight, PulseWriter
+from uavrt.recording.formats import write_tagtracker
 
 PLANE = TangentPlane(latitude_deg=35.18, longitude_deg=-111.66)
 START_NS = 1_700_000_000_000_000_000
@@ -185,6 +187,51 @@ def test_a_bearings_csv_of_the_original_gives_positions(tmp_path: Path, method: 
     if method != "bayes":
         assert positions[1].position is None
         assert "two" in (positions[1].reason or "")
+
+
+def test_pulse_logs_several_flights_and_a_folder_give_positions(tmp_path: Path) -> None:
+    flight = flown(threshold_db=-20.0)
+    whole = write(flight.pulse_poses, tmp_path / "flight.jsonl")
+    (alone,) = read_positions(whole)
+    cuts = [0.0, *(bearing.end_time_ns + 1 for bearing in read_bearings(whole)[:2]), math.inf]
+    parts = []
+    for number, (begin, end) in enumerate(pairwise(cuts)):
+        part = tmp_path / "archive" / f"flight_{number}"
+        part.mkdir(parents=True)
+        pulses = [p for p in flight.pulse_poses if begin <= p.pulse.start_time_ns < end]
+        with (part / f"Pulse-{number}.csv").open("w", encoding="utf-8") as stream:
+            write_tagtracker(stream, pulses)
+        parts.append(part)
+    for given in ([tmp_path / "archive"], parts):
+        (found,) = read_positions(*given)
+        assert found.position is not None
+        assert found.position.stations == 3
+        east, north = PLANE.to_local(found.position.latitude_deg, found.position.longitude_deg)
+        assert found.position.radius95_m is not None
+        away_m = math.hypot(float(east) - TAG[0], float(north) - TAG[1])
+        assert away_m < min(60.0, found.position.radius95_m)
+    assert alone.position is not None
+    assert alone.position.stations == 3
+    (one,) = read_positions(parts[0])
+    assert one.position is not None
+    assert one.position.stations == 1
+    (tmp_path / "nothing").mkdir()
+    with pytest.raises(FormatError, match="no flight"):
+        read_positions(tmp_path / "nothing")
+    bearings = tmp_path / "bearings.csv"
+    bearings.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
+    with pytest.raises(UsageError, match="cannot go with"):
+        read_positions(bearings, parts[0])
+
+
+@pytest.mark.parametrize("command", ["localize", "bearing"])
+def test_a_method_that_does_not_exist_is_an_error_once(tmp_path: Path, command: str) -> None:
+    path = write(flown().pulse_poses, tmp_path / "flight.jsonl")
+    given = [sys.executable, "-m", "uavrt.cli", command, str(path), "--method", "guess"]
+    finished = subprocess.run(given, capture_output=True, text=True, check=False)
+    assert finished.returncode == 2
+    assert (finished.stdout + finished.stderr).count("no method") == 1
+    assert "Known are" in finished.stderr
 
 
 def test_a_line_that_is_no_bearing_is_named(tmp_path: Path) -> None:

@@ -286,3 +286,15 @@ def test_a_ping_csv_of_ucsd_gives_a_position_once_the_height_is_told(
     with pytest.raises(SystemExit):
         app(command[:-1])
     assert "--height" in capsys.readouterr().out
+    # The same in report and export, and without being told of UCSD's whip.
+    reported = read_survey(pings, height_m=40.0)
+    assert reported.positions[0].position is not None
+    assert reported.positions[0].position.latitude_deg == found["latitude_deg"]
+    with pytest.raises(SystemExit):
+        app(["export", str(pings), "--height", "40", "--format", "csv", "-o", str(tmp_path)])
+    (line,) = (tmp_path / "fixes.csv").read_text().splitlines()[1:]
+    assert line.startswith("1,")
+    capsys.readouterr()
+    with pytest.raises(SystemExit):
+        app(["export", str(pings), "--format", "csv", "-o", str(tmp_path)])
+    assert "--height 40" in capsys.readouterr().err

@@ -3,8 +3,10 @@
 import math
 import struct
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -262,6 +264,11 @@ def test_the_clocks_offset_is_found_from_what_is_common(
     found = estimate_offset(pulses, late)
     assert found.found_by == ("poses" if posed else "powers")
     assert found.offset_s == pytest.approx(offset_s, abs=0.15 if posed else 0.6)
+    assert found.sigma_s is not None
+    assert found.heading_sigma_deg is not None
+    assert abs(found.offset_s - offset_s) < 3.0 * found.sigma_s
+    # A turn of 360° in 50 s, the slow beginning and end apart.
+    assert 7.2 * found.sigma_s < found.heading_sigma_deg < 10.0 * found.sigma_s
     (first, *_) = bearings_of_pulses(attach_poses(pulses, late, found.offset_s))
     (truth, *_) = bearings_of_pulses(flight.pulse_poses)
     assert abs(difference_deg(first.bearing.bearing_deg, truth.bearing.bearing_deg)) < 6.0
@@ -275,6 +282,23 @@ def test_an_offset_that_is_not_clear_is_refused(flight: Flight, tmp_path: Path) 
         estimate_offset(pulses[:5], track)
     with pytest.raises(UsageError, match="do not overlap"):
         estimate_offset(pulses, track)
+
+
+def test_an_offset_that_would_turn_bearings_is_asked_for(
+    flight: Flight, tmp_path: Path
+) -> None:
+    track = read_track(write_tlog(list(flight.poses), tmp_path / "x.tlog"))
+    rng = np.random.default_rng(5)
+    faded = [
+        PulsePose(
+            pulse=replace(one.pulse, snr_db=one.pulse.snr_db + float(rng.normal(0.0, 5.0))),
+            pose=None,
+        )
+        for one in flight.pulse_poses
+    ]
+    with pytest.raises(UsageError, match=r"± .* headings in a turn uncertain by") as refused:
+        estimate_offset(faded, track)
+    assert "Give --clock-offset" in str(refused.value)
 
 
 def test_a_damaged_log_gives_what_is_whole(flight: Flight, tmp_path: Path) -> None:

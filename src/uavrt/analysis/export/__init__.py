@@ -12,7 +12,7 @@ from uavrt.analysis.export.geotiff import geotiff_bytes
 from uavrt.analysis.export.gpx import gpx_text
 from uavrt.analysis.export.kmz import kmz_bytes
 from uavrt.analysis.survey import Survey
-from uavrt.errors import RecordingError
+from uavrt.errors import RecordingError, UsageError
 from uavrt.localization import PositionGrid, SignalSurface
 from uavrt.recording.formats import write_bearing_file, write_position_file
 from uavrt.recording.formats.whole_file import write_whole
@@ -49,7 +49,13 @@ def export_survey(
     ------
     RecordingError
         A file cannot be written.
+    UsageError
+        It is a log without any pulse: there is nothing to write.
     """
+    if survey.kind != "flight" and not survey.pulse_poses:
+        raise UsageError(
+            f"{survey.name} holds no pulse, so nothing was exported", remedy="Check the name"
+        )
     return [path for form in formats for path in _WRITERS[form](survey, directory)]
 
 

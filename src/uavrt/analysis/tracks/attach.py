@@ -20,7 +20,12 @@ FINE_S = 0.05
 CLEAR = 1.15
 """The best offset must explain the log so much better than any 5 s away."""
 _ELSEWHERE_S = 5.0
+MOST_HEADING_SIGMA_DEG = 3.0
+"""A clock that moves bearings by more is asked for: a turn's own σ is a few degrees."""
 _LEAST_PULSES = 12
+_PARTS = 8
+_TURNING_DEG_S = 2.0
+"""From this rate on the vehicle is in a turn; slower is the wind."""
 _NEAR_M = 20.0
 
 _Floats = NDArray[np.float64]
@@ -35,6 +40,10 @@ class ClockOffset:
     """``"given"``, ``"poses"`` or ``"powers"``."""
     clearness: float | None = None
     """Misfit of the best offset 5 s away over the least one."""
+    sigma_s: float | None = None
+    """Standard deviation, by leaving out an eighth of the flight at a time; None as given."""
+    heading_sigma_deg: float | None = None
+    """What that is of heading, at the rate of a turn as it was flown."""
 
 
 def attach_poses(
@@ -81,16 +90,18 @@ def estimate_offset(
     Raises
     ------
     UsageError
-        The logs have too little in common, or two offsets explain it nearly as well.
+        The logs have too little in common, or two offsets explain it nearly as well, or what
+        is left open moves the headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
         raise UsageError("the track is empty", remedy="Give another log")
     common = _Common(pulse_poses, track)
-    misfit: Callable[[float], float]
+    misfit: Callable[..., float]
     if len(common.posed) >= _LEAST_PULSES:
-        found_by, misfit = "poses", common.pose_misfit
+        found_by, misfit, count = "poses", common.pose_misfit, len(common.posed)
     elif len(common.time_s) >= _LEAST_PULSES:
         found_by, misfit = "powers", partial(common.power_misfit, antenna=antenna)
+        count = len(common.time_s)
     else:
         raise UsageError(
             f"{len(common.time_s)} pulses are too few to find the clocks' offset",
@@ -115,7 +126,38 @@ def estimate_offset(
             "nearly as good",
             remedy="Give --clock-offset, 0 when both clocks were set by GPS",
         )
-    return ClockOffset(offset_s=offset_s, found_by=found_by, clearness=clearness)
+    sigma_s = _sigma_s(misfit, fine, count)
+    heading_sigma_deg = sigma_s * common.turn_rate_deg_s
+    if heading_sigma_deg > MOST_HEADING_SIGMA_DEG:
+        raise UsageError(
+            f"the clocks' offset is {offset_s:+.2f} s ± {sigma_s:.2f} s, which leaves headings "
+            f"in a turn uncertain by {heading_sigma_deg:.0f}°",
+            remedy=f"Give --clock-offset: {offset_s:.2f} to take it as it is, 0 when both "
+            "clocks were set by GPS",
+        )
+    return ClockOffset(
+        offset_s=offset_s,
+        found_by=found_by,
+        clearness=clearness,
+        sigma_s=sigma_s,
+        heading_sigma_deg=heading_sigma_deg,
+    )
+
+
+def _sigma_s(misfit: Callable[..., float], offsets_s: _Floats, count: int) -> float:
+    """Standard deviation of the best offset by a jackknife over consecutive eighths.
+
+    Neighbouring pulses err alike, so that whole stretches are left out and not single pulses
+    (Künsch 1989, The jackknife and the bootstrap for general stationary observations).
+    """
+    part_of = np.arange(count) * _PARTS // count
+    best = []
+    for part in range(_PARTS):
+        cost = np.array([misfit(offset, keep=part_of != part) for offset in offsets_s])
+        best.append(float(offsets_s[int(np.nanargmin(cost))]))
+    spread = np.array(best) - np.mean(best)
+    step = FINE_S / np.sqrt(12.0)
+    return float(np.hypot(np.sqrt((_PARTS - 1) / _PARTS * np.sum(spread**2)), step))
 
 
 class _Common:
@@ -148,6 +190,7 @@ class _Common:
             [one.latitude_deg for one in track.positions],
             [one.longitude_deg for one in track.positions],
         )
+        self.turn_rate_deg_s = self._turn_rate_deg_s()
         bearing = np.radians(np.arange(0.0, 360.0, 6.0))
         radius = np.geomspace(60.0, 3000.0, 12)
         self._grid = [
@@ -155,11 +198,19 @@ class _Common:
             for way, turned in zip(self._way, (np.sin, np.cos), strict=True)
         ]
 
-    def pose_misfit(self, offset_s: float) -> float:
+    def _turn_rate_deg_s(self) -> float:
+        """Median rate while turning; 0 of a track that never turns."""
+        passed = np.diff(self._turn_s)
+        rates = np.abs(np.diff(self._track_yaw)[passed > 0.0]) / passed[passed > 0.0]
+        turning = rates[rates > _TURNING_DEG_S]
+        return float(np.median(turning)) if len(turning) else 0.0
+
+    def pose_misfit(self, offset_s: float, keep: NDArray[np.bool_] | None = None) -> float:
         """Mean square of headings (in 10°) and places (in 5 m), each at most 9."""
         inside = self._inside(self._posed_s, offset_s)
         if inside is None:
             return np.nan
+        inside = inside if keep is None else inside & keep
         times = self._posed_s[inside] - offset_s
         yaw = np.interp(times, self._turn_s, self._track_yaw) - self._yaw[inside]
         # The antenna's own offset is the same all the time.
@@ -172,7 +223,9 @@ class _Common:
         apart = np.hypot(*away) / 5.0
         return float(np.mean(np.minimum((off / 10.0) ** 2, 9.0) + np.minimum(apart**2, 9.0)))
 
-    def power_misfit(self, offset_s: float, antenna: str) -> float:
+    def power_misfit(
+        self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
+    ) -> float:
         """Mean square [dB²] that pattern and distance leave, each tag's place and level free.
 
         Power falls with the square of the distance; places are a polar grid around the way.
@@ -180,6 +233,7 @@ class _Common:
         inside = self._inside(self.time_s, offset_s)
         if inside is None:
             return np.nan
+        inside = inside if keep is None else inside & keep
         times = self.time_s[inside] - offset_s
         yaw = np.interp(times, self._turn_s, self._track_yaw)
         east, north = (np.interp(times, self._way_s, way) for way in self._way)

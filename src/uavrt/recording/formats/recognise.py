@@ -34,7 +34,7 @@ _PATTERNS = (
 )
 _REMEDY = (
     "Known are flight directories, pulses of `uavrt detect`, pulse_pose_log.txt, and the CSV "
-    "of TagTracker, UCSD's tracker and pyradiotracking"
+    "of TagTracker, UCSD's tracker and pyradiotracking; for positions also a bearings.csv"
 )
 
 
@@ -73,6 +73,30 @@ def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
             found = read_pulse_pose_log(place)
             return PulseLog(kind=kind, pulse_poses=found, warnings=_original(place))
     return PulseLog(kind=kind, pulse_poses=read_pulse_file(place))
+
+
+def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """The flights and logs that a path names: itself, or those of a folder of flights.
+
+    Raises
+    ------
+    FormatError
+        It is a folder with none.
+    """
+    place = Path(path)
+    if not place.is_dir() or _holds_a_log(place):
+        return (place,)
+    found = tuple(
+        child for child in sorted(place.iterdir()) if child.is_dir() and _holds_a_log(child)
+    )
+    if not found:
+        raise FormatError(f"{place} holds no flight and no pulse log", remedy=_REMEDY)
+    return found
+
+
+def _holds_a_log(directory: Path) -> bool:
+    inside = (path for pattern in _PATTERNS for path in directory.glob(pattern))
+    return FlightLayout(directory).database.is_file() or any(True for _ in inside)
 
 
 def recognised(path: str | os.PathLike[str]) -> LogKind:

@@ -121,7 +121,9 @@ def _is_padding(cell: str) -> bool:
 
 
 # Quaternions first: three angles and an offset are not of length 1 in every row of a log.
-_LAYOUTS = [_Layout(noise, quaternion) for quaternion in (True, False) for noise in (True, False)]
+_LAYOUTS = [
+    _Layout(noise, quaternion) for quaternion in (True, False) for noise in (True, False)
+]
 
 
 def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
