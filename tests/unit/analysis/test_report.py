@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE
 from uavrt.analysis.report import html_page, pdf_document, words
 from uavrt.analysis.report.maps import draw_overview
 from uavrt.analysis.report.style import new_figure, styled
-from uavrt.analysis.survey import NO_BEARINGS_FROM_THESE, Survey, read_survey
+from uavrt.analysis.survey import Survey, read_survey
 
 WriteFlight = Callable[..., Path]
 
