@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 from uavrt.detection.chance import QUIET, OnAir
 from uavrt.detection.grid import ROWS_PER_BIN, Grid
 from uavrt.detection.refine import Measured
+from uavrt.detection.thresholds import effective_hypotheses
 from uavrt.detection.tracks import Track
 
 _LEAST_POWER = 13.0
-"""Of a burst: noise reaches it once in some minutes in the whole band."""
+"""Of a burst: noise reaches it once in six seconds in a channel of 3.75 kHz."""
+_NOISE_SIGMAS = 3.0
+"""By which bursts must be more than noise makes to be counted as more."""
 _MEMORY_S = 30.0
 """How long a burst is remembered: talk comes in overs of some seconds."""
 _MOST = 3000
@@ -58,6 +61,15 @@ class Bursts:
         self._grid = grid
         self._width_s = pulse_width_s
         self._column_s = grid.hop / grid.sample_rate_hz
+        self._noise_per_s = effective_hypotheses(
+            k=1,
+            bandwidth_hz=float(grid.offsets_hz[-1] - grid.offsets_hz[0]),
+            time_s=1.0,
+            pulse_width_s=pulse_width_s,
+            uncertainty_s=0.0,
+            reach_s=0.0,
+        )
+        """Of its peaks, those that noise has above a power P are this times exp(-P)."""
         self._pending: tuple[list[int], list[int], list[float]] = ([], [], [])
         self._time_s = np.zeros(0)
         self._row = np.zeros(0, np.intp)
@@ -151,6 +163,8 @@ class Bursts:
         away = (row - own_row + turn / 2.0) % turn - turn / 2.0
         own = np.abs(away) <= _OWN_ROWS
         bands = max(1.0, len(offsets) / ROWS_PER_BIN)
+        least = max(_LEAST_POWER, found.power / like)
+        noise_per_s = self._noise_per_s * math.exp(-least)
         begin, chance = 0.0, 0.0
         for window_s in _WINDOWS_S:
             since_s = max(self._begin_s, self._now_s - window_s)
@@ -160,7 +174,7 @@ class Bursts:
             count = np.count_nonzero(all_like)
             pooled = count / heard_s / bands
             here = self._distinct(time_s[all_like & own])
-            begin = max(begin, count / heard_s)
+            begin = max(begin, beyond_noise(int(count), noise_per_s * heard_s) / heard_s)
             chance = max(chance, (here + _POOLED_S * pooled) / (heard_s + _POOLED_S))
             if heard_s < window_s:
                 break
@@ -256,3 +270,13 @@ class Bursts:
         kept = strongest[first]
         kept = kept[time_s[kept].argsort(kind="stable")]
         return time_s[kept], row[kept], power[kept]
+
+
+def beyond_noise(count: int, expected: float) -> float:
+    """How many bursts of a count are more than noise alone is expected to make.
+
+    What noise makes is told by the threshold already: counted here too, half of the groups of
+    one pulse were kept back that were asked for.
+    """
+    more = count - expected
+    return more if more > _NOISE_SIGMAS * expected**0.5 else 0.0

@@ -8,6 +8,8 @@ import pytest
 
 from uavrt.detection import OperatingMode
 from uavrt.detection.chance import QUIET, OnAir, log_begin, log_doubt, log_empty, log_odds
+from uavrt.detection.thresholds import decision_interval_s
+from uavrt.experiments.detection.false_alarms import detected_groups
 from uavrt.experiments.detection.on_air import Hopper, Slots
 from uavrt.experiments.detection.signals import THESIS_TAG, make_samples, noise, pulse_train
 from uavrt.experiments.detection.trials import RATE_HZ, compare, detect
@@ -72,6 +74,21 @@ def test_a_hopper_confirms_no_tag_that_is_not_there() -> None:
         pulses, _ = detect(hopping(seed, seconds=50.0), tag, frequency_window_hz=500.0)
         confirmed += sum(pulse.confirmed for pulse in pulses)
     assert confirmed == 0
+
+
+def test_peaks_of_noise_are_no_bursts_that_keep_single_pulses_back() -> None:
+    tag = replace(THESIS_TAG, k=1, false_alarm_probability=0.3)
+    seconds = 150.0
+    quiet = noise(np.random.default_rng(9), round(seconds * RATE_HZ))
+    groups, _ = detected_groups(detect(quiet, tag, frequency_window_hz=1e6)[0])
+    asked_for = 0.3 * seconds / decision_interval_s(tag)
+    assert 0.7 * asked_for < groups < 1.4 * asked_for
+
+
+def test_bursts_keep_single_pulses_back() -> None:
+    tag = replace(THESIS_TAG, k=1, false_alarm_probability=0.05)
+    pulses, _ = detect(hopping(4, seconds=60.0, per_s=3.0), tag, frequency_window_hz=500.0)
+    assert len(pulses) <= 3
 
 
 def test_without_a_lock_a_hopper_confirms_no_more() -> None:

@@ -202,10 +202,8 @@ def _alarms(k: int, stretches: int, stretch_s: float, seconds: float) -> Case:
 
     full = case(0.05, 100.0 if k >= 20 else WHOLE_CHANNEL_HZ, stretch_s, stretches, 0.7)
     brief_s, brief_hz = (100.0, WHOLE_CHANNEL_HZ) if k < 8 else (200.0, 100.0)
-    # Thresholds are of the whole channel up to K = 12: in a part of it noise passes less. At
-    # K = 1 this short form gave .44 of nominal since bursts on air are judged; whether they are
-    # the cause, and what holds at 5 %, is to be measured.
-    least = None if k in (1, 8, 12) else 0.7
+    # Thresholds are of the whole channel up to K = 12: in a part of it noise passes less.
+    least = None if k in (8, 12) else 0.7
     count = 3 if k >= 20 else 2 if k < 8 else 1
     return replace(full, short=case(_SHORT_PROBABILITY, brief_hz, brief_s, count, least))
 
