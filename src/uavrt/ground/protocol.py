@@ -249,16 +249,23 @@ class GroundProtocol:
         self.counters[type(event).__name__] += 1
         return [event]
 
+    def _pulse(self, message: tunnel.PulseG0 | tunnel.PulseG1) -> GroundEvent:
+        tag = tunnel.tag_of_number(message.tag_id, self.tags)
+        pulse = tunnel.pulse_from_wire(message, tag)
+        return self._detector_alive(message.tag_id) if pulse is None else pulse
+
+    def _detector_alive(self, tag_id: int) -> DetectorAlive:
+        tag = tunnel.tag_of_number(tag_id, self.tags)
+        return DetectorAlive(tag_id=tag_id if tag is None else tag.tag_id)
+
     def _event(self, message: tunnel.TunnelMessage) -> GroundEvent | None:
         match message:
             case tunnel.PulseG0() | tunnel.PulseG1():
-                pulse = tunnel.pulse_from_wire(message, self.tags.get(message.tag_id))
-                return DetectorAlive(tag_id=message.tag_id) if pulse is None else pulse
+                return self._pulse(message)
             case tunnel.PulseG2v1(pulse=inner) | tunnel.PulseG2(pulse=inner):
-                pulse = tunnel.pulse_from_wire(inner, self.tags.get(inner.tag_id))
-                return DetectorAlive(tag_id=inner.tag_id) if pulse is None else pulse
+                return self._pulse(inner)
             case tunnel.DetectorHeartbeat():
-                return DetectorAlive(tag_id=message.tag_id)
+                return self._detector_alive(message.tag_id)
             case tunnel.OperationProgress():
                 return OperationStep(
                     command=message.operation,

@@ -18,6 +18,7 @@ from uavrt.tunnel.convert import (
     quaternion_from_euler_deg,
     search_report_to_wire,
     tag_from_wire,
+    tag_of_number,
     tag_to_wire,
 )
 from uavrt.tunnel.header import HeaderMessage
@@ -93,5 +94,6 @@ __all__ = [
     "quaternion_from_euler_deg",
     "search_report_to_wire",
     "tag_from_wire",
+    "tag_of_number",
     "tag_to_wire",
 ]

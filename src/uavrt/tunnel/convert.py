@@ -1,6 +1,7 @@
 """Records of uavrt to tunnel messages and back: units, rounding and absence in one place."""
 
 import math
+from collections.abc import Mapping
 
 from uavrt.errors import TunnelError
 from uavrt.messages import (
@@ -254,7 +255,15 @@ def pulse_from_wire(
     """Read a pulse; None is a detector's sign of life.
 
     What the wire does not carry is filled honestly: the end from the tag's pulse width (without
-    a tag it is the start), rate 1, the altitude of the other kind NaN, noise of G0 NaN.
+    a tag it is the start), the altitude of the other kind NaN, noise of G0 NaN. The rate is the
+    one whose next pulse is expected when the message expects it, 1 without a tag; a pulse of
+    the number after the tag's is the original's second detector of it: rate 2.
+
+    Parameters
+    ----------
+    message : PulseG0 or PulseG1
+    tag : Tag, optional
+        Whose pulse it is; `tag_of_number` finds it.
 
     Raises
     ------
@@ -269,7 +278,7 @@ def pulse_from_wire(
     start_ns = ns_from_s(message.start_time_s)
     if message.detection_status == STATUS_NOTHING_FOUND and isinstance(message, PulseG1):
         return SearchReport(
-            tag_id=message.tag_id,
+            tag_id=message.tag_id if tag is None else tag.tag_id,
             time_ns=start_ns,
             frequency_hz=float(message.frequency_hz),
             noise_psd=message.noise_psd,
@@ -281,7 +290,7 @@ def pulse_from_wire(
     width_ns = 0 if tag is None else ns_from_s(tag.pulse_width_s)
     next_ns = ns_from_s(message.predict_next_start_s) or None
     pulse = Pulse(
-        tag_id=message.tag_id,
+        tag_id=message.tag_id if tag is None else tag.tag_id,
         frequency_hz=float(message.frequency_hz),
         start_time_ns=start_ns,
         end_time_ns=start_ns + width_ns,
@@ -293,11 +302,43 @@ def pulse_from_wire(
         noise_psd=message.noise_psd if isinstance(message, PulseG1) else math.nan,
         detection_status=status,
         confirmed=message.confirmed_status != 0,
-        rate=1,
+        rate=1 if tag is None else _rate_of(message, tag),
         predicted_next_start_ns=next_ns,
         predicted_next_end_ns=None if next_ns is None else next_ns + width_ns,
     )
     return PulsePose(pulse=pulse, pose=_pose_from_wire(message, start_ns + width_ns // 2))
+
+
+def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
+    """Find the listed tag that a message's number means; None when none is.
+
+    The original runs a second detector for a second rate, under the number after the tag's
+    (so its tags have even numbers).
+    """
+    first = tags.get(tag_id - 1)
+    if tag_id not in tags and first is not None and len(first.pulse_intervals_s) == 2:
+        return first
+    return tags.get(tag_id)
+
+
+def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
+    """Tell which of the tag's intervals a pulse has, from 1, by when its next one is expected.
+
+    The message has the start of that window: the interval less what may be wrong of it.
+    """
+    if message.tag_id == tag.tag_id + 1:
+        return 2
+    if message.predict_next_start_s == 0.0 or len(tag.pulse_intervals_s) == 1:
+        return 1
+    until_next_s = message.predict_next_start_s - message.start_time_s
+    half_s = tag.interval_uncertainty_s + tag.interval_jitter_s
+
+    def distance_s(interval_s: float) -> tuple[float, float]:
+        early_s = interval_s - until_next_s
+        return max(0.0, early_s - half_s, -early_s), abs(early_s)
+
+    distances = [distance_s(interval_s) for interval_s in tag.pulse_intervals_s]
+    return 1 + distances.index(min(distances))
 
 
 def _pose_from_wire(message: PulseG0 | PulseG1, time_ns: int) -> Pose | None:

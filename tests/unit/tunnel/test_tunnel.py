@@ -7,6 +7,7 @@ from pulses import pulse_at
 from uavrt import tunnel
 from uavrt.errors import TunnelError
 from uavrt.messages import PulsePose, SearchReport, SystemState, Tag
+from uavrt.units import ns_from_s
 
 TAG = tunnel.TagG1(
     tag_id=2,
@@ -193,3 +194,70 @@ def test_a_command_number_that_nobody_knows_has_a_name_and_no_decoder_fails_at_i
         payload = number.to_bytes(4, "little").ljust(size, b"\0")
         with pytest.raises(TunnelError, match=f"unknown command {number}"):
             kind.decode(payload)
+
+
+TWO_RATES = dataclasses.replace(
+    tunnel.tag_from_wire(TAG), tag_id=4, pulse_intervals_s=(1.254, 1.881)
+)
+
+
+def sent_of_rate(rate: int, half_s: float, generation: tunnel.Generation) -> PulsePose:
+    """What the ground reads of a pulse whose detector expects the next within ± half_s."""
+    interval_s = TWO_RATES.pulse_intervals_s[rate - 1]
+    start_ns = 1_700_205_419_230_494_976
+    sent = dataclasses.replace(
+        pulse_at(start_ns),
+        tag_id=4,
+        rate=rate,
+        predicted_next_start_ns=start_ns + ns_from_s(interval_s - half_s),
+    )
+    message = tunnel.pulse_to_wire(PulsePose(pulse=sent, pose=None), generation)
+    assert isinstance(message, tunnel.PulseG0 | tunnel.PulseG1)
+    got = tunnel.pulse_from_wire(message, TWO_RATES)
+    assert isinstance(got, PulsePose)
+    return got
+
+
+@pytest.mark.parametrize("generation", ["G0", "G1"])
+@pytest.mark.parametrize("half_s", [0.0005, 0.010, 0.070])
+@pytest.mark.parametrize("rate", [1, 2])
+def test_a_pulse_keeps_its_rate(
+    rate: int, half_s: float, generation: tunnel.Generation
+) -> None:
+    assert sent_of_rate(rate, half_s, generation).pulse.rate == rate
+
+
+@pytest.mark.parametrize("rate", [1, 2])
+def test_rates_closer_than_their_uncertainty_are_told_by_a_narrow_prediction(rate: int) -> None:
+    close = dataclasses.replace(TWO_RATES, pulse_intervals_s=(1.254, 1.333))
+    start_s = 1_700_205_419.25
+    wire = tunnel.pulse_to_wire(PulsePose(pulse=pulse_at(ns_from_s(start_s)), pose=None))
+    assert isinstance(wire, tunnel.PulseG1)
+    told = dataclasses.replace(
+        wire,
+        tag_id=4,
+        start_time_s=start_s,
+        predict_next_start_s=start_s + close.pulse_intervals_s[rate - 1] - 0.010,
+    )
+    got = tunnel.pulse_from_wire(told, close)
+    assert isinstance(got, PulsePose)
+    assert got.pulse.rate == rate
+
+
+def test_the_originals_second_detector_of_a_tag_is_its_second_rate() -> None:
+    wire = tunnel.pulse_to_wire(
+        PulsePose(pulse=dataclasses.replace(pulse_at(10**18), tag_id=5), pose=None)
+    )
+    assert isinstance(wire, tunnel.PulseG1)
+    tags = {4: TWO_RATES}
+    assert tunnel.tag_of_number(5, tags) == TWO_RATES
+    got = tunnel.pulse_from_wire(wire, tunnel.tag_of_number(5, tags))
+    assert isinstance(got, PulsePose)
+    assert (got.pulse.tag_id, got.pulse.rate) == (4, 2)
+
+
+def test_a_listed_number_after_a_tag_of_two_rates_is_itself() -> None:
+    listed = dataclasses.replace(TWO_RATES, tag_id=5)
+    assert tunnel.tag_of_number(5, {4: TWO_RATES, 5: listed}) == listed
+    one_rate = dataclasses.replace(TWO_RATES, pulse_intervals_s=(1.254,))
+    assert tunnel.tag_of_number(5, {4: one_rate}) is None
