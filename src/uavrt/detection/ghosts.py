@@ -12,8 +12,8 @@ from typing import Generic
 from uavrt.config.ghost_places import Receiver
 from uavrt.detection.masking import level
 from uavrt.detection.refine import timing_error_s
-from uavrt.detection.senders import H
 from uavrt.detection.tracks import Slot, Track
+from uavrt.detection.trains import H
 
 STRONGER = 10.0**0.8
 """Power of the original over its ghost's, at least. An image is 25 to 40 dB down. The third

@@ -8,6 +8,7 @@ confirmed at a rate once that rate leads.
 """
 
 import math
+from collections.abc import Iterable
 
 from uavrt.detection.tracks import Slot, Track
 
@@ -80,13 +81,13 @@ def settle_rivalry(track: Track) -> Track | None:
         The rival that the track must become.
     """
     upto_s = track.time_s + _margin_s(track)
-    strength = _strength(track)
+    enr = strength(track)
     leads: list[tuple[float, Track]] = []
     left = []
     for rival in track.rivals:
         since_s = max(rival.settled_s, track.slots[0].time_s) + track.tag.pulse_width_s
-        lead = _evidence(rival, since_s, upto_s, strength)
-        lead -= _evidence(track, since_s, upto_s, strength)
+        lead = evidence(_between(rival, since_s, upto_s), enr)
+        lead -= evidence(_between(track, since_s, upto_s), enr)
         leads.append((lead, rival))
         if lead < -WINS or rival.dead:
             track.settled_s = max(track.settled_s, rival.settled_s)
@@ -142,24 +143,37 @@ def become(track: Track, rival: Track) -> None:
     track.settled_s = rival.last_accepted_s - track.tag.pulse_width_s
 
 
+def _between(track: Track, since_s: float, upto_s: float) -> list[Slot]:
+    return [slot for slot in track.slots if since_s < slot.time_s < upto_s]
+
+
 def _margin_s(track: Track) -> float:
     """Places of the two rates closer than this are the same."""
     return 0.25 * min(track.tag.pulse_intervals_s)
 
 
-def _evidence(track: Track, since_s: float, upto_s: float, strength: float) -> float:
-    """What the places between two times say for their being a pulse in each of them.
+def evidence(slots: Iterable[Slot], enr: float) -> float:
+    """Say what places are for their being a pulse in each of them.
 
     The largest of V cells stands for the mean of their likelihoods: hence the logarithm of V.
+
+    Parameters
+    ----------
+    slots : iterable of Slot
+    enr : float
+        ENR that the pulses have.
+
+    Returns
+    -------
+    float
+        Log-likelihood ratio to noise in all of them.
     """
     return sum(
-        log_evidence(s.measured.power, strength) - math.log(max(s.volume, 1.0))
-        for s in track.slots
-        if since_s < s.time_s < upto_s
+        log_evidence(s.measured.power, enr) - math.log(max(s.volume, 1.0)) for s in slots
     )
 
 
-def _strength(track: Track) -> float:
+def strength(track: Track) -> float:
     """ENR of the recent accepted pulses, limited to what a fade leaves.
 
     Of the last four the stronger half: after a switch to the longer interval every second is

@@ -12,11 +12,12 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Generic, Protocol, TypeVar
+from typing import Generic
 
 from uavrt.detection.report import SAME_FREQUENCY_HZ
 from uavrt.detection.sharing import best_sharing, losses, parts
 from uavrt.detection.tracks import CLOCK_ERROR, Track
+from uavrt.detection.trains import H, Hearer, Train, heard_ns, made_of_others, put_together
 from uavrt.messages import Tag
 
 CERTAIN = math.log(20.0)
@@ -40,51 +41,13 @@ _RELEARN_NS = 60e9
 """So long a tag must be heard with another interval than was learnt before that is given up."""
 _MOST_TRAINS = 6
 """Trains of one band at most that are shared out: those heard last."""
-_LIKELY = -6.0
-"""Log odds of a track that is about to be confirmed: it is taken for bursts while another train
-is not sure, whose pulses are counted as such. Groups are reported from about there on."""
 _REMEMBERED_NS = 40_000_000_000
 """Pulses of confirmed trains are known for so long: longer than bursts are remembered."""
-_SAME_SHARE = 2.0 / 3.0
-"""So many pulses of two tracks are the same when they are one train; less is a collision."""
-
-
-class Hearer(Protocol):
-    """What is needed of a detector."""
-
-    tag: Tag
-    sample_rate_hz: float
-
-    @property
-    def tracks(self) -> list[Track]:
-        """All that it follows."""
-
-    def absolute_hz(self, track: Track) -> float:
-        """Frequency of a track."""
-
-    def time_ns(self, time_s: float) -> float:
-        """Time of its tracks' seconds."""
-
-    def could_be(self, frequency_hz: float) -> bool:
-        """Whether it searches there for its tag."""
-
-    @property
-    def now_s(self) -> float:
-        """Up to when it has searched, in its tracks' seconds."""
-
-    @property
-    def half_width_hz(self) -> float:
-        """Of its search."""
-
-    def report(self, track: Track) -> None:
-        """Tell a track's pulses, if it is not held."""
-
-
-H = TypeVar("H", bound=Hearer)
 _Figures = tuple[float, float, float, tuple[tuple[int, bool], ...]]
 """Interval, its deviation, frequency, and the detectors that follow a train, held or not."""
-_Share = tuple[int, int, tuple[int, ...]]
-"""Place of a train, number of its tag, numbers of others that it may be."""
+_Share = tuple[int, int, tuple[int, ...], bool]
+"""Place of a train, number of its tag, numbers of others that it may be, and whether none that
+it was weighed against is still in question."""
 
 
 def part(one: Tag, two: Tag) -> "Parting":
@@ -136,37 +99,6 @@ class Parting:
     """What that takes."""
 
 
-@dataclass(slots=True)
-class _Train:
-    """Pulses of one transmitter, as one or several detectors follow them."""
-
-    tracks: list[tuple[Hearer, Track]]
-    interval_s: float = 0.0
-    sigma_s: float = 0.0
-    frequency_hz: float = 0.0
-    confirmed: bool = False
-    likely: bool = False
-    """Whether it is no noise, and hardly an accident of bursts."""
-    heard_ns: float = 0.0
-
-    def weigh_up(self) -> None:
-        """Take the best of what the tracks know."""
-        # What is not confirmed yet says nothing of a train that is.
-        sure = [pair for pair in self.tracks if pair[1].confirmed] or self.tracks
-        shortest = min(track.interval_s for _, track in sure)
-        # One of twice the interval has every second pulse.
-        some = [pair for pair in sure if pair[1].interval_s < 1.2 * shortest]
-        hearer, best = min(some, key=lambda pair: (pair[1].variance[2], pair[0].tag.tag_id))
-        self.interval_s = best.interval_s
-        self.sigma_s = math.sqrt(max(best.variance[2], 0.0))
-        self.frequency_hz = hearer.absolute_hz(best)
-        self.confirmed = any(track.confirmed for _, track in self.tracks)
-        self.likely = self.confirmed or any(
-            track.stands_out and track.odds > _LIKELY for _, track in self.tracks
-        )
-        self.heard_ns = max(h.time_ns(t.last_accepted_s) for h, t in self.tracks)
-
-
 @dataclass(frozen=True, slots=True)
 class _Learnt:
     """What was measured of a tag's interval."""
@@ -199,6 +131,7 @@ class Senders(Generic[H]):
         self._reach_hz = 1.0 + max(
             2.0 * h.half_width_hz + 1.0 / h.tag.pulse_width_s for h in self.hearers
         )
+        self._near_ns = 0.75e9 * max(hearer.tag.pulse_width_s for hearer in self.hearers)
         self._picture: list[_Figures] = []
         """By which figures trains were shared out last, and how."""
         self._shared: list[_Share] = []
@@ -211,19 +144,21 @@ class Senders(Generic[H]):
         if not any(hearer.tracks for hearer in self.hearers):
             return
         self._remember()
-        trains = self._trains()
+        trains = put_together(self.hearers)
         # A ghost is nobody's, but the detector of the one tag tells of it.
         ghosts = [t for t in trains if any(track.ghost_of is not None for _, track in t.tracks)]
         nobodys = {id(train) for train in ghosts}
+        nobodys |= {id(train) for train in made_of_others(trains, near_ns=self._near_ns)}
         # A likely train has no share yet, but takes its place from what else may be its tag's.
         able = [t for t in trains if t.likely and id(t) not in nobodys]
         given = self._share_out(self._heard_last(able))
-        owned = {tag_id: not others for _, tag_id, others in given}
-        for train, tag_id, others in given:
+        owned = {tag_id: not others for _, tag_id, others, _ in given}
+        for train, tag_id, others, sure in given:
             _give(train, tag_id, others)
-            if not others:
+            # What a train that comes to nothing leaves to the others teaches nothing.
+            if sure and not others:
                 self._learn(train, tag_id)
-        shared = {id(train) for train, _, _ in given}
+        shared = {id(train) for train, *_ in given}
         for train in trains:
             if id(train) in shared:
                 continue
@@ -242,7 +177,7 @@ class Senders(Generic[H]):
             if track.confirmed
         ]
         # What was heard longest is least likely to have others' pulses.
-        for hearer, track in sorted(pairs, key=lambda pair: -len(_heard_ns(pair[1]))):
+        for hearer, track in sorted(pairs, key=lambda pair: -len(heard_ns(pair[1]))):
             if not track.held:
                 here_hz = hearer.absolute_hz(track)
                 for other, at_hz, times_ns in told:
@@ -268,30 +203,7 @@ class Senders(Generic[H]):
             since_ns = max(self.heard) - _REMEMBERED_NS
             self.heard = {at: how for at, how in self.heard.items() if at >= since_ns}
 
-    def _trains(self) -> list[_Train]:
-        """Put the tracks of the same pulses together."""
-        trains: list[_Train] = []
-        near: dict[int, list[tuple[H, Track, int]]] = {}
-        """Tracks by frequency, each with the place of its train."""
-        for hearer in self.hearers:
-            for track in hearer.tracks:
-                if track.dead or not _is_active(track, hearer.now_s):
-                    continue
-                place = math.floor(hearer.absolute_hz(track) / SAME_FREQUENCY_HZ)
-                others = [o for at in (-1, 0, 1) for o in near.get(place + at, ())]
-                others.sort(key=lambda other: other[2])
-                mate = next(
-                    (at for h, t, at in others if _are_one(hearer, track, h, t)), len(trains)
-                )
-                if mate == len(trains):
-                    trains.append(_Train([]))
-                trains[mate].tracks.append((hearer, track))
-                near.setdefault(place, []).append((hearer, track, mate))
-        for train in trains:
-            train.weigh_up()
-        return trains
-
-    def _heard_last(self, trains: list[_Train]) -> list[_Train]:
+    def _heard_last(self, trains: list[Train[H]]) -> list[Train[H]]:
         """Of the trains that could be one tag's by frequency those heard last."""
         some = sorted(trains, key=lambda train: train.frequency_hz)
         frequencies_hz = [train.frequency_hz for train in some]
@@ -304,14 +216,16 @@ class Senders(Generic[H]):
                 left.append(train)
         return sorted(left, key=lambda train: -train.heard_ns)
 
-    def _share_out(self, trains: list[_Train]) -> list[tuple[_Train, int, tuple[int, ...]]]:
-        """Share out trains: each with its tag and the others that it may be."""
+    def _share_out(
+        self, trains: list[Train[H]]
+    ) -> list[tuple[Train[H], int, tuple[int, ...], bool]]:
+        """Share out trains: as `_Share`, with the train itself."""
         picture = [_figures(train) for train in trains]
         if picture != self._picture:
             self._picture, self._shared = picture, self._share_out_anew(trains)
-        return [(trains[at], tag_id, others) for at, tag_id, others in self._shared]
+        return [(trains[at], to, others, sure) for at, to, others, sure in self._shared]
 
-    def _share_out_anew(self, trains: list[_Train]) -> list[_Share]:
+    def _share_out_anew(self, trains: list[Train[H]]) -> list[_Share]:
         """Share out the trains, those that compete together."""
         likely = [self._likely(train) for train in trains]
         shares = []
@@ -319,11 +233,11 @@ class Senders(Generic[H]):
             some = self._share_out_part(
                 [trains[at] for at in part], [likely[at] for at in part]
             )
-            shares += [(part[at], tag_id, others) for at, tag_id, others in some]
+            shares += [(part[at], to, others, sure) for at, to, others, sure in some]
         return shares
 
     def _share_out_part(
-        self, trains: list[_Train], likely: list[dict[int, float]]
+        self, trains: list[Train[H]], likely: list[dict[int, float]]
     ) -> list[_Share]:
         """Share out trains that compete; `likely` is with the worth of any tag."""
         behind = losses(likely, best_sharing(likely))
@@ -340,18 +254,19 @@ class Senders(Generic[H]):
                     if i in followers
                 }
             )
+        sure = all(train.confirmed for train in trains)
         return [
-            (at, to, tuple(i for i in possible[at] if i != to))
+            (at, to, tuple(i for i in possible[at] if i != to), sure)
             for at, to in enumerate(best_sharing(able))
             if to is not None
         ]
 
-    def _likely(self, train: _Train) -> dict[int, float]:
+    def _likely(self, train: Train[H]) -> dict[int, float]:
         """Log-likelihood of a train for each tag that it may be, and what any tag is worth."""
         values = {h.tag.tag_id: self._likelihood(train, h) for h in self._near(train)}
         return {i: value + _GIVEN for i, value in values.items() if value > -math.inf}
 
-    def _near(self, train: _Train) -> list[H]:
+    def _near(self, train: Train[H]) -> list[H]:
         """Detectors in whose band a train may be, by the numbers of their tags."""
         reach_hz, rate_hz = self._reach_hz, self._rate_hz
         places: set[int] = set()
@@ -364,12 +279,12 @@ class Senders(Generic[H]):
         near = [self._by_frequency[place] for place in places]
         return sorted(near, key=lambda hearer: hearer.tag.tag_id)
 
-    def _give_tentative(self, train: _Train, owned: dict[int, bool]) -> None:
+    def _give_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
         """Give a train that is not certain yet to the likeliest tag that has none.
 
         Parameters
         ----------
-        train : _Train
+        train : Train[H]
         owned : dict of int to bool
             Tags that have a train, and whether it is certainly theirs.
         """
@@ -389,7 +304,7 @@ class Senders(Generic[H]):
         ]
         _give(train, tag_id, tuple(others))
 
-    def _likelihood(self, train: _Train, hearer: Hearer) -> float:
+    def _likelihood(self, train: Train[H], hearer: Hearer) -> float:
         """Log-likelihood of a train's interval and frequency if a tag sent it."""
         if not hearer.could_be(train.frequency_hz):
             return -math.inf
@@ -409,7 +324,7 @@ class Senders(Generic[H]):
             best = max(best, value)
         return best - 0.5 * min((miss_hz / sigma_hz) ** 2, _MOST_MISS)
 
-    def _learn(self, train: _Train, tag_id: int) -> None:
+    def _learn(self, train: Train[H], tag_id: int) -> None:
         """Keep the interval of a tag that nothing else can be."""
         tag = self._by_tag[tag_id].tag
         nominal_s = min(tag.pulse_intervals_s, key=lambda s: abs(s - train.interval_s))
@@ -427,7 +342,7 @@ class Senders(Generic[H]):
         self._learnt[tag_id] = _Learnt(scale, bound)
 
 
-def _figures(train: _Train) -> _Figures:
+def _figures(train: Train[H]) -> _Figures:
     """All that matters of a train when it is shared out, so far as it does."""
     return (
         round(train.interval_s, 3),
@@ -443,7 +358,7 @@ def _bound_s(tag: Tag, nominal_s: float) -> float:
     return tag.interval_uncertainty_s * nominal_s / shortest_s + CLOCK_ERROR * nominal_s
 
 
-def _normal(train: _Train, center_s: float, bound_s: float) -> float:
+def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
     """Log-density of a train's interval around one with a bound; none beyond it."""
     miss_s = abs(train.interval_s - center_s)
     if miss_s > bound_s + _SIGMAS * train.sigma_s:
@@ -452,41 +367,11 @@ def _normal(train: _Train, center_s: float, bound_s: float) -> float:
     return -0.5 * (miss_s / sigma_s) ** 2 - math.log(sigma_s)
 
 
-def _is_active(track: Track, now_s: float) -> bool:
-    """Whether a track is no mere memory; a tentative one always is."""
-    return not track.confirmed or now_s - track.last_accepted_s < 5.0 * track.interval_s
-
-
-def _are_one(one_at: Hearer, one: Track, two_at: Hearer, two: Track) -> bool:
-    """Whether two tracks follow the same pulses."""
-    apart_hz = abs(one_at.absolute_hz(one) - two_at.absolute_hz(two))
-    if apart_hz > SAME_FREQUENCY_HZ:
-        return False
-    near_ns = 0.75e9 * max(one.tag.pulse_width_s, two.tag.pulse_width_s)
-    ones, twos = _heard_ns(one), _heard_ns(two)
-    if ones and twos:
-        first, last = max(ones[0], twos[0]) - near_ns, min(ones[-1], twos[-1]) + near_ns
-        ones = [t for t in ones if first <= t <= last]
-        twos = [t for t in twos if first <= t <= last]
-        fewer = min(len(ones), len(twos))
-        if fewer > 1:
-            shared = sum(any(abs(a - b) < near_ns for b in twos) for a in ones)
-            return shared >= _SAME_SHARE * fewer
-    # Too little in common: compare the places at which they expect their pulses.
-    interval_ns = 1e9 * min(one.interval_s, two.interval_s)
-    apart_ns = one_at.time_ns(one.time_s) - two_at.time_ns(two.time_s)
-    return abs(math.remainder(apart_ns, interval_ns)) < near_ns / 2.0
-
-
-def _heard_ns(track: Track) -> list[int]:
-    return [slot.time_ns for slot in track.slots if slot.state in ("accepted", "reported")]
-
-
 def _reported_ns(track: Track) -> list[int]:
     return [slot.time_ns for slot in track.slots if slot.state == "reported"]
 
 
-def _give(train: _Train, tag_id: int | None, others: tuple[int, ...]) -> None:
+def _give(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> None:
     """Have one detector tell of a train, and the others be silent."""
     told = [
         slot.time_ns

@@ -1,5 +1,6 @@
 """Listed tags of one band: each train of pulses is one tag's, and what is uncertain is said."""
 
+import zlib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -210,3 +211,14 @@ def test_tags_do_not_change_places_where_their_trains_cross() -> None:
     heard = scene.fly(np.random.default_rng([21, 6]), 6)
     assert heard.confirmed >= 0.9 * heard.true
     assert heard.wrong <= 6
+
+
+def test_what_has_hardly_a_pulse_of_its_own_changes_no_tags_places() -> None:
+    """Where a track of two tags' pulses, 1386 ms apart, once had one tag take another's."""
+    scene = OneBand(
+        intervals_s=((1.254, 1.881), (1.294,), (1.334,)), levels_db=(16.0, 14.0, 18.0)
+    )
+    name = zlib.crc32(b"E21 three tags, one of two rates")
+    flight = scene.fly(np.random.default_rng((1, name, 3)), 3)
+    assert flight.wrong <= 2
+    assert flight.confirmed >= 0.9 * flight.true
