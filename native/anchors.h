@@ -1,10 +1,5 @@
 /* The search for anchors of one tag, and the test of their groups: uavrt.detection.anchors. */
-#include "common.h"
-
-typedef struct {
-    Py_ssize_t column, row;
-    float power;
-} anchor_t;
+#include "loops.h"
 
 static int by_place(const void *one, const void *two)
 {
@@ -12,12 +7,6 @@ static int by_place(const void *one, const void *two)
     if (a->column != b->column)
         return a->column < b->column ? -1 : 1;
     return a->row < b->row ? -1 : a->row > b->row;
-}
-
-INLINE Py_ssize_t modulo(Py_ssize_t value, Py_ssize_t length)
-{
-    const Py_ssize_t rest = value % length;
-    return rest < 0 ? rest + length : rest;
 }
 
 /* Put new columns into the ring; what lies twice is written twice. */
@@ -36,58 +25,6 @@ static void append_columns(float *cells, Py_ssize_t rows, Py_ssize_t width, Py_s
             memcpy(to + length + at, from, sizeof(float) * twice);
         }
     }
-}
-
-/* Whether any of `count` values reaches `least`. */
-INLINE int any_reaches(const float *values, Py_ssize_t count, float least)
-{
-    int any = 0;
-    for (Py_ssize_t i = 0; i < count; i++)
-        any |= values[i] >= least;
-    return any;
-}
-
-/* Cells that reach what their row needs, and none within the reach is larger; how many, and
-   -1 without memory. */
-VERSIONS static Py_ssize_t find_anchors(const float *cells, Py_ssize_t rows, Py_ssize_t width,
-                                        Py_ssize_t length, Py_ssize_t at, Py_ssize_t fresh,
-                                        Py_ssize_t reach, const float *levels, float share,
-                                        anchor_t **found)
-{
-    Py_ssize_t count = 0, room = 0;
-    anchor_t *list = NULL;
-    for (Py_ssize_t row = 0; row < rows; row++) {
-        const float least = share * levels[row];
-        const float *line = cells + row * width;
-        for (Py_ssize_t chunk = 0; chunk < fresh; chunk += 64) {
-            const Py_ssize_t end = fresh - chunk < 64 ? fresh : chunk + 64;
-            if (!any_reaches(line + at + chunk, end - chunk, least))
-                continue;
-            for (Py_ssize_t column = chunk; column < end; column++) {
-                const float power = line[at + column];
-                if (!(power >= least))
-                    continue;
-                const float *around = line + modulo(at + column - reach, length);
-                int peak = 1;
-                for (Py_ssize_t i = 0; i <= 2 * reach; i++)
-                    peak &= power >= around[i];
-                if (!peak)
-                    continue;
-                if (count == room) {
-                    room = room ? 2 * room : 64;
-                    anchor_t *more = realloc(list, sizeof(anchor_t) * room);
-                    if (more == NULL) {
-                        free(list);
-                        return -1;
-                    }
-                    list = more;
-                }
-                list[count++] = (anchor_t){column, row, around[reach]};
-            }
-        }
-    }
-    *found = list;
-    return count;
 }
 
 /* note(memory, base, rows, width, length, pushed, at, fresh, first, reach, share, levels,
@@ -134,8 +71,8 @@ static PyObject *note(PyObject *self, PyObject *const *args, Py_ssize_t given)
     }
     append_columns(memory + base, rows, width, length, pushed, power->buf, power->strides[0],
                    power->shape[1]);
-    const Py_ssize_t count = find_anchors(memory + base, rows, width, length, at, fresh, reach,
-                                          levels, (float)share, &found);
+    const Py_ssize_t count = loops->find_anchors(memory + base, rows, width, length, at, fresh,
+                                                 reach, levels, (float)share, &found);
     if (count < 0) {
         PyErr_NoMemory();
         goto end;
@@ -159,61 +96,6 @@ end:
         Py_XDECREF(lists[which]);
     free(found);
     release(&held);
-    return result;
-}
-
-/* Largest of 2 reach + 1 neighbours, in place: values[i] of values[i ... i + 2 reach]. */
-INLINE Py_ssize_t maximise(float *values, Py_ssize_t count, Py_ssize_t reach)
-{
-    for (Py_ssize_t covered = 1; covered < 2 * reach + 1;) {
-        const Py_ssize_t left = 2 * reach + 1 - covered;
-        const Py_ssize_t shift = covered < left ? covered : left;
-        count -= shift;
-        for (Py_ssize_t i = 0; i < count; i++)
-            values[i] = values[i] < values[i + shift] ? values[i + shift] : values[i];
-        covered += shift;
-    }
-    return count;
-}
-
-typedef struct {
-    float best;     /* the largest sum, over the noise of the row */
-    float strength; /* of the sums within 0.01 of it, the largest without a limit */
-    Py_ssize_t interval;
-} sum_t;
-
-/* Sum over all intervals for one anchor. */
-VERSIONS static sum_t best_sum(const float *line, Py_ssize_t length, Py_ssize_t column,
-                               float power, float level, float limit, const Py_ssize_t *lows,
-                               const Py_ssize_t *rest, Py_ssize_t others,
-                               Py_ssize_t intervals, Py_ssize_t stretch, Py_ssize_t reach,
-                               float *work)
-{
-    float *totals = work, *plain = work + intervals, *values = plain + intervals;
-    for (Py_ssize_t i = 0; i < intervals; i++)
-        totals[i] = plain[i] = 0.0f;
-    for (Py_ssize_t other = 0; other < others; other++) {
-        memcpy(values, line + modulo(column + lows[other], length), sizeof(float) * stretch);
-        maximise(values, stretch, reach);
-        const Py_ssize_t *places = rest + other * intervals;
-        for (Py_ssize_t i = 0; i < intervals; i++) {
-            const float cell = values[places[i]];
-            totals[i] += cell < limit ? cell : limit;
-            plain[i] += cell;
-        }
-    }
-    const float own = power < limit ? power : limit;
-    float best = -INFINITY;
-    for (Py_ssize_t i = 0; i < intervals; i++)
-        best = totals[i] + own > best ? totals[i] + own : best;
-    sum_t result = {best / level, 0.0f, 0};
-    for (Py_ssize_t i = 0; i < intervals; i++) {
-        const float strength = (plain[i] + power) / level;
-        if ((totals[i] + own) / level >= result.best - 0.01f && strength > result.strength) {
-            result.strength = strength;
-            result.interval = i;
-        }
-    }
     return result;
 }
 
@@ -280,7 +162,7 @@ static PyObject *rate(PyObject *self, PyObject *const *args, Py_ssize_t given)
             goto end;
         }
     }
-    work = malloc(sizeof(float) * (2 * intervals + stretch + 2 * LANES));
+    work = malloc(sizeof(float) * (2 * intervals + stretch + 2 * MOST_LANES));
     hits = work == NULL ? PyErr_NoMemory() : PyList_New(0);
     double largest = -INFINITY;
     for (Py_ssize_t i = 0; hits != NULL && i < count; i++) {
@@ -292,7 +174,7 @@ static PyObject *rate(PyObject *self, PyObject *const *args, Py_ssize_t given)
             PyErr_SetString(PyExc_ValueError, "rate: no such row or place");
         if (PyErr_Occurred())
             goto end;
-        const sum_t sum = best_sum(
+        const sum_t sum = loops->best_sum(
             memory + base + row * width, length, column, (float)power, levels[row],
             others ? levels[row] * (float)limit : INFINITY, lows + place * others,
             rest + place * others * intervals, others, intervals, stretch, reach, work);

@@ -1,7 +1,4 @@
-/* What all kernels need: vectors, versions for newer processors, buffers of Python.
-
-   Plain C with the vector extensions of GCC and Clang: the same source for x86-64 and aarch64.
-   On x86-64 with glibc the dynamic linker takes the version for the processor at hand. */
+/* What all kernels need of Python: buffers and sizes, checked before they are used. */
 #ifndef UAVRT_COMMON_H
 #define UAVRT_COMMON_H
 
@@ -13,17 +10,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LANES 16
-typedef float lanes_t __attribute__((vector_size(64), aligned(4), may_alias));
-typedef float four_t __attribute__((vector_size(16), aligned(4), may_alias));
-typedef int32_t choice_t __attribute__((vector_size(64)));
-typedef int32_t choice_four_t __attribute__((vector_size(16)));
-
-#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__) && __GNUC__ >= 12
-#define VERSIONS __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-#else
-#define VERSIONS
-#endif
 #if defined(__aarch64__)
 #define BUILT_FOR "aarch64"
 #elif defined(__x86_64__)
@@ -32,17 +18,6 @@ typedef int32_t choice_four_t __attribute__((vector_size(16)));
 #define BUILT_FOR "this processor"
 #endif
 #define INLINE static inline __attribute__((always_inline))
-
-#define LOAD(at) (*(const lanes_t *)(at))
-#define STORE(at, value) (*(lanes_t *)(at) = (value))
-#define LOAD4(at) (*(const four_t *)(at))
-#define STORE4(at, value) (*(four_t *)(at) = (value))
-
-#if defined(__clang__)
-#define SHUFFLE4(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
-#else
-#define SHUFFLE4(a, b, i, j, k, l) __builtin_shuffle(a, b, (choice_four_t){i, j, k, l})
-#endif
 
 /* Buffers of Python that a call holds; `release` gives all back. */
 typedef struct {

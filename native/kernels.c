@@ -3,16 +3,30 @@
    Each does what a function of the package does in NumPy, which stays and is used where this
    module is not there; `uavrt.native` says which. Buffers only, no NumPy, CPython's stable
    interface: one build serves every Python from 3.11 on. Sizes are checked against the buffers
-   before anything is read or written. */
+   before anything is read or written; the work is done in loops that are compiled for several
+   processors (loops.h). */
 #include "anchors.h"
+#include "band.h"
 #include "bank.h"
 #include "fir.h"
-/* After the filters, whose sums it uses. */
-#include "band.h"
+
+/* choose(most): take the loops for this processor, or older ones: "plain", "avx2" or "avx512",
+   the newest that may be taken. Returns the name of those in use. */
+static PyObject *choose(PyObject *self, PyObject *most)
+{
+    (void)self;
+    PyObject *name = PyUnicode_AsASCIIString(most);
+    if (name == NULL)
+        return NULL;
+    const char *taken = choose_loops(PyBytes_AsString(name));
+    Py_DECREF(name);
+    return PyUnicode_FromString(taken);
+}
 
 static PyMethodDef methods[] = {
     {"bank", (PyCFunction)(void (*)(void))bank, METH_FASTCALL,
      "Outputs of a filter bank: uavrt.dsp.channelizer."},
+    {"choose", choose, METH_O, "Take loops for some processor; the name of those in use."},
     {"decimate", (PyCFunction)(void (*)(void))decimate, METH_FASTCALL,
      "Filter and keep every D-th sample: uavrt.dsp.decimator."},
     {"largest", (PyCFunction)(void (*)(void))largest, METH_FASTCALL,
@@ -29,10 +43,11 @@ static PyMethodDef methods[] = {
 };
 
 /* The number that uavrt/native.py asks for: raised when arguments of a kernel change. */
-#define INTERFACE 2
+#define INTERFACE 3
 
 static int fill(PyObject *module)
 {
+    choose_loops("avx512");
     return PyModule_AddIntConstant(module, "INTERFACE", INTERFACE) < 0 ||
                    PyModule_AddStringConstant(module, "BUILT", BUILT_FOR) < 0
                ? -1

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from uavrt import native
 from uavrt.clock import Clock
 from uavrt.config.settings import Ros2Settings, Settings
 from uavrt.ipc import Assignment, decode_record, encode_record
@@ -38,6 +39,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if "flight" in item.path.parts or item.get_closest_marker("flight"):
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+@pytest.fixture(params=["plain", "avx2", "avx512"])
+def processor(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Let the compiled kernels take the loops for a processor, if this one can run them."""
+    kernels = native.kernels()
+    if kernels is None:
+        pytest.skip(f"{native.description()}: python hatch_build.py kernels")
+    taken = kernels.choose(request.param)
+    try:
+        if taken != request.param:
+            pytest.skip(f"this processor has no {request.param}")
+        yield taken
+    finally:
+        kernels.choose("avx512")
 
 
 INTERFACES = Path(__file__).parents[1] / "ros" / "uavrt_interfaces" / "msg"

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-INTERFACE = 2
+INTERFACE = 3
 """What the kernels' arguments are: others, left from an older build, are not used."""
 
 
@@ -28,7 +28,7 @@ def _load() -> tuple[Any, str]:
     found = getattr(module, "INTERFACE", None)
     if found != INTERFACE:
         return None, f"NumPy alone (compiled kernels of another version: {found})"
-    return module, f"compiled kernels for {module.BUILT}"
+    return module, f"compiled kernels for {module.BUILT}, {module.choose('avx512')}"
 
 
 _kernels, _said = _load()

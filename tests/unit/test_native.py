@@ -43,7 +43,7 @@ def both_ways(
     return np.concatenate(one, axis=-1), np.concatenate(two, axis=-1)
 
 
-@built
+@pytest.mark.usefixtures("processor")
 @pytest.mark.parametrize("channels", [2, 6, 36, 100, 110, 154, 800])
 @pytest.mark.parametrize("mode", ["default", "compatible"])
 def test_the_bank_is_the_same(channels: int, mode: str) -> None:
@@ -58,7 +58,7 @@ def test_the_bank_is_the_same(channels: int, mode: str) -> None:
     assert np.abs(one - two).max() < 2e-6 * np.abs(two).max()
 
 
-@built
+@pytest.mark.usefixtures("processor")
 @pytest.mark.parametrize("factor", [2, 7, 8, 64])
 def test_the_decimator_is_the_same(factor: int) -> None:
     one, two = both_ways(lambda: Decimator(factor=factor), noise(4000 * factor + 5), 11)

@@ -50,6 +50,7 @@ def found(tag: Tag, *, window_hz: float, enr_db: float, seed: int) -> list[Pulse
     return heard + group.flush()
 
 
+@pytest.mark.usefixtures("processor")
 @pytest.mark.parametrize(
     ("tag", "window_hz", "enr_db"),
     [
@@ -81,6 +82,7 @@ def test_the_pulses_are_the_same(tag: Tag, window_hz: float, enr_db: float) -> N
         assert mine.group_snr_db == pytest.approx(other.group_snr_db, abs=1e-3)
 
 
+@pytest.mark.usefixtures("processor")
 @pytest.mark.parametrize("width_s", [0.0077, 0.010, 0.020, 0.033])
 @pytest.mark.parametrize("half_width_hz", [60.0, 500.0, 1400.0])
 @pytest.mark.parametrize("offset_hz", [0.0, 333.0, -3500.0])

@@ -1,0 +1,30 @@
+/* All loops for one processor, whose vectors have LANES floats: included once for each VERSION. */
+#if (LANES > 4 && !defined(__AVX2__)) || (LANES > 8 && !defined(__AVX512F__))
+#error "vectors that are wider than the registers"
+#endif
+#define lanes_t NAMED(lanes)
+typedef float lanes_t __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
+#define LOAD(at) (*(const lanes_t *)(at))
+#define STORE(at, value) (*(lanes_t *)(at) = (value))
+
+#include "anchors_loops.h"
+#include "bank_loops.h"
+#include "fir_loops.h"
+/* After the filters, whose sums it uses. */
+#include "band_loops.h"
+
+static const loops_t NAMED(loops) = {
+    .decimate_outputs = NAMED(decimate_outputs),
+    .largest_part = NAMED(largest_part),
+    .bank_outputs = NAMED(bank_outputs),
+    .band_outputs = NAMED(band_outputs),
+    .cell_powers = NAMED(cell_powers),
+    .find_anchors = NAMED(find_anchors),
+    .best_sum = NAMED(best_sum),
+};
+
+#undef lanes_t
+#undef LOAD
+#undef STORE
+#undef LANES
+#undef VERSION
