@@ -5,7 +5,6 @@ the elements. Angles may be any, in any order; both sides of the boresight are a
 pattern is mirrored.
 """
 
-import csv
 import math
 import os
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization import PATTERNS, AntennaPattern
+from uavrt.recording.csv_line import csv_cells
 from uavrt.recording.formats.text import read_lines
 from uavrt.recording.formats.whole_file import write_whole
 
@@ -58,7 +58,7 @@ def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
         if not text:
             continue
         try:
-            row = tuple(float(cell) for cell in next(csv.reader([text])))
+            row = tuple(float(cell) for cell in csv_cells(text))
             if len(row) not in (2, 3) or not all(map(math.isfinite, row)):
                 raise ValueError(f"{len(row)} numbers")
         except ValueError as error:

@@ -15,6 +15,7 @@ from typing import Any, Literal, TextIO, get_args
 
 from uavrt.errors import FormatError
 from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
+from uavrt.recording.csv_line import csv_cells
 from uavrt.recording.damaged_lines import DamagedLines
 
 PulseFormat = Literal["csv", "jsonl"]
@@ -180,11 +181,13 @@ def _json_records(lines: list[str]) -> Iterator[tuple[int, Callable[[], dict[str
 
 
 def _csv_records(lines: list[str]) -> Iterator[tuple[int, Callable[[], dict[str, Any]]]]:
-    names = next(csv.reader(lines[:1]))
-    for number, cells in enumerate(csv.reader(lines[1:]), start=2):
-        if not cells:
-            continue
-        yield number, lambda cells=cells: _from_cells(names, cells)  # type: ignore[misc]
+    for number, line in enumerate(lines[1:], start=2):
+        if line.strip():
+            yield number, lambda line=line: _from_line(lines[0], line)  # type: ignore[misc]
+
+
+def _from_line(heading: str, line: str) -> dict[str, Any]:
+    return _from_cells(csv_cells(heading), csv_cells(line))
 
 
 def _from_cells(names: list[str], cells: list[str]) -> dict[str, Any]:

@@ -4,12 +4,12 @@ Columns ``time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relati
 qy, qz``; anyone may write such a file.
 """
 
-import csv
 from pathlib import Path
 
 from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
 from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.recording.csv_line import csv_cells
 from uavrt.recording.formats.text import read_lines
 
 FIRST_COLUMN = b"time_ns,latitude_deg"
@@ -25,8 +25,12 @@ def read_simulated(path: Path) -> VehicleTrack:
     """
     turns: list[AttitudeSample] = []
     places: list[PositionSample] = []
-    for number, row in enumerate(csv.DictReader(read_lines(path)), start=2):
+    names, *lines = read_lines(path)
+    for number, line in enumerate(lines, start=2):
+        if not line.strip():
+            continue
         try:
+            row = dict(zip(csv_cells(names), csv_cells(line), strict=False))
             time_ns = int(row["time_ns"])
             turned = attitude(
                 time_ns,
