@@ -30,14 +30,18 @@ if os.environ.get("CI"):
     settings.load_profile("fixed")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give a flight a second try.
+REAL_TIME = {"flight", "mavlink", "processes"}
+"""Folders whose tests talk over sockets against the clock."""
 
-    A flight runs in real time: a shared machine that stands still for seconds breaks the
-    silence limits that it is there to test. The summary shows what was tried twice.
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give what runs in real time a second try.
+
+    A shared machine that stands still for seconds breaks the silence limits that flights, links
+    and processes are there to test. The summary shows what was tried twice.
     """
     for item in items:
-        if "flight" in item.path.parts or item.get_closest_marker("flight"):
+        if REAL_TIME & set(item.path.parts) or item.get_closest_marker("flight"):
             item.add_marker(pytest.mark.flaky(reruns=1))
 
 
