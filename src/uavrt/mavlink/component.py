@@ -31,6 +31,11 @@ FALLBACK_SYSTEM_ID = 1
 TIMESYNC_FAST_NS = ns_from_s(0.1)
 TIMESYNC_SLOW_NS = ns_from_s(1.0)
 TIMESYNC_FAST_COUNT = 20
+RADIO_COMPONENT = 68
+"""MAV_COMP_ID_TELEMETRY_RADIO; SiK's firmware is 51/68."""
+RADIO_STATUS_NS = ns_from_s(0.25)
+"""The firmware reports once a second."""
+RADIO_SILENCE_NS = ns_from_s(10.0)
 PRIVATE_TYPES = 32_768
 """Payload types of TUNNEL from here on are free for experiments."""
 REBOOT_FALL_MS = 1000
@@ -119,6 +124,7 @@ class Component:
         self._requests_sent = 0
         self._first_asked_ns = 0
         self._boot_ms = -1
+        self._radios: dict[int, tuple[Peer, int]] = {}
 
     @property
     def system_id(self) -> int:
@@ -215,7 +221,7 @@ class Component:
             case dialect.ParamRequestList() | dialect.ParamRequestRead() | dialect.ParamSet():
                 self._handlers.parameters(message, peer)
             case dialect.RadioStatus():
-                self._handlers.radio_status(message)
+                self._radio_status(message, peer, now_ns)
             case dialect.Timesync() if self._may_answer(peer, now_ns):
                 self._send(
                     dialect.Timesync(
@@ -240,6 +246,18 @@ class Component:
                 self.streams.acknowledged(message)
             case dialect.CommandLong() | dialect.CommandInt() if self._may_answer(peer, now_ns):
                 self._command(message, peer, now_ns)
+
+    def _radio_status(self, message: dialect.RadioStatus, peer: Peer, now_ns: int) -> None:
+        """Take the report of one radio on each link, no more often than radios make them."""
+        is_radio = peer.component_id == RADIO_COMPONENT or peer == self.discovery.autopilot
+        radio, heard_ns = self._radios.get(peer.link, (peer, now_ns - RADIO_SILENCE_NS))
+        if not is_radio or (peer != radio and now_ns - heard_ns < RADIO_SILENCE_NS):
+            self.counters["radio_status_of_others"] += 1
+        elif now_ns - heard_ns < RADIO_STATUS_NS:
+            self.counters["radio_status_too_often"] += 1
+        else:
+            self._radios[peer.link] = peer, now_ns
+            self._handlers.radio_status(message)
 
     def _may_answer(self, peer: Peer, now_ns: int) -> bool:
         """Whether an answer may go at once, past the queue: the autopilot's always, of others

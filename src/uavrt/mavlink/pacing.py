@@ -34,11 +34,19 @@ class Priority(IntEnum):
     STATUS = 1
     PULSE = 2
     VALUE = 3
-    FILE = 4
+    OTHER = 4
+    """Answers to who does not command."""
+    FILE = 5
 
 
-CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64}
+CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64, Priority.OTHER: 32}
 """Messages that may wait."""
+URGENT = (Priority.ACK, Priority.STATUS)
+ROOM_BYTES = {Priority.VALUE: 45, Priority.OTHER: 160, Priority.FILE: 280}
+"""The longest frames of what comes after pulses: it goes only when a pulse may follow at once,
+not into the debt of the bucket that the next pulse would have to wait for."""
+OTHER_PATIENCE_NS = ns_from_s(2.0)
+"""However many pulses there are, whoever asked hears something."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +127,7 @@ class PacedQueue:
         self._queues: dict[Priority, deque[Item]] = {p: deque() for p in CAPACITY}
         self._sources: dict[Priority, Source] = {}
         self._free_ns: int | None = None
+        self._other_since_ns: int | None = None
         self.rate = rate or LinkRate()
         self.frame_extra_bytes = 0
         """What each frame has besides, as a signature's 13."""
@@ -133,7 +142,7 @@ class PacedQueue:
         self._sources = dict(sorted(self._sources.items()))
 
     def put(self, item: Item, priority: Priority) -> None:
-        """Queue an urgent message."""
+        """Queue an urgent message, or one of `Priority.OTHER`."""
         queue = self._queues[priority]
         if len(queue) >= CAPACITY[priority]:
             queue.popleft()
@@ -144,26 +153,39 @@ class PacedQueue:
     def wait_ns(self, now_ns: int) -> int | None:
         """Time until a message may leave; None when none waits."""
         gap_ns = 0 if self._free_ns is None else max(0, self._free_ns - now_ns)
-        if any(self._queues.values()):
+        if self._urgent(now_ns) is not None:
             return gap_ns
-        waits = [source.wait_ns(now_ns) for source in self._sources.values()]
-        first = min((wait for wait in waits if wait is not None), default=None)
-        if first is None:
+        waits = {p: w for p, s in self._sources.items() if (w := s.wait_ns(now_ns)) is not None}
+        if self._queues[Priority.OTHER]:
+            waits[Priority.OTHER] = 0
+        if not waits:
             return None
-        return max(gap_ns, first, self.rate.wait_ns(now_ns) if first == 0 else 0)
+        ready = [priority for priority, wait in waits.items() if wait == 0]
+        if not ready:
+            return max(gap_ns, min(waits.values()))
+        return max(gap_ns, self.rate.wait_ns(now_ns, ROOM_BYTES.get(min(ready), 0)))
 
-    def first(self) -> Item | None:
-        """Look at the urgent message that is next."""
-        return next((queue[0] for queue in self._queues.values() if queue), None)
+    def _urgent(self, now_ns: int) -> deque[Item] | None:
+        """Give the queue whose message does not wait for the rate."""
+        other = self._queues[Priority.OTHER]
+        if not other:
+            self._other_since_ns = None
+        elif self._other_since_ns is None:
+            self._other_since_ns = now_ns
+        elif now_ns - self._other_since_ns >= OTHER_PATIENCE_NS:
+            return other
+        return next((self._queues[p] for p in URGENT if self._queues[p]), None)
 
     def take(self, now_ns: int) -> Item | None:
         """Give the message that may leave now, and start the gap."""
         if self.wait_ns(now_ns) != 0:
             return None
-        queue = next((queue for queue in self._queues.values() if queue), None)
+        queue = self._urgent(now_ns)
         item = self._from_sources(now_ns) if queue is None else queue.popleft()
         if item is None:
             return None
+        if queue is self._queues[Priority.OTHER]:
+            self._other_since_ns = None
         # A late wake-up is made up for, so that the mean gap holds on a busy computer.
         due_ns = now_ns if self._free_ns is None else max(self._free_ns, now_ns - self._gap_ns)
         self._free_ns = max(due_ns + self._gap_ns, now_ns + self._floor_ns)
@@ -172,7 +194,14 @@ class PacedQueue:
         return item
 
     def _from_sources(self, now_ns: int) -> Item | None:
-        for source in self._sources.values():
+        other = self._queues[Priority.OTHER]
+        for priority in sorted((*self._sources, Priority.OTHER)):
+            if priority is Priority.OTHER:
+                if other:
+                    self._other_since_ns = None
+                    return other.popleft()
+                continue
+            source = self._sources[priority]
             if source.wait_ns(now_ns) != 0:
                 continue
             given = source.take(now_ns, self.rate.bytes_s(now_ns))

@@ -28,6 +28,8 @@ FRAME_OVERHEAD = 17
 """Bytes of a TUNNEL frame besides its payload: 12 of MAVLink 2, 5 of TUNNEL."""
 BURST_BYTES = 300.0
 DEBT_BYTES = 1000.0
+PULSE_WAIT_S = 0.005
+"""Where a link is fast, the timers are coarser than the gaps in the bucket."""
 RADIO_FRESH_NS = ns_from_s(5.0)
 ACKS_FRESH_NS = ns_from_s(30.0)
 ROUND_NS = ns_from_s(0.25)
@@ -126,13 +128,24 @@ class LinkRate:
         self._held_back = False
         self._rate = min(self._reach.most, max(self._reach.least, self._rate))
 
-    def wait_ns(self, now_ns: int) -> int:
-        """Time until something that is not urgent may go."""
+    def wait_ns(self, now_ns: int, room_bytes: float = 0.0) -> int:
+        """Time until something that is not urgent may go.
+
+        Parameters
+        ----------
+        now_ns : int
+            Time now.
+        room_bytes : float
+            As much that a pulse after it waits for at most `PULSE_WAIT_S`; at most
+            `BURST_BYTES`.
+        """
         self._fill(now_ns)
-        if self._tokens >= 0.0:
+        rate = self.bytes_s(now_ns)
+        lacking = max(0.0, room_bytes - PULSE_WAIT_S * rate) - self._tokens
+        if lacking <= 0.0:
             return 0
         self._held_back = True
-        return round(-self._tokens / self.bytes_s(now_ns) * NANOSECONDS_PER_SECOND) + 1
+        return round(lacking / rate * NANOSECONDS_PER_SECOND) + 1
 
     def spend(self, size: int, now_ns: int) -> None:
         """Something of `size` bytes goes."""

@@ -285,9 +285,17 @@ class TunnelSender:
         else:
             self._senders[target.link].put(item, priority)
 
-    def send_message(self, message: Message, priority: Priority = Priority.STATUS) -> None:
-        """Queue any message for the ground."""
-        self._put(message, priority)
+    def send_message(
+        self,
+        message: Message,
+        priority: Priority = Priority.STATUS,
+        link: int | None = None,
+    ) -> None:
+        """Queue any message for the ground, or for whoever is on one link."""
+        if link is None:
+            self._put(message, priority)
+        else:
+            self._senders[link].put(message, priority)
 
     def send_text(self, severity: int, text: str) -> None:
         """Queue a text for the operators, in as many pieces as it needs."""

@@ -19,7 +19,7 @@ from uavrt.ipc import ProcessFrame
 from uavrt.ipc.link import SupervisorGone
 from uavrt.log import get_logger
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
-from uavrt.mavlink.dialect import ParamRequestList, RadioStatus
+from uavrt.mavlink.dialect import ParamRequestList, ParamValue, RadioStatus
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.metadata import component_metadata
@@ -131,7 +131,7 @@ class ConnectionProcess:
         self._parameters = ParameterDesk(
             settings,
             lambda: self._link.component.parameters_bytewise,
-            send=self._link.tunnel.send_message,
+            send=self._send_parameter,
             ask=lambda command: frame.send("command", command),
             tell=lambda text: frame.send("status_text", text),
             running=flight is not None and flight.capture_s is None,
@@ -438,11 +438,13 @@ class ConnectionProcess:
         elif payload_type != RECEIPT_TYPE or self._gate.locked:
             return
         place = (peer.system_id, peer.component_id)
-        before = self._outlet.sender.stores
-        trip_s = self._outlet.receipt(payload, place, now_ns)
-        if self._outlet.sender.stores - before:
+        pulses = self._outlet.sender
+        before = pulses.stores, pulses.proven
+        proven, trip_s = self._outlet.receipt(payload, place, now_ns)
+        if pulses.stores - before[0] or pulses.proven - before[1]:
             self._delivery.station_came()
-        self._link.tunnel.rate.acknowledged(trip_s, now_ns)
+        if proven:
+            self._link.tunnel.rate.acknowledged(trip_s, now_ns)
         self._link.tunnel.wake()
 
     def _parameter_request(self, message: Requests, peer: Peer) -> None:
@@ -458,8 +460,12 @@ class ConnectionProcess:
 
     def _ftp(self, payload: bytes, peer: Peer) -> None:
         now_ns = self._base.now_ns()
+        place = (peer.system_id, peer.component_id)
+        if not self._crowd.admits_file_request(place, now_ns):
+            return
         trip_s = self._files.receive(payload, peer, now_ns)
-        if trip_s is not None:
+        others = self._crowd.has_commander and not self._crowd.commands(place)
+        if trip_s is not None and not (others and peer.link == self._link.tunnel.link):
             self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, now_ns)
 
     def _note_delivered(self, delivered: Delivered) -> None:
@@ -470,7 +476,16 @@ class ConnectionProcess:
 
     def _answer(self, answer: Answer | None) -> None:
         if answer is not None:
-            self._link.tunnel.send_tunnel(answer.payload, Priority.ACK, self._asker(answer))
+            priority = Priority.ACK if self._crowd.commands(answer.asker) else Priority.OTHER
+            self._link.tunnel.send_tunnel(answer.payload, priority, self._asker(answer))
+
+    def _send_parameter(self, value: ParamValue, asker: Peer | None) -> None:
+        """Tell a value: to all, or to one who asks and does not command, after pulses."""
+        tunnel = self._link.tunnel
+        if asker is None or self._crowd.commands((asker.system_id, asker.component_id)):
+            tunnel.send_message(value)
+        else:
+            tunnel.send_message(value, Priority.OTHER, asker.link)
 
     def _asker(self, answer: Answer) -> Peer:
         """Who asked, and by which link: there it is answered."""

@@ -14,8 +14,10 @@ OWN_BURST, OWN_PER_S = 400, 50
 OTHERS_BURST, OTHERS_PER_S = 120, 60
 """What is not answered: receipts of eight stations."""
 QUESTIONS_BURST, QUESTIONS_PER_S = 12, 1
-"""What is answered, and each answer goes before a pulse, of which a link takes 50 a second at
-most: the beginning of an upload, or a list of the parameters, in a quarter of a second."""
+"""What is answered: the beginning of an upload, or a list of the parameters. Answers go after
+pulses, but they take of the link."""
+FILES_BURST, FILES_PER_S = 200, 100
+"""Requests for files: a client that reads piece by piece gets 24 kB/s."""
 
 
 class Crowd:
@@ -25,6 +27,7 @@ class Crowd:
         self._commander: Place | None = None
         self._own = Allowance(burst=OWN_BURST, per_s=OWN_PER_S)
         self._others = Allowance(burst=OTHERS_BURST, per_s=OTHERS_PER_S)
+        self._files = Allowance(burst=FILES_BURST, per_s=FILES_PER_S)
         self._questions = Allowance(burst=QUESTIONS_BURST, per_s=QUESTIONS_PER_S)
         self.passed_over = 0
         """Messages that were too many."""
@@ -39,6 +42,16 @@ class Crowd:
         if place != self._commander:
             self._commander = place
             self._own = Allowance(burst=OWN_BURST, per_s=OWN_PER_S)
+
+    def commands(self, place: Place) -> bool:
+        """Whether it is known to be who commands: its answers go before pulses."""
+        return place == self._commander
+
+    def admits_file_request(self, place: Place, now_ns: int) -> bool:
+        """Whether a request for a file is looked at; the commander's always."""
+        admitted = place == self._commander or self._files.take(now_ns)
+        self.passed_over += not admitted
+        return admitted
 
     def admits(self, place: Place, now_ns: int, *, answers: int = 0) -> bool:
         """Whether a message is looked at.

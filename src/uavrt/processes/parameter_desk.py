@@ -32,7 +32,7 @@ class ParameterDesk:
     bytewise : callable
         Whether whole numbers travel as bytes.
     send : callable
-        Sends a value to the ground.
+        Sends a value to the ground: to who asked, or to all (None).
     ask : callable
         Gives a command to the supervisor.
     tell : callable
@@ -46,7 +46,7 @@ class ParameterDesk:
         settings: Settings,
         bytewise: Callable[[], bool],
         *,
-        send: Callable[[ParamValue], None],
+        send: Callable[[ParamValue, Peer | None], None],
         ask: Callable[[Command], None],
         tell: Callable[[StatusText], None],
         running: bool = False,
@@ -64,7 +64,7 @@ class ParameterDesk:
             bytewise,
         )
         self._send, self._ask, self._tell = send, ask, tell
-        self._pending: OrderedDict[int, str] = OrderedDict()
+        self._pending: OrderedDict[int, tuple[str, Peer]] = OrderedDict()
         self.refused = 0
 
     def receive(
@@ -94,11 +94,11 @@ class ParameterDesk:
         answer = self._server.receive(message)
         if isinstance(answer, list):
             for value in answer:
-                self._send(value)
+                self._send(value, peer)
         elif refusal is not None:
-            self._refuse(answer.name, refusal)
+            self._refuse(answer.name, refusal, peer)
         else:
-            self._pending[request_id] = answer.name
+            self._pending[request_id] = answer.name, peer
             while len(self._pending) > PENDING:
                 self._pending.popitem(last=False)
             self._ask(
@@ -135,21 +135,21 @@ class ParameterDesk:
 
         Changed settings come before the reply, so the value is the new one.
         """
-        name = self._pending.pop(reply.request_id, None)
-        if name is None:
+        name, peer = self._pending.pop(reply.request_id, (None, None))
+        if name is None or peer is None:
             return
         if reply.accepted:
-            self._send(self._server.value(name))
+            self._send(self._server.value(name), None)
         else:
-            self._refuse(name, reply.message)
+            self._refuse(name, reply.message, peer)
 
     def changed(self, settings: Settings) -> None:
         """Take changed settings; what somebody else has set is shown, too."""
         before, now = parameter_values(self._settings), parameter_values(settings)
         self._settings = settings
         for name, value in now.items():
-            if before[name] != value and name not in self._pending.values():
-                self._send(self._server.value(name))
+            if before[name] != value and not self._is_pending(name):
+                self._send(self._server.value(name), None)
 
     def running(self, running: bool) -> None:
         """Take whether detection runs, and is to go on: whoever started or stopped it.
@@ -157,10 +157,14 @@ class ParameterDesk:
         The state comes before the reply to the command that has changed it.
         """
         changed, self._running = self._running is not running, running
-        if changed and RUN.name not in self._pending.values():
-            self._send(self._server.value(RUN.name))
+        if changed and not self._is_pending(RUN.name):
+            self._send(self._server.value(RUN.name), None)
 
-    def _refuse(self, name: str, reason: str) -> None:
+    def _is_pending(self, name: str) -> bool:
+        """Whether somebody waits to hear of a parameter anyhow."""
+        return any(name == wanted for wanted, _ in self._pending.values())
+
+    def _refuse(self, name: str, reason: str, peer: Peer) -> None:
         self.refused += 1
-        self._send(self._server.value(name))
+        self._send(self._server.value(name), peer)
         self._tell(StatusText(severity=4, text=reason))

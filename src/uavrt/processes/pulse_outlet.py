@@ -16,7 +16,7 @@ from uavrt.mavlink.ftp_state import Disk, at_once
 from uavrt.messages import Delivered, PulsePose
 from uavrt.recording.spool import undelivered
 from uavrt.tunnel.private import Receipt
-from uavrt.tunnel.reliable import CAPACITY, PLAIN, Key, ReliableSender
+from uavrt.tunnel.reliable import PLAIN, Key, ReliableSender
 from uavrt.units import ns_from_s
 
 log = get_logger()
@@ -87,18 +87,28 @@ class PulseOutlet:
         """Take a pulse with its pose."""
         self.sender.add(key_of(pulse_pose), pulse_pose)
 
-    def receipt(self, payload: bytes, place: tuple[int, int], now_ns: int) -> float | None:
-        """Take a ground station's receipt; give the round trip that it shows, if it does."""
+    def receipt(
+        self, payload: bytes, place: tuple[int, int], now_ns: int
+    ) -> tuple[bool, float | None]:
+        """Take a ground station's receipt.
+
+        Returns
+        -------
+        bool
+            Whether it has acknowledged a pulse, now or before: there is somebody.
+        float or None
+            The round trip that the receipt shows [s], if it does.
+        """
         try:
             receipt = Receipt.decode(payload)
         except TunnelError as error:
             self.bad_receipts += 1
             log.seldom(self.bad_receipts, "bad receipt", reason=error.message)
-            return None
+            return False, None
         self.receipts += 1
         new = self.sender.receipt(receipt.store, receipt.hashes, place, now_ns)
         self._delivered(receipt.store, new, now_ns)
-        return self.sender.fresh_trip_s
+        return receipt.store in self.sender.proven, self.sender.fresh_trip_s
 
     def tick(self, now_ns: int) -> None:
         """Note what plain ground stations were sent; fetch from disk what there is room for."""
@@ -139,7 +149,7 @@ class PulseOutlet:
     def _refill(self, store: int) -> None:
         """Fetch pulses from the newest flight that has any."""
         without = self.sender.keys() | {k for number, k in self._recent if number == store}
-        room = min(REFILL, CAPACITY - len(self.sender))
+        room = min(REFILL, self.sender.room(store))
         newest_first = tuple(reversed(self._flights))
         self._reading = True
         job = partial(_read, newest_first, store, room, without)

@@ -10,6 +10,9 @@ not acknowledged within the retransmission time-out of RFC 6298 with a floor of 
 
 The oldest pulse goes first, while all leave within `LIVE_S`; with more to send the newest goes
 first, for the display, and the backlog follows.
+
+A store is a number that anybody can make up. One that has acknowledged no pulse yet gets what
+goes to all, and a few repetitions when nothing else waits; when it has answered one, all.
 """
 
 from bisect import bisect_left, insort
@@ -27,9 +30,15 @@ T = TypeVar("T")
 
 WINDOW = 64
 """Pulses on their way without an acknowledgement."""
+PROBES, PROBE_NS = 4, ns_from_s(1.0)
+"""Repetitions for stores that have acknowledged nothing yet, all of them together: at once, and
+one more each second. At 40 % loss each way one of four is answered in five cases of six."""
+MOST_PROBES = 64
+"""Pulses in memory for such stores only; the rest waits on disk."""
+DONE = 256
+"""Pulses acknowledged lately, of which another store may say so a little later."""
 CAPACITY = 2048
 """Pulses in memory, about 4 MB; the rest waits on disk."""
-TRUSTED_SENDS = 8
 DEAF_SENDS = 64
 DEAF_NS = ns_from_s(10.0)
 """A store that was sent so much in so long, and acknowledged nothing, is made up, or cannot
@@ -69,6 +78,8 @@ class _Entry(Generic[T]):
     key: Key
     time_ns: int
     item: T
+    live: bool = True
+    """It is new, and goes to all; else it comes from disk, for one store."""
     state: Literal["waiting", "sent"] = "waiting"
     sent_ns: int = 0
     order: int = 0
@@ -98,11 +109,6 @@ class _Store:
     since_ns: int = 0
     """When it appeared."""
 
-    @property
-    def worth_waiting(self) -> bool:
-        """Whether others' pulses may wait for it."""
-        return self.acknowledges or self.sends < TRUSTED_SENDS
-
     def deaf(self, now_ns: int) -> bool:
         """Whether it was sent much for long, and has acknowledged nothing."""
         tried = self.sends >= DEAF_SENDS and now_ns - self.since_ns >= DEAF_NS
@@ -131,6 +137,11 @@ class ReliableSender(Generic[T]):
         self._encode = encode
         self._entries: dict[Key, _Entry[T]] = {}
         self._waiting: list[tuple[int, Key]] = []
+        self._probes: OrderedDict[Key, _Entry[T]] = OrderedDict()
+        """What is only for stores that may be made up."""
+        self._probed_ns = -PROBES * PROBE_NS
+        self._done: OrderedDict[int, tuple[Key, set[int]]] = OrderedDict()
+        """Pulses by their hashes that are no longer waited for, and who has them."""
         self._sent: OrderedDict[Key, _Entry[T]] = OrderedDict()  # in order of sending
         self._by_hash: dict[int, _Entry[T]] = {}
         self._stores: dict[int, _Store] = {}
@@ -171,9 +182,20 @@ class ReliableSender(Generic[T]):
         """The stores that are present."""
         return frozenset(self._stores)
 
+    @property
+    def proven(self) -> frozenset[int]:
+        """The stores that have acknowledged a pulse: there is somebody."""
+        return frozenset(n for n, store in self._stores.items() if store.acknowledges)
+
     def keys(self) -> set[Key]:
         """Pulses in memory."""
         return set(self._entries)
+
+    def room(self, store: int) -> int:
+        """How many pulses from disk may be given for a store."""
+        known = self._stores.get(store)
+        most = CAPACITY if known is None or known.acknowledges else MOST_PROBES
+        return min(most, CAPACITY - len(self._entries))
 
     def add(self, key: Key, item: T) -> None:
         """Take a pulse that is safe on disk; one that is here already is left alone."""
@@ -197,10 +219,12 @@ class ReliableSender(Generic[T]):
         """
         for key, item in items:
             if key not in self._entries:
-                self._entries[key] = entry = _Entry(key, key[1], item)
+                owed = {store} & self._stores.keys()
+                self._entries[key] = entry = _Entry(key, key[1], item, live=False, owed=owed)
                 self._wait(entry)
-            if store in self._stores:
+            elif store in self._stores:
                 self._entries[key].owed.add(store)
+                self._wait_no_longer_as_probe(store)
         if store == PLAIN:
             self._plain_on_disk = more
         elif store in self._stores:
@@ -212,7 +236,7 @@ class ReliableSender(Generic[T]):
         if len(self._entries) >= REFILL_AT:
             return None
         for number, store in self._stores.items():
-            if store.on_disk:
+            if store.on_disk and (store.acknowledges or not self._probes):
                 return number
         return PLAIN if self._plain_on_disk and not self._stores else None
 
@@ -264,11 +288,12 @@ class ReliableSender(Generic[T]):
         for number in hashes:
             entry_or_none = self._by_hash.get(number)
             if entry_or_none is None or store in entry_or_none.kept:
+                new += self._late_word(number, store)
                 continue
             entry = entry_or_none
             new.append(entry.key)
-            self._stores[store].acknowledges = True
             entry.kept.add(store)
+            self._trust(store)
             entry.owed.discard(store)
             if entry.sends == 1 and entry.state == "sent":
                 self.fresh_trip_s = (now_ns - entry.sent_ns) / NANOSECONDS_PER_SECOND
@@ -283,13 +308,38 @@ class ReliableSender(Generic[T]):
         self._overtake(orders, now_ns)
         return new
 
+    def _late_word(self, number: int, store: int) -> list[Key]:
+        """Take the word of a store for a pulse that is no longer waited for."""
+        key, kept = self._done.get(number, (None, set()))
+        if key is None or store in kept:
+            return []
+        kept.add(store)
+        self._trust(store)
+        return [key]
+
+    def _trust(self, number: int) -> None:
+        """A store has acknowledged a pulse: there is somebody."""
+        if not self._stores[number].acknowledges:
+            self._stores[number].acknowledges = True
+            self._wait_no_longer_as_probe(number)
+
+    def _wait_no_longer_as_probe(self, number: int) -> None:
+        if self._stores[number].acknowledges:
+            for entry in [e for e in self._probes.values() if number in e.owed]:
+                del self._probes[entry.key]
+                self._wait(entry)
+
+    def _is_trusted(self, entry: _Entry[T]) -> bool:
+        """Whether somebody lacks a pulse who is known to be there."""
+        return any(self._stores[number].acknowledges for number in entry.owed)
+
     def _waits_for_anyone(self, entry: _Entry[T]) -> bool:
         """Whether a pulse that one store has must go again for another.
 
-        Not for one that has acknowledged nothing of what it was sent: it may be made up, and
-        must not fill the window. If there is somebody, what it lacks comes from the disk.
+        Not for one that has acknowledged nothing: it may be made up, and must not fill the
+        window. If there is somebody, what it lacks comes from the disk.
         """
-        if any(self._stores[number].worth_waiting for number in entry.owed):
+        if self._is_trusted(entry):
             return True
         for number in entry.owed:
             self._stores[number].on_disk = True
@@ -312,9 +362,14 @@ class ReliableSender(Generic[T]):
         if self._waiting and len(self._sent) < WINDOW:
             grace_ns = self._station_since_ns + PLAIN_AFTER_NS - now_ns
             return 0 if self._stores else max(0, grace_ns)
-        if self._sent:
-            return max(0, min(map(self._deadline_ns, self._sent.values())) - now_ns)
-        return None
+        due_ns = [self._deadline_ns(entry) for entry in self._sent.values()]
+        if self._probes:
+            due_ns.append(self._probe_due_ns(now_ns))
+        return max(0, min(due_ns) - now_ns) if due_ns else None
+
+    def _probe_due_ns(self, now_ns: int) -> int:
+        """When something may go for stores that may be made up."""
+        return max(self._probed_ns, now_ns - PROBES * PROBE_NS) + PROBE_NS
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Outgoing | None:
         """Give the payload that goes now.
@@ -327,11 +382,9 @@ class ReliableSender(Generic[T]):
             What the link takes, for the choice between oldest and newest.
         """
         self._expire(now_ns)
-        if self.wait_ns(now_ns) != 0 or not self._waiting:
+        entry = self._next(now_ns, rate_bytes_s) if self.wait_ns(now_ns) == 0 else None
+        if entry is None:
             return None
-        backlog_s = len(self._waiting) * ROUGH_BYTES / rate_bytes_s
-        _, key = self._waiting.pop(-1 if backlog_s > LIVE_S else 0)
-        entry = self._entries[key]
         payload = self._encode(entry.item)
         entry.sends += 1
         entry.tries += not entry.twin
@@ -349,8 +402,20 @@ class ReliableSender(Generic[T]):
             self._add_twin(entry)
         else:
             self._forget(entry)
-            self._sent_plain.append(key)
+            self._sent_plain.append(entry.key)
         return Outgoing(payload, place)
+
+    def _next(self, now_ns: int, rate_bytes_s: float) -> _Entry[T] | None:
+        """Choose the pulse that goes, and no longer let it wait."""
+        if self._waiting:
+            backlog_s = len(self._waiting) * ROUGH_BYTES / rate_bytes_s
+            _, key = self._waiting.pop(-1 if backlog_s > LIVE_S else 0)
+            return self._entries[key]
+        due_ns = self._probe_due_ns(now_ns)
+        if not self._probes or due_ns > now_ns:
+            return None
+        self._probed_ns = due_ns
+        return self._probes.pop(min(self._probes, key=lambda key: key[1]))
 
     def _add_twin(self, entry: _Entry[T]) -> None:
         """Send a repetition twice while nothing else waits.
@@ -358,7 +423,8 @@ class ReliableSender(Generic[T]):
         With few pulses under way each loss costs a time-out. At 20 % loss 4 % of the pulses
         would need a second one, with twins 0.8 %; the link is idle anyhow.
         """
-        entry.twin = entry.sends > 1 and not entry.twin and not self._waiting
+        again = entry.sends > 1 and not entry.twin and self._is_trusted(entry)
+        entry.twin = again and not self._waiting
         if entry.twin:
             del self._sent[entry.key]
             self._wait(entry)
@@ -370,7 +436,7 @@ class ReliableSender(Generic[T]):
 
     def _note_sent(self, entry: _Entry[T], payload: bytes, now_ns: int) -> None:
         self._order += 1
-        if self._unanswered_since_ns is None:
+        if self._unanswered_since_ns is None and (self._is_trusted(entry) or not self.proven):
             self._unanswered_since_ns = now_ns
         entry.state, entry.sent_ns, entry.order = "sent", now_ns, self._order
         entry.overtaken = 0
@@ -433,28 +499,49 @@ class ReliableSender(Generic[T]):
             self._deaf[number] = now_ns
             while len(self._deaf) > MOST_DEAF:
                 del self._deaf[next(iter(self._deaf))]
-        del self._stores[number]
+        made_up = not self._stores.pop(number).acknowledges
         for entry in list(self._entries.values()):
             entry.owed.discard(number)
-            if not entry.owed and entry.kept:
-                self._forget(entry)
-            elif not entry.owed and entry.state == "sent":
-                del self._sent[entry.key]
+            if entry.owed:
+                continue
+            if entry.kept or (made_up and (entry.sends or not entry.live)):
+                self._give_up(entry)
+            elif entry.state == "sent" or entry.key in self._probes:
+                self._sent.pop(entry.key, None)
+                self._probes.pop(entry.key, None)
                 self._wait(entry)
 
+    def _give_up(self, entry: _Entry[T]) -> None:
+        """Leave a pulse to the disk; those that do not acknowledge have had it."""
+        for number in entry.owed:
+            self._stores[number].on_disk = True
+        if entry.live and entry.sends and not entry.kept:
+            self._sent_plain.append(entry.key)
+        self._forget(entry)
+
     def _wait(self, entry: _Entry[T]) -> None:
+        """Let a pulse wait, behind all others if only for stores that may be made up."""
         entry.state = "waiting"
-        insort(self._waiting, (entry.time_ns, entry.key))
+        new = entry.live and not entry.sends
+        if new or not entry.owed or self._is_trusted(entry):
+            insort(self._waiting, (entry.time_ns, entry.key))
+            return
+        self._probes[entry.key] = entry
+        if len(self._probes) > MOST_PROBES:
+            self._give_up(next(iter(self._probes.values())))
 
     def _forget(self, entry: _Entry[T]) -> None:
         if entry.state == "sent":
             self._sent.pop(entry.key, None)
-        else:
+        elif self._probes.pop(entry.key, None) is None:
             place = bisect_left(self._waiting, (entry.time_ns, entry.key))
             if place < len(self._waiting) and self._waiting[place][1] == entry.key:
                 del self._waiting[place]
         for number in entry.hashes:
             self._by_hash.pop(number, None)
+            self._done[number] = (entry.key, entry.kept)
+        while len(self._done) > DONE:
+            self._done.popitem(last=False)
         del self._entries[entry.key]
 
     def _bound(self) -> None:

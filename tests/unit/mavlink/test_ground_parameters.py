@@ -61,7 +61,7 @@ class GatedDrone:
         self._desk = ParameterDesk(
             self.mission.settings,
             lambda: self.connection.component.parameters_bytewise,
-            send=self.connection.tunnel.send_message,
+            send=lambda value, _asker: self.connection.tunnel.send_message(value),
             ask=lambda command: self._desk.reply(self.mission.command(command)),
             tell=lambda text: self.texts.append(text.text),
         )

@@ -86,7 +86,7 @@ class ParameterDrone:
         self._desk = ParameterDesk(
             self.mission.settings,
             lambda: self.connection.component.parameters_bytewise,
-            send=send or self.connection.tunnel.send_message,
+            send=lambda value, _asker: (send or self.connection.tunnel.send_message)(value),
             ask=lambda command: self._answer(self.mission.command(command)),
             tell=self.texts.append,
         )

@@ -260,6 +260,12 @@ def bay(tmp_path: Path) -> Bay:
 
 
 @pytest.fixture
+def make_bay(tmp_path: Path) -> Callable[[], Bay]:
+    """Bays to be made within a loop, by its clock."""
+    return lambda: Bay(tmp_path)
+
+
+@pytest.fixture
 def two_link_bay(tmp_path: Path) -> Bay:
     """With a link over Wi-Fi as well; `relay` is the stretch between."""
     port = free_udp_port()

@@ -3,10 +3,11 @@
 import asyncio
 import socket
 from collections.abc import Awaitable, Callable, Iterator
-from itertools import cycle
+from itertools import count, cycle
 from typing import Any
 
 import pytest
+from virtual_time import run_in_virtual_time
 
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
@@ -60,6 +61,23 @@ def flood() -> Iterator[bytes]:
         yield FrameWriter(1 + number % 250, 195).encode(next(messages))
 
 
+def flood_of_names_and_stores() -> Iterator[bytes]:
+    """The same, and receipts of ever other stores, and reports of a full radio, without end."""
+    frames = cycle(list(flood()))
+    for number in count(1):
+        kind = number % 12
+        if kind == 10:
+            message = tunnel(60_001, Receipt(store=number).encode())
+            yield FrameWriter(1 + number % 250, 195).encode(message)
+        elif kind == 11:
+            full = dialect.RadioStatus(
+                rssi=1, remrssi=1, txbuf=0, noise=1, remnoise=1, rxerrors=0, fixed=0
+            )
+            yield FrameWriter(1 + number % 250, 195).encode(full)
+        else:
+            yield next(frames)
+
+
 def commanded_by(source: str) -> SystemStatus:
     return SystemStatus(
         time_ns=0,
@@ -74,6 +92,77 @@ def commanded_by(source: str) -> SystemStatus:
 
 def pulses(events: list[Any]) -> set[float]:
     return {event.pulse.frequency_hz for event in events if isinstance(event, PulsePose)}
+
+
+FLOOD_S, FIRST_S = 30, 10
+BATCH_S = 0.002
+PULSE_EVERY = 61
+"""Batches between two pulses: 8 a second, at no fixed phase of the timers."""
+
+
+class Sight:
+    """Notes when each pulse was sent and seen."""
+
+    def __init__(self, bay: Bay) -> None:
+        self._bay = bay
+        self.sent: dict[float, float] = {}
+        self.seen: dict[float, float] = {}
+
+    def send(self, number: int) -> None:
+        """Let the detector give a pulse."""
+        self.sent[148_710_000.0 + number] = asyncio.get_running_loop().time()
+        self._bay.send_pulse(number)
+
+    def append(self, event: Any) -> None:
+        """Take an event of the ground station."""
+        if isinstance(event, PulsePose):
+            now_s = asyncio.get_running_loop().time()
+            self.seen.setdefault(event.pulse.frequency_hz, now_s)
+
+    def p95_s(self, begin: int, end: int) -> float:
+        """Delay that 95 % of the pulses from one to another number do not exceed."""
+        places = list(self.sent)[begin:end]
+        delays = sorted(self.seen.get(f, float("inf")) - self.sent[f] for f in places)
+        return delays[int(0.95 * len(delays))]
+
+
+async def fly_in_a_flood(bay: Bay, frames: Iterator[bytes] | None) -> Sight:
+    """Send pulses for half a minute while somebody sends 2000 frames a second."""
+    sight = Sight(bay)
+    async with bay.running(), bay.ground_station() as (ground, _):
+        ground._on_event = sight.append
+        bay.tell("system_status", commanded_by("mavlink 254/190"))
+        for number in range(8):  # the station shows that it is there, the link what it takes
+            bay.send_pulse(1000 + number)
+            await asyncio.sleep(0.125)
+        with socket.socket(type=socket.SOCK_DGRAM) as stranger:
+            stranger.connect(("127.0.0.1", bay.companion_port))
+            for batch in range(round(FLOOD_S / BATCH_S)):
+                for _ in range(4 if frames is not None else 0):
+                    stranger.send(next(frames))  # type: ignore[arg-type]
+                if batch % PULSE_EVERY == 0:
+                    sight.send(batch // PULSE_EVERY)
+                await asyncio.sleep(BATCH_S)
+        await asyncio.sleep(1.0)
+    return sight
+
+
+@pytest.mark.parametrize("frames", [flood, flood_of_names_and_stores])
+def test_a_flood_delays_95_percent_of_the_pulses_by_a_tenth_at_most(
+    make_bay: Callable[[], Bay],
+    frames: Callable[[], Iterator[bytes]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def quiet_and_flooded() -> tuple[Sight, Sight]:
+        endless = (frame for _ in count() for frame in frames())
+        return await fly_in_a_flood(make_bay(), None), await fly_in_a_flood(make_bay(), endless)
+
+    quiet, flooded = run_in_virtual_time(quiet_and_flooded(), monkeypatch)
+    first = round(FIRST_S / BATCH_S) // PULSE_EVERY
+    everything = len(quiet.sent)
+    for begin, end in ((0, first), (first, everything)):
+        assert flooded.p95_s(begin, end) <= 1.1 * quiet.p95_s(begin, end)
+    assert flooded.seen.keys() >= flooded.sent.keys()
 
 
 def test_a_flood_is_neither_answered_nor_written_and_pulses_go_on(

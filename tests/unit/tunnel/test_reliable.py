@@ -84,6 +84,12 @@ def test_two_ground_stations_each_get_every_pulse() -> None:
     sender = make_sender()
     sender.receipt(7, (), GROUND, 0)
     sender.receipt(8, (), OTHER, 0)
+    sender.add((2, 0), 0)
+    assert taken(sender, SECOND // 2) == [0]
+    known = [payload_hash(payload_of(0))]
+    assert sender.receipt(7, known, GROUND, SECOND // 2) == [(2, 0)]
+    assert sender.receipt(8, known, OTHER, SECOND // 2) == [(2, 0)], "though it comes second"
+    assert sender.proven == {7, 8}
     sender.add((2, 1), 1)
     first = sender.take(SECOND, 1200.0)
     assert first is not None
@@ -107,6 +113,46 @@ def test_a_store_that_falls_silent_is_asked_again_when_it_is_back() -> None:
     acknowledge(sender, 7, 300 * SECOND)
     assert taken(sender, 300 * SECOND)[0] == 1
     assert sender.wanted() == 7
+
+
+def test_a_store_that_has_answered_nothing_is_tried_while_nothing_else_waits() -> None:
+    sender = make_sender()
+    sender.receipt(7, (), GROUND, 0)
+    sender.add((2, 1), 1)
+    assert taken(sender, SECOND) == [1]
+    acknowledge(sender, 7, SECOND, 1)
+    sender.refill(7, [], more=False)
+    sender.receipt(8, (), OTHER, SECOND)
+    assert sender.wanted() == 8
+    old = [((2, number), number) for number in range(100, 0, -1)]
+    sender.refill(8, old[: sender.room(8)], more=True)
+    assert sender.room(8) < 100
+    assert taken(sender, 9 * SECOND) == [37, 38, 39, 40]
+    sender.add((2, 500), 500)
+    assert taken(sender, 9 * SECOND) == [500], "what is new at once"
+    acknowledge(sender, 7, 9 * SECOND, 500)
+    assert taken(sender, 10 * SECOND) == [37], "one a second"
+    sender.receipt(8, [payload_hash(payload_of(40))], OTHER, 10 * SECOND)
+    assert set(range(41, 101)) <= set(taken(sender, 10 * SECOND)), "it is somebody"
+
+
+def test_made_up_stores_cost_a_message_a_second() -> None:
+    sender = make_sender()
+    acknowledge(sender, 7, 0)
+    repeated = 0
+    for number in range(200):
+        now_ns = number * SECOND // 10
+        sender.receipt(1000 + number, (), OTHER, now_ns)
+        store = sender.wanted()
+        if store not in (None, 7):
+            old = [((3, n), n) for n in range(sender.room(store))]
+            sender.refill(store, old, more=True)
+        sender.add((2, 1000 + number), 1000 + number)
+        sent = taken(sender, now_ns)
+        assert 1000 + number in sent
+        repeated += len(sent) - 1
+        acknowledge(sender, 7, now_ns, 1000 + number)
+    assert repeated <= 4 + 20
 
 
 def test_a_new_store_is_offered_what_is_on_disk() -> None:
