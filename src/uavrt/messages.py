@@ -374,3 +374,5 @@ class ChannelBlock:
     clipped_ns: tuple[tuple[int, int], ...] = ()
     """Begin and end of the stretches [ns, UTC], in order, in which the radio's converter was at
     its limits, as far as no block before told of them."""
+    carriers_hz: tuple[float, ...] = ()
+    """Strong steady carriers in the radio's band, absolute: with them it makes ghosts."""

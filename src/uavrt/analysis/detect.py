@@ -12,7 +12,7 @@ import numpy as np
 
 from uavrt.clock import monotonic_s
 from uavrt.detection import DetectorGroup, OperatingMode, PulseDetector, Receiver
-from uavrt.dsp import Clipping, FrontEnd
+from uavrt.dsp import Carriers, Clipping, FrontEnd
 from uavrt.errors import ConfigError, UavrtError
 from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
 from uavrt.radio import SampleSource
@@ -69,6 +69,8 @@ class DetectionChain:
                 remedy="Give --frequency-window in hertz, e.g. 500",
             )
         self.clipping = Clipping()
+        self._carriers = Carriers()
+        self._center_frequency_hz = center_frequency_hz
         self.invalid_samples = 0
         """Samples of a channel that were not numbers and were replaced by zero."""
         self._suspect_s = 0.0
@@ -103,6 +105,8 @@ class DetectionChain:
     def process(self, block: IQBlock) -> list[Pulse]:
         """Take the next block; get the pulses that are certain by now."""
         self.clipping.look(block)
+        self._carriers.look(block, self._center_frequency_hz)
+        self._group.carriers_hz = self._carriers.frequencies_hz
         # A value that is no number runs through the filters, and stops here: the detectors'
         # noise levels would never get rid of it.
         with np.errstate(invalid="ignore", over="ignore"):

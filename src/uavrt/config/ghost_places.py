@@ -1,6 +1,8 @@
 """Where a receiver shows a strong signal besides its own place."""
 
+import itertools
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 HIGHEST = 9
@@ -13,6 +15,12 @@ _USUAL_HZ = 500.0
 """Tags are off by no more, however wide the search is."""
 _MULTIPLES = sorted(set(range(-HIGHEST, HIGHEST + 1)) - {0, 1}, key=lambda m: (abs(m), m))
 """The mirror first."""
+_PRODUCTS = (
+    *((2, -1), (-1, 2), (3, -2), (-2, 3)),
+    *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),
+)
+"""Multiples of two signals at once. The first line is what any curved amplifier makes in its
+band; the second what a converter makes of the two parts of a sample by themselves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,15 +30,49 @@ class Receiver:
     center_frequency_hz: float
     sample_rate_hz: float
 
-    def makes(self, ghost_hz: float, original_hz: float) -> bool:
-        """Whether a signal may have a ghost at a frequency."""
+    def makes(
+        self, ghost_hz: float, original_hz: float, partners_hz: Iterable[float] = ()
+    ) -> bool:
+        """Whether a signal, alone or with another, may have a ghost at a frequency.
+
+        Parameters
+        ----------
+        ghost_hz, original_hz : float
+        partners_hz : iterable of float, optional
+            Signals that are there whenever the original is.
+        """
         if abs(ghost_hz - original_hz) < _BESIDE_HZ:
             return False
         return any(
-            self._miss_hz(ghost_hz, original_hz, multiple)
-            < _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * abs(multiple)
-            for multiple in _MULTIPLES
+            self._apart_hz(ghost_hz, place_hz) < near_hz
+            for place_hz, near_hz in self._places(original_hz, partners_hz)
         )
+
+    def share_of_band(
+        self,
+        original_hz: float,
+        partners_hz: Iterable[float],
+        *,
+        nominal_hz: float,
+        half_width_hz: float,
+    ) -> float:
+        """Share of a search in which `makes` would be true: the chance of a tag to lie there.
+
+        Parameters
+        ----------
+        original_hz : float
+        partners_hz : iterable of float
+        nominal_hz, half_width_hz : float
+            Of the search; a tag is off by 500 Hz at most.
+        """
+        half_hz = min(half_width_hz, _USUAL_HZ)
+        inside_hz = 0.0
+        for place_hz, near_hz in self._places(original_hz, partners_hz):
+            apart_hz = self._apart_hz(nominal_hz, place_hz)
+            inside_hz += max(
+                0.0, min(apart_hz + near_hz, half_hz) - max(apart_hz - near_hz, -half_hz)
+            )
+        return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
         """By which multiple a signal may have a ghost in a search, if each is off its place.
@@ -47,13 +89,24 @@ class Receiver:
         int, optional
             The least; -1 is the mirror. None: by none.
         """
+        original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
-            miss_hz = self._miss_hz(ghost_hz, original_hz, multiple)
+            miss_hz = self._apart_hz(ghost_hz, multiple * original)
             if miss_hz < (1 + abs(multiple)) * min(window_hz, _USUAL_HZ):
                 return multiple
         return None
 
-    def _miss_hz(self, ghost_hz: float, original_hz: float, multiple: int) -> float:
-        ghost = ghost_hz - self.center_frequency_hz
+    def _places(
+        self, original_hz: float, partners_hz: Iterable[float]
+    ) -> Iterator[tuple[float, float]]:
+        """Distances from the centre, not folded, and how near a ghost is to each."""
         original = original_hz - self.center_frequency_hz
-        return abs(math.remainder(ghost - multiple * original, self.sample_rate_hz))
+        for multiple in _MULTIPLES:
+            yield multiple * original, _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * abs(multiple)
+        for partner_hz, (one, other) in itertools.product(partners_hz, _PRODUCTS):
+            near_hz = _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * (abs(one) + abs(other))
+            yield one * original + other * (partner_hz - self.center_frequency_hz), near_hz
+
+    def _apart_hz(self, frequency_hz: float, place_hz: float) -> float:
+        offset_hz = frequency_hz - self.center_frequency_hz
+        return abs(math.remainder(offset_hz - place_hz, self.sample_rate_hz))

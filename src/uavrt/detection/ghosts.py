@@ -1,26 +1,32 @@
 """Ghosts: trains of pulses that the receiver makes of a stronger tag's.
 
 A quadrature receiver shows each signal weakly at the mirror of its frequency about the radio's
-centre, and one whose converter saturates at multiples of its distance from the centre too. A
-ghost has the pulses of its original at the same instants; no other tag has for long.
+centre, and one whose converter saturates at multiples of its distance from the centre too. Two
+signals at once, a tag and a steady carrier or the pulses of two tags as long as these come
+together, have products: at 2 f1 - f2 and others. A ghost has the pulses of its original at the
+same instants, and lies at such a place. That another tag does is a matter of chance, which is
+computed: of its phase and interval, and of its frequency.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Generic
 
 from uavrt.config.ghost_places import Receiver
+from uavrt.detection.coincidence import by_chance, of_ghosts
 from uavrt.detection.masking import level
 from uavrt.detection.refine import timing_error_s
-from uavrt.detection.tracks import Slot, Track
+from uavrt.detection.tracks import CLOCK_ERROR, Slot, Track
 from uavrt.detection.trains import H
 
 STRONGER = 10.0**0.8
 """Power of the original over its ghost's, at least. An image is 25 to 40 dB down. The third
-harmonic of a signal cut to a square wave is 9.5 dB below it; nothing else of it is nearer."""
+harmonic of a signal cut to a square wave is 9.5 dB below it; nothing else of it is nearer. Of a
+product each of the two is stronger by so much."""
 LEAST_PULSES = 3
-_SHARE = 0.7
-"""Of the newest pulses that were heard of both."""
+ALLOWED = 1e-3
+"""Tags that are no ghosts and are taken for one, at most, of those that come with another's
+pulses: chance of what was heard over that of a ghost."""
 _SIGMAS = 2.5
 
 
@@ -33,7 +39,16 @@ class _Heard(Generic[H]):
     frequency_hz: float
 
 
-def mark_ghosts(hearers: Iterable[H], receiver: Receiver) -> list[tuple[H, Track]]:
+@dataclass(frozen=True, slots=True)
+class _Coincidence:
+    together: int
+    pulses: int
+    near_s: float
+
+
+def mark_ghosts(
+    hearers: Iterable[H], receiver: Receiver, carriers_hz: Sequence[float] = ()
+) -> list[tuple[H, Track]]:
     """Mark the tracks that are ghosts of others, and unmark those that are none any more.
 
     Parameters
@@ -41,6 +56,8 @@ def mark_ghosts(hearers: Iterable[H], receiver: Receiver) -> list[tuple[H, Track
     hearers : iterable of PulseDetector
         All detectors of a receiver.
     receiver : Receiver
+    carriers_hz : sequence of float, optional
+        Absolute frequencies of strong steady carriers in the receiver's band.
 
     Returns
     -------
@@ -59,38 +76,70 @@ def mark_ghosts(hearers: Iterable[H], receiver: Receiver) -> list[tuple[H, Track
         if strongest < STRONGER * one.level and one.track.ghost_of is None:
             continue
         before = one.track.ghost_of
-        one.track.ghost_of = _original(one, heard, receiver)
+        one.track.ghost_of = _original(one, heard, receiver, carriers_hz)
         if one.track.ghost_of is not None and before is None:
             new.append((one.hearer, one.track))
     return new
 
 
-def _original(one: _Heard[H], heard: list[_Heard[H]], receiver: Receiver) -> int | None:
+def _original(
+    one: _Heard[H],
+    heard: list[_Heard[H]],
+    receiver: Receiver,
+    carriers_hz: Sequence[float],
+) -> int | None:
     """Number of the tag whose ghost a train is."""
-    for other in heard:
-        if (
-            other.track.ghost_of is None
-            and other.level >= STRONGER * one.level
-            and receiver.makes(one.frequency_hz, other.frequency_hz)
-            and _coincide(one, other)
-        ):
+    beside = [
+        (other, found)
+        for other in heard
+        if other.track.ghost_of is None
+        and other.level >= STRONGER * one.level
+        and (found := _coincidence(one, other)).together >= LEAST_PULSES
+    ]
+    for other, found in beside:
+        partners_hz = [
+            *carriers_hz,
+            *(third.frequency_hz for third, _ in beside if third is not other),
+        ]
+        if receiver.makes(one.frequency_hz, other.frequency_hz, partners_hz) and _chance(
+            one, other, found
+        ) * receiver.share_of_band(
+            other.frequency_hz,
+            partners_hz,
+            nominal_hz=one.hearer.tag.frequency_hz,
+            half_width_hz=one.hearer.half_width_hz,
+        ) <= ALLOWED * of_ghosts(found.together, found.pulses):
             return other.hearer.tag.tag_id
     return None
 
 
-def _coincide(one: _Heard[H], other: _Heard[H]) -> bool:
-    """Whether the newest pulses of a train come with those of another."""
+def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
+    """Chance that a tag of its own would come so often with another."""
+    tag, interval_s = one.track.tag, other.track.interval_s
+    return by_chance(
+        found.together,
+        found.pulses,
+        near_s=found.near_s,
+        interval_s=interval_s,
+        uncertainty_s=tag.interval_uncertainty_s + CLOCK_ERROR * max(tag.pulse_intervals_s),
+    )
+
+
+def _coincidence(one: _Heard[H], other: _Heard[H]) -> _Coincidence:
+    """Count the newest pulses of a train that come with those of another."""
     first_ns, last_ns = other.slots[0].time_ns, other.slots[-1].time_ns
     width_s = one.track.tag.pulse_width_s
-    both = together = 0
+    pulses = together = 0
+    widest_s = 0.0
     for slot in one.slots:
         near_s = width_s / 16.0 + _SIGMAS * timing_error_s(width_s, slot.measured.power)
         near_ns = 1e9 * near_s
         if not first_ns - near_ns <= slot.time_ns <= last_ns + near_ns:
             continue
-        both += 1
+        pulses += 1
+        widest_s = max(widest_s, near_s)
         together += any(abs(slot.time_ns - mate.time_ns) < near_ns for mate in other.slots)
-    return together >= LEAST_PULSES and together >= _SHARE * both
+    return _Coincidence(together, pulses, widest_s)
 
 
 def _accepted(track: Track) -> list[Slot]:

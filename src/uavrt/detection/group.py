@@ -80,6 +80,8 @@ class DetectorGroup:
 
     def __init__(self, receiver: Receiver | None = None) -> None:
         self._receiver = receiver
+        self.carriers_hz: tuple[float, ...] = ()
+        """Absolute frequencies of strong steady carriers in the receiver's band."""
         self._channels: dict[Hashable, _Channel] = {}
         self._due: list[_Channel] = []
         self._pulses: list[Pulse] = []
@@ -232,7 +234,7 @@ class DetectorGroup:
         if self._receiver is None:
             return
         self.in_hand = ()  # no one tag's search
-        for detector, track in mark_ghosts(self.detectors, self._receiver):
+        for detector, track in mark_ghosts(self.detectors, self._receiver, self.carriers_hz):
             self._pulses += detector.drain()
             times_ns = {slot.time_ns for slot in track.slots}
             self._pulses = [

@@ -4,6 +4,7 @@
 `Channelizer`. `tune` chooses the radio's frequency.
 """
 
+from uavrt.dsp.carriers import Carriers
 from uavrt.dsp.channelizer import Channelizer
 from uavrt.dsp.clipping import ClippedTimes, Clipping
 from uavrt.dsp.decimator import Decimator
@@ -12,6 +13,7 @@ from uavrt.dsp.plan import FrontEndPlan
 from uavrt.dsp.tuner import TunerPlan, tune
 
 __all__ = [
+    "Carriers",
     "Channelizer",
     "ClippedTimes",
     "Clipping",

@@ -2,17 +2,21 @@
 
 A radio block becomes a block in each channel; those for one detector travel together, so that
 it wakes once or twice for each radio block and not once for each channel. A datagram is 8
-bytes, in the first of a radio block the stretches with clipped samples, and the blocks, little
-endian::
+bytes, in the first of a radio block the stretches with clipped samples, the frequencies of
+carriers, and the blocks, little endian::
 
     offset  type  field
     0       u16   blocks  in this datagram
     2       u16   more    1: another datagram of the same radio block follows
-    4       u32   clipped  stretches in which the radio's converter was at its limits
+    4       u16   clipped  stretches in which the radio's converter was at its limits
+    6       u16   carriers  strong and steady in the radio's band
 
     of each stretch:
     0       i64   begin  antenna time [ns, UTC]
     8       i64   end
+
+    of each carrier:
+    0       f64   frequency_hz  absolute
 
     of each block:
     0       u64   sample_index         of the first sample, lost ones counted
@@ -36,13 +40,16 @@ import numpy as np
 
 from uavrt.messages import ChannelBlock
 
-ENVELOPE = struct.Struct("<HHI")
+ENVELOPE = struct.Struct("<HHHH")
 HEADER = struct.Struct("<QqdfHH")
 STRETCH = struct.Struct("<qq")
+CARRIER = struct.Struct("<d")
 MAX_STRETCHES = 1024
 """16 KiB; 87 ms of a radio have some ninety at most."""
 BACKLOG_BYTES = 16 * 1024 * 1024
 """Kept for one detector: 16 MiB are 280 s of one channel, 2.8 s of a hundred."""
+MAX_CARRIERS = 8
+_CARRIERS_BYTES = MAX_CARRIERS * CARRIER.size
 MAX_SAMPLES = 8192
 """A larger block is cut."""
 MAX_DATAGRAM_BYTES = 128 * 1024
@@ -59,6 +66,7 @@ class ChannelSender:
         """Headers and samples of the next datagram."""
         self._size = ENVELOPE.size
         self._clipped: tuple[tuple[int, int], ...] = ()
+        self._carriers_hz: tuple[float, ...] = ()
         self._told: tuple[tuple[int, int], ...] = ()
         """Stretches that were taken last; the channels of a radio block have the same."""
         self._waiting: deque[bytes] = deque()
@@ -73,8 +81,9 @@ class ChannelSender:
             self._take_clipped(block.clipped_ns[-MAX_STRETCHES:])
         for start in range(0, len(block.samples), MAX_SAMPLES):
             part = block.samples[start : start + MAX_SAMPLES]
+            self._carriers_hz = block.carriers_hz[:MAX_CARRIERS]
             size = HEADER.size + 8 * len(part)
-            if self._size + size > MAX_DATAGRAM_BYTES:
+            if self._size + size + _CARRIERS_BYTES > MAX_DATAGRAM_BYTES:
                 self._enqueue(more=True)
             header = HEADER.pack(
                 block.sample_index + start,
@@ -89,7 +98,8 @@ class ChannelSender:
 
     def _take_clipped(self, stretches_ns: tuple[tuple[int, int], ...]) -> None:
         """Keep stretches for the next datagram; it has those of blocks without samples too."""
-        if self._parts and self._size + STRETCH.size * MAX_STRETCHES > MAX_DATAGRAM_BYTES:
+        most = STRETCH.size * MAX_STRETCHES + _CARRIERS_BYTES
+        if self._parts and self._size + most > MAX_DATAGRAM_BYTES:
             self._enqueue(more=True)
         kept = (*self._clipped, *stretches_ns)[-MAX_STRETCHES:]
         self._size += STRETCH.size * (len(kept) - len(self._clipped))
@@ -97,9 +107,11 @@ class ChannelSender:
 
     def _enqueue(self, *, more: bool) -> None:
         """Make a datagram of what was taken; over the limit the oldest is dropped."""
-        envelope = ENVELOPE.pack(len(self._parts) // 2, more, len(self._clipped))
+        carriers = [CARRIER.pack(frequency_hz) for frequency_hz in self._carriers_hz]
+        self._size += CARRIER.size * len(carriers)
+        envelope = ENVELOPE.pack(len(self._parts) // 2, more, len(self._clipped), len(carriers))
         stretches = (STRETCH.pack(*stretch) for stretch in self._clipped)
-        self._waiting.append(b"".join((envelope, *stretches, *self._parts)))
+        self._waiting.append(b"".join((envelope, *stretches, *carriers, *self._parts)))
         self._clipped = ()
         self._waiting_bytes += self._size
         self._parts.clear()
@@ -107,8 +119,7 @@ class ChannelSender:
         while self._waiting_bytes > BACKLOG_BYTES:
             dropped = self._waiting.popleft()
             self._waiting_bytes -= len(dropped)
-            blocks, _, clipped = ENVELOPE.unpack_from(dropped)
-            overhead = ENVELOPE.size + clipped * STRETCH.size + blocks * HEADER.size
+            overhead = _begin(dropped) + ENVELOPE.unpack_from(dropped)[0] * HEADER.size
             self.samples_dropped += (len(dropped) - overhead) // 8
 
     def flush(self) -> None:
@@ -156,11 +167,15 @@ class ChannelReceiver:
                 self.refused += 1
                 continue
             self.complete = not ENVELOPE.unpack_from(datagram)[1]
-            clipped_ns = _clipped_ns(datagram)
-            return [self._block(datagram, at, clipped_ns) for at in pieces]
+            clipped_ns, carriers_hz = _clipped_ns(datagram), _carriers_hz(datagram)
+            return [self._block(datagram, at, clipped_ns, carriers_hz) for at in pieces]
 
     def _block(
-        self, datagram: bytes, at: int, clipped_ns: tuple[tuple[int, int], ...]
+        self,
+        datagram: bytes,
+        at: int,
+        clipped_ns: tuple[tuple[int, int], ...],
+        carriers_hz: tuple[float, ...],
     ) -> ChannelBlock:
         index, time_ns, center_hz, rate_hz, channel, count = HEADER.unpack_from(datagram, at)
         lost = max(0, index - self._next_index.get(channel, index))
@@ -174,6 +189,7 @@ class ChannelReceiver:
             sample_rate_hz=rate_hz,
             lost_before=lost,
             clipped_ns=clipped_ns,
+            carriers_hz=carriers_hz,
         )
 
 
@@ -182,16 +198,33 @@ def _pieces(datagram: bytes) -> list[int]:
     if len(datagram) < ENVELOPE.size:
         return []
     places = []
-    blocks, _, clipped = ENVELOPE.unpack_from(datagram)
-    if clipped > MAX_STRETCHES:
+    blocks, _, clipped, carriers = ENVELOPE.unpack_from(datagram)
+    if clipped > MAX_STRETCHES or carriers > MAX_CARRIERS:
         return []
-    at = ENVELOPE.size + clipped * STRETCH.size
+    at = _begin(datagram)
     for _ in range(blocks):
         if at + HEADER.size > len(datagram):
             return []
         places.append(at)
         at += HEADER.size + 8 * HEADER.unpack_from(datagram, at)[5]
     return places if at == len(datagram) else []
+
+
+def _begin(datagram: bytes) -> int:
+    """Where the first block begins."""
+    clipped: int
+    carriers: int
+    _, _, clipped, carriers = ENVELOPE.unpack_from(datagram)
+    return ENVELOPE.size + STRETCH.size * clipped + CARRIER.size * carriers
+
+
+def _carriers_hz(datagram: bytes) -> tuple[float, ...]:
+    """Carriers that a datagram tells of."""
+    carriers = ENVELOPE.unpack_from(datagram)[3]
+    end = _begin(datagram)
+    return tuple(
+        hz for (hz,) in CARRIER.iter_unpack(datagram[end - CARRIER.size * carriers : end])
+    )
 
 
 def _clipped_ns(datagram: bytes) -> tuple[tuple[int, int], ...]:

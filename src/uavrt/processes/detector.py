@@ -83,6 +83,7 @@ class DetectorBank:
             self._clipped_ns = block.clipped_ns
             self._clipped.add(block.clipped_ns)
         with self._surviving():
+            self._group.carriers_hz = block.carriers_hz
             if block.channel in self._group or self._add(block):
                 self._group.put(block.channel, self._finite(block.samples), block.time_ns)
 

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from uavrt.clock import monotonic_s
 from uavrt.config.settings import Settings
-from uavrt.dsp import Clipping, FrontEnd
+from uavrt.dsp import Carriers, Clipping, FrontEnd
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.ipc import ProcessFrame
 from uavrt.ipc.samples import ChannelSender
@@ -91,6 +91,7 @@ class Receiver:
         self._output = self._open_output(frame, flight)
         self._check = SampleCheck("the radio")
         self._clipping = Clipping()
+        self._carriers = Carriers()
         self._told = False
         self._tell = frame.tell
         self.radio = assignment.settings.radio
@@ -154,6 +155,7 @@ class Receiver:
             len(block.samples) * 1e9 / block.sample_rate_hz
         )
         self._clipping.look(block)
+        self._carriers.look(block, self.center_frequency_hz)
         self._tell_of_clipping()
         band = self._front_end.decimate(block)
         self._check.look(band)
@@ -181,9 +183,10 @@ class Receiver:
         channels = self._front_end.channelize(band)
         # The channels are behind the radio by the filters: they wait for no news of this kind.
         clipped_ns = self._clipping.take_new() if channels else ()
+        carriers_hz = self._carriers.frequencies_hz
         for channel in channels:
-            if clipped_ns:
-                channel = replace(channel, clipped_ns=clipped_ns)
+            if clipped_ns or carriers_hz:
+                channel = replace(channel, clipped_ns=clipped_ns, carriers_hz=carriers_hz)
             for worker in self._workers_of_channel[channel.channel]:
                 self._sinks[worker].send(channel)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.detect import DetectionSummary, detect
 from uavrt.detection import Receiver
+from uavrt.experiments.detection.ghosts import WITH_CARRIER, WITH_SECOND, Ghosts
 from uavrt.experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
@@ -120,3 +121,42 @@ def test_ghosts_lie_at_the_mirror_and_at_multiples_across_the_edge() -> None:
     assert receiver.makes(CENTER_HZ - 3.0 * OWN_HZ + RATE_HZ, strong)
     assert not receiver.makes(strong + 300.0, strong)
     assert not receiver.makes(CENTER_HZ - OWN_HZ + 200.0, strong)
+    assert receiver.makes(2.0 * strong - (CENTER_HZ + 9e3), strong, [CENTER_HZ + 9e3])
+    assert not receiver.makes(2.0 * strong - (CENTER_HZ + 9e3), strong)
+
+
+def test_the_share_of_a_search_that_is_ghosts_places_is_that_of_tags_drawn_at_random() -> None:
+    receiver = Receiver(CENTER_HZ, RATE_HZ)
+    strong, partners = CENTER_HZ + OWN_HZ, [CENTER_HZ - 11e3, CENTER_HZ + 9e3]
+    nominal_hz = CENTER_HZ - OWN_HZ + 100.0
+    drawn = nominal_hz + np.random.default_rng(8).uniform(-500.0, 500.0, 20_000)
+    share = receiver.share_of_band(
+        strong, partners, nominal_hz=nominal_hz, half_width_hz=1000.0
+    )
+    hit = sum(receiver.makes(float(hz), strong, partners) for hz in drawn)
+    assert 0.02 < share == pytest.approx(hit / len(drawn), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("place", "carrier_db", "second_db", "steps"),
+    [(WITH_CARRIER, 40.0, None, 1.0), (WITH_SECOND, None, 48.0, 3.0)],
+)
+def test_what_a_curved_receiver_makes_of_two_signals_is_no_tag_and_a_tag_there_is_heard(
+    place: Tag, carrier_db: float | None, second_db: float | None, steps: float
+) -> None:
+    """A tag and a steady carrier, or two tags whose pulses come together."""
+    haunted = Ghosts(
+        strong_db=48.0,
+        steps=steps,
+        curve=0.05,
+        carrier_db=carrier_db,
+        second_db=second_db,
+        place=place,
+        duration_s=30.0,
+    )
+    flight = haunted.fly(np.random.default_rng(6), 0)
+    assert flight.false <= 2
+    assert flight.strong_confirmed >= 0.9 * flight.strong
+    flight = replace(haunted, beside_db=16.0).fly(np.random.default_rng(6), 0)
+    assert flight.confirmed >= 0.9 * flight.true
+    assert flight.false <= 2

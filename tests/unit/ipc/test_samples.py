@@ -10,6 +10,7 @@ from uavrt.ipc.sample_sockets import make_sample_sockets
 from uavrt.ipc.samples import (
     ENVELOPE,
     HEADER,
+    MAX_CARRIERS,
     MAX_DATAGRAM_BYTES,
     MAX_SAMPLES,
     MAX_STRETCHES,
@@ -113,12 +114,14 @@ def test_the_channels_of_a_radio_block_travel_together_and_its_end_is_known(
     "datagram",
     [
         b"short",
-        ENVELOPE.pack(0, 0, 0),
-        ENVELOPE.pack(1, 0, 0) + bytes(HEADER.size - 1),
-        ENVELOPE.pack(1, 0, 0) + HEADER.pack(0, 0, 0.0, 0.0, 0, 3) + bytes(16),
-        ENVELOPE.pack(1, 0, 0) + HEADER.pack(0, 0, 0.0, 0.0, 0, 3) + bytes(32),
-        ENVELOPE.pack(1, 0, 1) + HEADER.pack(0, 0, 0.0, 0.0, 0, 0),
-        ENVELOPE.pack(1, 0, 2**32 - 1) + bytes(100),
+        ENVELOPE.pack(0, 0, 0, 0),
+        ENVELOPE.pack(1, 0, 0, 0) + bytes(HEADER.size - 1),
+        ENVELOPE.pack(1, 0, 0, 0) + HEADER.pack(0, 0, 0.0, 0.0, 0, 3) + bytes(16),
+        ENVELOPE.pack(1, 0, 0, 0) + HEADER.pack(0, 0, 0.0, 0.0, 0, 3) + bytes(32),
+        ENVELOPE.pack(1, 0, 1, 0) + HEADER.pack(0, 0, 0.0, 0.0, 0, 0),
+        ENVELOPE.pack(1, 0, 2**16 - 1, 0) + bytes(100),
+        ENVELOPE.pack(1, 0, 0, 1) + HEADER.pack(0, 0, 0.0, 0.0, 0, 0),
+        ENVELOPE.pack(1, 0, 0, 2**16 - 1) + bytes(100),
     ],
 )
 def test_a_datagram_that_is_no_blocks_is_refused_and_counted(datagram: bytes) -> None:
@@ -183,3 +186,17 @@ def test_the_bytes_of_a_clipped_stretch() -> None:
         sender.flush()
         head = "01000000 01000000 0100000000000000 0201000000000000 0200000000000000"
         assert theirs.recv(1000).hex().startswith(head.replace(" ", ""))
+
+
+@given(st.lists(st.floats(1e6, 6e9), max_size=MAX_CARRIERS))
+def test_the_carriers_of_the_band_come_with_every_block(carriers_hz: list[float]) -> None:
+    ours, theirs = make_sample_sockets()
+    with ours, theirs:
+        sender, receiver = ChannelSender(ours), ChannelReceiver(theirs)
+        for channel in (1, 2):
+            sender.send(replace(block(0, 100, channel), carriers_hz=tuple(carriers_hz)))
+        sender.flush()
+        assert [part.carriers_hz for part in receiver.receive()] == [tuple(carriers_hz)] * 2
+        sender.send(block(100, 100))
+        sender.flush()
+        assert receiver.receive()[0].carriers_hz == ()

@@ -1,5 +1,6 @@
 """E22: what a receiver makes of a strong tag, beside tags listed where it appears."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -30,6 +31,18 @@ STRONG, MIRROR, THIRD = (
     for tag_id, multiple in ((2, 1.0), (4, -1.0), (6, -3.0 + RATE_HZ / _OWN_HZ))
 )
 """The third is where -3 times the strong one's distance is seen at this rate."""
+_LISTED = STRONG, MIRROR, THIRD
+_CARRIER_HZ = -11_000.0
+_SECOND_HZ = 9_000.0
+WITH_CARRIER, SECOND, WITH_SECOND = (
+    replace(THESIS_TAG, tag_id=tag_id, frequency_hz=CENTER_HZ + offset_hz)
+    for tag_id, offset_hz in (
+        (8, 2.0 * _CARRIER_HZ - _OWN_HZ),
+        (10, _SECOND_HZ),
+        (12, 2.0 * _OWN_HZ - _SECOND_HZ),
+    )
+)
+"""Where a curved receiver shows products: 2 f1 - f2 of the strong one and another signal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +53,7 @@ class Haunted:
     """Pulses that the strong tag sent."""
     strong_confirmed: int
     true: int
-    """Pulses of the tag at the mirror place that the strong one's did not hit."""
+    """Pulses of the tag at a ghost's place that the strong one's did not hit."""
     confirmed: int
     """Of those."""
     false: int
@@ -55,25 +68,36 @@ class Ghosts:
     steps: float
     """Of the converter, in standard deviations of the noise's real part."""
     image_db: float | None = None
+    curve: float = 0.0
+    """Of the receiver's third order: compression of the strongest signal."""
+    carrier_db: float | None = None
+    """Of a steady carrier, over the noise of a sample."""
+    second_db: float | None = None
+    """Level of another tag whose pulses come together with the strong one's for a minute."""
+    place: Tag = MIRROR
+    """Where a ghost is."""
     beside_db: float | None = None
-    """Level of a tag at the mirror place; None: it is silent."""
+    """Level of a tag there; None: it is silent."""
     duration_s: float = 60.0
 
     def fly(self, rng: np.random.Generator, index: int) -> Haunted:
         """One flight."""
         strong = self._train(rng, STRONG, 1.254, self.strong_db)
         beside = (
-            [] if self.beside_db is None else self._train(rng, MIRROR, 1.28, self.beside_db)
+            [] if self.beside_db is None else self._train(rng, self.place, 1.28, self.beside_db)
         )
+        second = [] if self.second_db is None else self._second(rng, strong, self.second_db)
         samples = make_samples(
-            rng, [*strong, *beside], duration_s=self.duration_s, sample_rate_hz=RATE_HZ
+            rng,
+            [*strong, *second, *beside],
+            duration_s=self.duration_s,
+            sample_rate_hz=RATE_HZ,
         )
-        if self.image_db is not None:
-            samples += np.float32(10.0 ** (self.image_db / 20.0)) * np.conj(samples)
-        pulses = [
-            pulse for pulse in _detect(_digitized(samples, self.steps)) if pulse.confirmed
-        ]
-        told: dict[int, list[float]] = {tag.tag_id: [] for tag in (STRONG, MIRROR, THIRD)}
+        self._receive(samples)
+        tags = _LISTED if self.place is MIRROR else (STRONG, SECOND, self.place)
+        found = _detect(_digitized(samples, self.steps), tags)
+        pulses = [pulse for pulse in found if pulse.confirmed]
+        told: dict[int, list[float]] = {tag.tag_id: [] for tag in (*_LISTED, *tags)}
         for pulse in pulses:
             told[pulse.tag_id].append((pulse.start_time_ns - START_NS) * 1e-9)
         free = [
@@ -82,14 +106,43 @@ class Ghosts:
             if all(abs(p.start_s - q.start_s) > _COLLISION_S for q in strong)
         ]
         sent_s = [p.start_s for p in beside]
+        told_s = told[self.place.tag_id]
         return Haunted(
             strong=len(strong),
             strong_confirmed=sum(_near(p.start_s, told[STRONG.tag_id]) for p in strong),
             true=len(free),
-            confirmed=sum(_near(at_s, told[MIRROR.tag_id]) for at_s in free),
-            false=len(told[THIRD.tag_id])
-            + sum(not _near(at_s, sent_s) for at_s in told[MIRROR.tag_id]),
+            confirmed=sum(_near(at_s, told_s) for at_s in free),
+            false=len(told[THIRD.tag_id]) + sum(not _near(at_s, sent_s) for at_s in told_s),
         )
+
+    def _receive(self, samples: NDArray[np.complex64]) -> None:
+        """Do to the samples what the receiver does."""
+        strongest = 10.0 ** (self.strong_db / 10.0) / (THESIS_TAG.pulse_width_s * RATE_HZ)
+        if self.carrier_db is not None:
+            strongest = 10.0 ** (self.carrier_db / 10.0)
+            turn = 2j * np.pi * _CARRIER_HZ / RATE_HZ * np.arange(len(samples))
+            samples += (math.sqrt(strongest) * np.exp(turn)).astype(np.complex64)
+        if self.curve:
+            power = samples.real**2 + samples.imag**2
+            samples *= 1.0 - np.float32(self.curve / strongest) * power
+        if self.image_db is not None:
+            samples += np.float32(10.0 ** (self.image_db / 20.0)) * np.conj(samples)
+
+    @staticmethod
+    def _second(
+        rng: np.random.Generator, strong: list[TruePulse], enr_db: float
+    ) -> list[TruePulse]:
+        """Pulses that meet another tag's with their middle, a tenth of a millisecond off."""
+        middle = len(strong) / 2
+        return [
+            replace(
+                pulse,
+                start_s=pulse.start_s + 1e-4 * (at - middle) + rng.uniform(-1e-3, 1e-3),
+                offset_hz=_SECOND_HZ,
+                enr_db=enr_db,
+            )
+            for at, pulse in enumerate(strong)
+        ]
 
     def _train(
         self, rng: np.random.Generator, tag: Tag, interval_s: float, enr_db: float
@@ -113,10 +166,8 @@ def _digitized(samples: NDArray[np.complex64], steps: float) -> NDArray[np.compl
     return values.astype(np.float32).view(np.complex64)
 
 
-def _detect(samples: NDArray[np.complex64]) -> list[Pulse]:
-    chain = DetectionChain(
-        (STRONG, MIRROR, THIRD), sample_rate_hz=RATE_HZ, center_frequency_hz=CENTER_HZ
-    )
+def _detect(samples: NDArray[np.complex64], tags: Sequence[Tag]) -> list[Pulse]:
+    chain = DetectionChain(tags, sample_rate_hz=RATE_HZ, center_frequency_hz=CENTER_HZ)
     pulses: list[Pulse] = []
     for start in range(0, len(samples), _BLOCK):
         block = IQBlock(
@@ -149,7 +200,7 @@ def _case(name: str, scene: Ghosts) -> Case:
         if scene.beside_db is not None:
             found.append(
                 _share_row(
-                    "pulses of the tag at the mirror place confirmed",
+                    f"pulses of the tag at {_place(scene)} confirmed",
                     name,
                     [f.confirmed for f in flights],
                     [f.true for f in flights],
@@ -158,6 +209,10 @@ def _case(name: str, scene: Ghosts) -> Case:
         return found
 
     return Case(name=name, trials=24, least=4, seconds=0.6, trial=scene.fly, rows=rows)
+
+
+def _place(scene: Ghosts) -> str:
+    return "the mirror place" if scene.place is MIRROR else "a product's place"
 
 
 def _share_row(quantity: str, name: str, found: list[int], of: list[int]) -> Row:
@@ -175,6 +230,11 @@ def _share_row(quantity: str, name: str, found: list[int], of: list[int]) -> Row
     )
 
 
+_BESIDE_A_CARRIER = Ghosts(
+    strong_db=48.0, steps=1.0, curve=0.05, carrier_db=40.0, place=WITH_CARRIER
+)
+_TWO_STRONG = Ghosts(strong_db=48.0, second_db=48.0, steps=3.0, curve=0.05, place=WITH_SECOND)
+
 E22 = Experiment(
     name="E22",
     title="Ghosts of a strong tag",
@@ -185,5 +245,12 @@ E22 = Experiment(
             "image at −30 dB, a tag at its place",
             Ghosts(strong_db=48.0, steps=3.0, image_db=-30.0, beside_db=16.0),
         ),
+        _case("product with a steady carrier", _BESIDE_A_CARRIER),
+        _case(
+            "product with a steady carrier, a tag at its place",
+            replace(_BESIDE_A_CARRIER, beside_db=16.0),
+        ),
+        _case("product of two tags", _TWO_STRONG),
+        _case("product of two tags, a tag at its place", replace(_TWO_STRONG, beside_db=16.0)),
     ),
 )

@@ -1,0 +1,92 @@
+"""Steady carriers in the band of a radio: with them it makes products of a tag's pulses."""
+
+import itertools
+import math
+from collections import deque
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.messages import IQBlock
+
+_APART_NS = (710_000_000, 970_000_000, 1_130_000_000)
+"""From look to look, in turn: no train of pulses keeps time with all of them."""
+_LENGTH_S = 0.011
+"""At most: half as long at the least, a power of two."""
+_LEAST_SAMPLES = 256
+_LOOKS = 3
+"""Seen in so many in a row it is no pulse."""
+_STRONG = 10.0**3.0
+"""Power in its bin over the median of all: what makes products is far above the noise."""
+MOST = 8
+"""The strongest are kept."""
+_CENTRE_BINS = 4
+"""The receiver's own offset makes products where multiples are."""
+_SAME_BINS = 0.5
+_LEAST_SHARE = 1e-4
+"""Of the strongest one's power: beyond that are the side lobes of the window."""
+
+
+class Carriers:
+    """Looks at the samples of a radio for strong carriers that stay."""
+
+    def __init__(self) -> None:
+        self.frequencies_hz: tuple[float, ...] = ()
+        """Absolute, of those that are there now; the strongest first."""
+        self._looks: deque[list[float]] = deque(maxlen=_LOOKS)
+        self._next_ns: int | None = None
+        self._apart_ns = itertools.cycle(_APART_NS)
+
+    def look(self, block: IQBlock, center_frequency_hz: float) -> None:
+        """Look at a block of the radio's samples, if it is time.
+
+        Parameters
+        ----------
+        block : IQBlock
+            One of less than 256 samples is passed over.
+        center_frequency_hz : float
+            Of the radio.
+        """
+        if self._next_ns is not None and 0 < self._next_ns - block.time_ns < _APART_NS[-1]:
+            return
+        rate_hz = block.sample_rate_hz
+        most = min(len(block.samples), round(_LENGTH_S * rate_hz))
+        length = 1 << max(most.bit_length() - 1, 0)
+        if length < _LEAST_SAMPLES:
+            return
+        self._next_ns = block.time_ns + next(self._apart_ns)
+        self._looks.append(_strong(block.samples[:length], rate_hz))
+        if len(self._looks) < _LOOKS:
+            return
+        near_hz = _SAME_BINS * rate_hz / length
+        self.frequencies_hz = tuple(
+            center_frequency_hz + at_hz
+            for at_hz in self._looks[-1]
+            if all(any(abs(at_hz - o) < near_hz for o in look) for look in self._looks)
+        )
+
+
+def _strong(samples: NDArray[np.complex64], rate_hz: float) -> list[float]:
+    """Frequencies of the strongest peaks, relative to the centre."""
+    length = len(samples)
+    spectrum = np.fft.fft(samples * _window(length))
+    power = spectrum.real**2 + spectrum.imag**2
+    least = max(_STRONG * float(np.median(power[::8])), _LEAST_SHARE * float(power.max()))
+    over = power > least
+    peaks = np.flatnonzero(over & (power >= np.roll(power, 1)) & (power > np.roll(power, -1)))
+    found: list[float] = []
+    for peak in peaks[np.argsort(-power[peaks])][: 4 * MOST]:
+        below, at, above = np.log(power[[peak - 1, peak, (peak + 1) % length]])
+        shift = 0.5 * (below - above) / (below - 2.0 * at + above)
+        index = float(math.remainder(int(peak) + shift, length))
+        if abs(index) > _CENTRE_BINS and all(
+            abs(index - other) > _CENTRE_BINS for other in found
+        ):
+            found.append(index)
+    return [index * rate_hz / length for index in found[:MOST]]
+
+
+@lru_cache(maxsize=4)
+def _window(length: int) -> NDArray[np.float32]:
+    return np.blackman(length).astype(np.float32)
