@@ -45,6 +45,8 @@ class Situation:
     tags_sent: bool
     busy: Busy | None
     flight_open: bool
+    foreign: bool = False
+    """Another autopilot answers under our vehicle's number."""
 
 
 def action_states(now: Situation) -> dict[str, dict[str, Any]]:
@@ -65,6 +67,8 @@ def _reason(action: str, now: Situation) -> str | None:
         return "The drone is not heard: check its power and the radio"
     if now.busy is not None:
         return f"Wait: {now.busy.text}"
+    if now.foreign and action != "stop":
+        return "Two vehicles have the same number: choose one above"
     if action in ALWAYS:
         return None
     detecting = now.state is SystemState.DETECTING

@@ -11,7 +11,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError
+from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError, UsageError
 from uavrt.ground import maps, tag_table
 from uavrt.ground.column_answers import POSE_COLUMNS, chosen_columns, thinned
 from uavrt.ground.coordinates import readout
@@ -53,6 +53,7 @@ class Api:
             ("/settings", "PUT", self.put_settings),
             ("/choices", "GET", self.choices),
             ("/connection", "POST", self.connect),
+            ("/vehicle", "POST", self.choose_vehicle),
             ("/commands/{name}", "POST", self.command),
             ("/parameters", "GET", self.parameters),
             ("/readout", "GET", self.readout),
@@ -141,6 +142,15 @@ class Api:
             await self._session.disconnect()
             self._session.send_state()
         return self._session.snapshot()["connection"]
+
+    async def choose_vehicle(self, request: Request) -> Any:
+        """Serve another vehicle of this link: ``{"system_id": 2}``."""
+        wanted = await json_body(request)
+        number = wanted.get("system_id") if isinstance(wanted, dict) else None
+        if not isinstance(number, int) or isinstance(number, bool) or not 1 <= number <= 255:
+            raise UsageError("system_id must be a vehicle's number, 1 to 255")
+        self._session.choose_vehicle(number)
+        return self._session.snapshot()["drone"]
 
     async def command(self, request: Request) -> Any:
         """Ask something of the drone; the answer is its acknowledgement."""

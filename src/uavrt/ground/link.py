@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from uavrt import tunnel
 from uavrt.errors import CommandRefused, LinkError, UavrtError
 from uavrt.ground.drone_parameters import DroneParameters
+from uavrt.ground.identity import VehicleIdentity
 from uavrt.ground.protocol import (
     DRONE_COMPONENT,
     Acknowledged,
@@ -91,6 +92,8 @@ class GroundLink:
     signing_key : SigningKey, optional
         What frames are signed with, see `uavrt.mavlink.signing`; then unsigned frames are taken
         from the autopilot only.
+    identity : VehicleIdentity, optional
+        Which vehicle is served; without it the first that is heard, for as long as this lives.
     """
 
     def __init__(
@@ -107,6 +110,7 @@ class GroundLink:
         receipts: Receipts | None = None,
         key: Key | None = None,
         signing_key: SigningKey | None = None,
+        identity: VehicleIdentity | None = None,
     ) -> None:
         if system_id is None:
             system_id = GCS_SYSTEM_ID if as_gcs else STATION_SYSTEM_ID
@@ -116,7 +120,13 @@ class GroundLink:
         if receipts is not None and key is not None:
             receipts.most = MAX_SEALED_HASHES
         self.protocol = GroundProtocol(
-            system_id, component_id, receipts, sealer, generation, as_gcs=as_gcs
+            system_id,
+            component_id,
+            receipts,
+            sealer,
+            generation,
+            as_gcs=as_gcs,
+            identity=identity,
         )
         self._clock_ns = clock_ns
         self._on_event = on_event
@@ -354,7 +364,10 @@ class GroundLink:
         self.protocol.stored()
         if self.protocol.drone is not None:
             self._drone_there.set()
-            if frame.component_id == DRONE_COMPONENT:
+            if (frame.system_id, frame.component_id) == (
+                self.protocol.drone.system_id,
+                DRONE_COMPONENT,
+            ):
                 self._ways.heard_drone(link, pulse=frame.message_id == Tunnel.ID)
 
     def _deliver(self, event: GroundEvent) -> None:

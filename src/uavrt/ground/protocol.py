@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from uavrt import tunnel
 from uavrt.errors import LinkError, TunnelError
+from uavrt.ground.identity import VehicleIdentity
 from uavrt.ground.receipts import Receipts
 from uavrt.log import get_logger
 from uavrt.mavlink import dialect
@@ -93,6 +94,8 @@ class GroundProtocol:
     as_gcs : bool
         Be seen as a ground station of type GCS, as the original's drone side insists on (with
         255/190); the autopilot then takes us for the operator's own.
+    identity : VehicleIdentity, optional
+        Which vehicle is served; without it the first that is heard.
     """
 
     def __init__(
@@ -104,7 +107,9 @@ class GroundProtocol:
         generation: Generation = "G1",
         *,
         as_gcs: bool = False,
+        identity: VehicleIdentity | None = None,
     ) -> None:
+        self.identity = VehicleIdentity() if identity is None else identity
         self.own = Peer(system_id, component_id)
         self._as_gcs = as_gcs
         self._sealer = sealer
@@ -117,6 +122,10 @@ class GroundProtocol:
         self.counters: Counter[str] = Counter()
         self._heard_ns = 0
         self._texts = TextAssembler()
+
+    def forget(self) -> None:
+        """Hear the vehicle anew: the operator has chosen another."""
+        self.drone, self._heard_ns = None, 0
 
     def present(self, now_ns: int) -> bool:
         """True while the drone's component 191 is heard."""
@@ -184,9 +193,11 @@ class GroundProtocol:
             return []
         peer = Peer(frame.system_id, frame.component_id)
         message = frame.message()
-        if isinstance(message, dialect.Heartbeat) and not self.present(now_ns):
+        if isinstance(message, dialect.Heartbeat) and self.identity.heard(
+            frame.system_id, now_ns
+        ):
             self.drone = peer
-        if peer != self.drone:
+        if peer != self.drone or frame.system_id != self.identity.system_id:
             return []
         self._heard_ns = now_ns
         if isinstance(message, dialect.Statustext):

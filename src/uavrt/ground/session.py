@@ -21,6 +21,7 @@ from uavrt.ground.event_log import EventLog
 from uavrt.ground.flight_keeper import FlightKeeper
 from uavrt.ground.flights import FlightLibrary
 from uavrt.ground.hub import Hub
+from uavrt.ground.identity import VehicleIdentity
 from uavrt.ground.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link import (
     Acknowledged,
@@ -52,6 +53,8 @@ ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
 """Estimates run again after eight times as long as they took: at most 11 % of a core."""
 
+FOREIGN_REMEDY = "give each vehicle a number of its own (MAV_SYS_ID), or choose this one"
+
 ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
 
 
@@ -80,6 +83,9 @@ class GroundSession:
         self.store = store
         self._keys = keys
         self.clock = clock
+        self.identity = VehicleIdentity(*store.vehicle)
+        self._named: set[int] = set()
+        self._foreign_told = False
         self.hub = Hub()
         self.library = FlightLibrary(store.directory)
         self.flight = FlightKeeper(store.directory, clock)
@@ -159,9 +165,10 @@ class GroundSession:
             as_gcs=self._keys.as_gcs,
             key=self._keys.command,
             signing_key=self._keys.signing,
+            identity=self.identity,
         )
         link.protocol.tags = {tag.tag_id: tag for tag in self.sent_tags}
-        self.vehicle = VehicleWatch(link.protocol.own)
+        self.vehicle = VehicleWatch(link.protocol.own, self.identity)
         task = asyncio.create_task(link.run(*settings.address.split()))
         for _ in range(200):
             if task.done() or link.link is not None:
@@ -224,6 +231,7 @@ class GroundSession:
             tags_sent=self.sent_tags == self.store.tags,
             busy=self.busy,
             flight_open=self.flight.flight_id is not None,
+            foreign=self.identity.foreign(self.clock.now_ns()),
         )
 
     # ------------------------------------------------------------------- what comes
@@ -354,8 +362,9 @@ class GroundSession:
             self.link_error = str(self._serving.exception() or "closed")
             self.link = self._serving = self.vehicle = None
         if link is not None and link.link is not None and watch is not None:
-            for message in watch.requests(now_ns):
+            for message in (*watch.requests(now_ns), *watch.questions(now_ns)):
                 link.send(message)
+            self._tell_others(now_ns)
             link.send(watch.ping(now_ns))
             self._watch_presence(link.protocol.present(now_ns))
             self._tell_faults(link.faults)
@@ -368,6 +377,33 @@ class GroundSession:
             self.note(6 if present else 3, "drone found" if present else "drone lost")
             if not present:
                 self.state = None
+
+    def _tell_others(self, now_ns: int) -> None:
+        """Name other vehicles on this link, each once, and another under our number."""
+        ours = self.identity.system_id
+        for system_id in sorted(set(self.identity.others) - self._named):
+            self._named.add(system_id)
+            self.note(4, f"another vehicle, {system_id}, is heard; this page keeps to {ours}")
+        foreign = self.identity.foreign(now_ns)
+        if foreign and not self._foreign_told:
+            self.note(2, f"another autopilot answers under the number {ours}: {FOREIGN_REMEDY}")
+        self._foreign_told = foreign
+        self.store.set_vehicle(ours, self.identity.uid)
+
+    def choose_vehicle(self, system_id: int) -> None:
+        """Serve another vehicle; the flight of the one before ends here, not on its drone."""
+        if not self.flight.ended:
+            self._end_flight()
+        self.identity.choose(system_id)
+        self._named.clear()
+        self._foreign_told = False
+        self.state, self.temperature_c, self.drone_directory = None, None, ""
+        self.sent_tags = ()
+        if self.link is not None:
+            self.link.protocol.forget()
+            self.vehicle = VehicleWatch(self.link.protocol.own, self.identity)
+        self.note(5, f"this page serves vehicle {system_id} now")
+        self.send_state()
 
     def _tell_faults(self, faults: int) -> None:
         """Tell of frames that could not be handled: of the first, then when they double."""

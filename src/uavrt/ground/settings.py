@@ -80,6 +80,9 @@ class GroundStore:
             ) from error
         kept = self._read()
         self.current_flight: str | None = kept.get("current_flight")
+        # Only while a flight goes on: tomorrow it may be another drone.
+        self.vehicle = _vehicle(kept) if self.current_flight else (None, None)
+        """System number and unique number of the vehicle that is served."""
         self.settings = GroundSettings()
         for name, value in kept.get("settings", {}).items():
             with contextlib.suppress(UavrtError):
@@ -113,6 +116,12 @@ class GroundStore:
         self.current_flight = flight_id
         self._write()
 
+    def set_vehicle(self, system_id: int | None, uid: str | None) -> None:
+        """Keep which vehicle is served, for a restart in flight."""
+        if self.vehicle != (system_id, uid):
+            self.vehicle = (system_id, uid)
+            self._write()
+
     def _read(self) -> dict[str, Any]:
         try:
             kept = json.loads((self.directory / "ground.json").read_text(encoding="utf-8"))
@@ -121,12 +130,23 @@ class GroundStore:
         return kept if isinstance(kept, dict) else {}
 
     def _write(self) -> None:
-        kept = {"settings": asdict(self.settings), "current_flight": self.current_flight}
+        kept = {
+            "settings": asdict(self.settings),
+            "current_flight": self.current_flight,
+            "vehicle": list(self.vehicle),
+        }
         path = self.directory / "ground.json"
         try:
             write_text_atomically(path, json.dumps(kept, indent=1) + "\n")
         except OSError as error:
             raise ConfigError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _vehicle(kept: dict[str, Any]) -> tuple[int | None, str | None]:
+    match kept.get("vehicle"):
+        case [int(system_id), str() | None as uid]:
+            return system_id, uid
+    return None, None
 
 
 def _judged(name: str, value: Any) -> Any:

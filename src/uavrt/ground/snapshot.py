@@ -29,9 +29,10 @@ def snapshot(session: "GroundSession") -> dict[str, Any]:
         },
         "drone": {
             "present": situation.drone_present,
-            "system_id": link.protocol.drone.system_id
-            if link and link.protocol.drone
-            else None,
+            "system_id": session.identity.system_id,
+            "unique_number": session.identity.uid,
+            "others": sorted(session.identity.others),
+            "foreign": situation.foreign,
             "state": session.state.value if session.state else None,
             "cpu_temperature_c": session.temperature_c,
             "directory": session.drone_directory or None,
@@ -39,6 +40,9 @@ def snapshot(session: "GroundSession") -> dict[str, Any]:
         },
         "link": link_state(session, now_ns),
         "vehicle": None if pose is None else pose_record(pose, now_ns),
+        "home": None
+        if watch is None or watch.home is None
+        else {"latitude_deg": watch.home[0], "longitude_deg": watch.home[1]},
         "armed": watch.armed if watch else None,
         "battery_v": watch.battery_v if watch else None,
         "battery_percent": watch.battery_percent if watch else None,

@@ -4,6 +4,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from uavrt.ground.identity import VehicleIdentity
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavComponent
 from uavrt.mavlink.discovery import Peer
@@ -17,6 +18,7 @@ POSE_SILENCE_NS = ns_from_s(3.0)
 ASK_AGAIN_NS = ns_from_s(5.0)
 ASKED_HZ = 5.0
 """Rate of attitude and position asked of an autopilot that sends none: 0.4 kB/s together."""
+FACTS_AGAIN_NS = ns_from_s(20.0)
 LOSS_WINDOW_NS = ns_from_s(30.0)
 SILENCE_NS = ns_from_s(6.0)
 """As for the drone: after this there is no link whose loss could be told."""
@@ -68,14 +70,22 @@ class VehicleWatch:
     ----------
     own : Peer
         Our own numbers.
+    identity : VehicleIdentity, optional
+        Which vehicle is served; until that is known the first autopilot is watched.
     """
 
-    def __init__(self, own: Peer) -> None:
+    def __init__(self, own: Peer, identity: VehicleIdentity | None = None) -> None:
         self._own = own
+        self.identity = VehicleIdentity() if identity is None else identity
+        self._forget()
+
+    def _forget(self) -> None:
         self.autopilot: Peer | None = None
         self.armed: bool | None = None
         self.pose: Pose | None = None
         """The vehicle's latest pose, on the ground's clock."""
+        self.home: tuple[float, float] | None = None
+        """Latitude and longitude of where it took off, as the autopilot tells."""
         self.radio: RadioLevels | None = None
         self.battery_v: float | None = None
         self.battery_percent: int | None = None
@@ -85,6 +95,7 @@ class VehicleWatch:
         self._attitude: tuple[float, float, float, float] | None = None
         self._heard_ns = 0
         self._asked_ns = 0
+        self._facts_asked_ns = 0
         self._ping_number = 0
 
     def receive(self, frame: Frame, now_ns: int) -> Pose | None:
@@ -99,13 +110,24 @@ class VehicleWatch:
         if frame.component_id != MavComponent.COMP_ID_AUTOPILOT1:
             return None
         peer = Peer(frame.system_id, frame.component_id)
-        if isinstance(message, dialect.Heartbeat) and not self.present(now_ns):
-            self.autopilot = peer
-        if peer != self.autopilot:
+        ours = self.identity.system_id
+        if isinstance(message, dialect.Heartbeat):
+            self._hear(peer, now_ns)
+        if peer != self.autopilot or (ours is not None and peer.system_id != ours):
             return None
         self._heard_ns = now_ns
         self.loss.add(frame.sequence, now_ns)
         return self._take(message, now_ns)
+
+    def _hear(self, peer: Peer, now_ns: int) -> None:
+        """Take an autopilot's heartbeat: of our vehicle, or before that is known of any."""
+        ours = self.identity.system_id
+        if ours is None:
+            if not self.present(now_ns):
+                self.autopilot = peer
+        elif self.identity.heard(peer.system_id, now_ns) and peer != self.autopilot:
+            self._forget()  # what was known is another vehicle's
+            self.autopilot = peer
 
     def present(self, now_ns: int) -> bool:
         """True while the autopilot is heard."""
@@ -117,23 +139,37 @@ class VehicleWatch:
         if not (silent and self.present(now_ns) and now_ns - self._asked_ns > ASK_AGAIN_NS):
             return []
         self._asked_ns = now_ns
-        assert self.autopilot is not None
         return [
-            dialect.CommandLong(
-                target_system=self.autopilot.system_id,
-                target_component=self.autopilot.component_id,
-                command=MavCmd.SET_MESSAGE_INTERVAL,
-                confirmation=0,
-                param1=float(message_id),
-                param2=1e6 / ASKED_HZ,
-                param3=0.0,
-                param4=0.0,
-                param5=0.0,
-                param6=0.0,
-                param7=0.0,
-            )
+            self._command(MavCmd.SET_MESSAGE_INTERVAL, float(message_id), 1e6 / ASKED_HZ)
             for message_id in (dialect.AttitudeQuaternion.ID, dialect.GlobalPositionInt.ID)
         ]
+
+    def questions(self, now_ns: int) -> list[Message]:
+        """Ask now and then which autopilot it is, and where it took off."""
+        due = self._facts_asked_ns == 0 or now_ns - self._facts_asked_ns > FACTS_AGAIN_NS
+        if not (due and self.present(now_ns)):
+            return []
+        self._facts_asked_ns = now_ns
+        return [
+            self._command(MavCmd.REQUEST_MESSAGE, float(message_id), 0.0)
+            for message_id in (dialect.AutopilotVersion.ID, dialect.HomePosition.ID)
+        ]
+
+    def _command(self, command: MavCmd, first: float, second: float) -> Message:
+        assert self.autopilot is not None
+        return dialect.CommandLong(
+            target_system=self.autopilot.system_id,
+            target_component=self.autopilot.component_id,
+            command=command,
+            confirmation=0,
+            param1=first,
+            param2=second,
+            param3=0.0,
+            param4=0.0,
+            param5=0.0,
+            param6=0.0,
+            param7=0.0,
+        )
 
     def ping(self, now_ns: int) -> Message:
         """Write the next ping, to everyone: the drone's companion answers."""
@@ -158,7 +194,11 @@ class VehicleWatch:
                 self.battery_v = message.voltage_battery / 1000.0 if known else None
                 percent = message.battery_remaining
                 self.battery_percent = percent if 0 <= percent <= 100 else None
-            case dialect.GlobalPositionInt():
+            case dialect.AutopilotVersion():
+                self.identity.take_version(message, now_ns)
+            case dialect.HomePosition() if message.latitude or message.longitude:
+                self.home = (message.latitude / 1e7, message.longitude / 1e7)
+            case dialect.GlobalPositionInt() if not self.identity.foreign(now_ns):
                 return self._take_position(message, now_ns)
         return None
 

@@ -63,6 +63,8 @@ class AutopilotSettings:
     """Where the ground station listens, as PX4's ground link sends to 14550."""
     flavour: Flavour = "px4"
     system_id: int = 1
+    unique_number: int = 0x75617672
+    """As AUTOPILOT_VERSION tells it."""
     companion_port: int = 0
     """Own port towards the companion; 0: any."""
     ground_port: int = 0
@@ -340,6 +342,11 @@ class FakeAutopilot:
         match message.command:
             case MavCmd.SET_MESSAGE_INTERVAL:
                 result = self._set_interval(side, message.param1, message.param2)
+            case MavCmd.REQUEST_MESSAGE if message.param1 in (
+                dialect.AutopilotVersion.ID,
+                dialect.HomePosition.ID,
+            ):
+                result = MavResult.ACCEPTED
             case MavCmd.PREFLIGHT_REBOOT_SHUTDOWN if message.param1 == 1:
                 result = MavResult.ACCEPTED
         ack = dialect.CommandAck(
@@ -349,8 +356,40 @@ class FakeAutopilot:
             target_component=sender[1],
         )
         self._send(side, ack)
+        if message.command == MavCmd.REQUEST_MESSAGE and result == 0:
+            self._send(side, self._fact(int(message.param1)))
         if message.command == MavCmd.PREFLIGHT_REBOOT_SHUTDOWN and result == 0:
             self.reboot()
+
+    def _fact(self, message_id: int) -> Message:
+        """What is told when it is asked for: which autopilot this is, or where home is."""
+        if message_id == dialect.AutopilotVersion.ID:
+            return dialect.AutopilotVersion(
+                capabilities=0,
+                flight_sw_version=0,
+                middleware_sw_version=0,
+                os_sw_version=0,
+                board_version=0,
+                flight_custom_version=bytes(8),
+                middleware_custom_version=bytes(8),
+                os_custom_version=bytes(8),
+                vendor_id=0,
+                product_id=0,
+                uid=self._settings.unique_number,
+            )
+        home = self._vehicle(self._booted_ns)
+        return dialect.HomePosition(
+            latitude=round(home.latitude_deg * 1e7),
+            longitude=round(home.longitude_deg * 1e7),
+            altitude=round(home.altitude_amsl_m * 1e3),
+            x=0.0,
+            y=0.0,
+            z=0.0,
+            q=(1.0, 0.0, 0.0, 0.0),
+            approach_x=0.0,
+            approach_y=0.0,
+            approach_z=0.0,
+        )
 
     def _set_interval(self, side: _Side, number: float, interval_us: float) -> MavResult:
         known = default_intervals_ns("px4", "companion")

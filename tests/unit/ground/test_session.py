@@ -22,10 +22,10 @@ SECOND_NS = 1_000_000_000
 class Drone:
     """Component 191, as far as a ground station hears it."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, system: int = 1) -> None:
         self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._sock.connect(("127.0.0.1", port))
-        self._writer = FrameWriter(1, 191)
+        self._writer = FrameWriter(system, 191)
 
     def send(self, message: Message) -> None:
         self._sock.send(self._writer.encode(message))
@@ -163,3 +163,35 @@ def test_a_command_that_nobody_acknowledges_fails_in_words(served: Any, drone: D
     answer = served.ask("POST", "/api/commands/stop", {})
     assert answer.status == 409
     assert "did not answer" in answer.json["message"]
+
+
+def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
+    served: Any, drone: Drone, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uavrt.ground.protocol.DRONE_SILENCE_NS", SECOND_NS // 5)
+    drone.heartbeat(SystemState.DETECTING)
+    until(served, lambda state: not state["flight"]["ended"])
+    other = Drone(served.mavlink_port, system=2)
+    try:
+        state = until(served, lambda state: not state["drone"]["present"])
+        other.heartbeat(SystemState.IDLE)
+        other.pulse(time.time_ns())
+        state = until(served, lambda state: state["drone"]["others"] == [2])
+        assert state["drone"]["system_id"] == 1
+        assert not state["drone"]["present"]
+        assert "not heard" in state["actions"]["stop"]["reason"]
+        assert state["flight"]["pulses"] == 0
+        drone.heartbeat(SystemState.DETECTING)
+        drone.pulse(time.time_ns())
+        until(served, lambda state: state["flight"]["pulses"] == 1)
+        log = [line["text"] for line in served.ask("GET", "/api/log").json]
+        assert "another vehicle, 2, is heard; this page keeps to 1" in log
+        flight_id = state["flight"]["flight_id"]
+        assert served.ask("POST", "/api/vehicle", {"system_id": "2"}).status == 422
+        assert served.ask("POST", "/api/vehicle", {"system_id": 2}).json["system_id"] == 2
+        other.heartbeat(SystemState.DETECTING)
+        state = until(served, lambda state: state["flight"]["flight_id"] != flight_id)
+        assert state["drone"]["system_id"] == 2
+        assert not state["flight"]["ended"]
+    finally:
+        other.close()

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from uavrt.ground.identity import VehicleIdentity
 from uavrt.ground.vehicle import LossMeter, VehicleWatch
 from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import Peer
@@ -31,8 +32,8 @@ PLACE = dialect.GlobalPositionInt(
 
 
 class Autopilot:
-    def __init__(self, component: int = 1) -> None:
-        self._writer = FrameWriter(1, component)
+    def __init__(self, component: int = 1, system: int = 1) -> None:
+        self._writer = FrameWriter(system, component)
 
     def frame(self, message: Message) -> Frame:
         (frame,) = FrameParser().feed(self._writer.encode(message))
@@ -76,6 +77,55 @@ def test_an_autopilot_that_sends_nothing_is_asked_now_and_then() -> None:
     assert watch.requests(NOW_NS + SECOND) == []
     watch.receive(autopilot.frame(PLACE), NOW_NS + SECOND)
     assert watch.requests(NOW_NS + 3 * SECOND) == []
+
+
+def version(uid: int) -> dialect.AutopilotVersion:
+    return dialect.AutopilotVersion(
+        capabilities=0,
+        flight_sw_version=0,
+        middleware_sw_version=0,
+        os_sw_version=0,
+        board_version=0,
+        flight_custom_version=bytes(8),
+        middleware_custom_version=bytes(8),
+        os_custom_version=bytes(8),
+        vendor_id=0,
+        product_id=0,
+        uid=uid,
+    )
+
+
+def test_after_a_silence_only_the_same_vehicle_is_watched_again() -> None:
+    identity = VehicleIdentity()
+    watch = VehicleWatch(Peer(255, 190), identity)
+    first, second = Autopilot(), Autopilot(system=2)
+    identity.heard(1, NOW_NS)  # its companion
+    watch.receive(first.frame(HEARTBEAT), NOW_NS)
+    assert watch.receive(first.frame(PLACE), NOW_NS)
+    later_ns = NOW_NS + 60 * SECOND
+    watch.receive(second.frame(HEARTBEAT), later_ns)
+    assert watch.receive(second.frame(PLACE), later_ns) is None
+    assert not watch.present(later_ns)
+    assert list(identity.others) == [2]
+    watch.receive(first.frame(HEARTBEAT), later_ns)
+    assert watch.receive(first.frame(PLACE), later_ns)
+
+
+def test_another_autopilot_under_the_same_number_gives_no_poses() -> None:
+    identity = VehicleIdentity()
+    watch, autopilot = VehicleWatch(Peer(255, 190), identity), Autopilot()
+    identity.heard(1, NOW_NS)
+    watch.receive(autopilot.frame(HEARTBEAT), NOW_NS)
+    asked = [m.param1 for m in watch.questions(NOW_NS) if isinstance(m, dialect.CommandLong)]
+    assert asked == [dialect.AutopilotVersion.ID, dialect.HomePosition.ID]
+    assert watch.questions(NOW_NS + SECOND) == []
+    watch.receive(autopilot.frame(version(7)), NOW_NS)
+    assert watch.receive(autopilot.frame(PLACE), NOW_NS)
+    watch.receive(autopilot.frame(version(8)), NOW_NS + SECOND)
+    assert identity.foreign(NOW_NS + SECOND)
+    assert watch.receive(autopilot.frame(PLACE), NOW_NS + SECOND) is None
+    identity.choose(1)
+    assert watch.receive(autopilot.frame(PLACE), NOW_NS + SECOND)
 
 
 def test_only_the_drones_answer_is_a_round_trip() -> None:
