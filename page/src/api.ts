@@ -2,11 +2,26 @@
 
 import type { FieldFault } from "./types";
 
+/** This page's own name, kept over a reload: one page commands, others look on. */
+export const PAGE = pageName();
+
+function pageName(): string {
+  const made = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, "0")).join("");
+  try {
+    const kept = sessionStorage.getItem("page") ?? made;
+    sessionStorage.setItem("page", kept);
+    return kept;
+  } catch {
+    return made; // a private window: a reload is another page
+  }
+}
+
 export class ApiError extends Error {
   constructor(
     message: string,
     readonly status: number,
     readonly faults: FieldFault[] = [],
+    readonly body: Record<string, unknown> = {},
   ) {
     super(message);
   }
@@ -16,10 +31,15 @@ export async function get<T>(path: string): Promise<T> {
   return answer<T>(await fetch(`/api${path}`));
 }
 
-export async function send<T>(method: "POST" | "PUT" | "DELETE", path: string, body: unknown): Promise<T> {
+export async function send<T>(
+  method: "POST" | "PUT" | "DELETE",
+  path: string,
+  body: unknown,
+  headers: Record<string, string> = {},
+): Promise<T> {
   const response = await fetch(`/api${path}`, {
     method,
-    headers: { "Content-Type": "application/json" },
+    headers: { "Content-Type": "application/json", "X-Page": PAGE, ...headers },
     body: JSON.stringify(body),
   });
   return answer<T>(response);
@@ -38,10 +58,16 @@ async function answer<T>(response: Response): Promise<T> {
   if (response.ok) return (await response.json()) as T;
   const body = (await response.json().catch(() => ({}))) as Record<string, unknown>;
   const text = String(body.error ?? body.message ?? `the server answered ${response.status}`);
-  throw new ApiError(text, response.status, (body.faults as FieldFault[] | undefined) ?? []);
+  throw new ApiError(text, response.status, (body.faults as FieldFault[] | undefined) ?? [], body);
 }
 
 async function reason(response: Response): Promise<string> {
   const body = (await response.json().catch(() => ({}))) as Record<string, unknown>;
   return String(body.error ?? `the server answered ${response.status}`);
+}
+
+/** Send a file as it is. */
+export async function upload<T>(path: string, file: File): Promise<T> {
+  const headers = { "Content-Type": "application/octet-stream", "X-Page": PAGE };
+  return answer<T>(await fetch(`/api${path}`, { method: "PUT", headers, body: file }));
 }

@@ -1,6 +1,6 @@
 /** Flights that are still on the drone. */
 
-import { ApiError, get, send } from "./api";
+import { ApiError, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { toast } from "./notice";
 import { store } from "./store";
@@ -43,7 +43,7 @@ async function list(): Promise<void> {
   const holder = by("drone-flights");
   fill(holder, h("p", { class: "note" }, "Asking the drone …"));
   try {
-    const found = await get<Remote[]>("/drone/flights");
+    const found = await send<Remote[]>("POST", "/drone/flights", {});
     fill(
       holder,
       found.length ? null : h("p", { class: "empty" }, "No flight on the drone."),

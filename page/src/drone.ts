@@ -1,6 +1,6 @@
 /** The drone's upkeep: its radio, its parameters, its flights. */
 
-import { ApiError, get, send } from "./api";
+import { ApiError, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { toast } from "./notice";
 import { store } from "./store";
@@ -77,7 +77,7 @@ async function read(): Promise<void> {
   const note = by("drone-note");
   say(note, "Asking the drone …");
   try {
-    const found = await get<Record<string, number>>("/parameters");
+    const found = await send<Record<string, number>>("POST", "/parameters", {});
     const names = Object.keys(found).sort();
     fill(by("parameters"), ...names.map((name) => row(name, found[name]!)));
     say(note, `${names.length} parameters`);

@@ -8,12 +8,15 @@ import { drawFollow, drawLegend, layerBox, legend, offerMaps } from "./layers";
 import { MapView } from "./map";
 import { toast } from "./notice";
 import { drawReplay, replayBar } from "./replay";
+import { save, unsaved } from "./setup";
 import { store } from "./store";
 import type { Choices, TagRow } from "./types";
 import { drawWalk, walkBox } from "./walk";
 
 const ACTIONS = ["send_tags", "start", "stop", "capture", "mark"];
-const KEYS: Record<string, string> = { send_tags: "T", start: "S", stop: "X", capture: "C", mark: "M" };
+/** Shift with the letter: a key that is hit by chance must not end a search. */
+const KEYS: Record<string, string> = { send_tags: "⇧T", start: "⇧S", stop: "⇧X", capture: "⇧C", mark: "M" };
+const SHORTCUTS: Record<string, string> = { send_tags: "Shift+T", start: "Shift+S", stop: "Shift+X", capture: "Shift+C", mark: "M" };
 const DETECTOR_LOST_S = 15;
 const RATE_WINDOW_NS = 60e9;
 
@@ -36,14 +39,17 @@ export function mapView(): MapView {
   return view;
 }
 
-export function buildFly(): void {
+let openView: (name: string) => void = () => undefined;
+
+export function buildFly(go: (name: string) => void): void {
+  openView = go;
   const actions = h("div", { class: "actions", role: "group", "aria-label": "Flight" });
   for (const name of ACTIONS) {
     const button = h("button", {
       id: `act-${name}`,
       class: `act act-${name}`,
       "aria-describedby": "act-reason",
-      "aria-keyshortcuts": KEYS[name],
+      "aria-keyshortcuts": SHORTCUTS[name],
       onclick: () => void act(name),
     });
     button.addEventListener("pointerenter", () => showReason(name));
@@ -86,11 +92,17 @@ export async function act(name: string): Promise<void> {
   const button = buttons.get(name);
   const action = store.state?.actions[name];
   if (!button || !action) return;
-  if (store.review) {
+  // What runs can always be stopped, whatever is looked at.
+  if (store.review && name !== "stop") {
     toast("This is a past flight: go back to the live one first", 5);
     return;
   }
-  if (!action.enabled) {
+  if (name === "send_tags" && unsaved() && !(await save())) {
+    toast("The typed tags are not saved, so nothing was sent: see Set-up", 4);
+    openView("setup");
+    return;
+  }
+  if (!store.state?.actions[name]?.enabled && !(name === "send_tags" && action.reason?.startsWith("No tags"))) {
     toast(action.reason ?? "Not now", 5);
     return;
   }
@@ -111,7 +123,7 @@ function drawActions(): void {
     if (!action) continue;
     const label = name === "send_tags" && state.tags_sent ? "Tags sent" : action.label;
     if (button.textContent !== label) fill(button, label, h("kbd", {}, KEYS[name]));
-    const off = !action.enabled || store.review !== null;
+    const off = !action.enabled || (store.review !== null && name !== "stop");
     // Not "disabled": a button that can be focused can say why it does nothing.
     button.setAttribute("aria-disabled", String(off));
     button.title = action.reason ?? "";
@@ -136,7 +148,8 @@ function drawActions(): void {
 /** The button that the operator most likely wants now. */
 function nextStep(): string | null {
   const actions = store.state?.actions;
-  if (!actions || store.review) return null;
+  if (!actions) return null;
+  if (store.review) return actions.stop?.enabled && store.state?.drone.state === "detecting" ? "stop" : null;
   if (actions.send_tags?.enabled && !store.state?.tags_sent) return "send_tags";
   if (actions.start?.enabled) return "start";
   if (actions.stop?.enabled && store.state?.drone.state === "detecting") return "stop";

@@ -2,6 +2,7 @@
 
 import "maplibre-gl/dist/maplibre-gl.css";
 import { act, buildFly, mapView } from "./fly";
+import { send } from "./api";
 import { append, by, fill, h, say } from "./dom";
 import { buildFlights, refresh } from "./flights";
 import { dateTime, fixed, span } from "./format";
@@ -89,10 +90,12 @@ function drawHeader(): void {
   const state = store.state;
   const offline = by("banner");
   const silent = store.online && !store.review && droneSilent(state);
-  offline.hidden = store.online && !store.review && !state?.flight.fault && !state?.connection.error && !silent;
+  const others = store.online && !!state && (state.drone.foreign || (!state.drone.present && state.drone.others.length > 0));
+  offline.hidden = store.online && !store.review && !state?.flight.fault && !state?.connection.error && !silent && !others;
   if (!store.online) say(offline, "The ground station does not answer. What was received is safe; this page goes on by itself.");
   else if (state?.flight.fault) say(offline, state.flight.fault);
   else if (state?.connection.error) say(offline, state.connection.error);
+  else if (others && state) drawOthers(offline, state);
   else if (silent) say(offline, "The drone is not heard. What it finds it keeps, and sends when it is heard again; this page goes on by itself.");
   else if (store.review) say(offline, `Past flight of ${dateTime(store.review.start_time_ns)}${store.other ? `, dashed beside it that of ${dateTime(store.other.summary.start_time_ns)}` : ""}`);
   offline.className = store.online && store.review && !state?.flight.fault ? "info" : "";
@@ -112,6 +115,29 @@ function drawHeader(): void {
   chip("flight", flight.flight_id ? `${flight.ended ? "ended" : span(length)} · ${flight.pulses} pulses` : "no flight", flight.flight_id && !flight.ended ? "live" : "");
   const warm = state.drone.cpu_temperature_c;
   by("chip-state").title = warm === null ? "" : `Computer on board: ${warm.toFixed(0)} °C`;
+}
+
+/** Another vehicle is heard: it is named, and taken only when the operator says so. */
+function drawOthers(banner: HTMLElement, state: State): void {
+  const ours = state.drone.system_id;
+  const choices = state.drone.foreign ? [ours!] : state.drone.others;
+  const told = state.drone.foreign
+    ? `Another autopilot answers as vehicle ${ours}. Give each a number of its own (MAV_SYS_ID).`
+    : `Vehicle ${ours} is not heard. This page keeps to it.`;
+  const key = `${told}${choices.join()}`;
+  if (banner.dataset.key === key && banner.querySelector("button")) return;
+  banner.dataset.key = key;
+  fill(
+    banner,
+    told,
+    ...choices.map((number) =>
+      h(
+        "button",
+        { class: "take-vehicle", "data-vehicle": number, onclick: () => void send("POST", "/vehicle", { system_id: number }) },
+        state.drone.foreign ? "Take this one" : `Change to vehicle ${number}`,
+      ),
+    ),
+  );
 }
 
 /** Nothing comes from a drone that is in flight as far as is known here. */
@@ -147,7 +173,8 @@ function toggleVoice(): void {
   by("voice").setAttribute("aria-pressed", String(speaking()));
 }
 
-const ACTION_KEYS: Record<string, string> = { t: "send_tags", s: "start", x: "stop", c: "capture", m: "mark" };
+/** With Shift, but for a mark, which harms nothing. */
+const ACTION_KEYS: Record<string, string> = { T: "send_tags", S: "start", X: "stop", C: "capture", m: "mark" };
 
 function keys(event: KeyboardEvent): void {
   const target = event.target as HTMLElement;
@@ -171,7 +198,7 @@ try {
 // Before the map is made: its ground has the theme's colour.
 document.documentElement.dataset.theme = theme;
 buildHeader();
-buildFly();
+buildFly(show);
 buildPlots();
 buildSetup();
 buildLog();

@@ -6,6 +6,7 @@ import { store } from "./store";
 import type { BearingRecord, PositionRecord } from "./types";
 
 const ROSE_PX = 116;
+const SILENCE_PX = 12;
 
 export function droneElement(): HTMLElement {
   const shape = svg(
@@ -25,14 +26,17 @@ export function roseElement(one: BearingRecord): HTMLElement {
   const low = Math.min(min(heard), top - 6);
   const half = ROSE_PX / 2;
   const shapes: SVGElement[] = [svg("circle", { r: half - 1, class: "rose-rim" })];
+  const listened = listenedIn(one);
   one.rose_snr_db.forEach((value, sector) => {
-    if (value === null) return;
-    const radius = (half - 3) * (0.25 + (0.75 * (value - low)) / (top - low));
+    // Listened in vain: a short grey petal; where nobody listened there is none.
+    if (value === null && !listened.has(sector)) return;
+    const radius = value === null ? SILENCE_PX : (half - 3) * (0.25 + (0.75 * (value - low)) / (top - low));
     const middle = (sector * 2 * Math.PI) / one.rose_snr_db.length;
     const wide = Math.PI / one.rose_snr_db.length;
     const at = (angle: number) => `${radius * Math.sin(angle)} ${-radius * Math.cos(angle)}`;
     const path = `M0 0L${at(middle - wide)}A${radius} ${radius} 0 0 1 ${at(middle + wide)}Z`;
-    shapes.push(svg("path", { d: path, fill: snrColour(value), class: "rose-petal" }));
+    if (value === null) shapes.push(svg("path", { d: path, class: "rose-silence" }));
+    else shapes.push(svg("path", { d: path, fill: snrColour(value), class: "rose-petal" }));
   });
   const label = `Pulse rose of turn ${one.turn + 1}, bearing ${Math.round(one.bearing_deg)} degrees`;
   const element = h("div", { class: "rose", role: "img", "aria-label": label });
@@ -40,6 +44,28 @@ export function roseElement(one: BearingRecord): HTMLElement {
     svg("svg", { viewBox: `${-half} ${-half} ${ROSE_PX} ${ROSE_PX}`, width: ROSE_PX, height: ROSE_PX }, ...shapes),
   );
   return element;
+}
+
+/** Sectors that the antenna looked to in a turn, by the track's headings. */
+function listenedIn(one: BearingRecord): Set<number> {
+  const { track } = store;
+  const sectors = one.rose_snr_db.length;
+  const offset = store.settings?.antenna_offset_deg ?? 0;
+  const found = new Set<number>();
+  for (let place = 0; place < track.count; place += 1) {
+    if (track.time[place]! < one.start_time_ns || track.time[place]! > one.end_time_ns) continue;
+    const turned = ((track.yaw[place]! + offset) % 360 + 360) % 360;
+    found.add(Math.floor(turned / (360 / sectors) + 0.5) % sectors);
+  }
+  return found;
+}
+
+export function markElement(text: string): HTMLElement {
+  return h("div", { class: "mark-place", title: text }, h("span", { class: "mark-flag" }, "⚑"), text ? h("span", { class: "fix-name" }, text) : null);
+}
+
+export function meElement(): HTMLElement {
+  return h("div", { class: "me", role: "img", "aria-label": "You" });
 }
 
 /** In place of a rose, where the drone told a bearing and not its pulses: a square, with its ray's direction. */

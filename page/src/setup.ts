@@ -31,6 +31,8 @@ const FIELDS: Field[] = [
 let rows: TagRow[] = [];
 let faults: FieldFault[] = [];
 let changed = false;
+/** Version of the table that the edits began with. */
+let begun = "";
 let choices: Choices | null = null;
 let checking = 0;
 
@@ -58,12 +60,23 @@ export function buildSetup(): void {
         ),
         h("div", { id: "tag-table", class: "table-wrap" }),
         h("p", { id: "tag-fault", class: "fault-line", role: "alert" }),
+        h(
+          "div",
+          { id: "tag-conflict", class: "conflict", role: "alert", hidden: true },
+          h("span", {}, "Another page has changed the tags meanwhile."),
+          h("button", { id: "tag-theirs", onclick: () => takeTheirs() }, "Take theirs"),
+          h("button", { id: "tag-mine", onclick: () => void keepMine() }, "Keep mine"),
+        ),
       ),
       droneSection(),
     ),
   );
   store.on(["tags"], () => {
-    if (changed) return;
+    if (changed) {
+      drawConflict();
+      return;
+    }
+    begun = store.tagsVersion;
     rows = structuredClone(store.tags);
     faults = [];
     draw();
@@ -83,7 +96,8 @@ function addRow(): void {
   const preset = choices?.presets[Number((by("tag-preset") as HTMLSelectElement).value || "-1")];
   const last = rows.at(-1);
   const ids = rows.map((row) => Number(row.id)).filter(Number.isFinite);
-  const like = preset ?? last ?? choices?.presets[0] ?? {};
+  // A first tag is like none: what is not typed is not assumed.
+  const like = preset ?? last ?? { interval_uncertainty_ms: 60, interval_jitter_ms: 20 };
   const row: TagRow = {};
   for (const field of FIELDS) row[field.key] = (like as TagRow)[field.key] ?? "";
   // Even ids, as the original ground station wants them.
@@ -165,22 +179,57 @@ async function check(): Promise<void> {
   }
 }
 
-async function save(): Promise<void> {
+function drawConflict(): void {
+  by("tag-conflict").hidden = !changed || begun === store.tagsVersion;
+}
+
+function takeTheirs(): void {
+  changed = false;
+  checking += 1;
+  begun = store.tagsVersion;
+  rows = structuredClone(store.tags);
+  faults = [];
+  say(by("tag-state"), "");
+  draw();
+  drawConflict();
+}
+
+async function keepMine(): Promise<void> {
+  begun = store.tagsVersion;
+  drawConflict();
+  await save();
+}
+
+/** Whether something was typed that the table does not hold yet. */
+export function unsaved(): boolean {
+  return changed;
+}
+
+/** Keep what is typed; false where it has a fault, or another page was first. */
+export async function save(): Promise<boolean> {
   checking += 1;
   try {
-    const answer = await send<{ tags: TagRow[] }>("PUT", "/tags", rows);
+    const answer = await send<{ tags: TagRow[]; version: string }>("PUT", "/tags", rows, { "If-Match": `"${begun}"` });
     rows = answer.tags;
+    begun = answer.version;
     faults = [];
     changed = false;
     say(by("tag-state"), "saved");
     draw();
+    drawConflict();
+    return true;
   } catch (error) {
     if (error instanceof ApiError && error.faults.length) {
       faults = error.faults;
       drawFaults();
       const first = faults[0]!;
       cell(first.row, first.field)?.focus();
+    } else if (error instanceof ApiError && error.status === 412) {
+      store.tagsVersion = String(error.body.version);
+      store.tags = error.body.tags as TagRow[];
+      drawConflict();
     } else toast(error instanceof ApiError ? error.message : "the server is not reached", 3);
+    return false;
   }
 }
 

@@ -3,7 +3,7 @@
  * after a restart of the server the same is fetched again.
  */
 
-import { columns, get } from "./api";
+import { columns, get, PAGE } from "./api";
 import { PULSE_NAMES, Pulses } from "./pulses";
 import { emptyTrack, extend, MOST_POSES, POSE_NAMES, type Track, trackFrom } from "./track";
 import type {
@@ -12,6 +12,7 @@ import type {
   Estimates,
   FlightSummary,
   LogLine,
+  MarkRecord,
   PoseRecord,
   PositionRecord,
   PulseRecord,
@@ -39,17 +40,26 @@ export type Topic =
 
 /** A flight as it lies on the server's disk. */
 export interface Stored extends Estimates {
-  summary: FlightSummary & { rows: TagRow[]; log: LogLine[] };
+  summary: FlightSummary & {
+    rows: TagRow[];
+    log: LogLine[];
+    home: { latitude_deg: number; longitude_deg: number } | null;
+    marks: MarkRecord[];
+  };
   pulses: Pulses;
   track: Track;
 }
 
 const RECONNECT_MS = 1000;
+/** Radius of 95 % of a round normal distribution, in standard deviations along one axis. */
+const SHARE95 = Math.sqrt(-2 * Math.log(0.05)) / Math.SQRT2;
 
 class Store {
   online = false;
   state: State | null = null;
   tags: TagRow[] = [];
+  /** Names the content of the table, so that two pages do not overwrite each other. */
+  tagsVersion = "";
   settings: Settings | null = null;
   log: LogLine[] = [];
   pulses = new Pulses();
@@ -120,6 +130,29 @@ class Store {
   pulseNowNs(): number {
     if (this.review) return this.nowNs();
     return this.nowNs() - (this.state?.drone.clock_skew_s ?? 0) * 1e9;
+  }
+
+  /** Whether another page commands, and this one only looks on. */
+  looksOn(): boolean {
+    const commander = this.state?.commander ?? null;
+    return commander !== null && commander !== PAGE;
+  }
+
+  marks(): MarkRecord[] {
+    return this.review ? this.review.marks : (this.state?.marks ?? []);
+  }
+
+  /** Seconds since a tag was last in a bearing, now or at the replay's time; null: never. */
+  age(id: number): number | null {
+    const ends = this.bearings.filter((one) => one.tag_id === id && one.accepted).map((one) => one.end_time_ns);
+    return ends.length ? Math.max(0, (this.pulseNowNs() - Math.max(...ends)) / 1e9) : null;
+  }
+
+  /** A position's radius as it is by now: an animal that roams is less sure every minute. */
+  radiusNow(fix: PositionRecord): number | null {
+    if (fix.radius95_m === null) return null;
+    const minutes = (this.age(fix.tag_id) ?? 0) / 60;
+    return Math.hypot(fix.radius95_m, SHARE95 * (this.settings?.roaming_m ?? 0) * Math.sqrt(minutes));
   }
 
   tagRows(): TagRow[] {
@@ -234,7 +267,7 @@ class Store {
 
   connect(): void {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/api/records`);
+    const socket = new WebSocket(`${scheme}://${location.host}/api/records?page=${PAGE}`);
     socket.onmessage = (event) => this.receive(JSON.parse(String(event.data)));
     socket.onclose = () => {
       if (this.online) {
@@ -251,6 +284,7 @@ class Store {
         const hello = message.record as {
           state: State;
           tags: TagRow[];
+          tags_version: string;
           settings: Settings;
           log: LogLine[];
           download: Download | null;
@@ -258,6 +292,7 @@ class Store {
         this.online = true;
         this.takeState(hello.state);
         this.tags = hello.tags;
+        this.tagsVersion = hello.tags_version;
         this.settings = hello.settings;
         this.log = hello.log;
         this.download = hello.download;
@@ -270,6 +305,9 @@ class Store {
       }
       case "state":
         this.takeState(message.record as State);
+        break;
+      case "tags_version":
+        this.tagsVersion = String(message.record);
         break;
       case "tags":
         this.tags = message.record as TagRow[];

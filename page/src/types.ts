@@ -40,6 +40,11 @@ export interface State {
   drone: {
     present: boolean;
     system_id: number | null;
+    unique_number: string | null;
+    /** Other vehicles on this link. */
+    others: number[];
+    /** Another autopilot answers under the same number. */
+    foreign: boolean;
     state: string | null;
     cpu_temperature_c: number | null;
     directory: string | null;
@@ -52,6 +57,11 @@ export interface State {
     counters: Record<string, number>;
   };
   vehicle: PoseRecord | null;
+  /** The page that commands; null: none does. */
+  commander: string | null;
+  marks: MarkRecord[];
+  /** Where it took off, as the autopilot tells. */
+  home: { latitude_deg: number; longitude_deg: number } | null;
   armed: boolean | null;
   battery_v: number | null;
   battery_percent: number | null;
@@ -84,6 +94,10 @@ export interface Settings {
   antenna_offset_deg: number;
   gain: number | null;
   center_frequency_mhz: number | null;
+  /** How far an animal goes in a minute, in steps that forget each other. */
+  roaming_m: number;
+  /** Tags of the table that are not flown with. */
+  left_out: number[];
 }
 
 export interface BearingRecord {
@@ -191,4 +205,12 @@ export interface WaterfallRecord {
   columns: number;
   rows: number;
   values: string;
+}
+
+/** A place that the operator has marked. */
+export interface MarkRecord {
+  time_ns: number;
+  latitude_deg: number;
+  longitude_deg: number;
+  text: string;
 }

@@ -3,7 +3,7 @@
 import { get } from "./api";
 import { by, h, say } from "./dom";
 import { strongestSignal } from "./features";
-import { metres } from "./format";
+import { ago, metres } from "./format";
 import { bearingDeg, compass, distanceM, type LonLat } from "./geo";
 import { toast } from "./notice";
 import { speak } from "./speech";
@@ -11,6 +11,8 @@ import { store } from "./store";
 import type { Readout } from "./types";
 
 let format: keyof Readout = "decimal";
+/** A position is told with its age from here on. */
+const OLD_S = 60;
 let strongest: { key: string; readout: Readout } | null = null;
 
 export function walkBox(): HTMLElement {
@@ -60,7 +62,10 @@ export function drawWalk(): void {
     box.hidden = false;
     say(by("walk-title"), `Tag ${store.tagName(id)}`);
     const edge = fix.at_edge ? ", perhaps farther" : "";
-    say(by("walk-sure"), `within ${metres(fix.radius95_m)} (95\u202f%)${edge}`);
+    const age = store.age(id);
+    const old = age !== null && age >= OLD_S ? `, heard ${ago(age)}` : "";
+    say(by("walk-sure"), `within ${metres(store.radiusNow(fix))} (95\u202f%)${edge}${old}`);
+    box.classList.toggle("old", old !== "");
     say(by("walk-place"), fix.readout[format] ?? fix.readout.decimal);
     say(by("walk-way"), wayTo([fix.longitude_deg, fix.latitude_deg]));
     return;
@@ -96,12 +101,25 @@ export function drawWalk(): void {
 
 /** From where the drone took off: there the people stand. */
 function wayTo(place: LonLat): string {
-  const { track } = store;
-  if (!track.count) return "";
-  const start: LonLat = [track.lon[0]!, track.lat[0]!];
-  const far = distanceM(start, place);
-  const way = bearingDeg(start, place);
-  return `${metres(far)} ${compass(way)} (${Math.round(way)}°) of the take-off`;
+  const from = takeOff();
+  if (!from) return "";
+  const far = distanceM(from.at, place);
+  const way = bearingDeg(from.at, place);
+  return `${metres(far)} ${compass(way)} (${Math.round(way)}°) of ${from.named}`;
+}
+
+const ON_GROUND_M = 3;
+
+/** The autopilot's home; or else where the track leaves the ground; or else its beginning, called that. */
+export function takeOff(): { at: LonLat; named: string } | null {
+  const { track, review, state } = store;
+  const home = review ? review.home : state?.home;
+  if (home) return { at: [home.longitude_deg, home.latitude_deg], named: "the take-off" };
+  if (!track.count) return null;
+  let last = -1;
+  for (let place = 0; place < track.count && track.height[place]! < ON_GROUND_M; place += 1) last = place;
+  const at = Math.max(0, last);
+  return { at: [track.lon[at]!, track.lat[at]!], named: last >= 0 ? "the take-off" : "where the track begins" };
 }
 
 function spelled(): string {

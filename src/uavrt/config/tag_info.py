@@ -3,12 +3,24 @@
 ``# id, freq_hz, ip_msecs, pulse_width_msecs, ip_uncertainty_msecs, ip_jitter_msecs, k,
 false_alarm`` (reference/control.md §3.5). The heading may be missing or stand without its
 ``#``; comments, blank lines, spaces, and tabs or semicolons for commas are taken too.
+
+TagTracker's has ten: a name behind the id, and a second interval behind the first, 0 where the
+tag has one rate only. A line says by its numbers which of the two it has: a frequency is one of
+20 MHz to 1 GHz in hertz.
 """
 
 import re
 from collections.abc import Sequence
 
-from uavrt.config.tag_rules import Entry, Fault, Quantity, TagDraft
+from uavrt.config.tag_rules import (
+    MAX_FREQUENCY_HZ,
+    MIN_FREQUENCY_HZ,
+    MIN_PULSE_WIDTH_MS,
+    Entry,
+    Fault,
+    Quantity,
+    TagDraft,
+)
 from uavrt.messages import Tag
 
 COLUMNS: tuple[tuple[str, Quantity], ...] = (
@@ -70,20 +82,52 @@ def _cells(content: str) -> list[str]:
 
 
 def _draft(cells: list[str], line: int, faults: list[Fault]) -> TagDraft | None:
+    name, cells, second = _tagtrackers(cells)
     if len(cells) != len(COLUMNS):
         names = ", ".join(name for name, _ in COLUMNS)
         hint = " (write numbers with a point, 0.01)" if len(cells) > len(COLUMNS) else ""
         text = f"{len(cells)} values where {len(COLUMNS)} belong: {names}{hint}"
         faults.append(Fault(line=line, text=text))
         return None
-    draft = TagDraft(line=line)
-    for (name, quantity), cell in zip(COLUMNS, cells, strict=True):
+    draft = TagDraft(line=line, name=name)
+    columns = list(zip(COLUMNS, cells, strict=True))
+    if second is not None:
+        columns.insert(3, (("ip_msecs_2", "second_interval"), second))
+    for (label, quantity), cell in columns:
         if not _NUMBER.fullmatch(cell):
             shown = repr(cell[:40]) if cell else "nothing"
-            faults.append(Fault(line=line, text=f"{name} is {shown}, not a number"))
+            faults.append(Fault(line=line, text=f"{label} is {shown}, not a number"))
+            continue
+        if quantity == "second_interval" and float(cell) == 0.0:
             continue
         unit = "Hz" if quantity == "frequency" else ""
         draft.entries[quantity] = Entry(
-            number=float(cell), label=f"{name} {cell[:40]}", line=line, unit=unit
+            number=float(cell), label=f"{label} {cell[:40]}", line=line, unit=unit
         )
     return draft
+
+
+def _tagtrackers(cells: list[str]) -> tuple[str | None, list[str], str | None]:
+    """Part a name and a second interval, where they are, from the eight numbers."""
+    name = second = None
+    if len(cells) > len(COLUMNS) and not _is_frequency(cells[1]) and _is_frequency(cells[2]):
+        name, cells = cells[1], [cells[0], *cells[2:]]
+    if len(cells) == len(COLUMNS) + 1 and _is_frequency(cells[1]) and _is_interval(*cells[3:5]):
+        second, cells = cells[3], [*cells[:3], *cells[4:]]
+    return name or None, cells, second
+
+
+def _is_frequency(cell: str) -> bool:
+    return bool(_NUMBER.fullmatch(cell)) and (
+        MIN_FREQUENCY_HZ <= float(cell) <= MAX_FREQUENCY_HZ
+    )
+
+
+def _is_interval(cell: str, width: str) -> bool:
+    """Whether a cell is a second interval, or the 0 of none, before a pulse's width."""
+    if not (_NUMBER.fullmatch(cell) and _NUMBER.fullmatch(width)):
+        return False
+    width_ms = float(width)
+    return width_ms >= MIN_PULSE_WIDTH_MS and (
+        float(cell) == 0.0 or float(cell) > 2.0 * width_ms
+    )

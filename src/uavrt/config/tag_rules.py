@@ -28,6 +28,8 @@ Quantity = Literal[
 MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
 MAX_INTERVAL_MS = 60_000.0
 MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
+SHORTEST_LIKELY_MS = 60.0
+"""What is typed below this is a number of seconds, when it does not go with the pulse."""
 MAX_K = 100
 MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's (reference/control.md §6.2)
 MAX_ID = 2**32 - 1  # uint32 on the wire (reference/control.md §2.2)
@@ -134,6 +136,8 @@ def _fault_of_number(quantity: Quantity, entry: Entry) -> str | None:
         case "interval" | "second_interval":
             if not 0.0 < n <= MAX_INTERVAL_MS:
                 return f"must be above 0 and at most {MAX_INTERVAL_MS:.0f} ms"
+            if n < 2.0 * MIN_PULSE_WIDTH_MS:
+                return f"is too short for any pulse; is it in seconds? Write {n * 1e3:g}"
         case "pulse_width":
             if not MIN_PULSE_WIDTH_MS <= n <= MAX_PULSE_WIDTH_MS:
                 hint = "; is it in seconds?" if 0.0 < n < MIN_PULSE_WIDTH_MS else ""
@@ -174,8 +178,11 @@ def _fault_of_pairs(entries: dict[Quantity, Entry]) -> list[tuple[Entry, str]]:
     shortest = min(intervals, key=lambda entry: entry.number)
     width = entries.get("pulse_width")
     if width is not None and width.number >= shortest.number:
-        hint = "; is the interval in seconds?" if shortest.number < 60.0 else ""
-        found.append((width, f"must be shorter than the interval, {shortest.label}{hint}"))
+        if shortest.number < SHORTEST_LIKELY_MS:
+            # What else does not fit it is right, most likely.
+            text = f"must be longer than the pulse, {width.label}; is it in seconds?"
+            return [*found, (shortest, text)]
+        found.append((width, f"must be shorter than the interval, {shortest.label}"))
     timing: tuple[Quantity, ...] = ("interval_uncertainty", "interval_jitter")
     for quantity in timing:
         entry = entries.get(quantity)

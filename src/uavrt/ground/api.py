@@ -6,6 +6,7 @@ import json
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import asdict, dataclass
 from typing import Any
+from urllib.parse import quote
 
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
@@ -14,15 +15,18 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError, UsageError
 from uavrt.ground import maps, tag_table
 from uavrt.ground.column_answers import POSE_COLUMNS, chosen_columns, thinned
+from uavrt.ground.commands import place_in
 from uavrt.ground.coordinates import readout
 from uavrt.ground.estimates import Estimator
 from uavrt.ground.exports import EXPORTS, export
 from uavrt.ground.flights import PULSE_COLUMNS, Columns
 from uavrt.ground.hub import encode
+from uavrt.ground.places import Places
 from uavrt.ground.ports import serial_ports
 from uavrt.ground.reports import POLICY, Reporter
 from uavrt.ground.session import GroundSession
 from uavrt.localization import PATTERNS
+from uavrt.messages import Tag
 
 
 class Api:
@@ -55,7 +59,7 @@ class Api:
             ("/connection", "POST", self.connect),
             ("/vehicle", "POST", self.choose_vehicle),
             ("/commands/{name}", "POST", self.command),
-            ("/parameters", "GET", self.parameters),
+            ("/parameters", "POST", self.parameters),
             ("/readout", "GET", self.readout),
             ("/log", "GET", self.log),
             ("/flights", "GET", self.flights),
@@ -77,13 +81,22 @@ class Api:
         return tag_table.rows_from_tags(self._session.store.tags)
 
     async def put_tags(self, request: Request) -> Any:
-        """Keep the tag table if it has no fault; tell all faults otherwise."""
+        """Keep the tag table if it has no fault; tell all faults otherwise.
+
+        With ``If-Match: "VERSION"`` only while the table is still that one: another page may
+        have changed it.
+        """
         tags, faults = tag_table.tags_from_rows(await json_body(request))
         if faults:
             return _Answer(422, {"faults": [asdict(fault) for fault in faults]})
+        now = self._session.store.tags
+        wanted = request.headers.get("if-match", "*").strip('" ')
+        if wanted not in ("*", tag_table.table_version(now)):
+            changed = "the tags were changed by another page meanwhile"
+            return _Answer(412, {"error": changed, **_tag_answer(now)})
         self._session.store.set_tags(tags)
         self._session.tags_changed()
-        return {"faults": [], "tags": tag_table.rows_from_tags(tags)}
+        return {"faults": [], **_tag_answer(tags)}
 
     async def check_tags(self, request: Request) -> Any:
         """Tell the faults of a table that is being typed."""
@@ -162,7 +175,7 @@ class Api:
             "start": session.commands.start,
             "stop": session.commands.stop,
             "capture": session.commands.capture,
-            "mark": lambda: session.commands.mark(text),
+            "mark": lambda: session.commands.mark(text, place_in(body)),
             "save_logs": session.commands.save_logs,
             "clean_logs": session.commands.clean_logs,
             "radio_status": session.commands.radio_status,
@@ -177,7 +190,7 @@ class Api:
             return _Answer(409, {"accepted": False, "message": str(error)})
 
     async def parameters(self, request: Request) -> Any:
-        """The drone's parameters."""
+        """The drone's parameters, asked of it now: the radio is used."""
         return await self._session.commands.parameters()
 
     async def readout(self, request: Request) -> Any:
@@ -208,6 +221,7 @@ class Api:
             **asdict(summary),
             "rows": tag_table.rows_from_tags(summary.tags),
             "log": await asyncio.to_thread(library.log, flight_id),
+            **_place_records(await asyncio.to_thread(library.places, flight_id)),
         }
 
     async def pulses(self, request: Request) -> Any:
@@ -259,7 +273,8 @@ class Api:
         antenna = self._session.store.settings.antenna_choice
         found = await asyncio.to_thread(Estimator().estimate, columns, antenna)
         summary = self._session.library.summary(flight_id)
-        content = await asyncio.to_thread(export, name, summary, columns, found)
+        places = await asyncio.to_thread(self._session.library.places, flight_id)
+        content = await asyncio.to_thread(export, name, summary, columns, found, places)
         return _download(content, f"{flight_id}.{name}", EXPORTS[name])
 
     async def report(self, request: Request) -> Any:
@@ -377,6 +392,18 @@ async def json_body(request: Request) -> Any:
         raise FormatError(f"the request is not JSON: {error}") from error
 
 
+def _place_records(places: Places) -> dict[str, Any]:
+    home = places.home
+    return {
+        "home": home and {"latitude_deg": home[0], "longitude_deg": home[1]},
+        "marks": [asdict(mark) for mark in places.marks],
+    }
+
+
+def _tag_answer(tags: tuple[Tag, ...]) -> dict[str, Any]:
+    return {"tags": tag_table.rows_from_tags(tags), "version": tag_table.table_version(tags)}
+
+
 def _flight_id(request: Request) -> str:
     return str(request.path_params["flight_id"])
 
@@ -389,5 +416,7 @@ def _whole(request: Request, name: str, default: int, most: int) -> int:
 
 
 def _download(content: bytes, name: str, kind: str) -> Response:
-    disposition = f'attachment; filename="{name}"'
+    # RFC 6266: headers are Latin; the name in full comes percent-encoded.
+    plain = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in name)
+    disposition = f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(name, safe='')}"
     return Response(content, media_type=kind, headers={"Content-Disposition": disposition})

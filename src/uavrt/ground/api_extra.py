@@ -29,7 +29,7 @@ class ExtraApi:
     def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
         """Path below ``/api``, method, handler."""
         return [
-            ("/drone/flights", "GET", self.drone_flights),
+            ("/drone/flights", "POST", self.drone_flights),
             ("/drone/download", "GET", self.download),
             ("/drone/download", "POST", self.start_download),
             ("/drone/download", "DELETE", self.stop_download),
@@ -39,7 +39,7 @@ class ExtraApi:
         ]
 
     async def drone_flights(self, request: Request) -> Any:
-        """The flights on the drone."""
+        """The flights on the drone, asked of it now: the radio is used."""
         return await self._session.downloads.flights()
 
     async def download(self, request: Request) -> Any:

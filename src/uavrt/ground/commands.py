@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from uavrt.errors import FormatError, LinkError, UavrtError
 from uavrt.ground.actions import ACTIONS, Busy, action_states
 from uavrt.ground.link import GroundLink
+from uavrt.ground.places import mark_note
 
 if TYPE_CHECKING:
     from uavrt.ground.session import GroundSession
@@ -25,6 +26,18 @@ def _parameter(wish: Any) -> tuple[str, float]:
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         raise FormatError("value must be a number")
     return name, float(value)
+
+
+def place_in(wish: Any) -> tuple[float, float] | None:
+    """Read the place of a mark, None where it has none; raises `FormatError`."""
+    if not isinstance(wish, dict) or "latitude_deg" not in wish:
+        return None
+    place = wish.get("latitude_deg"), wish.get("longitude_deg")
+    match place:
+        case (int() | float() as north, int() | float() as east):
+            if abs(north) <= 90.0 and abs(east) <= 180.0:
+                return float(north), float(east)
+    raise FormatError("latitude_deg and longitude_deg must be a place on earth")
 
 
 class Commands:
@@ -116,12 +129,16 @@ class Commands:
         async with self._working("parameters", f"setting {name}"):
             return f"{name} = {await link.parameters.set(name, value):g}"
 
-    async def mark(self, text: str = "") -> str:
-        """Write a remark with the time and the drone's place into the flight."""
+    async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
+        """Write a remark with time and place (the drone's unless told) into the flight."""
         now_ns = self._session.clock.now_ns()
         pose = self._session.vehicle.pose if self._session.vehicle else None
-        place = "" if pose is None else f" at {pose.latitude_deg:.6f}, {pose.longitude_deg:.6f}"
-        note = f"mark{place}" + (f": {text.strip()[:200]}" if text.strip() else "")
+        if place is None and pose is not None:
+            place = (pose.latitude_deg, pose.longitude_deg)
+        if place is None:
+            note = "mark" + (f": {text.strip()[:200]}" if text.strip() else "")
+        else:
+            note = mark_note(*place, text)
         self._session.flight.add_note(note, now_ns)
         self._session.commit_soon()
         self._session.note(6, note)

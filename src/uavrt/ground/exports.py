@@ -1,4 +1,4 @@
-"""A flight as files for other programs: CSV, GeoJSON, KMZ, GPX."""
+"""A flight as files for other programs: CSV, GeoJSON, KML, KMZ, GPX."""
 
 import csv
 import io
@@ -14,6 +14,7 @@ import numpy as np
 from uavrt.clock import iso_utc
 from uavrt.ground.estimates import Estimates
 from uavrt.ground.flights import PULSE_COLUMNS, STATUSES, Columns, FlightSummary, known
+from uavrt.ground.places import Places
 
 RAY_M = 3000.0
 _TRACK_STEP_NS = 1_000_000_000
@@ -22,24 +23,32 @@ _EARTH_M = 6_371_000.0
 EXPORTS = {
     "csv": "text/csv",
     "geojson": "application/geo+json",
+    "kml": "application/vnd.google-earth.kml+xml",
     "kmz": "application/vnd.google-earth.kmz",
     "gpx": "application/gpx+xml",
 }
 """Formats and their media types."""
 
 
-def export(name: str, summary: FlightSummary, columns: Columns, found: Estimates) -> bytes:
-    """Write a flight in one of `EXPORTS`."""
-    writers: dict[str, Callable[[FlightSummary, Columns, Estimates], bytes]] = {
+def export(
+    name: str,
+    summary: FlightSummary,
+    columns: Columns,
+    found: Estimates,
+    places: Places | None = None,
+) -> bytes:
+    """Write a flight, with its marks, in one of `EXPORTS`."""
+    writers: dict[str, Callable[[FlightSummary, Columns, Estimates, Places], bytes]] = {
         "csv": _csv,
         "geojson": _geojson,
+        "kml": _kml,
         "kmz": _kmz,
         "gpx": _gpx,
     }
-    return writers[name](summary, columns, found)
+    return writers[name](summary, columns, found, places or Places(home=None, marks=()))
 
 
-def _csv(summary: FlightSummary, columns: Columns, found: Estimates) -> bytes:
+def _csv(summary: FlightSummary, columns: Columns, found: Estimates, places: Places) -> bytes:
     """Pulses, one a line; unknown is empty."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -54,7 +63,9 @@ def _csv(summary: FlightSummary, columns: Columns, found: Estimates) -> bytes:
     return stream.getvalue().encode()
 
 
-def _geojson(summary: FlightSummary, columns: Columns, found: Estimates) -> bytes:
+def _geojson(
+    summary: FlightSummary, columns: Columns, found: Estimates, places: Places
+) -> bytes:
     """Track, pulses, rays and positions as features (RFC 7946)."""
     features: list[Any] = []
     track = _track(columns)
@@ -75,6 +86,7 @@ def _geojson(summary: FlightSummary, columns: Columns, found: Estimates) -> byte
     for bearing in found.bearings:
         line = {"type": "LineString", "coordinates": [list(end) for end in _ray(bearing)]}
         kept = {key: value for key, value in bearing.items() if key != "rose_snr_db"}
+        kept["time"] = iso_utc(bearing["end_time_ns"])
         features.append(_feature(line, **kept, kind="bearing"))
     for position in found.positions:
         point = {
@@ -83,7 +95,17 @@ def _geojson(summary: FlightSummary, columns: Columns, found: Estimates) -> byte
         }
         left_out = ("region50", "region95", "heat")
         kept = {key: value for key, value in position.items() if key not in left_out}
-        features.append(_feature(point, **kept, kind="position"))
+        time = _time_of(position, found)
+        features.append(_feature(point, **kept, **time, kind="position"))
+        for share in (50, 95):
+            if lines := position[f"region{share}"]:
+                shape = {"type": "MultiLineString", "coordinates": lines}
+                tag_id = position["tag_id"]
+                features.append(_feature(shape, tag_id=tag_id, share=share, kind="region"))
+    for mark in places.marks:
+        point = {"type": "Point", "coordinates": [mark.longitude_deg, mark.latitude_deg]}
+        time = {"time": iso_utc(mark.time_ns)}
+        features.append(_feature(point, text=mark.text, **time, kind="mark"))
     collection = {"type": "FeatureCollection", "features": features}
     return json.dumps(collection, allow_nan=False).encode()
 
@@ -92,7 +114,7 @@ def _feature(geometry: dict[str, Any], **properties: Any) -> dict[str, Any]:
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def _gpx(summary: FlightSummary, columns: Columns, found: Estimates) -> bytes:
+def _gpx(summary: FlightSummary, columns: Columns, found: Estimates, places: Places) -> bytes:
     """Positions as waypoints, the flight as a track (GPX 1.1)."""
     root = ElementTree.Element(
         "gpx", version="1.1", creator="uavrt", xmlns="http://www.topografix.com/GPX/1/1"
@@ -104,8 +126,16 @@ def _gpx(summary: FlightSummary, columns: Columns, found: Estimates) -> bytes:
             lat=f"{position['latitude_deg']:.7f}",
             lon=f"{position['longitude_deg']:.7f}",
         )
+        for time in _time_of(position, found).values():
+            ElementTree.SubElement(point, "time").text = time
         ElementTree.SubElement(point, "name").text = _label(summary, position["tag_id"])
         ElementTree.SubElement(point, "desc").text = _said(position)
+    for mark in places.marks:
+        point = ElementTree.SubElement(
+            root, "wpt", lat=f"{mark.latitude_deg:.7f}", lon=f"{mark.longitude_deg:.7f}"
+        )
+        ElementTree.SubElement(point, "time").text = iso_utc(mark.time_ns)
+        ElementTree.SubElement(point, "name").text = _printable(mark.text) or "mark"
     track = ElementTree.SubElement(root, "trk")
     ElementTree.SubElement(track, "name").text = summary.flight_id
     segment = ElementTree.SubElement(track, "trkseg")
@@ -117,7 +147,7 @@ def _gpx(summary: FlightSummary, columns: Columns, found: Estimates) -> bytes:
     return _xml(root)
 
 
-def _kmz(summary: FlightSummary, columns: Columns, found: Estimates) -> bytes:
+def _kml(summary: FlightSummary, columns: Columns, found: Estimates, places: Places) -> bytes:
     """The same for Google Earth, nothing fetched from anywhere."""
     root = ElementTree.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
     document = ElementTree.SubElement(root, "Document")
@@ -130,9 +160,52 @@ def _kmz(summary: FlightSummary, columns: Columns, found: Estimates) -> bytes:
         place = (position["longitude_deg"], position["latitude_deg"])
         mark = _placemark(document, _label(summary, position["tag_id"]), "Point", [place])
         ElementTree.SubElement(mark, "description").text = _said(position)
+        for time in _time_of(position, found).values():
+            _stamped(mark, time)
+        for share in (50, 95):
+            if lines := position[f"region{share}"]:
+                label = f"{_label(summary, position['tag_id'])}, {share} %"
+                _region(document, label, lines)
+    for mark in places.marks:
+        at = (mark.longitude_deg, mark.latitude_deg)
+        pin = _placemark(document, _printable(mark.text) or "mark", "Point", [at])
+        _stamped(pin, iso_utc(mark.time_ns))
+    return _xml(root)
+
+
+def _region(document: ElementTree.Element, name: str, lines: list[list[list[float]]]) -> None:
+    """Outline of a region, of as many pieces as it has."""
+    pieces = ElementTree.SubElement(document, "Placemark")
+    ElementTree.SubElement(pieces, "name").text = name
+    several = ElementTree.SubElement(pieces, "MultiGeometry")
+    for line in lines:
+        shape = ElementTree.SubElement(several, "LineString")
+        text = " ".join(",".join(f"{value:.7f}" for value in place) for place in line)
+        ElementTree.SubElement(shape, "coordinates").text = text
+
+
+def _stamped(mark: ElementTree.Element, time: str) -> None:
+    """Give a placemark its time, before its shape as the schema wants it."""
+    stamp = ElementTree.Element("TimeStamp")
+    ElementTree.SubElement(stamp, "when").text = time
+    mark.insert(1, stamp)
+
+
+def _time_of(position: dict[str, Any], found: Estimates) -> dict[str, str]:
+    """When a position was so: at the end of the last turn that it is from."""
+    ends = [
+        one["end_time_ns"]
+        for one in found.bearings
+        if one["tag_id"] == position["tag_id"] and one["accepted"]
+    ]
+    return {"time": iso_utc(max(ends))} if ends else {}
+
+
+def _kmz(summary: FlightSummary, columns: Columns, found: Estimates, places: Places) -> bytes:
+    """The same, packed as Google Earth likes it."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("doc.kml", _xml(root))
+        archive.writestr("doc.kml", _kml(summary, columns, found, places))
     return stream.getvalue()
 
 
@@ -149,9 +222,12 @@ def _placemark(
 
 def _label(summary: FlightSummary, tag_id: int) -> str:
     names = {tag.tag_id: tag.name for tag in summary.tags}
-    name = names.get(tag_id)
-    clean = "".join(letter for letter in name or "" if letter.isprintable())
-    return f"tag {tag_id} {clean}".strip()
+    return f"tag {tag_id} {_printable(names.get(tag_id) or '')}".strip()
+
+
+def _printable(text: str) -> str:
+    """A text without what XML cannot hold."""
+    return "".join(letter for letter in text if letter.isprintable())
 
 
 def _said(position: dict[str, Any]) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError, UsageError
+from uavrt.ground.places import Places, places_of
 from uavrt.ground.prepared import PreparedColumns
 from uavrt.messages import Tag
 from uavrt.recording import FlightLayout, schema
@@ -173,6 +174,13 @@ class FlightLibrary:
             )
         self._known[flight_id] = (stamp, summary)
         return summary
+
+    def places(self, flight_id: str) -> Places:
+        """Get where a flight took off, and its marks; raises as `summary`."""
+        with self._database(flight_id) as database:
+            return places_of(
+                database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
+            )
 
     def columns(self, flight_id: str) -> Columns:
         """Read the pulses and poses of a flight.

@@ -3,7 +3,8 @@
 A web site that is open in the same browser must not reach the drone: it could send requests to
 this server (cross-site request forgery) or point its own name at this machine (DNS rebinding).
 So the host that a request names must be one of ours, and an origin, where a browser sends one,
-must be the very place that is asked. Scripts send no origin and pass.
+must be the very place that is asked. Scripts send no origin and pass. What makes the drone's
+radio answer is asked by POST alone.
 """
 
 import hmac
@@ -15,6 +16,8 @@ from urllib.parse import parse_qs
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from uavrt.ground.guesses import Guesses
 
 LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
 COOKIE = "uavrt_ground"
@@ -64,6 +67,7 @@ class Guard:
         self._app = app
         self._hosts = LOCAL_NAMES | {host.lower() for host in hosts}
         self._password = password
+        self.guesses = Guesses()
         self._session = secrets.token_urlsafe(32)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -72,14 +76,39 @@ class Guard:
             await self._app(scope, receive, send)
             return
         fault = self._fault(scope)
+        if fault is None and scope["type"] == "websocket" and not self._may(scope):
+            fault = "the password is needed"
         if fault is not None:
             await _refuse(fault, scope, receive, send)
         elif scope["type"] == "websocket":
             await self._app(scope, receive, send)
-        elif self._password is not None and not self._known(scope):
+        elif not self._may(scope):
             await self._login(scope, receive, _with_headers(send))
         else:
-            await self._app(scope, receive, _with_headers(send))
+            await self._bounded(scope, receive, send)
+
+    async def _bounded(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve a request; one whose body grows beyond `MAX_BODY` as it comes is cut off."""
+        taken = 0
+
+        async def receive_bounded() -> Message:
+            nonlocal taken
+            message = await receive()
+            taken += len(message.get("body", b""))
+            if taken > MAX_BODY:
+                raise _TooLargeError
+            return message
+
+        try:
+            await self._app(scope, receive_bounded, _with_headers(send))
+        except _TooLargeError:
+            answer = JSONResponse(
+                {"error": "the request is too large"}, 413, headers={"Connection": "close"}
+            )
+            await answer(scope, receive, _with_headers(send))
+
+    def _may(self, scope: Scope) -> bool:
+        return self._password is None or self._known(scope)
 
     def _fault(self, scope: Scope) -> str | None:
         """Why a request is refused, None when it may pass."""
@@ -95,11 +124,10 @@ class Guard:
                 return f"requests from {origin[:80]!r} are refused"
         site = headers.get("sec-fetch-site")
         asks = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
-        if asks and site not in (None, "same-origin", "none"):
+        # Another site may link to the page, and fetch nothing of it.
+        if (asks or scope["path"] != "/") and site not in (None, "same-origin", "none"):
             return "requests from other sites are refused"
         if scope["type"] == "websocket":
-            if self._password is not None and not self._known(scope):
-                return "the password is needed"
             return None
         if int(headers.get("content-length") or 0) > MAX_BODY:
             return "the request is too large"
@@ -123,22 +151,37 @@ class Guard:
 
     def _known(self, scope: Scope) -> bool:
         headers = Headers(scope=scope)
-        bearer = headers.get("authorization", "").removeprefix("Bearer ")
-        assert self._password is not None
-        if _equal(bearer, self._password):
-            return True
         try:
             cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
         except CookieError:
+            cookie = None
+        if cookie is not None and _equal(cookie.value, self._session):
+            return True
+        kind, _, bearer = headers.get("authorization", "").partition(" ")
+        return kind == "Bearer" and self._right(bearer, scope)
+
+    def _right(self, given: str, scope: Scope) -> bool:
+        """Whether this is the password; one that is tried too often is not looked at."""
+        assert self._password is not None
+        address = _address(scope)
+        if self.guesses.wait_s(address) > 0.0:
             return False
-        return cookie is not None and _equal(cookie.value, self._session)
+        right = _equal(given, self._password)
+        if not right:
+            self.guesses.wrong(address)
+        return right
 
     async def _login(self, scope: Scope, receive: Receive, send: Send) -> None:
         response: Response
-        if scope["path"] == "/login" and scope["method"] == "POST":
+        wait_s = self.guesses.wait_s(_address(scope))
+        if wait_s > 0.0:
+            text = f"too many wrong passwords: try again in {wait_s:.0f} s"
+            later = {"Retry-After": f"{wait_s:.0f}"}
+            response = JSONResponse({"error": text}, 429, headers=later)
+        elif scope["path"] == "/login" and scope["method"] == "POST":
             body = await _body(receive)
             given = parse_qs(body.decode("utf-8", "replace")).get("password", [""])[0]
-            if _equal(given, self._password or ""):
+            if self._right(given, scope):
                 response = RedirectResponse("/", 303)
                 response.set_cookie(
                     COOKIE,
@@ -163,6 +206,15 @@ async def _body(receive: Receive) -> bytes:
         body += bytes(message.get("body", b""))
         if not message.get("more_body") or len(body) > 10_000:
             return body
+
+
+class _TooLargeError(Exception):
+    """A body that has no end."""
+
+
+def _address(scope: Scope) -> str:
+    client = scope.get("client")
+    return str(client[0]) if client else ""
 
 
 def _equal(given: str, wanted: str) -> bool:

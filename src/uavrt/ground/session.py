@@ -30,11 +30,12 @@ from uavrt.ground.link import (
     GroundEvent,
     GroundLink,
 )
+from uavrt.ground.places import home_note
 from uavrt.ground.received import open_receipts
 from uavrt.ground.settings import GroundStore
 from uavrt.ground.skew import ClockSkew
 from uavrt.ground.snapshot import hello, pose_record, snapshot
-from uavrt.ground.tag_table import rows_from_tags
+from uavrt.ground.tag_table import rows_from_tags, table_version
 from uavrt.ground.vehicle import VehicleWatch
 from uavrt.log import get_logger
 from uavrt.mavlink.frame import Frame
@@ -86,6 +87,7 @@ class GroundSession:
         self.identity = VehicleIdentity(*store.vehicle)
         self._named: set[int] = set()
         self._foreign_told = False
+        self._home_kept: tuple[str | None, tuple[float, float] | None] = (None, None)
         self.hub = Hub()
         self.library = FlightLibrary(store.directory)
         self.flight = FlightKeeper(store.directory, clock)
@@ -210,6 +212,7 @@ class GroundSession:
 
     def tags_changed(self) -> None:
         """Show the tag table to all listeners."""
+        self.hub.send("tags_version", table_version(self.store.tags))
         self.hub.send("tags", rows_from_tags(self.store.tags))
         self.send_state()
 
@@ -365,6 +368,7 @@ class GroundSession:
             for message in (*watch.requests(now_ns), *watch.questions(now_ns)):
                 link.send(message)
             self._tell_others(now_ns)
+            self._keep_home(watch.home, now_ns)
             link.send(watch.ping(now_ns))
             self._watch_presence(link.protocol.present(now_ns))
             self._tell_faults(link.faults)
@@ -377,6 +381,13 @@ class GroundSession:
             self.note(6 if present else 3, "drone found" if present else "drone lost")
             if not present:
                 self.state = None
+
+    def _keep_home(self, home: tuple[float, float] | None, now_ns: int) -> None:
+        """Write where the vehicle took off into the flight, once and when it changes."""
+        key = (self.flight.flight_id, home)
+        if home is not None and not self.flight.ended and key != self._home_kept:
+            self._home_kept = key
+            self.flight.add_note(home_note(*home), now_ns)
 
     def _tell_others(self, now_ns: int) -> None:
         """Name other vehicles on this link, each once, and another under our number."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import uavrt
 from uavrt import tunnel
 from uavrt.ground.actions import action_states
-from uavrt.ground.tag_table import rows_from_tags
+from uavrt.ground.tag_table import rows_from_tags, table_version
 from uavrt.messages import Pose
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ def hello(session: "GroundSession") -> dict[str, Any]:
     return {
         "state": snapshot(session),
         "tags": rows_from_tags(session.store.tags),
+        "tags_version": table_version(session.store.tags),
         "settings": asdict(session.store.settings),
         "bearings": session.estimates.bearings,
         "positions": session.estimates.positions,

@@ -1,7 +1,9 @@
 """The tag table of the page: rows as typed, each mistake at its field; import and export."""
 
 import csv
+import hashlib
 import io
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +22,7 @@ from uavrt.config.tag_rules import (
 )
 from uavrt.config.tags_toml import format_tags_toml
 from uavrt.errors import TagFileError, UsageError
+from uavrt.ground.tag_csv import read_csv
 from uavrt.messages import Tag
 
 FIELDS: dict[str, Quantity] = {
@@ -34,6 +37,8 @@ FIELDS: dict[str, Quantity] = {
     "false_alarm_percent": "false_alarm_probability",
 }
 """Columns of the table in the units that users say, and what they mean."""
+LEAST_BARE_PERCENT = 0.05
+"""Below this a number without its sign is a probability that was typed for a percentage."""
 REQUIRED = ("id", "frequency_mhz", "interval_ms", "pulse_width_ms")
 MAX_ROWS = 200
 MAX_NAME = 60
@@ -115,7 +120,7 @@ def rows_from_tags(tags: Sequence[Tag]) -> list[Row]:
             "interval_uncertainty_ms": _short(tag.interval_uncertainty_s * 1e3),
             "interval_jitter_ms": _short(tag.interval_jitter_s * 1e3),
             "k": tag.k,
-            "false_alarm_percent": _short(tag.false_alarm_probability * 100.0),
+            "false_alarm_percent": _percent(tag.false_alarm_probability * 100.0),
         }
         for tag in tags
     ]
@@ -135,9 +140,9 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
     UsageError
         A file cannot be read; the text says which line and why.
     """
-    tables = {name: _table(text) for name, text in files.items()}
+    tables = {name: read_csv(text) for name, text in files.items()}
     makers = {
-        cells["id"]: cells
+        _key(cells["id"]): cells
         for table in tables.values()
         if table and "ip_msecs_1" in table[0]
         for cells in table
@@ -145,13 +150,11 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
     rows: list[Row] = []
     for name, text in files.items():
         table = tables[name]
-        if table and "ip_msecs_1" in table[0]:
-            continue
-        if table and "manufacturerId" in table[0]:
+        if table and "manufacturerid" in table[0]:
             rows += [_tracker_row(name, cells, makers) for cells in table]
         elif table and "frequency_mhz" in table[0]:
             rows += [{key: cells.get(key, "") for key in (*FIELDS, "name")} for cells in table]
-        else:
+        elif not (table and "ip_msecs_1" in table[0]):
             rows += rows_from_tags(parse_tags(text.encode(), name=name))
     if not rows:
         raise UsageError(
@@ -204,12 +207,20 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
             if field in REQUIRED:
                 found.append(FieldFault(row=index, field=field, text="is needed"))
             continue
-        number = _number(written)
+        percent = str(written).rstrip().endswith("%") and field == "false_alarm_percent"
+        number = _number(str(written).rstrip().rstrip("%") if percent else written)
         if number is None:
             found.append(FieldFault(row=index, field=field, text="is not a number"))
             continue
         if field == "false_alarm_percent":
             most = 100.0 * MAX_FALSE_ALARM_PROBABILITY
+            if 0.0 < number < LEAST_BARE_PERCENT and not percent:
+                text = (
+                    f"is {number:g} % meant? Then write it with its sign; "
+                    f"the probability {number:g} is {100.0 * number:g} %"
+                )
+                found.append(FieldFault(row=index, field=field, text=text))
+                continue
             if not 0.0 < number <= most:
                 text = f"must be above 0 and at most {most:g} %"
                 found.append(FieldFault(row=index, field=field, text=text))
@@ -224,6 +235,12 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
             text = f"must be at most {MAX_NAME} printable characters"
             found.append(FieldFault(row=index, field="name", text=text))
     return draft
+
+
+def table_version(tags: Sequence[Tag]) -> str:
+    """Name the content of a table: two that say the same have the same name."""
+    text = json.dumps(rows_from_tags(tags), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _at_field(fault: Fault) -> FieldFault:
@@ -244,34 +261,22 @@ def _number(written: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _table(text: str) -> list[dict[str, str]]:
-    """Rows of a CSV file with a heading; none for another kind of file."""
-    lines = [line for line in text.splitlines() if line.strip()]
-    if not lines or "," not in lines[0] or lines[0].lstrip().startswith(("#", "[")):
-        return []
-    reader = csv.DictReader(lines, skipinitialspace=True)
-    return [
-        {str(key): (value or "").strip() for key, value in cells.items() if key is not None}
-        for cells in reader
-    ]
-
-
 def _tracker_row(
     name: str, cells: Mapping[str, str], makers: Mapping[str, Mapping[str, str]]
 ) -> Row:
     """One tag of TagTracker's ``TagInfo.db`` (reference/control.md §6.2)."""
-    maker = makers.get(cells["manufacturerId"])
+    maker = makers.get(_key(cells["manufacturerid"]))
     if maker is None:
         raise UsageError(
             f"{name}: tag {cells.get('id', '?')} names manufacturer "
-            f"{cells['manufacturerId']}, which is not there",
+            f"{cells['manufacturerid']}, which is not there",
             remedy="Choose TagInfo.db and TagManufacturer.db together",
         )
     second = maker.get("ip_msecs_2", "")
     return {
         "id": cells.get("id", ""),
         "name": cells.get("name", ""),
-        "frequency_mhz": cells.get("freqMHz", ""),
+        "frequency_mhz": cells.get("freqmhz", ""),
         "interval_ms": maker.get("ip_msecs_1", ""),
         "second_interval_ms": "" if _number(second) in (None, 0.0) else second,
         "pulse_width_ms": maker.get("pulse_width", ""),
@@ -280,6 +285,16 @@ def _tracker_row(
         "k": 3,
         "false_alarm_percent": 1,
     }
+
+
+def _percent(number: float) -> float | int | str:
+    short = _short(number)
+    return f"{short} %" if short < LEAST_BARE_PERCENT else short
+
+
+def _key(number: str) -> str:
+    """A manufacturer's number however it is written."""
+    return number.removesuffix(".0").strip()
 
 
 def _short(number: float) -> float | int:

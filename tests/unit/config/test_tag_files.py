@@ -87,7 +87,7 @@ def test_all_faults_are_told_at_once_each_with_its_line() -> None:
 @pytest.mark.parametrize(
     ("line", "word"),
     [
-        ("2, 148710000, 1.254, 20, 0, 0, 3, .01", "is the interval in seconds?"),
+        ("2, 148710000, 1.254, 20, 0, 0, 3, .01", "is it in seconds? Write 1254"),
         ("2, 148710000, 1254, .02, 0, 0, 3, .01", "is it in seconds?"),
         ("2, 148710000, 1254, 20, 627, 0, 3, .01", "under half of the interval"),
         ("2, 148710, 1254, 20, 0, 0, 3, .01", "looks like kHz but is read as Hz"),

@@ -53,7 +53,7 @@ def test_a_flight_comes_over_the_page_s_own_link(
     served: Any, drone: FileDrone, flown: tuple[Path, str]
 ) -> None:
     root, flight_id = flown
-    assert served.ask("GET", "/api/drone/flights").json == [
+    assert served.ask("POST", "/api/drone/flights", {}).json == [
         {"flight_id": flight_id, "here": False}
     ]
     started = served.ask("POST", "/api/drone/download", {"flight_id": flight_id})
@@ -69,7 +69,7 @@ def test_a_flight_comes_over_the_page_s_own_link(
     assert not (place / "iq").exists()
     (listed,) = served.ask("GET", "/api/flights").json
     assert listed["flight_id"] == place.name
-    assert served.ask("GET", "/api/drone/flights").json[0]["here"] is True
+    assert served.ask("POST", "/api/drone/flights", {}).json[0]["here"] is True
 
 
 def test_samples_come_when_they_are_asked_for(
@@ -89,7 +89,7 @@ def test_one_download_at_a_time_and_it_can_be_stopped(
     wanted = {"flight_id": flown[1]}
     assert served.ask("POST", "/api/drone/download", wanted).status == 200
     assert served.ask("POST", "/api/drone/download", wanted).status == 409
-    assert served.ask("GET", "/api/drone/flights").status == 409
+    assert served.ask("POST", "/api/drone/flights", {}).status == 409
     stopped = served.ask("DELETE", "/api/drone/download", {}).json
     assert stopped["ended"] is True
     assert "kept" in stopped["error"]
@@ -106,4 +106,4 @@ def test_only_flights_are_fetched(served: Any, name: object) -> None:
 
 
 def test_without_a_drone_it_is_said_so(served: Any) -> None:
-    assert served.ask("GET", "/api/drone/flights").status == 409
+    assert served.ask("POST", "/api/drone/flights", {}).status == 409

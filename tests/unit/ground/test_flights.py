@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from pulses import pulse_at as heard_pulse
 
-from uavrt.clock import Clock
+from uavrt.clock import Clock, iso_utc
 from uavrt.errors import UsageError
 from uavrt.ground import maps
 from uavrt.ground.contours import contour_segments, refined
@@ -24,6 +24,7 @@ from uavrt.ground.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.exports import EXPORTS, export
 from uavrt.ground.flight_keeper import FlightKeeper
 from uavrt.ground.flights import Columns, FlightLibrary
+from uavrt.ground.places import Mark, Places, home_note, mark_note
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
 from uavrt.recording import read_flight
@@ -224,7 +225,11 @@ def test_every_export_is_well_formed_and_holds_the_flight(
 ) -> None:
     library, flight_id = flown
     columns = library.columns(flight_id)
-    content = export(name, library.summary(flight_id), columns, estimates(columns))
+    seen = Mark(time_ns=START_NS, latitude_deg=46.501, longitude_deg=8.001, text="nest & eggs")
+    places = Places(home=None, marks=(seen,))
+    found = estimates(columns)
+    content = export(name, library.summary(flight_id), columns, found, places)
+    ends = {iso_utc(one["end_time_ns"]) for one in found.bearings}
     match name:
         case "csv":
             rows = list(csv.DictReader(io.StringIO(content.decode())))
@@ -235,16 +240,29 @@ def test_every_export_is_well_formed_and_holds_the_flight(
             kinds = [feature["properties"]["kind"] for feature in features]
             assert kinds.count("pulse") == columns.pulses.shape[1]
             assert kinds.count("bearing") == 2
+            assert (kinds.count("mark"), kinds.count("region")) == (1, 2)
+            (time,) = (
+                feature["properties"]["time"]
+                for feature in features
+                if feature["properties"]["kind"] == "position"
+            )
+            assert time in ends
         case "gpx":
             root = ElementTree.fromstring(content)
-            assert len(root.findall("{*}wpt")) == 1
+            assert [one.text for one in root.findall("{*}wpt/{*}name")][1] == "nest & eggs"
+            assert all(one.text for one in root.findall("{*}wpt/{*}time"))
             assert len(root.findall(".//{*}trkpt")) > 100
-        case "kmz":
-            with zipfile.ZipFile(io.BytesIO(content)) as archive:
-                document = archive.read("doc.kml")
-            ElementTree.fromstring(document)
+        case "kml" | "kmz":
+            document = content
+            if name == "kmz":
+                with zipfile.ZipFile(io.BytesIO(content)) as archive:
+                    document = archive.read("doc.kml")
+            root = ElementTree.fromstring(document)
+            assert len(root.findall(".//{*}MultiGeometry")) == 2
+            assert "nest & eggs" in [one.text for one in root.iter() if one.tag[-4:] == "name"]
+            assert any(one.text in ends for one in root.iter() if one.tag[-4:] == "when")
             assert b"http" not in document.replace(b"http://www.opengis.net/kml/2.2", b"")
-    if name in ("gpx", "kmz"):
+    if name in ("gpx", "kml", "kmz"):
         assert b"<b>" not in content
 
 
@@ -401,3 +419,25 @@ def test_a_bearing_of_the_drones_own_stands_where_it_knows_of_more_pulses(
     # A tag of which no pulse has come at all still has a bearing.
     other = Estimator().estimate(few, AntennaChoice(), [replace(drones, tag_id=77)])
     assert [one["tag_id"] for one in other.bearings] == [TAG.tag_id, TAG.tag_id, 77]
+
+
+def test_home_and_marks_come_back_from_the_flights_notes(
+    keeper: FlightKeeper, tmp_path: Path
+) -> None:
+    assert keeper.flight_id is not None
+    library = FlightLibrary(tmp_path)
+    assert library.places(keeper.flight_id) == Places(home=None, marks=())
+    for note in (
+        home_note(-35.17824, -111.656587),
+        mark_note(46.5, 8.0),
+        mark_note(46.6, -8.0, "nest: seen\ntwice"),
+        "mark at the river",
+    ):
+        keeper.add_note(note, START_NS)
+    keeper.commit()
+    found = library.places(keeper.flight_id)
+    assert found.home == (-35.17824, -111.656587)
+    assert [(one.latitude_deg, one.longitude_deg, one.text) for one in found.marks] == [
+        (46.5, 8.0, ""),
+        (46.6, -8.0, "nest: seen\ntwice"),
+    ]

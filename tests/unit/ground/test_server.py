@@ -1,6 +1,8 @@
 """The server's promises: to scripts, and against other people's web sites."""
 
 import asyncio
+import contextlib
+import http.client
 import json
 import math
 from collections.abc import Callable
@@ -14,6 +16,7 @@ from websockets.exceptions import InvalidStatus
 
 from uavrt.clock import Clock
 from uavrt.ground.flight_keeper import FlightKeeper
+from uavrt.ground.guesses import TRIES, TRIES_OF_ALL, Guesses
 from uavrt.messages import Pose
 
 TAG = {
@@ -190,6 +193,48 @@ def test_a_large_request_is_refused(served: Any) -> None:
     assert served.ask("PUT", "/api/tags", b"[]", headers).status == 403
 
 
+def test_a_request_without_an_end_is_cut_off(served: Any) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", served.port, timeout=20)
+    connection.putrequest("PUT", "/api/tags")
+    connection.putheader("Content-Type", "application/json")
+    connection.putheader("Transfer-Encoding", "chunked")
+    connection.endheaders()
+    sent = 0
+    chunk = b" " * 65_536
+    with contextlib.suppress(OSError):
+        while sent < 50_000_000:
+            connection.send(f"{len(chunk):x}\r\n".encode() + chunk + b"\r\n")
+            sent += len(chunk)
+    with contextlib.suppress(OSError, http.client.HTTPException):
+        assert connection.getresponse().status == 413
+    connection.close()
+    assert sent < 50_000_000
+    assert served.ask("GET", "/api/state").status == 200
+
+
+@pytest.mark.parametrize("path", ["/api/state", "/api/flights", "/maps/a.mbtiles"])
+def test_another_site_cannot_even_ask(served: Any, path: str) -> None:
+    for site in ("cross-site", "same-site"):
+        assert served.ask("GET", path, headers={"Sec-Fetch-Site": site}).status == 403
+    assert served.ask("GET", "/", headers={"Sec-Fetch-Site": "cross-site"}).status == 200
+
+
+@pytest.mark.parametrize("path", ["/api/parameters", "/api/drone/flights"])
+def test_nothing_that_is_only_read_makes_the_radio_answer(served: Any, path: str) -> None:
+    assert served.ask("GET", path).status == 405
+
+
+def test_two_pages_do_not_overwrite_each_others_tags(served: Any) -> None:
+    first = served.ask("PUT", "/api/tags", [TAG]).json["version"]
+    mine = served.ask("PUT", "/api/tags", [TAG | {"id": 4}], {"If-Match": f'"{first}"'})
+    assert mine.status == 200
+    theirs = served.ask("PUT", "/api/tags", [TAG | {"id": 6}], {"If-Match": f'"{first}"'})
+    assert theirs.status == 412
+    assert [row["id"] for row in theirs.json["tags"]] == [4]
+    assert theirs.json["version"] == mine.json["version"]
+    assert [row["id"] for row in served.ask("GET", "/api/tags").json] == [4]
+
+
 def test_settings_are_checked_and_kept(served: Any) -> None:
     changed = served.ask("PUT", "/api/settings", {"antenna": "H", "gain": "14"})
     assert changed.json["gain"] == 14
@@ -217,3 +262,38 @@ def test_with_a_password_nothing_is_told_without_it(
         assert station.ask("GET", "/api/state", headers=cookie).status == 200
     finally:
         station.stop()
+
+
+def test_a_password_cannot_be_guessed_without_limit(serve: Any, tmp_path: Path) -> None:
+    station = serve(tmp_path / "ground", password="marmot")
+    try:
+        form = {"Content-Type": "application/x-www-form-urlencoded"}
+        cookie = station.ask("POST", "/login", b"password=marmot", form).headers["set-cookie"]
+        for number in range(TRIES):
+            bearer = {"Authorization": f"Bearer guess{number}"}
+            assert station.ask("GET", "/api/state", headers=bearer).status in (401, 429)
+        right = {"Authorization": "Bearer marmot"}
+        refused = station.ask("GET", "/api/state", headers=right)
+        assert refused.status == 429
+        assert int(refused.headers["retry-after"]) > 0
+        assert station.ask("POST", "/login", b"password=marmot", form).status == 429
+        # Who is in stays in.
+        known = {"Cookie": cookie.partition(";")[0]}
+        assert station.ask("GET", "/api/state", headers=known).status == 200
+    finally:
+        station.stop()
+
+
+def test_guesses_are_counted_by_address_and_all_together() -> None:
+    now = [1000.0]
+    guesses = Guesses(lambda: now[0])
+    for number in range(TRIES):
+        guesses.wrong(f"2001:db8::{number:x}")
+    assert guesses.wait_s("2001:db8::ffff") == 60.0, "a household has many addresses"
+    assert guesses.wait_s("192.0.2.1") == 0.0
+    for number in range(TRIES_OF_ALL - TRIES):
+        guesses.wrong(f"192.0.2.{number}")
+    assert guesses.wait_s("198.51.100.1") == 60.0
+    now[0] += 61.0
+    assert guesses.wait_s("2001:db8::1") == 0.0
+    assert guesses.wait_s("198.51.100.1") == 0.0

@@ -58,13 +58,15 @@ def test_a_row_becomes_a_tag_in_our_units() -> None:
         ("frequency_mhz", "148697000", "write 148.697"),
         ("frequency_mhz", "", "needed"),
         ("frequency_mhz", "abc", "not a number"),
-        ("interval_ms", "1.333", "seconds"),
+        ("interval_ms", "1.333", "Write 1333"),
+        ("interval_ms", "2", "is it in seconds"),
         ("pulse_width_ms", "0.015", "seconds"),
         ("id", "0", "whole number"),
         ("id", "2.5", "whole number"),
         ("k", "0", "whole number"),
         ("false_alarm_percent", "100", "above 0 and at most 50 %"),
         ("false_alarm_percent", "nan", "not a number"),
+        ("false_alarm_percent", "0.005", "probability 0.005 is 0.5 %"),
         ("interval_jitter_ms", "-1", "negative"),
         ("second_interval_ms", "1333", "same"),
         ("name", "x" * 61, "60"),
@@ -74,9 +76,16 @@ def test_a_row_becomes_a_tag_in_our_units() -> None:
 def test_a_mistake_is_told_at_its_field(field: str, written: str, says: str) -> None:
     tags, faults = tags_from_rows([ROW | {field: written}])
     assert tags == ()
-    told = [fault for fault in faults if fault.field in (field, "pulse_width_ms")]
-    assert any(says in fault.text for fault in told)
+    assert {fault.field for fault in faults} == {field}, "what is right is not marked"
+    assert any(says in fault.text for fault in faults)
     assert all(fault.row == 0 for fault in faults)
+
+
+@pytest.mark.parametrize("written", ["0.005 %", "0.005%", "0,005 %"])
+def test_a_percentage_with_its_sign_is_what_it_says(written: str) -> None:
+    (tag,), _ = tags_from_rows([ROW | {"false_alarm_percent": written}])
+    assert tag.false_alarm_probability == pytest.approx(5e-5)
+    assert tags_from_rows(rows_from_tags([tag])) == ((tag,), [])
 
 
 def test_an_id_used_twice_is_told_at_the_second() -> None:
@@ -130,6 +139,60 @@ def test_tagtrackers_two_databases_are_read_together() -> None:
     assert tags[0].frequency_hz == 146_123_456.0
     with pytest.raises(UsageError, match="together"):
         import_rows({"TagInfo.db": TRACKER_TAGS})
+
+
+@pytest.mark.parametrize("heading", [True, False], ids=["heading", "no heading"])
+@pytest.mark.parametrize("separator", [",", ";", "\t"], ids=["comma", "semicolon", "tab"])
+def test_tagtrackers_databases_are_read_as_it_writes_them(
+    separator: str, *, heading: bool
+) -> None:
+    files = {}
+    for name, text in (("TagInfo.db", TRACKER_TAGS), ("TagManufacturer.db", TRACKER_MAKERS)):
+        lines = text.splitlines()[0 if heading else 1 :]
+        files[name] = "\r\n".join(line.replace(",", separator) for line in lines) + "\r\n"
+    tags, faults = tags_from_rows(import_rows(files))
+    assert faults == []
+    assert [(tag.tag_id, tag.name) for tag in tags] == [(2, "luna"), (4, "sol")]
+    assert [tag.pulse_intervals_s for tag in tags] == [(1.333, 2.0), (1.254,)]
+    assert [tag.frequency_hz for tag in tags] == [146_123_456.0, 146_200_000.0]
+
+
+def test_a_comma_in_tagtrackers_name_breaks_no_column() -> None:
+    files = {
+        "TagInfo.db": "1, 2, otter, the second, 1, 146.123456\n",
+        "TagManufacturer.db": "1, Tags, Ltd., 1333, 0, Moving, , 15, 60, 20\n",
+    }
+    (tag,), faults = tags_from_rows(import_rows(files))
+    assert faults == []
+    assert tag.name == "otter, the second"
+    assert tag.pulse_intervals_s == (1.333,)
+
+
+@pytest.mark.parametrize("separator", [", ", ";", "\t"], ids=["comma", "semicolon", "tab"])
+@pytest.mark.parametrize("heading", [True, False], ids=["heading", "no heading"])
+def test_tagtrackers_tag_info_of_ten_columns_is_read(separator: str, *, heading: bool) -> None:
+    lines = [
+        "2, luna, 146123456, 1333, 2000, 15, 60, 20, 3, 0.01",
+        "4, sol, 146200000, 1254, 0, 20, 60, 10, 5, 0.05",
+    ]
+    if heading:
+        names = "id, name, freq_hz, ip_msecs_1, ip_msecs_2, pulse_width_msecs, "
+        names += "ip_uncertainty_msecs, ip_jitter_msecs, k, false_alarm"
+        lines.insert(0, f"# {names}")
+    text = "\n".join(line.replace(", ", separator) for line in lines)
+    tags, faults = tags_from_rows(import_rows({"TagInfo.txt": text}))
+    assert faults == []
+    assert [(t.name, t.k, t.pulse_intervals_s) for t in tags] == [
+        ("luna", 3, (1.333, 2.0)),
+        ("sol", 5, (1.254,)),
+    ]
+    assert [tag.false_alarm_probability for tag in tags] == [0.01, 0.05]
+
+
+def test_our_own_table_comes_back_from_a_spreadsheet() -> None:
+    tags, _ = tags_from_rows([ROW | {"name": "otter"}])
+    written = export_text(tags, "tags.csv").replace(",", ";").replace("148.697", "148,697")
+    assert tags_from_rows(import_rows({"tags.csv": written}))[0] == tags
 
 
 def test_every_preset_is_a_possible_tag() -> None:

@@ -1,0 +1,66 @@
+"""Places in a flight's notes: where it took off, and the operator's marks. Pure.
+
+They are notes like any other, so that every reader of a flight has them::
+
+    home at 35.1782410, -111.6565870
+    mark at 35.1790000, -111.6560000: nest seen
+"""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+_PLACE = re.compile(r"(home|mark) at (-?\d{1,2}\.\d+), (-?\d{1,3}\.\d+)(?:: (.*))?", re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mark:
+    """A place with a remark."""
+
+    time_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Places:
+    """What a flight's notes tell of places."""
+
+    home: tuple[float, float] | None
+    """Latitude and longitude; the last one told."""
+    marks: tuple[Mark, ...]
+
+
+def home_note(latitude_deg: float, longitude_deg: float) -> str:
+    """Write where the vehicle took off."""
+    return f"home at {latitude_deg:.7f}, {longitude_deg:.7f}"
+
+
+def mark_note(latitude_deg: float, longitude_deg: float, text: str = "") -> str:
+    """Write a mark with its remark."""
+    said = f": {text.strip()[:200]}" if text.strip() else ""
+    return f"mark at {latitude_deg:.7f}, {longitude_deg:.7f}{said}"
+
+
+def places_of(notes: Iterable[tuple[int, str]]) -> Places:
+    """Read the places in notes of (time [ns], text)."""
+    home, marks = None, []
+    for time_ns, text in notes:
+        found = _PLACE.fullmatch(text)
+        if found is None:
+            continue
+        kind, latitude, longitude, said = found.groups()
+        place = float(latitude), float(longitude)
+        if kind == "home":
+            home = place
+        else:
+            marks.append(
+                Mark(
+                    time_ns=time_ns,
+                    latitude_deg=place[0],
+                    longitude_deg=place[1],
+                    text=said or "",
+                )
+            )
+    return Places(home=home, marks=tuple(marks))
