@@ -28,6 +28,10 @@ from uavrt.ground.session import GroundSession
 from uavrt.localization import PATTERNS
 from uavrt.messages import Tag
 
+MAX_PAGE_NAME = 64
+FOR_ALL = ("stop", "mark")
+"""What a page may ask that only looks on: to stop can be urgent, a mark harms nothing."""
+
 
 class Api:
     """The routes; each returns something for JSON, or a response.
@@ -58,6 +62,8 @@ class Api:
             ("/choices", "GET", self.choices),
             ("/connection", "POST", self.connect),
             ("/vehicle", "POST", self.choose_vehicle),
+            ("/commander", "POST", self.command_from_here),
+            ("/maps/{name}", "PUT", self.put_map),
             ("/commands/{name}", "POST", self.command),
             ("/parameters", "POST", self.parameters),
             ("/readout", "GET", self.readout),
@@ -86,6 +92,7 @@ class Api:
         With ``If-Match: "VERSION"`` only while the table is still that one: another page may
         have changed it.
         """
+        self._check_commander(request)
         tags, faults = tag_table.tags_from_rows(await json_body(request))
         if faults:
             return _Answer(422, {"faults": [asdict(fault) for fault in faults]})
@@ -124,6 +131,7 @@ class Api:
 
     async def put_settings(self, request: Request) -> Any:
         """Change some of the set-up."""
+        self._check_commander(request)
         store = self._session.store
         store.set_settings(store.settings.changed(await json_body(request)))
         self._session.settings_changed()
@@ -144,6 +152,7 @@ class Api:
 
     async def connect(self, request: Request) -> Any:
         """Connect to an address; an empty one disconnects."""
+        self._check_commander(request)
         wanted = await json_body(request)
         address = wanted.get("address") if isinstance(wanted, dict) else None
         if address:
@@ -158,6 +167,7 @@ class Api:
 
     async def choose_vehicle(self, request: Request) -> Any:
         """Serve another vehicle of this link: ``{"system_id": 2}``."""
+        self._check_commander(request)
         wanted = await json_body(request)
         number = wanted.get("system_id") if isinstance(wanted, dict) else None
         if not isinstance(number, int) or isinstance(number, bool) or not 1 <= number <= 255:
@@ -185,6 +195,8 @@ class Api:
         if name not in commands:
             return _Answer(404, {"error": f"there is no command {name[:40]!r}"})
         try:
+            if name not in FOR_ALL:
+                self._check_commander(request)
             return {"accepted": True, "message": await commands[name]()}
         except (CommandRefused, LinkError) as error:
             return _Answer(409, {"accepted": False, "message": str(error)})
@@ -307,6 +319,9 @@ class Api:
         """Everything as it comes, after one record of all that stands."""
         await websocket.accept()
         queue = self._session.hub.listen()
+        page = websocket.query_params.get("page", "")[:MAX_PAGE_NAME]
+        if page:
+            self._session.commander.come(page)
         hello = {"topic": "hello", "record": self._session.hello()}
         listening = asyncio.create_task(_until_closed(websocket))
         try:
@@ -320,6 +335,26 @@ class Api:
         finally:
             listening.cancel()
             self._session.hub.leave(queue)
+            if page:
+                self._session.commander.go(page)
+
+    async def command_from_here(self, request: Request) -> Any:
+        """Let the page that asks command; the one that did looks on."""
+        page = request.headers.get("x-page")
+        if not page or len(page) > MAX_PAGE_NAME:
+            raise UsageError("only a page can take command")
+        self._session.commander.take(page)
+        self._session.note(5, "another page has taken command")
+        self._session.send_state()
+        return {"commander": page}
+
+    async def put_map(self, request: Request) -> Any:
+        """Take a map file, as it is in the body."""
+        folder = self._session.store.directory / "maps"
+        return await maps.store_map(folder, request.path_params["name"], request.stream())
+
+    def _check_commander(self, request: Request) -> None:
+        self._session.commander.check(request.headers.get("x-page"))
 
     def _prepare(self) -> None:
         flight = self._session.flight
@@ -366,7 +401,7 @@ def answered(handler: Callable[[Request], Awaitable[Any]]) -> Callable[[Request]
     async def answer(request: Request) -> Response:
         try:
             value = await handler(request)
-        except LinkError as error:
+        except (LinkError, CommandRefused) as error:
             return _json_response({"error": str(error)}, 409)
         except UavrtError as error:
             missing = error.message.startswith("there is no")

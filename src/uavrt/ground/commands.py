@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from uavrt.errors import FormatError, LinkError, UavrtError
 from uavrt.ground.actions import ACTIONS, Busy, action_states
 from uavrt.ground.link import GroundLink
-from uavrt.ground.places import mark_note
+from uavrt.ground.places import Mark, mark_note
 
 if TYPE_CHECKING:
     from uavrt.ground.session import GroundSession
@@ -60,7 +60,7 @@ class Commands:
         CommandRefused, LinkError
             The drone refused, or did not answer.
         """
-        tags = self._session.store.tags
+        tags = self._session.store.chosen_tags
         link = self._allowed("send_tags")
         async with self._working("send_tags", f"sending {len(tags)} tags"):
             await link.upload_tags(tags, self._progress)
@@ -139,6 +139,15 @@ class Commands:
             note = "mark" + (f": {text.strip()[:200]}" if text.strip() else "")
         else:
             note = mark_note(*place, text)
+            self._session.marks.append(
+                Mark(
+                    time_ns=now_ns,
+                    latitude_deg=place[0],
+                    longitude_deg=place[1],
+                    text=text.strip()[:200],
+                )
+            )
+            self._session.send_state()
         self._session.flight.add_note(note, now_ns)
         self._session.commit_soon()
         self._session.note(6, note)

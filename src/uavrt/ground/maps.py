@@ -3,13 +3,15 @@
 import re
 import sqlite3
 import struct
+from collections.abc import AsyncIterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from uavrt.errors import FormatError, UsageError
+from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.recording.plain_database import watch
 
+MAX_MAP = 8_000_000_000
 SUFFIXES = (".pmtiles", ".mbtiles")
 _NAME = re.compile(r"[\w][\w .()-]{0,120}\.(pmtiles|mbtiles)", re.IGNORECASE)
 _PMTILES_TYPES = {1: "mvt", 2: "png", 3: "jpg", 4: "webp", 5: "avif"}
@@ -28,8 +30,7 @@ def map_list(directory: Path) -> list[dict[str, Any]]:
         if path.suffix.lower() not in SUFFIXES or not _NAME.fullmatch(path.name):
             continue
         try:
-            facts = _pmtiles(path) if path.suffix.lower() == ".pmtiles" else _mbtiles(path)
-            found.append({"name": path.name, "fault": None, **facts})
+            found.append({"name": path.name, "fault": None, **_facts(path)})
         except (OSError, ValueError, struct.error, sqlite3.Error) as error:
             found.append({"name": path.name, "fault": str(error)})
     return found
@@ -47,6 +48,47 @@ def map_path(directory: Path, name: str) -> Path:
     if not _NAME.fullmatch(name) or not path.is_file():
         raise UsageError(f"there is no map {name[:80]!r}")
     return path
+
+
+async def store_map(directory: Path, name: str, chunks: AsyncIterator[bytes]) -> dict[str, Any]:
+    """Write a map file as it comes, whole or not at all; gives its facts.
+
+    Raises
+    ------
+    UsageError
+        The name is none of a map, or the file is too large.
+    FormatError
+        It is no map.
+    RecordingError
+        It cannot be written.
+    """
+    if not _NAME.fullmatch(name):
+        raise UsageError(
+            f"{name[:80]!r} cannot be a map's name",
+            remedy="A map file ends in .pmtiles or .mbtiles",
+        )
+    part = directory / f".{name}.part{Path(name).suffix}"
+    taken = 0
+    try:
+        with part.open("wb") as file:
+            async for chunk in chunks:
+                taken += len(chunk)
+                if taken > MAX_MAP:
+                    raise UsageError(f"{name} is larger than {MAX_MAP // 10**9} GB")
+                file.write(chunk)
+        facts = _facts(part)
+        part.replace(directory / name)
+    except (ValueError, struct.error, sqlite3.Error) as error:
+        raise FormatError(f"{name} is no map: {error}") from error
+    except OSError as error:
+        raise RecordingError(f"{name} cannot be kept: {error.strerror}") from error
+    finally:
+        part.unlink(missing_ok=True)
+    return {"name": name, "fault": None, **facts}
+
+
+def _facts(path: Path) -> dict[str, Any]:
+    return _pmtiles(path) if path.suffix.lower() == ".pmtiles" else _mbtiles(path)
 
 
 def tile(path: Path, z: int, x: int, y: int) -> tuple[bytes, str, str | None] | None:

@@ -14,6 +14,7 @@ from uavrt import tunnel
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import LinkError, UavrtError
 from uavrt.ground.actions import Busy, Situation
+from uavrt.ground.commander import Commander
 from uavrt.ground.commands import Commands
 from uavrt.ground.downloads import Downloads
 from uavrt.ground.estimates import Estimates, Estimator
@@ -30,7 +31,7 @@ from uavrt.ground.link import (
     GroundEvent,
     GroundLink,
 )
-from uavrt.ground.places import home_note
+from uavrt.ground.places import Mark, home_note
 from uavrt.ground.received import open_receipts
 from uavrt.ground.settings import GroundStore
 from uavrt.ground.skew import ClockSkew
@@ -98,6 +99,9 @@ class GroundSession:
         self.busy: Busy | None = None
         self.sent_tags: tuple[Tag, ...] = ()
         self.estimates = Estimates(bearings=[], positions=[])
+        self.commander = Commander()
+        self.marks: list[Mark] = []
+        """Of the flight that goes on, or ended last."""
         self.commands = Commands(self)
         self.downloads = Downloads(self)
         self._on_event = on_event
@@ -230,8 +234,8 @@ class GroundSession:
             link_open=link is not None and link.link is not None,
             drone_present=present,
             state=self.state,
-            tags=len(self.store.tags),
-            tags_sent=self.sent_tags == self.store.tags,
+            tags=len(self.store.chosen_tags),
+            tags_sent=self.sent_tags == self.store.chosen_tags,
             busy=self.busy,
             flight_open=self.flight.flight_id is not None,
             foreign=self.identity.foreign(self.clock.now_ns()),
@@ -327,17 +331,19 @@ class GroundSession:
             return
         self.flight.load(self.library.columns(kept))
         self.sent_tags = self.library.summary(kept).tags
+        self.marks = list(self.library.places(kept).marks)
         self._estimate_due = True
         self.note(6, f"flight {kept} goes on")
 
     def begin_flight(self) -> None:
         """Begin a flight of our own."""
-        flight_id = self.flight.begin(self.sent_tags or self.store.tags)
+        flight_id = self.flight.begin(self.sent_tags or self.store.chosen_tags)
         self.store.set_flight(flight_id)
         self.estimates = Estimates(bearings=[], positions=[])
         self._estimator = Estimator()
         self._stopped_ns = None
         self.heard.clear()
+        self.marks = []
         self.drone_bearings.clear()
         self.hub.send("flight", {"flight_id": flight_id})
         self.send_state()

@@ -32,6 +32,11 @@ class GroundSettings:
     """None leaves the gain to the drone's own settings."""
     center_frequency_mhz: float | None = None
     """None lets the drone's tuner choose."""
+    roaming_m: float = 10.0
+    """How far an animal goes in a minute (one axis, one standard deviation), in steps that
+    forget each other: positions grow by it with their age. 0 for one that rests."""
+    left_out: tuple[int, ...] = ()
+    """Numbers of tags in the table that are not flown with."""
 
     @property
     def antenna_choice(self) -> AntennaChoice:
@@ -88,6 +93,11 @@ class GroundStore:
             with contextlib.suppress(UavrtError):
                 self.settings = self.settings.changed({name: value})
         self.tags: tuple[Tag, ...] = read_table(self._tags_path)
+
+    @property
+    def chosen_tags(self) -> tuple[Tag, ...]:
+        """The tags that are flown with."""
+        return tuple(tag for tag in self.tags if tag.tag_id not in self.settings.left_out)
 
     @property
     def _tags_path(self) -> Path:
@@ -161,6 +171,11 @@ def _judged(name: str, value: Any) -> Any:
             return value
         case "antenna_offset_deg":
             return _number(name, value, -360.0, 360.0)
+        case "roaming_m":
+            return _number(name, value, 0.0, 1000.0)
+        case "left_out" if isinstance(value, list | tuple):
+            if all(type(one) is int for one in value):
+                return tuple(sorted(set(value)))
         case "gain":
             if value is None or value == "":
                 return None

@@ -53,10 +53,12 @@ def snapshot(session: "GroundSession") -> dict[str, Any]:
             "pulses": session.flight.pulses,
             "fault": session.flight.fault,
         },
-        "tags_sent": bool(session.sent_tags) and session.sent_tags == session.store.tags,
+        "tags_sent": bool(session.sent_tags) and session.sent_tags == session.store.chosen_tags,
         "detectors": {
             str(tag_id): (now_ns - heard_ns) / 1e9 for tag_id, heard_ns in session.heard.items()
         },
+        "commander": session.commander.page,
+        "marks": [asdict(mark) for mark in session.marks],
         "busy": None if session.busy is None else asdict(session.busy),
         "actions": action_states(situation),
     }

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from page_driver import write_map
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
@@ -233,6 +234,64 @@ def test_two_pages_do_not_overwrite_each_others_tags(served: Any) -> None:
     assert [row["id"] for row in theirs.json["tags"]] == [4]
     assert theirs.json["version"] == mine.json["version"]
     assert [row["id"] for row in served.ask("GET", "/api/tags").json] == [4]
+
+
+def test_a_map_is_brought_by_the_page_whole_or_not_at_all(served: Any, tmp_path: Path) -> None:
+    path = tmp_path / "valley.mbtiles"
+    write_map(path)
+    plain = {"Content-Type": "application/octet-stream"}
+    brought = served.ask("PUT", "/api/maps/valley.mbtiles", path.read_bytes(), plain)
+    assert (brought.status, brought.json["max_zoom"]) == (200, 3)
+    big = b"SQLite format 3\0" + bytes(5_000_000)
+    for name, content in (("big.mbtiles", big), ("no.pmtiles", b"x"), ("a.txt", b"x")):
+        assert served.ask("PUT", f"/api/maps/{name}", content, plain).status == 422
+    assert [one["name"] for one in served.ask("GET", "/api/choices").json["maps"]] == [
+        "valley.mbtiles"
+    ]
+    assert len(list((served.directory / "maps").iterdir())) == 1
+    other = plain | {"Origin": "http://evil.example"}
+    assert served.ask("PUT", "/api/maps/b.mbtiles", path.read_bytes(), other).status == 403
+
+
+def test_a_second_page_looks_on_until_it_takes_command(served: Any) -> None:
+    first, second = {"X-Page": "first"}, {"X-Page": "second"}
+
+    async def look() -> None:
+        place = f"ws://127.0.0.1:{served.port}/api/records?page="
+        async with connect(place + "first") as one, connect(place + "second"):
+            await one.recv()
+
+            def put(page: dict[str, str]) -> int:
+                return int(served.ask("PUT", "/api/tags", [TAG], page).status)
+
+            def ask(*what: Any) -> Any:
+                return served.ask("POST", *what)
+
+            loop = asyncio.get_running_loop()
+
+            async def of(*what: Any) -> Any:
+                return await loop.run_in_executor(None, *what)
+
+            assert await of(put, first) == 200
+            assert await of(put, second) == 409
+            assert await of(put, {}) == 200, "a script names no page"
+            stop = await of(ask, "/api/commands/stop", {}, second)
+            assert "another page" not in stop.json["message"], "anybody may stop"
+            assert (await of(ask, "/api/commander", {}, second)).status == 200
+            assert await of(put, second) == 200
+            assert await of(put, first) == 409
+
+    asyncio.run(look())
+    assert served.ask("PUT", "/api/tags", [TAG], first).status == 200, "the other has gone"
+
+
+def test_tags_can_be_left_at_home_without_deleting_them(served: Any) -> None:
+    served.ask("PUT", "/api/tags", [TAG, TAG | {"id": 4}])
+    assert served.ask("PUT", "/api/settings", {"left_out": [4]}).status == 200
+    assert served.ask("PUT", "/api/settings", {"left_out": ["4"]}).status == 422
+    store = served.station.session.store
+    assert [tag.tag_id for tag in store.chosen_tags] == [2]
+    assert len(store.tags) == 2
 
 
 def test_settings_are_checked_and_kept(served: Any) -> None:

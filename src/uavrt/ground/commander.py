@@ -1,0 +1,48 @@
+"""Which of several pages commands. Pure."""
+
+from collections import Counter
+
+from uavrt.errors import CommandRefused
+
+
+class Commander:
+    """One page commands, the others look on until one of them takes over.
+
+    A page names itself when it opens its records and in what it asks; scripts, which name no
+    page, may do what they did. Who commands is the first page that is there, and it stays when
+    it is reloaded; when it has gone, whoever asks next.
+    """
+
+    def __init__(self) -> None:
+        self.page: str | None = None
+        self._there: Counter[str] = Counter()
+
+    def come(self, page: str) -> None:
+        """Take a page that listens now."""
+        self._there[page] += 1
+        if self.page is None:
+            self.page = page
+
+    def go(self, page: str) -> None:
+        """A page listens no more."""
+        self._there[page] -= 1
+        if self._there[page] <= 0:
+            del self._there[page]
+
+    def take(self, page: str) -> None:
+        """Let this page command from now on."""
+        self.page = page
+
+    def check(self, page: str | None) -> None:
+        """Refuse what a page asks that only looks on.
+
+        Raises
+        ------
+        CommandRefused
+            Another page commands, and is there.
+        """
+        if page is None or page == self.page:
+            return
+        if self.page is not None and self._there[self.page] > 0:
+            raise CommandRefused("another page commands, this one looks on: take command first")
+        self.page = page
