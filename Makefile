@@ -47,7 +47,7 @@ browser:                ## Chromium, which the tests of the page drive
 	  else echo "The tests of the page need Chromium: sudo apt install chromium"; fi; }
 
 screenshots: $(STAMP) browser  ## pictures of the page, by its test, into docs/images
-	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/test_page.py tests/flight/test_page_past.py tests/flight/test_page_strength.py
+	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/test_page.py tests/flight/test_page_past.py tests/flight/test_page_strength.py tests/flight/test_page_hands.py
 
 video: $(STAMP) browser  ## a captioned film of a flight through the page, uavrt.webm
 	UAVRT_VIDEO=uavrt.webm $(BIN)/pytest tests/flight/test_page.py -k whole_flight

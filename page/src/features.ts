@@ -9,6 +9,7 @@ import type { BearingRecord, PositionRecord } from "./types";
 export type Feature = GeoJSON.Feature;
 
 const RAY_M = 900;
+const GROWN = 1.15;
 const COLUMNS = ["lat", "lon", "snr", "tag", "height"] as const;
 type Five = [Float64Array, Float64Array, Float64Array, Float64Array, Float64Array];
 /** Pulses in a row whose mean is the strongest signal, as in the report: one alone is luck. */
@@ -122,7 +123,7 @@ export function rayOf(one: BearingRecord, positions: PositionRecord[]): Feature 
 
 export function regionsOf(one: PositionRecord): Feature[] {
   const colour = tagColour(store.tagOrder(one.tag_id));
-  return ([50, 95] as const).map((share) => ({
+  const regions: Feature[] = ([50, 95] as const).map((share) => ({
     type: "Feature",
     properties: { colour, share },
     geometry: {
@@ -130,6 +131,14 @@ export function regionsOf(one: PositionRecord): Feature[] {
       coordinates: share === 50 ? one.region50 : one.region95,
     },
   }));
+  const now = store.radiusNow(one);
+  if (now !== null && one.radius95_m !== null && now > GROWN * one.radius95_m) {
+    // Where it may be by now: a circle, dashed.
+    const centre: LonLat = [one.longitude_deg, one.latitude_deg];
+    const ring = Array.from({ length: 73 }, (_, step) => destination(centre, step * 5, now));
+    regions.push({ type: "Feature", properties: { colour, share: 0 }, geometry: { type: "MultiLineString", coordinates: [ring] } });
+  }
+  return regions;
 }
 
 /** Where a tag was strongest, six pulses in a row averaged, as far as the replay goes. */

@@ -4,13 +4,16 @@ import { ApiError, get, send } from "./api";
 import { snrColour, SNR_HIGH, tagColour } from "./colour";
 import { append, by, fill, h, say } from "./dom";
 import { ago, fixed, UNKNOWN } from "./format";
-import { drawFollow, drawLegend, layerBox, legend, offerMaps } from "./layers";
+import { drawFollow, drawLegend, layerBox, legend, offerMaps, recall } from "./layers";
+import { FlatMap, hasWebGl2 } from "./flatmap";
 import { MapView } from "./map";
 import { toast } from "./notice";
 import { drawReplay, replayBar } from "./replay";
 import { save, unsaved } from "./setup";
 import { store } from "./store";
 import type { Choices, TagRow } from "./types";
+import { tapBox } from "./tap";
+import type { FlightMap } from "./view";
 import { drawWalk, walkBox } from "./walk";
 
 const ACTIONS = ["send_tags", "start", "stop", "capture", "mark"];
@@ -31,11 +34,11 @@ interface Card {
   eye: HTMLButtonElement;
 }
 
-let view: MapView;
+let view: FlightMap;
 const cards = new Map<number, Card>();
 const buttons = new Map<string, HTMLButtonElement>();
 
-export function mapView(): MapView {
+export function mapView(): FlightMap {
   return view;
 }
 
@@ -68,8 +71,8 @@ export function buildFly(go: (name: string) => void): void {
   const map = h("div", { id: "map", class: "map" });
   const side = h("div", { class: "map-wrap" }, map, walkBox(), legend());
   fill(by("view-fly"), panel, side);
-  view = new MapView(map);
-  append(side, [layerBox(view), replayBar()]);
+  view = recall("plain") || !hasWebGl2() ? new FlatMap(map) : new MapView(map);
+  append(side, [layerBox(view), replayBar(), tapBox(view)]);
   map.addEventListener("follow", () => drawFollow());
   store.on(["state"], drawActions);
   store.on(["tags", "reset", "selection"], buildCards);
@@ -82,8 +85,19 @@ export function buildFly(go: (name: string) => void): void {
   store.on(["estimates", "selection"], drawLegend);
   store.on(["other", "selection"], () => view.drawOther());
   store.on(["reset", "selection"], drawReplay);
+  store.on(["state", "reset"], drawMarks);
   setInterval(drawCards, 1000);
   void get<Choices>("/choices").then(offerMaps, () => undefined);
+}
+
+let marksDrawn = "";
+
+/** Marks come with each state; they are drawn when they have changed. */
+function drawMarks(): void {
+  const key = JSON.stringify(store.marks());
+  if (key === marksDrawn) return;
+  marksDrawn = key;
+  view.drawMarks();
 }
 
 // ------------------------------------------------------------------- actions
@@ -93,6 +107,10 @@ export async function act(name: string): Promise<void> {
   const action = store.state?.actions[name];
   if (!button || !action) return;
   // What runs can always be stopped, whatever is looked at.
+  if (store.looksOn() && name !== "stop" && name !== "mark") {
+    toast("Another page commands: take command first", 5);
+    return;
+  }
   if (store.review && name !== "stop") {
     toast("This is a past flight: go back to the live one first", 5);
     return;
@@ -123,7 +141,7 @@ function drawActions(): void {
     if (!action) continue;
     const label = name === "send_tags" && state.tags_sent ? "Tags sent" : action.label;
     if (button.textContent !== label) fill(button, label, h("kbd", {}, KEYS[name]));
-    const off = !action.enabled || (store.review !== null && name !== "stop");
+    const off = !action.enabled || (store.review !== null && name !== "stop") || (store.looksOn() && name !== "stop" && name !== "mark");
     // Not "disabled": a button that can be focused can say why it does nothing.
     button.setAttribute("aria-disabled", String(off));
     button.title = action.reason ?? "";

@@ -2,13 +2,16 @@
 
 import { gradient, SNR_HIGH, SNR_LOW } from "./colour";
 import { by, fill, h } from "./dom";
-import type { MapView } from "./map";
+import { get, upload } from "./api";
+import { toast } from "./notice";
+import { toggleMe } from "./tap";
+import type { FlightMap } from "./view";
 import type { Layers } from "./maplayers";
 import { store } from "./store";
 import { type Heights, heightBands } from "./surface";
 import type { Choices } from "./types";
 
-let view: MapView;
+let view: FlightMap;
 
 export function legend(): HTMLElement {
   const ramp = h("div", { class: "ramp" });
@@ -28,7 +31,7 @@ export function drawLegend(): void {
   by("legend-on-board").hidden = !store.bearings.some((one) => one.from_drone && !store.hidden.has(one.tag_id));
 }
 
-export function layerBox(made: MapView): HTMLElement {
+export function layerBox(made: FlightMap): HTMLElement {
   view = made;
   const names: [keyof Layers, string][] = [
     ["track", "Track"],
@@ -59,7 +62,11 @@ export function layerBox(made: MapView): HTMLElement {
       { class: "layer-actions" },
       h("button", { id: "fit", onclick: () => view.fit() }, "Whole flight"),
       h("button", { id: "follow", onclick: toggleFollow, "aria-pressed": "true" }, "Follow"),
+      h("button", { id: "me", onclick: (event: Event) => toggleMe(event.currentTarget as HTMLElement), "aria-pressed": "false" }, "My place"),
     ),
+    h("div", { class: "layer-actions" }, mapImport()),
+    h("p", { class: "note map-note" }, "A map is a .mbtiles or .pmtiles file, made once with internet: see \u201cMaps without internet\u201d in the manual."),
+    h("label", { class: "check" }, plainBox(), "Plain map (weak tablets)"),
   );
 }
 
@@ -100,13 +107,68 @@ export function drawFollow(): void {
 
 export function offerMaps(choices: Choices): void {
   const select = by("basemap") as HTMLSelectElement;
-  for (const file of choices.maps) {
-    select.append(h("option", { value: file.name, disabled: file.fault !== null }, file.fault ? `${file.name}: ${file.fault}` : file.name));
+  fill(
+    select,
+    h("option", { value: "" }, "none: grid"),
+    ...choices.maps.map((file) => h("option", { value: file.name, disabled: file.fault !== null }, file.fault ? `${file.name}: ${file.fault}` : file.name)),
+  );
+  const choose = (name: string) => {
+    select.value = name;
+    remember("map", name);
+    void view.setBasemap(choices.maps.find((one) => one.name === name) ?? null);
+  };
+  select.onchange = () => choose(select.value);
+  const kept = recall("map");
+  const good = choices.maps.filter((one) => !one.fault).map((one) => one.name);
+  // None, chosen by hand, stays none.
+  choose(kept !== null && (kept === "" || good.includes(kept)) ? kept : (good[0] ?? ""));
+}
+
+function mapImport(): HTMLElement {
+  const input = h("input", { id: "map-import", type: "file", accept: ".mbtiles,.pmtiles", onchange: () => void bring(input) });
+  return h("label", { class: "file" }, "Bring a map", input);
+}
+
+async function bring(input: HTMLInputElement): Promise<void> {
+  const file = input.files?.[0];
+  input.value = "";
+  if (!file) return;
+  toast(`${file.name}: being copied`, 6);
+  try {
+    await upload(`/maps/${encodeURIComponent(file.name)}`, file);
+    remember("map", file.name);
+    offerMaps(await get<Choices>("/choices"));
+    toast(`${file.name}: here`, 6);
+  } catch (error) {
+    toast(error instanceof Error ? error.message : "the server is not reached", 4);
   }
-  select.onchange = () => void view.setBasemap(choices.maps.find((one) => one.name === select.value) ?? null);
-  const first = choices.maps.find((one) => !one.fault);
-  if (first) {
-    select.value = first.name;
-    void view.setBasemap(first);
+}
+
+function plainBox(): HTMLElement {
+  const box = h("input", {
+    type: "checkbox",
+    id: "plain-map",
+    checked: view.flat,
+    onchange: () => {
+      remember("plain", box.checked ? "yes" : "");
+      location.reload();
+    },
+  });
+  return box;
+}
+
+export function recall(name: string): string | null {
+  try {
+    return localStorage.getItem(name);
+  } catch {
+    return null; // private windows keep nothing
+  }
+}
+
+function remember(name: string, value: string): void {
+  try {
+    localStorage.setItem(name, value);
+  } catch {
+    // As above.
   }
 }

@@ -58,6 +58,7 @@ function buildHeader(): void {
     h(
       "div",
       { class: "chips", role: "group", "aria-label": "State" },
+      h("button", { id: "take-command", class: "chip warn", hidden: true, onclick: () => void send("POST", "/commander", {}) }, "Looking on: take command"),
       h("span", { id: "chip-state", class: "chip" }),
       h("span", { id: "chip-link", class: "chip" }),
       h("span", { id: "chip-drone", class: "chip" }),
@@ -83,7 +84,7 @@ export function show(name: string): void {
   showPlots(name === "plots");
   showLog(name === "log");
   if (name === "flights") void refresh();
-  if (name === "fly") mapView().map.resize();
+  if (name === "fly") mapView().resize();
 }
 
 function drawHeader(): void {
@@ -100,6 +101,7 @@ function drawHeader(): void {
   else if (store.review) say(offline, `Past flight of ${dateTime(store.review.start_time_ns)}${store.other ? `, dashed beside it that of ${dateTime(store.other.summary.start_time_ns)}` : ""}`);
   offline.className = store.online && store.review && !state?.flight.fault ? "info" : "";
   if (!state) return;
+  by("take-command").hidden = !store.looksOn();
   const mode = state.drone.present ? (STATES[state.drone.state ?? ""] ?? "Drone heard") : "No drone";
   chip("state", mode, state.drone.present ? (state.drone.state === "detecting" ? "live" : "good") : "bad");
   const loss = state.link.loss;
@@ -107,7 +109,8 @@ function drawHeader(): void {
   const radio = state.link.radio ? ` · radio ${state.link.radio.rssi}/${state.link.radio.remote_rssi}` : "";
   const link = loss === null ? "no link" : `loss ${fixed(loss * 100, 0, "%")} · ${fixed(delay === null ? null : delay * 1000, 0, "ms")}${radio}`;
   chip("link", link, loss === null ? "bad" : loss > 0.25 ? "warn" : "good");
-  const pose = store.pose;
+  // The drone flies on while a past flight is looked at.
+  const pose = store.review ? state.vehicle : store.pose;
   const battery = state.battery_percent === null ? "" : ` · ${state.battery_percent}\u202f%`;
   chip("drone", pose ? `${fixed(pose.altitude_relative_m, 0, "m")} · ${fixed(pose.heading_deg, 0)}°${battery}` : "no position", pose ? "good" : "warn");
   const flight = state.flight;
@@ -211,4 +214,4 @@ fill(by("banner"), "Connecting …");
 by("banner").hidden = false;
 store.connect();
 // For the tests, which look at the map's frames.
-(window as unknown as { uavrt: unknown }).uavrt = { store, map: () => mapView().map };
+(window as unknown as { uavrt: unknown }).uavrt = { store, map: () => (mapView() as unknown as { map: unknown }).map };

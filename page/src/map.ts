@@ -1,6 +1,7 @@
 /** The map: whatever file the user has below it, or none, and everything of the flight on it. */
 
 import {
+  AttributionControl,
   GeoJSONSource,
   Map as MapLibre,
   Marker,
@@ -28,12 +29,14 @@ import {
 import type { LonLat } from "./geo";
 import { Graticule } from "./graticule";
 import { vectorLayers } from "./basemap";
-import { droneElement, fixElement, max, min, onBoardElement, rgb, roseElement } from "./markers";
+import { droneElement, fixElement, markElement, max, meElement, min, onBoardElement, rgb, roseElement } from "./markers";
 import { AT_FIRST, type Layers, WARM, WARM_MS, addFlightLayers, blank, dark, ground } from "./maplayers";
 import { Pace } from "./pace";
+import { bearingsShown, herePlace, isTelling, paddingIn, placesOf } from "./shown";
 import { store } from "./store";
 import { StrengthLayer } from "./surface";
 import type { MapFile, PositionRecord } from "./types";
+import type { FlightMap, Tap } from "./view";
 
 /** Above this many, pulses are drawn in clusters: one for each cell of the screen. */
 const CLUSTER_FROM = 4000;
@@ -48,12 +51,18 @@ const FULL_RATIO = Math.min(window.devicePixelRatio, 2);
 setWorkerUrl(workerUrl);
 
 const SOURCES = [
+  "measure",
   ...["track", "pulses", "bulk", "wedges", "rays", "regions", "strongest"],
   ...["other-track", "other-regions", "other-fixes"],
 ];
 const EMPTY: GeoJSON.FeatureCollection = { type: "FeatureCollection", features: [] };
 
-export class MapView {
+export class MapView implements FlightMap {
+  readonly flat = false;
+  onTap: (tap: Tap) => void = () => undefined;
+  private me: Marker | null = null;
+  private marks: Marker[] = [];
+  private attribution: AttributionControl | null = null;
   readonly map: MapLibre;
   readonly layers: Layers = { ...AT_FIRST };
   private ready = false;
@@ -96,7 +105,28 @@ export class MapView {
       this.follow = false;
       container.dispatchEvent(new CustomEvent("follow"));
     });
+    this.map.on("click", (event) => this.onTap({ at: [event.lngLat.lng, event.lngLat.lat], x: event.point.x, y: event.point.y }));
     this.map.getCanvas().setAttribute("aria-label", "Map of the flight");
+  }
+
+  resize(): void {
+    this.map.resize();
+  }
+
+  drawMarks(): void {
+    for (const marker of this.marks) marker.remove();
+    this.marks = store
+      .marks()
+      .map((one) => new Marker({ element: markElement(one.text), anchor: "bottom" }).setLngLat([one.longitude_deg, one.latitude_deg]).addTo(this.map));
+  }
+
+  setMe(at: LonLat | null): void {
+    this.me?.remove();
+    this.me = at && new Marker({ element: meElement() }).setLngLat(at).addTo(this.map);
+  }
+
+  setMeasure(line: LonLat[]): void {
+    if (this.ready) this.put("measure", lineOf(line));
   }
 
   /** Redraw everything that depends on the pulses. */
@@ -165,13 +195,9 @@ export class MapView {
 
   drawEstimates(): void {
     if (!this.ready) return;
-    const shown = (id: number) => !store.hidden.has(id);
-    const bearings = store.bearings.filter(
-      (one) => shown(one.tag_id) && one.start_time_ns <= store.until,
-    );
-    const positions = store.placed().filter((one) => shown(one.tag_id));
+    const [bearings, positions] = bearingsShown();
     this.reframe(positions);
-    this.put("wedges", collection(bearings.flatMap((one) => wedgeOf(one, positions))));
+    this.put("wedges", collection(bearings.filter(isTelling).flatMap((one) => wedgeOf(one, positions))));
     this.put("rays", collection(bearings.map((one) => rayOf(one, positions))));
     this.put("regions", collection(positions.flatMap(regionsOf)));
     this.drawHeat(positions.find((one) => one.tag_id === store.selected) ?? null);
@@ -240,7 +266,11 @@ export class MapView {
       if (layer.id.startsWith("base-")) this.map.removeLayer(layer.id);
     }
     if (this.map.getSource("base")) this.map.removeSource("base");
+    if (this.attribution) this.map.removeControl(this.attribution);
+    this.attribution = null;
     if (file === null || file.fault) return;
+    this.attribution = new AttributionControl({ compact: false, customAttribution: file.attribution ?? file.name });
+    this.map.addControl(this.attribution, "bottom-right");
     const range = { minzoom: file.min_zoom ?? 0, maxzoom: file.max_zoom ?? 14 };
     const place = `${location.origin}/maps/${encodeURIComponent(file.name)}`;
     const where =
@@ -271,34 +301,25 @@ export class MapView {
 
   /** Show the whole flight. */
   fit(): void {
-    const places: LonLat[] = [];
-    const [lat, lon] = [store.pulses.get("lat"), store.pulses.get("lon")];
-    const step = Math.max(1, Math.floor(store.pulses.count / 3000));
-    for (let place = 0; place < store.pulses.count; place += step) {
-      if (Number.isFinite(lat[place]!)) places.push([lon[place]!, lat[place]!]);
-    }
-    for (let place = 0; place < store.track.count; place += 20) {
-      places.push([store.track.lon[place]!, store.track.lat[place]!]);
-    }
-    for (const one of store.positions) places.push([one.longitude_deg, one.latitude_deg]);
-    const here = this.place();
-    if (here) places.push(here.at);
+    const places = placesOf();
     if (!places.length) return;
     const [lons, lats] = [places.map((one) => one[0]), places.map((one) => one[1])];
     this.map.fitBounds(
       [min(lons), min(lats), max(lons), max(lats)],
       // The box with the coordinates covers the top.
-      { padding: { top: 200, left: 60, right: 95, bottom: 95 }, maxZoom: 18, duration: 0 },
+      { padding: this.padding(), maxZoom: 18, duration: 0 },
     );
   }
 
-  /** Positions of a past flight come after its pulses: show them too, once. */
+  /** Positions come after the pulses: show each tag's, once, unless the map was moved by hand. */
   private reframe(positions: PositionRecord[]): void {
     const id = store.flightId();
-    if (!store.review || this.framed !== id || this.placedIn === id || !positions.length) return;
-    this.placedIn = id;
+    const key = `${id}:${positions.map((one) => one.tag_id).join()}`;
+    if (this.framed !== (id ?? "none") || this.placedIn === key || !positions.length || (!store.review && !this.follow)) return;
+    this.placedIn = key;
     const view = this.map.getBounds();
-    if (!positions.every((one) => view.contains([one.longitude_deg, one.latitude_deg]))) this.fit();
+    const ends = positions.flatMap((one) => [[one.longitude_deg, one.latitude_deg] as LonLat, ...one.region95.map((line) => line[0]!)]);
+    if (!ends.every((one) => view.contains(one))) this.fit();
   }
 
   private frame(): void {
@@ -309,14 +330,12 @@ export class MapView {
   }
 
   private place(): { at: LonLat; heading: number } | null {
-    const { track, pose, review, until } = store;
-    if (!review) {
-      return pose && { at: [pose.longitude_deg, pose.latitude_deg], heading: pose.heading_deg };
-    }
-    let at = track.count - 1;
-    while (at > 0 && track.time[at]! > until) at -= 1;
-    if (at < 0) return null;
-    return { at: [track.lon[at]!, track.lat[at]!], heading: track.yaw[at]! };
+    return herePlace();
+  }
+
+  private padding(): { top: number; left: number; right: number; bottom: number } {
+    const { clientWidth, clientHeight } = this.map.getContainer();
+    return paddingIn(clientWidth, clientHeight);
   }
 
   /** Give a source its data; nothing in place of nothing costs a drawing for nothing. */

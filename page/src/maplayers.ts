@@ -117,6 +117,7 @@ export function addFlightLayers(map: MapLibre): void {
     paint: {
       "line-color": ["get", "colour"],
       "line-width": ["case", ["==", ["get", "share"], 50], 2.6, 1.6],
+      "line-dasharray": ["case", ["==", ["get", "share"], 0], ["literal", [2, 3]], ["literal", [1, 0]]],
     },
   });
   map.addLayer({
@@ -157,5 +158,11 @@ export function addFlightLayers(map: MapLibre): void {
       "circle-stroke-width": 3,
       "circle-stroke-color": ["get", "colour"],
     },
+  });
+  map.addLayer({
+    id: "measure",
+    type: "line",
+    source: "measure",
+    paint: { "line-color": "#b5179e", "line-width": 2.5, "line-dasharray": [3, 2] },
   });
 }

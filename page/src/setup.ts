@@ -120,6 +120,7 @@ function draw(): void {
     h(
       "tr",
       {},
+      h("td", {}, flyBox(row)),
       ...FIELDS.map((field) =>
         h(
           "td",
@@ -149,10 +150,29 @@ function draw(): void {
   fill(
     by("tag-table"),
     rows.length
-      ? h("table", { class: "tags" }, h("thead", {}, h("tr", {}, ...head, h("th", {}))), h("tbody", {}, ...body))
+      ? h("table", { class: "tags" }, h("thead", {}, h("tr", {}, h("th", { scope: "col", title: "Of the tags in the table, those to search for" }, "Fly"), ...head, h("th", {}))), h("tbody", {}, ...body))
       : h("p", { class: "empty" }, "No tags. Add one, or import the file you have."),
   );
   drawFaults();
+}
+
+/** Whether a tag is searched for in the next flight; the table keeps it in any case. */
+function flyBox(row: TagRow): HTMLElement {
+  const id = Number(row.id);
+  const out = store.settings?.left_out ?? [];
+  const box = h("input", {
+    type: "checkbox",
+    class: "fly-tag",
+    "aria-label": `Search for tag ${row.id}`,
+    checked: !out.includes(id),
+    onchange: () => {
+      const others = (store.settings?.left_out ?? []).filter((one) => one !== id);
+      void send("PUT", "/settings", { left_out: box.checked ? others : [...others, id] }).catch((error: unknown) =>
+        toast(error instanceof Error ? error.message : "the server is not reached", 3),
+      );
+    },
+  });
+  return box;
 }
 
 function remove(place: number): void {
@@ -326,6 +346,7 @@ function antennaForm(): HTMLElement {
     h("label", {}, "Antenna", h("select", { id: "set-antenna", onchange: () => void change({ antenna: value("set-antenna") }) })),
     number("set-offset", "Turned clockwise from the told heading, °", "antenna_offset_deg", "0 when the drone's uavrt.toml holds the mounting"),
     number("set-gain", "Gain, 0 to 21 (empty: the drone's)", "gain", "Of the Airspy"),
+    number("set-roaming", "Animals go in a minute, m (0: rest)", "roaming_m", "Positions grow by it with their age"),
     number("set-frequency", "Radio frequency, MHz (empty: chosen by the drone)", "center_frequency_mhz", "Centre of the band"),
   );
 }
@@ -389,6 +410,7 @@ function drawSettings(): void {
   put("link-address", settings.address);
   put("set-antenna", settings.antenna);
   put("set-offset", String(settings.antenna_offset_deg));
+  put("set-roaming", String(settings.roaming_m));
   put("set-gain", settings.gain === null ? "" : String(settings.gain));
   put("set-frequency", settings.center_frequency_mhz === null ? "" : String(settings.center_frequency_mhz));
   put("set-generation", settings.generation);

@@ -185,6 +185,7 @@ export interface MapFile {
   min_zoom?: number;
   max_zoom?: number;
   bounds?: [number, number, number, number];
+  attribution?: string | null;
 }
 
 export interface Download {

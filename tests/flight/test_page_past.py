@@ -2,81 +2,22 @@
 
 import io
 import json
-import math
 import socket
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
 
-import numpy as np
 import pytest
 from file_drone import FileDrone
 from page_driver import WAIT_MS, Ground, Watched, colour_at, write_vector_map
+from past_flight import write_flight
 from playwright.sync_api import Browser, Page, expect
-from pulses import pulse_at as heard_pulse
 from recorded import frames, write_recording
 
-from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
-from uavrt.ground.flight_keeper import FlightKeeper
-from uavrt.localization import PATTERNS, TangentPlane
-from uavrt.messages import Pose, Pulse, PulsePose, Tag
 
 pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
-
-TAG = Tag(
-    tag_id=2,
-    name="lynx",
-    frequency_hz=148_712_000.0,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.2,),
-)
-GAIN_DB = PATTERNS["RA-23K"].e_plane_db
-"""The antenna that the page takes unless told otherwise."""
-PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
-STATIONS = ((0.0, 0.0), (250.0, 0.0))
-"""East and north of the origin [m]: a turn on the spot at each."""
-
-
-def write_flight(directory: Path, east_m: float, north_m: float) -> str:
-    """Record a flight that turned at two places and heard a tag at (east, north)."""
-    keeper = FlightKeeper(directory, Clock.start())
-    flight_id = keeper.begin([TAG])
-    for number in range(72):
-        station = STATIONS[number // 36]
-        heading = math.radians(10.0 * (number % 36))
-        bearing = math.atan2(east_m - station[0], north_m - station[1])
-        off_deg = abs((math.degrees(heading - bearing) + 180.0) % 360.0 - 180.0)
-        snr_db = 24.0 + float(
-            np.interp(off_deg, np.linspace(0.0, 180.0, len(GAIN_DB)), GAIN_DB)
-        )
-        # Half a minute from one place to the other.
-        time_ns = keeper.start_time_ns + round(1.2e9 * number) + round(30e9) * (number // 36)
-        latitude, longitude = PLANE.to_geodetic(*station)
-        pose = Pose(
-            time_ns=time_ns,
-            latitude_deg=float(latitude),
-            longitude_deg=float(longitude),
-            altitude_amsl_m=1000.0,
-            altitude_relative_m=40.0,
-            quaternion_wxyz=(math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)),
-        )
-        keeper.add_pose(pose)
-        keeper.add_pulse(PulsePose(pulse=pulse_at(time_ns, number, snr_db), pose=pose))
-    keeper.close()
-    return flight_id
-
-
-def pulse_at(time_ns: int, number: int, snr_db: float) -> Pulse:
-    return heard_pulse(
-        time_ns,
-        frequency_hz=148_712_000.0,
-        snr_db=snr_db,
-        group_index=1 + number % 3,
-        group_sequence=number // 3,
-        noise_psd=1e-9,
-    )
 
 
 def exported(page: Page, row: str, name: str) -> bytes:

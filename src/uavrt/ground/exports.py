@@ -166,10 +166,10 @@ def _kml(summary: FlightSummary, columns: Columns, found: Estimates, places: Pla
             if lines := position[f"region{share}"]:
                 label = f"{_label(summary, position['tag_id'])}, {share} %"
                 _region(document, label, lines)
-    for mark in places.marks:
-        at = (mark.longitude_deg, mark.latitude_deg)
-        pin = _placemark(document, _printable(mark.text) or "mark", "Point", [at])
-        _stamped(pin, iso_utc(mark.time_ns))
+    for seen in places.marks:
+        at = (seen.longitude_deg, seen.latitude_deg)
+        pin = _placemark(document, _printable(seen.text) or "mark", "Point", [at])
+        _stamped(pin, iso_utc(seen.time_ns))
     return _xml(root)
 
 

@@ -157,11 +157,17 @@ def _mbtiles(path: Path) -> dict[str, Any]:
     bounds = [float(part) for part in facts.get("bounds", "-180,-85,180,85").split(",")]
     return {
         "format": "mbtiles",
+        "attribution": _plain(facts.get("attribution", "")),
         "tiles": kind,
         "min_zoom": low,
         "max_zoom": high,
         "bounds": bounds,
     }
+
+
+def _plain(text: str) -> str | None:
+    """A text of others without its markup, to be shown below the map."""
+    return " ".join(re.sub(r"<[^>]*>|[<>]", " ", text).split())[:200] or None
 
 
 def _opened(path: Path) -> "closing[sqlite3.Connection]":
