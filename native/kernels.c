@@ -9,6 +9,7 @@
 #include "band.h"
 #include "bank.h"
 #include "fir.h"
+#include "levels.h"
 
 /* choose(most): take the loops for this processor, or older ones: "plain", "avx2" or "avx512",
    the newest that may be taken. Returns the name of those in use. */
@@ -29,8 +30,12 @@ static PyMethodDef methods[] = {
     {"choose", choose, METH_O, "Take loops for some processor; the name of those in use."},
     {"decimate", (PyCFunction)(void (*)(void))decimate, METH_FASTCALL,
      "Filter and keep every D-th sample: uavrt.dsp.decimator."},
+    {"follow", (PyCFunction)(void (*)(void))follow, METH_FASTCALL,
+     "Levels that change: uavrt.detection.levelling."},
     {"largest", (PyCFunction)(void (*)(void))largest, METH_FASTCALL,
      "Largest part of any sample: uavrt.detection.samples."},
+    {"level", (PyCFunction)(void (*)(void))level, METH_FASTCALL,
+     "Divide new columns by their level: uavrt.detection.levelling."},
     {"narrow", (PyCFunction)(void (*)(void))narrow, METH_FASTCALL,
      "A tag's narrow band: uavrt.detection.grid."},
     {"powers", (PyCFunction)(void (*)(void))powers, METH_FASTCALL,
@@ -43,7 +48,7 @@ static PyMethodDef methods[] = {
 };
 
 /* The number that uavrt/native.py asks for: raised when arguments of a kernel change. */
-#define INTERFACE 3
+#define INTERFACE 4
 
 static int fill(PyObject *module)
 {

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.grid import HOPS_PER_PULSE, ROWS_PER_BIN
+from uavrt.native import kernels
 
 SLOT = HOPS_PER_PULSE // 2
 """Columns of a slot."""
@@ -68,6 +69,19 @@ class _Stretch:
     """(slots,)"""
     bands: NDArray[np.float32] | None
     """(bands, slots): on top of the common one, where bands differ."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Followed:
+    """Levels that change: to search with, and to measure with."""
+
+    divisor: NDArray[np.float32]
+    """(new slots,): common level to search with, what it may err by added."""
+    bands: NDArray[np.float32] | None
+    """(bands, new slots): over that, where bands differ."""
+    told: NDArray[np.float32]
+    """(slots,): common level to measure with."""
+    told_bands: NDArray[np.float32] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,6 +188,30 @@ class Leveller:
         self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
         return level
 
+    def _level_by_kernel(
+        self,
+        power: NDArray[np.float32],
+        noise: NDArray[np.float32],
+        first: int,
+        whole: NDArray[np.bool_] | None,
+    ) -> None:
+        """Do as `level_together` for one search."""
+        count = -(-power.shape[1] // SLOT)
+        slots = self._past.shape[1] + count
+        both = np.empty((len(self._past), slots), np.float32)
+        weights = np.empty(slots, np.float32)
+        steady = kernels().level(
+            *(power, noise, self._now, self._usual, self._stayed, self._members),
+            *(self._past, self._whole, whole, self._bins, self._steepness, both, weights),
+        )
+        if steady is None:
+            self._level(power, noise, first, both, weights)
+            return
+        level, self._stayed = steady
+        self.unsteady = self.uneven = False
+        self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
+        self._note(first, np.full(count, level, np.float32), None)
+
     def _level(
         self,
         power: NDArray[np.float32],
@@ -188,19 +226,19 @@ class Leveller:
         past = both.shape[1] - slots.shape[1]
         if not self._nearly_steady(both):
             both[:, past:] = self._robust(slots, noise, both, past)
-        levels, told = self._follow(both, weights, past)
+        found = self._follow(both, weights, past)
+        told, common, bands = found.told, found.divisor, found.bands
         if self._stretches:
             # What is known by now of slots that might have been a pulse's.
             before = self._stretches[-1].common
             upto = min(_BESIDE[1], past, len(before))
-            before[len(before) - upto :] = told.common[past - upto : past]
-        common, bands = (levels.common * levels.margin)[past:], levels.bands
+            before[len(before) - upto :] = told[past - upto : past]
         self.unsteady, self.uneven = True, bands is not None
         self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
-        self._note(first, told.common[past:].copy(), told.bands)
-        self._now[:] = told.common[-1]
-        if told.bands is not None:
-            self._now *= told.bands[:, -1]
+        self._note(first, told[past:].copy(), found.told_bands)
+        self._now[:] = told[-1]
+        if found.told_bands is not None:
+            self._now *= found.told_bands[:, -1]
         if bands is None:
             power /= np.repeat(common, SLOT)[:columns]
         else:
@@ -266,20 +304,38 @@ class Leveller:
 
     def _follow(
         self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
-    ) -> tuple["_Levels", "_Levels"]:
+    ) -> _Followed:
         """Levels of the slots at hand: to search with, and to measure with.
 
         A rise among the newest slots may be a strong pulse: searched with as a rise, measured
         with as a pulse.
         """
+        if kernels() is not None:
+            return self._follow_by_kernel(both, weights, past)
         common = np.maximum(self._common(both), np.float32(_LEAST))
         weights = weights.copy()
         doubtful = self._take_out_bursts(common, weights)
-        levels = self._levels(both, common, weights, past)
-        if not doubtful.any():
-            return levels, levels
-        weights[doubtful] = 0.0
-        return levels, self._levels(both, common, weights, past)
+        levels = told = self._levels(both, common, weights, past)
+        if doubtful.any():
+            weights[doubtful] = 0.0
+            told = self._levels(both, common, weights, past)
+        divisor = (levels.common * levels.margin)[past:]
+        return _Followed(divisor, levels.bands, told.common, told.bands)
+
+    def _follow_by_kernel(
+        self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
+    ) -> _Followed:
+        slots = len(weights)
+        divisor = np.empty(slots - past, np.float32)
+        bands = np.empty((len(both), slots - past), np.float32)
+        told, told_bands = np.empty(slots, np.float32), np.empty_like(bands)
+        differ, told_differ = kernels().follow(
+            *(both, weights, self._members, past, self._bins, self._steepness),
+            *(self._circular, divisor, bands, told, told_bands),
+        )
+        return _Followed(
+            divisor, bands if differ else None, told, told_bands if told_differ else None
+        )
 
     def _levels(
         self,
@@ -287,7 +343,7 @@ class Leveller:
         common: NDArray[np.float32],
         weights: NDArray[np.float32],
         past: int,
-    ) -> "_Levels":
+    ) -> _Levels:
         """Level of each slot, and of the bands from slot `past` on."""
         scale = math.sqrt(_VARIANCE / self._bins)
         back, begin, least = _longest(common, weights, scale)
@@ -476,6 +532,12 @@ def level_together(
     whole : sequence of ndarray of bool or None
     """
     if not power.shape[2]:
+        return
+    if kernels() is not None and power.strides[2] == power.itemsize:
+        for leveller, columns, level, at, good in zip(
+            levellers, power, noise, first, whole, strict=True
+        ):
+            leveller._level_by_kernel(columns, level, at, good)
         return
     alike: dict[tuple[int, int], list[int]] = {}
     for index, leveller in enumerate(levellers):

@@ -4,14 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from uavrt import native
 from uavrt.detection import DetectorGroup, PulseDetector
 from uavrt.detection.grid import Spectrogram, make_grid
+from uavrt.detection.levelling import Leveller
 from uavrt.experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
 from uavrt.messages import Pulse, Tag
 
-pytestmark = pytest.mark.skipif(
+needs_kernels = pytest.mark.skipif(
     native.kernels() is None, reason=f"{native.description()}: python hatch_build.py kernels"
 )
 RATE_HZ = 7500.0
@@ -105,3 +107,47 @@ def test_the_cells_are_the_same(width_s: float, half_width_hz: float, offset_hz:
         np.testing.assert_allclose(by_kernels.band, by_numpy.band, rtol=0.0, atol=3e-6)
         assert by_kernels.consumed == by_numpy.consumed
         first = by_kernels.consumed * grid.decimation
+
+
+@needs_kernels
+@pytest.mark.parametrize("rows", [9, 81, 83, 600])
+@pytest.mark.parametrize("scene", ["steady", "step", "half", "pulses", "holes", "silence"])
+def test_the_levels_are_the_same(rows: int, scene: str) -> None:
+    rng = np.random.default_rng(4)
+    power = rng.exponential(1.0, (rows, 1200)).astype(np.float32)
+    whole: list[NDArray[np.bool_] | None] = [None] * 20
+    if scene == "step":
+        power[:, 500:800] *= 4.0
+    elif scene == "half":
+        power[: rows // 2, 500:800] *= 4.0
+    elif scene == "pulses":
+        for column in range(100, 1200, 173):
+            power[:, column : column + 8] += 20.0
+    elif scene == "holes":
+        whole = [rng.random(60) > 0.3 for _ in range(20)]
+    elif scene == "silence":
+        power[:, 300:500] = 0.0
+    noise = np.linspace(0.8, 1.3, rows).astype(np.float32)
+
+    def levelled() -> tuple[NDArray[np.float32], list[float], list[bool], list[float]]:
+        leveller = Leveller(rows=rows, keep=1600, steepness=10.0, circular=rows == 600)
+        parts, unsteady, now = [], [], []
+        for index, good in enumerate(whole):
+            part = power[:, 60 * index : 60 * index + 60] * noise[:, np.newaxis]
+            leveller.level(part, noise, 60 * index, good)
+            parts.append(part)
+            unsteady.append(leveller.unsteady)
+            now.append(float(leveller.rows_now.mean()))
+        told = [leveller.at(row, column) for row in (0, rows - 1) for column in range(1200)]
+        return np.concatenate(parts, axis=1), told, unsteady, now
+
+    one = levelled()
+    with native.numpy_only():
+        two = levelled()
+    np.testing.assert_allclose(one[0], two[0], rtol=2e-5)
+    np.testing.assert_allclose(one[1], two[1], rtol=2e-5)
+    assert one[2] == two[2]
+    # Of few rows pulses are no louder than chance.
+    changes = scene in ("step", "half", "silence") or (scene == "pulses" and rows > 9)
+    assert any(one[2]) == changes
+    np.testing.assert_allclose(one[3], two[3], rtol=2e-5)
