@@ -80,6 +80,12 @@ class Survey:
         """Get one tag's position, or why there is none."""
         return next((one for one in self.positions if one.tag_id == tag_id), None)
 
+    def position_time_ns(self, tag_id: int) -> int | None:
+        """When a tag's position was so: at the end of its last bearing, or last pulse."""
+        bearings = [one.end_time_ns for one in self.bearings_of(tag_id) if one.bearing.accepted]
+        heard = [one.pulse.start_time_ns for one in self.pulses_of(tag_id)]
+        return max(bearings or heard, default=None)
+
     def signal_of(self, tag_id: int) -> TagSignal | None:
         """Get what one tag's strength says, in a survey with a monopole."""
         return next((one for one in self.signals if one.tag_id == tag_id), None)

@@ -23,8 +23,10 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from uavrt.analysis.export import EXPORT_FORMATS, export_survey
 from uavrt.analysis.export.geotiff import geotiff_bytes
+from uavrt.analysis.export.tables import movebank_reference_csv
 from uavrt.analysis.shapes import split_at_date_line
 from uavrt.analysis.survey import Survey, read_survey
+from uavrt.clock import iso_utc
 from uavrt.localization import PositionGrid
 from uavrt.recording import read_pulse_file
 from uavrt.recording.bearing_files import read_bearing_file
@@ -214,7 +216,22 @@ def test_geopackage_has_its_identity_its_tables_and_geometries_that_can_be_read(
         order, kind = struct.unpack_from("<BI", blob, 8)
         assert order == 1
         assert kind == {"POINT": 1, "LINESTRING": 2, "POLYGON": 3}[layers[table]]
+    for table in layers:
+        (count,) = database.execute(f"SELECT count(*) FROM rtree_{table}_geom").fetchone()
+        assert database.execute(f"SELECT count(*) FROM {table}").fetchone() == (count,)
+        (style,) = database.execute(
+            "SELECT styleQML FROM layer_styles WHERE f_table_name = ? AND useAsDefault",
+            (table,),
+        ).fetchone()
+        assert ET.fromstring(style.partition(">")[2]).tag == "qgis"
+    (west,) = database.execute("SELECT minx FROM rtree_positions_geom").fetchone()
     (blob,) = database.execute("SELECT geom FROM positions").fetchone()
+    assert west == pytest.approx(struct.unpack_from("<d", blob, 13)[0], abs=1e-4)
+    for table in ("pulses", "bearings", "positions", "regions95"):
+        kinds = {row[1]: row[2] for row in database.execute(f"PRAGMA table_info({table})")}
+        assert kinds["time"] == "DATETIME"
+        (time,) = database.execute(f"SELECT max(time) FROM {table}").fetchone()
+        assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", time)
     found = survey.position_of(2)
     assert found is not None
     assert found.position is not None
@@ -291,6 +308,25 @@ def test_movebank_rows_have_its_columns(survey: Survey, tmp_path: Path) -> None:
     assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3}", row["timestamp"])
     assert float(row["location-error-numerical"]) > 0.0
     assert row["location-error-percentile"] == "95"
+    assert row["algorithm-marked-outlier"] == "false"
+    assert all(cell for cell in row.values()), "no column is empty"
+    worn = list(csv.DictReader(io.StringIO(movebank_reference_csv(survey))))
+    assert [one["tag-id"] for one in worn] == ["2", "3"]
+    assert worn[0]["animal-id"] == row["individual-local-identifier"]
+
+
+def test_positions_carry_the_time_of_their_last_bearing(survey: Survey, tmp_path: Path) -> None:
+    files = exported(survey, tmp_path)
+    time = iso_utc(max(one.end_time_ns for one in survey.bearings_of(2)))
+    (_, fix, _) = files["fixes.csv"].decode().splitlines()
+    assert time in fix.split(",")
+    features = json.loads(files["flight.geojson"])["features"]
+    for layer in ("position", "position 95 %"):
+        (one,) = (f["properties"] for f in features if f["properties"]["layer"] == layer)
+        assert one["time"] == time
+    waypoint = etree.fromstring(files["flight.gpx"]).find("{*}wpt/{*}time")
+    assert waypoint is not None
+    assert waypoint.text == time
 
 
 @pytest.mark.parametrize("poses", [True, False])

@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -67,6 +68,16 @@ def test_the_page_fetches_nothing_and_says_where_the_tag_is(survey: Survey) -> N
     assert "Not heard in 239 s of search" in page.text
     assert "samples lost <12>" in page.text
     assert "Lenth" in page.text
+
+
+def test_the_headline_says_what_its_bearings_say(survey: Survey) -> None:
+    doubtful = replace(survey.bearings[0].bearing, multipath_suspected=True)
+    first = replace(survey.bearings[0], bearing=doubtful)
+    doubted = replace(survey, bearings=(first, *survey.bearings[1:]))
+    (plain, _), (told, _) = words.findings(survey), words.findings(doubted)
+    assert "reflection" not in plain.detail
+    assert "of its 3 bearings: reflection likely in 1" in told.detail
+    assert "UTC" in told.detail
 
 
 def test_the_pdf_has_a_page_for_each_heard_tag(survey: Survey) -> None:

@@ -138,6 +138,12 @@ _WRITERS: dict[ExportFormat, Callable[[Survey, Path], list[Path]]] = {
     "kmz": lambda survey, to: _written(to, {"flight.kmz": kmz_bytes(survey)}),
     "gpx": lambda survey, to: _written(to, {"flight.gpx": gpx_text(survey)}),
     "geopackage": _geopackage,
-    "movebank": lambda survey, to: _written(to, {"movebank.csv": tables.movebank_csv(survey)}),
+    "movebank": lambda survey, to: _written(
+        to,
+        {
+            "movebank.csv": tables.movebank_csv(survey),
+            "movebank-reference-data.csv": tables.movebank_reference_csv(survey),
+        },
+    ),
     "geotiff": _geotiff,
 }

@@ -82,8 +82,10 @@ def position_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
             continue
         position = one.position
         tag = survey.tag(one.tag_id)
+        time_ns = survey.position_time_ns(one.tag_id)
         properties = {
             "tag_id": one.tag_id,
+            "time": None if time_ns is None else iso_utc(time_ns),
             "name": None if tag is None else tag.name,
             "method": position.method,
             "radius50_m": known(position.radius50_m),

@@ -5,6 +5,8 @@ A geometry is a header of 8 bytes and well-known binary, both little endian (OGC
 §2.1.3)::
 
     "GP" | version 0 | flags 1 | srs_id 4326 as int32 | WKB
+
+Each layer has a spatial index and a style.
 """
 
 import sqlite3
@@ -20,6 +22,10 @@ from uavrt.analysis.export.geojson import (
     pulse_properties,
     strongest_properties,
 )
+from uavrt.analysis.export.geopackage_index import SCHEMA as INDEX_SCHEMA
+from uavrt.analysis.export.geopackage_index import add_index
+from uavrt.analysis.export.geopackage_styles import SCHEMA as STYLE_SCHEMA
+from uavrt.analysis.export.geopackage_styles import add_style
 from uavrt.analysis.shapes import Point, ray, ray_length_m, region95, wedge
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
@@ -60,6 +66,8 @@ _SYSTEMS = (
     ("WGS 84 geodetic", 4326, "EPSG", 4326, _WGS84, "longitude, latitude in degrees"),
 )
 _TYPES = {bool: "BOOLEAN", int: "INTEGER", float: "DOUBLE", str: "TEXT"}
+_TIMES = ("time", "start", "end")
+"""Columns that are date-times: QGIS's temporal controller finds them by their type."""
 _WKB = {"POINT": 1, "LINESTRING": 2, "POLYGON": 3}
 
 Feature = tuple[list[Point], dict[str, Any]]
@@ -76,7 +84,7 @@ def write_geopackage(survey: Survey, path: Path) -> None:
     with closing(sqlite3.connect(path)) as database, database:
         database.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         database.execute(f"PRAGMA user_version = {VERSION}")
-        database.executescript(_TABLES)
+        database.executescript(_TABLES + INDEX_SCHEMA + STYLE_SCHEMA)
         database.executemany(
             "INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)", _SYSTEMS
         )
@@ -114,7 +122,10 @@ def _layers(survey: Survey) -> Iterable[tuple[str, str, list[Feature]]]:
         regions += [] if area is None else [(area, properties)]
     yield "pulses", "POINT", [([place], told) for place, told in pulse_properties(survey)]
     if len(track) > 1:
-        times = {"start": iso_utc(survey.track[0].time_ns)}
+        times = {
+            "start": iso_utc(survey.track[0].time_ns),
+            "end": iso_utc(survey.track[-1].time_ns),
+        }
         yield "track", "LINESTRING", [(track, times)]
     yield "bearings", "LINESTRING", rays
     yield "bearing_wedges", "POLYGON", wedges
@@ -125,7 +136,10 @@ def _layers(survey: Survey) -> Iterable[tuple[str, str, list[Feature]]]:
 
 
 def _layer(database: sqlite3.Connection, name: str, kind: str, features: list[Feature]) -> None:
-    columns = {key: _column_type([told[key] for _, told in features]) for key in features[0][1]}
+    columns = {
+        key: "DATETIME" if key in _TIMES else _column_type([told[key] for _, told in features])
+        for key in features[0][1]
+    }
     described = "".join(f', "{key}" {kind_of}' for key, kind_of in columns.items())
     database.execute(
         f"CREATE TABLE {name} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,"
@@ -145,8 +159,27 @@ def _layer(database: sqlite3.Connection, name: str, kind: str, features: list[Fe
     named = "".join(f', "{key}"' for key in columns)
     database.executemany(
         f"INSERT INTO {name} (geom{named}) VALUES ({marks})",
-        [(geometry_blob(kind, points), *told.values()) for points, told in features],
+        [
+            (geometry_blob(kind, points), *(_cell(key, value) for key, value in told.items()))
+            for points, told in features
+        ],
     )
+    add_index(database, name, [_box(points) for points, _ in features])
+    add_style(database, name, kind)
+
+
+def _box(points: Sequence[Point]) -> tuple[float, float, float, float]:
+    """West, east, south, north."""
+    xs, ys = [point[0] for point in points], [point[1] for point in points]
+    return min(xs), max(xs), min(ys), max(ys)
+
+
+def _cell(key: str, value: Any) -> Any:
+    """A value as its column wants it: times in milliseconds, as clause 1.1.1.1.2 has them."""
+    if key not in _TIMES or value is None:
+        return value
+    seconds, _, rest = str(value).rstrip("Z").partition(".")
+    return f"{seconds}.{rest[:3].ljust(3, '0')}Z"
 
 
 def _column_type(values: list[Any]) -> str:

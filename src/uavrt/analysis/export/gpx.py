@@ -24,6 +24,9 @@ def gpx_text(survey: Survey) -> str:
             continue
         position = one.position
         point = _point(root, "wpt", position.latitude_deg, position.longitude_deg)
+        time_ns = survey.position_time_ns(one.tag_id)
+        if time_ns is not None:
+            ET.SubElement(point, "time").text = iso_utc(time_ns)
         ET.SubElement(point, "name").text = f"tag {one.tag_id}"
         if position.radius95_m is not None:
             text = f"within {position.radius95_m:.0f} m with 95 %"

@@ -10,6 +10,7 @@ from typing import Any
 from uavrt.analysis.bearings import TagBearing
 from uavrt.analysis.positions import positions_of_bearings
 from uavrt.analysis.survey import Survey
+from uavrt.clock import iso_utc
 from uavrt.localization import PositionMethod
 from uavrt.recording import PulseWriter
 from uavrt.recording.bearing_files import BearingRow
@@ -19,7 +20,11 @@ MOVEBANK_COLUMNS = (
     *("event-id", "timestamp", "location-long", "location-lat", "sensor-type"),
     *("individual-local-identifier", "tag-local-identifier", "tag-beacon-frequency"),
     *("location-error-numerical", "location-error-percentile", "location-error-text"),
-    *("algorithm-marked-outlier", "study-specific-measurement"),
+    "algorithm-marked-outlier",
+)
+REFERENCE_COLUMNS = (
+    *("tag-id", "animal-id", "animal-nickname", "tag-beacon-frequency"),
+    *("deploy-on-date", "deploy-off-date", "deployment-comments"),
 )
 
 
@@ -89,7 +94,8 @@ def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
 def fixes_csv(survey: Survey) -> str:
     """Positions with their uncertainty; a tag without one says why."""
     header = (
-        *("tag_id", "name", "method", "latitude_deg", "longitude_deg", "radius50_m"),
+        *("tag_id", "name", "time_utc", "method", "latitude_deg", "longitude_deg"),
+        "radius50_m",
         *("radius95_m", "bearings", "may_be_farther_out", "reason"),
     )
     rows = []
@@ -98,13 +104,15 @@ def fixes_csv(survey: Survey) -> str:
         name = "" if tag is None else tag.name or ""
         if found is None or found.position is None:
             reason = "no bearing was taken" if found is None else found.reason
-            rows.append((tag_id, name, *[""] * 7, reason))
+            rows.append((tag_id, name, *[""] * 8, reason))
             continue
         position = found.position
         place = (f"{position.latitude_deg:.9f}", f"{position.longitude_deg:.9f}")
         radii = (_metres(position.radius50_m), _metres(position.radius95_m))
         rest = (position.stations, str(position.at_edge).lower(), "")
-        rows.append((tag_id, name, position.method, *place, *radii, *rest))
+        time_ns = survey.position_time_ns(tag_id)
+        time = "" if time_ns is None else iso_utc(time_ns)
+        rows.append((tag_id, name, time, position.method, *place, *radii, *rest))
     return _csv(header, rows)
 
 
@@ -114,28 +122,57 @@ def movebank_csv(survey: Survey) -> str:
     One event for each tag, at the end of its last bearing. Movebank asks for the meaning of
     columns at the upload; names that are its own are recognised.
     """
-    rows = []
+    rows: list[dict[str, Any]] = []
     for number, one in enumerate(survey.positions, start=1):
-        bearings = survey.bearings_of(one.tag_id)
-        if one.position is None or not bearings:
+        time_ns = survey.position_time_ns(one.tag_id)
+        if one.position is None or time_ns is None:
             continue
         tag, position = survey.tag(one.tag_id), one.position
-        name = tag.name if tag is not None and tag.name else f"tag {one.tag_id}"
-        text = f"{position.method}, {position.stations} bearings, {survey.name}"
-        rows.append(
-            (
-                number,
-                _movebank_time(max(bearing.end_time_ns for bearing in bearings)),
-                f"{position.longitude_deg:.8f}",
-                f"{position.latitude_deg:.8f}",
-                *("radio-transmitter", name, one.tag_id),
-                "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}",
-                _metres(position.radius95_m),
-                "" if position.radius95_m is None else 95,
-                *(text, str(position.at_edge).lower(), ""),
-            )
+        radius = _metres(position.radius95_m)
+        heard = "pulses" if position.pulses else "bearings"
+        count = position.pulses or position.stations
+        told = (
+            *(number, _movebank_time(time_ns)),
+            *(f"{position.longitude_deg:.8f}", f"{position.latitude_deg:.8f}"),
+            *("radio-transmitter", _animal(survey, one.tag_id), one.tag_id),
+            "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}",
+            *(radius, 95 if radius else ""),
+            f"{position.method}, {count} {heard}, {survey.name}",
+            # What says no more than a direction is no place; Movebank hides such by default.
+            str(position.at_edge or not radius).lower(),
         )
-    return _csv(MOVEBANK_COLUMNS, rows)
+        rows.append(dict(zip(MOVEBANK_COLUMNS, told, strict=True)))
+    return _without_empty(MOVEBANK_COLUMNS, rows)
+
+
+def movebank_reference_csv(survey: Survey) -> str:
+    """Which animal wore which tag: the reference data that Movebank asks for with the events.
+
+    The flight knows of no deployment but that it was worn then.
+    """
+    span = survey.span_ns
+    day = "" if span is None else _movebank_time(span[0])
+    rows: list[dict[str, Any]] = []
+    for tag_id in survey.tag_ids:
+        tag = survey.tag(tag_id)
+        told = (
+            *(tag_id, _animal(survey, tag_id), "" if tag is None else tag.name or ""),
+            "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}",
+            *(day, "", f"dates are of {survey.name}: put in those of the deployment"),
+        )
+        rows.append(dict(zip(REFERENCE_COLUMNS, told, strict=True)))
+    return _without_empty(REFERENCE_COLUMNS, rows)
+
+
+def _animal(survey: Survey, tag_id: int) -> str:
+    tag = survey.tag(tag_id)
+    return tag.name if tag is not None and tag.name else f"tag {tag_id}"
+
+
+def _without_empty(names: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
+    """A table of the columns in which anything stands; all of them when there is no row."""
+    kept = [name for name in names if not rows or any(row[name] != "" for row in rows)]
+    return _csv(kept, ([row[name] for name in kept] for row in rows))
 
 
 def _bearing_row(one: TagBearing, survey: Survey, parent_file: str) -> BearingRow:

@@ -33,6 +33,7 @@ class LocalMap:
             found = survey.position_of(tag_id)
             if found is not None and found.position is not None:
                 places.append((found.position.longitude_deg, found.position.latitude_deg))
+                places += region95(found.position) or []
         self.plane = TangentPlane(latitude_deg=places[0][1], longitude_deg=places[0][0])
         self._frame(places)
 

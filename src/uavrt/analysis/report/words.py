@@ -1,6 +1,7 @@
 """The report's sentences and tables, the same in HTML and PDF."""
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -202,6 +203,9 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
         point = _POINTS[round(direction / 45.0) % 8]
         distance = math.hypot(float(east), float(north))
         parts.append(f"{distance:.0f} m from the start of the track towards {point}")
+    time_ns = survey.position_time_ns(tag_id)
+    if time_ns is not None:
+        parts.append(f"at {clock(time_ns)} UTC")
     signal = survey.signal_of(tag_id)
     if signal is None:
         parts.append(f"from {_count(position.stations, 'bearing')}")
@@ -212,6 +216,8 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
             parts.append(
                 f"strongest signal at {loudest.latitude_deg:.5f}, {loudest.longitude_deg:.5f}"
             )
+    if caveat := _caveat(survey, tag_id):
+        parts.append(caveat)
     if position.at_edge:
         parts.append("it may be farther out")
     if position.stations == 1:
@@ -222,6 +228,16 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
         place=f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}",
         detail="; ".join(parts) + ".",
     )
+
+
+def _caveat(survey: Survey, tag_id: int) -> str | None:
+    """What must be said of a position because of the bearings that it is from."""
+    bearings = survey.bearings_of(tag_id)
+    doubts = Counter(text for one in bearings if (text := verdict(one)) != "clear")
+    if not doubts:
+        return None
+    told = ", ".join(f"{text} in {count}" for text, count in doubts.items())
+    return f"of its {_count(len(bearings), 'bearing')}: {told}"
 
 
 def _why_no_position(survey: Survey, tag_id: int) -> str:
