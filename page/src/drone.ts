@@ -7,8 +7,12 @@ import { store } from "./store";
 
 const UPKEEP = ["radio_status", "save_logs", "clean_logs"];
 /** Asked a second time, because it cannot be undone. */
-const FINAL: Record<string, string> = { clean_logs: "Remove all flights from the drone?" };
+const FINAL: Record<string, string> = { clean_logs: "Remove flights from the drone?" };
 const CONFIRM_MS = 5000;
+/** What our drone says to the first step; the original's removes at once. */
+const FIRST_STEP = /send it again after (\d+) s to delete (\d+) flights: (.+)$/;
+/** The drone forgets the first step after a minute. */
+const SECOND_STEP_MS = 40_000;
 
 export function droneSection(): HTMLElement {
   const buttons = UPKEEP.map((name) => h("button", { id: `act-${name}`, onclick: () => void press(name) }));
@@ -55,21 +59,40 @@ async function press(name: string): Promise<void> {
     }, CONFIRM_MS);
     return;
   }
+  if (button.dataset.asking === "wait") return;
   delete button.dataset.asking;
-  await ask(name, {});
+  const step = FIRST_STEP.exec(await ask(name, {}));
+  if (step) secondStep(button, Number(step[1]), step[2]!, step[3]!);
   drawButtons();
 }
 
-async function ask(name: string, body: unknown): Promise<boolean> {
+/** Tell what would go and what stays; let the second press count when the drone takes it. */
+function secondStep(button: HTMLElement, waitS: number, count: string, stays: string): void {
+  const what = `Remove ${count} ${count === "1" ? "flight" : "flights"}`;
+  say(by("drone-note"), `${what} from the drone? ${stays[0]!.toUpperCase()}${stays.slice(1)}. Press again in ${waitS} s; else nothing is removed.`);
+  button.dataset.asking = "wait";
+  say(button, `${what} … wait`);
+  setTimeout(() => {
+    button.dataset.asking = "yes";
+    say(button, `${what} now`);
+    setTimeout(() => {
+      delete button.dataset.asking;
+      drawButtons();
+    }, SECOND_STEP_MS);
+  }, (waitS + 1) * 1000);
+}
+
+/** Ask the drone; give what it refused with, "" when it took it. */
+async function ask(name: string, body: unknown): Promise<string> {
   try {
     const answer = await send<{ message: string }>("POST", `/commands/${name}`, body);
     say(by("drone-note"), answer.message);
-    return true;
+    return "";
   } catch (error) {
     const words = error instanceof ApiError ? error.message : "the server is not reached";
     say(by("drone-note"), words);
-    toast(words, 4);
-    return false;
+    if (!FIRST_STEP.test(words)) toast(words, 4);
+    return words;
   }
 }
 
@@ -96,8 +119,8 @@ function row(name: string, value: number): HTMLElement {
       input.setAttribute("aria-invalid", "true");
       return;
     }
-    const done = await ask("set_parameter", { name, value: wanted });
-    input.setAttribute("aria-invalid", String(!done));
+    const refusal = await ask("set_parameter", { name, value: wanted });
+    input.setAttribute("aria-invalid", String(refusal !== ""));
   };
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") void set();

@@ -1,6 +1,6 @@
 /** Past flights: the list, and each to be looked at and exported. */
 
-import { ApiError, get } from "./api";
+import { ApiError, get, send } from "./api";
 import { compare } from "./compare";
 import { by, fill, h, say } from "./dom";
 import { downloadSection } from "./downloads";
@@ -53,6 +53,7 @@ export async function refresh(): Promise<void> {
       h(
         "td",
         { class: "row-actions" },
+        starButton(flight),
         h("button", { class: "open-flight", onclick: () => void open(flight.flight_id) }, "Open"),
         h("a", { class: "export report", href: `/api/flights/${encodeURIComponent(flight.flight_id)}/report`, target: "_blank", rel: "noopener" }, "Report"),
         ...exports.map((name) =>
@@ -70,6 +71,29 @@ export async function refresh(): Promise<void> {
       h("tbody", {}, ...rows),
     ),
   );
+}
+
+/** A starred flight is never removed from the computer that it is on. */
+function starButton(flight: FlightSummary): HTMLElement {
+  const button = h("button", { class: "star", onclick: () => void turn() }, "");
+  const draw = () => {
+    say(button, flight.starred ? "★" : "☆");
+    button.setAttribute("aria-pressed", String(flight.starred));
+    const words = flight.starred ? "Starred: never removed. Press to take the star away" : "Star: never remove this flight";
+    button.setAttribute("aria-label", words);
+    button.title = words;
+  };
+  const turn = async () => {
+    try {
+      const answer = await send<{ starred: boolean }>("PUT", `/flights/${encodeURIComponent(flight.flight_id)}/star`, { starred: !flight.starred });
+      flight.starred = answer.starred;
+      draw();
+    } catch (error) {
+      toast(error instanceof ApiError ? error.message : "the server is not reached", 3);
+    }
+  };
+  draw();
+  return button;
 }
 
 async function open(id: string): Promise<void> {

@@ -166,6 +166,7 @@ export interface FlightSummary {
   pulses: number;
   tags: { tag_id: number; name: string | null; frequency_hz: number }[];
   source: string;
+  starred: boolean;
 }
 
 export interface Choices {

@@ -29,6 +29,35 @@ def exported(page: Page, row: str, name: str) -> bytes:
     return Path(download.value.path()).read_bytes()
 
 
+def test_a_flight_is_starred_by_one_press_and_loses_the_star_by_another(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    here = tmp_path / "ground"
+    here.mkdir()
+    first, _ = write_flight(here, 120.0, 300.0), write_flight(here, 150.0, 300.0)
+    ground = start_ground(tmp_path, 0)
+    watched = Watched(browser, ground.address, color_scheme="light")
+    page = watched.page
+    page.click("#tab-flights")
+    star = page.locator(f'tr[data-flight="{first}"] .star')
+    expect(star).to_have_text("☆")
+    star.click()
+    expect(star).to_have_text("★")
+    expect(star).to_have_attribute("aria-pressed", "true")
+    assert (here / first / "starred").exists()
+    box = star.bounding_box()
+    assert box is not None
+    assert box["x"] + box["width"] <= 1024, "in sight at 1024 x 600"
+    watched.picture("star")
+    page.reload()
+    page.click("#tab-flights")
+    expect(star).to_have_text("★")
+    star.click()
+    expect(star).to_have_text("☆")
+    assert not (here / first / "starred").exists()
+    assert not watched.errors
+
+
 def test_flights_are_fetched_compared_and_exported(
     browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:

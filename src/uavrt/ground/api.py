@@ -70,6 +70,7 @@ class Api:
             ("/log", "GET", self.log),
             ("/flights", "GET", self.flights),
             ("/flights/{flight_id}", "GET", self.flight),
+            ("/flights/{flight_id}/star", "PUT", self.star),
             ("/flights/{flight_id}/pulses", "GET", self.pulses),
             ("/flights/{flight_id}/columns", "GET", self.columns),
             ("/flights/{flight_id}/track", "GET", self.track),
@@ -235,6 +236,16 @@ class Api:
             "log": await asyncio.to_thread(library.log, flight_id),
             **_place_records(await asyncio.to_thread(library.places, flight_id)),
         }
+
+    async def star(self, request: Request) -> Any:
+        """Keep a flight from being removed, or no longer: ``{"starred": true}``."""
+        wanted = await json_body(request)
+        starred = wanted.get("starred") if isinstance(wanted, dict) else None
+        if not isinstance(starred, bool):
+            raise FormatError("starred must be true or false")
+        library, flight_id = self._session.library, _flight_id(request)
+        await asyncio.to_thread(library.star, flight_id, starred)
+        return {"flight_id": flight_id, "starred": starred}
 
     async def pulses(self, request: Request) -> Any:
         """Some pulses as records: ``?after=0&limit=1000``."""

@@ -31,8 +31,9 @@ BURST_NS = ns_from_s(20.0)
 BURST_BYTES = 1 << 20
 """Most that is taken of a burst; a server that sends more is asked again from there."""
 STALL_NS = ns_from_s(60.0)
-LEAST_BYTES, LEAST_ENTRIES = 1024, 10
-"""What must come within `STALL_NS`: the slowest radio brings twenty times as much."""
+LEAST_BYTES, LEAST_ENTRIES = 6000, 30
+"""What must come within `STALL_NS`: the slowest radio brings three times as much, and who
+trickles a kilobyte a minute in the drone's place holds nobody up for longer than one."""
 MOST_REPLIES = 4096
 """Replies that wait; a flood drops its rest."""
 CHECKSUM_TRIES = 30

@@ -8,14 +8,14 @@ import sqlite3
 import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import FormatError, UsageError
+from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.ground.places import Places, places_of
 from uavrt.ground.prepared import PreparedColumns
 from uavrt.messages import Tag
@@ -77,6 +77,8 @@ class FlightSummary:
     tags: tuple[Tag, ...]
     source: str
     """``"ground"`` when this ground station recorded it, ``"drone"`` when it was copied."""
+    starred: bool = False
+    """It is never removed from the computer that it is on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -148,8 +150,9 @@ class FlightLibrary:
         layout = FlightLayout(self.path(flight_id))
         stamp = _stamp(layout)
         known = self._known.get(flight_id)
+        starred = layout.star.exists()
         if known is not None and known[0] == stamp:
-            return known[1]
+            return replace(known[1], starred=starred)
         with self._database(flight_id) as database:
             row = database.execute("SELECT start_time_ns FROM flight").fetchone()
             if row is None:
@@ -171,6 +174,7 @@ class FlightLibrary:
                 pulses=count,
                 tags=tuple(map(schema.tag_from_row, tags)),
                 source="ground" if ours else "drone",
+                starred=starred,
             )
         self._known[flight_id] = (stamp, summary)
         return summary
@@ -181,6 +185,28 @@ class FlightLibrary:
             return places_of(
                 database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
             )
+
+    def star(self, flight_id: str, starred: bool) -> None:
+        """Mark a flight as one that is never removed, or take the mark away.
+
+        Raises
+        ------
+        UsageError
+            There is no such flight.
+        RecordingError
+            The disk does not take it.
+        """
+        mark = FlightLayout(self.path(flight_id)).star
+        try:
+            if starred:
+                mark.touch()
+            else:
+                mark.unlink(missing_ok=True)
+        except OSError as error:
+            raise RecordingError(
+                f"cannot change {mark}: {error.strerror}",
+                remedy="Look who owns the flight's directory, and what is in it",
+            ) from error
 
     def columns(self, flight_id: str) -> Columns:
         """Read the pulses and poses of a flight.

@@ -18,6 +18,7 @@ from uavrt.ipc import ProcessFrame
 from uavrt.ipc.samples import ChannelReceiver
 from uavrt.log import get_logger
 from uavrt.messages import ChannelBlock, FlightInfo, Pulse, Tag
+from uavrt.processes.hang_watch import HangWatch
 from uavrt.processes.latencies import Latencies
 
 log = get_logger()
@@ -33,9 +34,9 @@ Blocks of 87 ms and the filters take 0.2 s, a busy computer some more."""
 class DetectorBank:
     """One `PulseDetector` for each tag, made when its channel's first block comes.
 
-    A detector that fails must not cost the others their pulses. All are made anew, since the
-    search of many is one; those that had their turn then are searched alone from there on, and
-    a tag at which the search fails twice is left out, told by its name.
+    A detector that fails or hangs must not cost the others their pulses. All are made anew,
+    since the search of many is one; those that had their turn then are searched alone from
+    there on, and a tag at which the search fails twice is left out, told by its name.
 
     Parameters
     ----------
@@ -59,6 +60,7 @@ class DetectorBank:
         if flight is not None:
             self._receiver = Receiver(flight.center_frequency_hz, flight.sample_rate_hz)
         self._group = DetectorGroup(self._receiver)
+        self._watch = HangWatch(lambda: self._group.in_hand)
         self._clipped = ClippedTimes()
         self._clipped_ns: tuple[tuple[int, int], ...] = ()
         """Taken last; the channels of a radio block have the same."""
@@ -115,7 +117,8 @@ class DetectorBank:
     def _surviving(self) -> Iterator[None]:
         """Let no failure of one tag's search be the others' end."""
         try:
-            yield
+            with self._watch:
+                yield
         except Exception as error:
             tags = [detector.tag.tag_id for detector in self._group.in_hand]
             log.exception("search failed", tags=tags)

@@ -224,6 +224,7 @@ EVIL = {
     "nothing, again and again": lambda offset: [piece(offset, b"")] * 3,
     "the same place for ever": lambda offset: [piece(0, b"x" * 239)] * 3,
     "a byte at a time": lambda offset: [piece(offset, b"x")],
+    "2 kB a minute": lambda offset: [piece(offset, b"x" * 30)],
     "bytes that lie over each other": lambda offset: [
         piece(offset + 2, b"y" * 9),
         piece(offset, b"x" * 5),
@@ -235,7 +236,7 @@ EVIL = {
 }
 
 
-GETTING_ON = ("a byte at a time", "bytes that lie over each other")
+GETTING_ON = ("a byte at a time", "2 kB a minute", "bytes that lie over each other")
 MINUTE_S = 1.0
 """What the tests take for a minute."""
 

@@ -19,6 +19,7 @@ from uavrt.clock import Clock
 from uavrt.ground.flight_keeper import FlightKeeper
 from uavrt.ground.guesses import TRIES, TRIES_OF_ALL, Guesses
 from uavrt.messages import Pose
+from uavrt.supervisor.cleaning import removable
 
 TAG = {
     "id": "2",
@@ -179,6 +180,31 @@ def test_columns_come_by_name_and_poses_as_few_as_wanted(served: Any) -> None:
     refused = served.ask("GET", f"/api/flights/{flight_id}/columns?names=tag_id,speed")
     assert refused.status == 404
     assert "yaw_deg" in refused.json["error"]
+
+
+def test_a_starred_flight_is_marked_in_its_directory_and_stays(served: Any) -> None:
+    keeper = FlightKeeper(served.directory, Clock.start())
+    ids = []
+    for _ in range(3):
+        ids.append(keeper.begin([]))
+        keeper.close()
+    oldest = min(ids)
+    headers = {"Content-Type": "application/json"}
+    path = f"/api/flights/{oldest}/star"
+    assert served.ask("PUT", path, b'{"starred": true}', headers).json["starred"] is True
+    assert served.ask("GET", f"/api/flights/{oldest}").json["starred"] is True
+    listed = {
+        row["flight_id"]: row["starred"] for row in served.ask("GET", "/api/flights").json
+    }
+    assert listed == {flight_id: flight_id == oldest for flight_id in ids}
+    paths = [served.directory / flight_id for flight_id in ids]
+    assert served.directory / oldest not in removable(paths)
+    assert served.ask("PUT", path, b'{"starred": false}', headers).status == 200
+    assert served.ask("GET", f"/api/flights/{oldest}").json["starred"] is False
+    assert served.directory / oldest in removable(paths)
+    assert served.ask("PUT", path, b'{"starred": "yes"}', headers).status == 422
+    nowhere = served.ask("PUT", "/api/flights/none/star", b'{"starred": true}', headers)
+    assert nowhere.status == 404
 
 
 @pytest.mark.parametrize("body", [b"", b"{", b"[[[[", b"[1, 2]", b'"x"', b"\xff"])

@@ -7,6 +7,7 @@ from uavrt.config.settings import DetectionSettings, OperatingModeName
 from uavrt.detection import PulseDetector, group
 from uavrt.detection.band import advance_together
 from uavrt.messages import ChannelBlock, Tag
+from uavrt.processes import hang_watch
 from uavrt.processes.detector import DetectorBank
 
 RATE_HZ = 7500.0
@@ -132,6 +133,44 @@ def test_a_tag_at_which_the_search_fails_twice_is_left_out_and_the_others_go_on(
     said = capsys.readouterr().err
     assert ('"tag": "5 fox"' in said) is (times == 2)
     assert len(found) >= 5, "of the ten; some samples go with the failures"
+
+
+def test_a_tag_whose_search_does_not_end_is_left_out_and_the_others_go_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(hang_watch, "LOOK_S", 0.05)
+    conclude = PulseDetector.conclude
+
+    def hanging(self: PulseDetector, *arguments: object) -> object:
+        while self.tag.tag_id == 5 and self.counters.samples > 0.6 * RATE_HZ:
+            pass
+        return conclude(self, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(PulseDetector, "conclude", hanging)
+    sick = replace(tag(5, CENTER_HZ - 1500.0), name="fox")
+    bank = DetectorBank((tag(2, CENTER_HZ + 150.0), sick), DetectionSettings())
+    assert len(run(bank, blocks(2.0))) >= 5
+    assert list(bank.left_out) == [5]
+    said = capsys.readouterr().err
+    assert '"tag": "5 fox", "reason": "no end after' in said
+
+
+def compute_without_end(turn: object) -> None:
+    with hang_watch.HangWatch(lambda: turn):
+        while True:
+            pass
+
+
+def test_many_turns_of_one_search_are_not_taken_for_one_that_hangs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(hang_watch, "LOOK_S", 0.002)
+    turn = [object()]
+    with hang_watch.HangWatch(lambda: turn[0]):
+        for _ in range(400_000):
+            turn[0] = object()
+    with pytest.raises(hang_watch.SearchHangs):
+        compute_without_end(turn[0])
 
 
 def test_a_step_of_several_tags_that_fails_makes_none_of_them_guilty(

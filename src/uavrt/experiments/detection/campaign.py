@@ -7,9 +7,12 @@ the trial's number: the same rows come from any number of processes.
 import math
 import multiprocessing
 import os
+import signal
+import sys
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -187,11 +190,27 @@ def _in_processes(
     for name in _THREADS:
         os.environ.setdefault(name, "1")
     context = multiprocessing.get_context("spawn")
+    before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        pending = {pool.submit(run_chunk, chunk): chunk for chunk in chunks}
         try:
+            with _ctrl_c_ignored():  # by the workers, who inherit it: we alone end them
+                pending = {pool.submit(run_chunk, chunk): chunk for chunk in chunks}
             for future in as_completed(pending):
                 take(pending[future], future.result())
         except BaseException:
+            working = list(pool._processes.values())
             pool.shutdown(wait=False, cancel_futures=True)
+            for worker in working:  # a chunk takes minutes
+                worker.terminate()
             raise
+        finally:
+            signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _ctrl_c_ignored() -> Iterator[None]:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
