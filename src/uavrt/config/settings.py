@@ -240,6 +240,9 @@ class Ros2Settings:
     """Size of an identifier in ROS 2's node list: 24 for Humble and Galactic, else 16."""
     accept_commands: bool = True
     """Take tags, start and stop from ROS 2; false: only show."""
+    parameter_services: bool = False
+    """Have ROS 2's parameter services, for `ros2 param list`, get and set with
+    RMW_IMPLEMENTATION=rmw_cyclonedds_cpp; to set obeys accept_commands and the commander."""
     accept_pulses: bool = False
     """Take pulses that detectors on other computers publish; they get a pose and go to the
     ground like our own."""

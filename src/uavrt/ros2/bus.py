@@ -4,6 +4,7 @@ from collections.abc import Collection
 from typing import Protocol
 
 from uavrt.ros2.messages import RosMessage
+from uavrt.ros2.parameter_messages import ServiceMessage
 from uavrt.ros2.senders import Arrival
 
 
@@ -15,6 +16,9 @@ class Bus(Protocol):
 
     def show_detectors(self, nodes: Collection[str]) -> None:
         """Have a node that publishes pulses for each of these, and for no others."""
+
+    def reply(self, message: ServiceMessage) -> None:
+        """Send the reply of a service."""
 
     def take(self, limit: int) -> list[Arrival]:
         """Get messages that have arrived, in the order in which they were sent."""

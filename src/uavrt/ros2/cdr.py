@@ -30,6 +30,8 @@ _CODES = {
     "uint16": "H",
     "int32": "i",
     "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
     "float64": "d",
 }
 
@@ -130,9 +132,28 @@ def _field_encoder(path: str, entry: Field) -> Encoder:
                 element(data, item)
 
         return write_sequence
+    if entry.sequence:
+        return _plain_sequence_encoder(get, entry.primitive)
     if entry.length is not None:
         return lambda data, value: data.extend(get(value))
     return lambda data, value: _write_string(data, get(value))
+
+
+def _plain_sequence_encoder(get: Callable[[Any], Any], primitive: str) -> Encoder:
+    """Write numbers or strings behind their count."""
+
+    def write(data: bytearray, value: Any) -> None:
+        items = get(value)
+        _write_count(data, len(items))
+        if primitive not in _CODES:
+            for item in items:
+                _write_string(data, item)
+        elif items:
+            code = _CODES[primitive]
+            data.extend(bytes(-(len(data) - _HEADER_BYTES) % struct.calcsize(code)))
+            data.extend(struct.pack(f"<{len(items)}{code}", *items))
+
+    return write
 
 
 _COUNT = struct.Struct("<I")
@@ -191,9 +212,14 @@ class _Reader:
             return tuple(self.message(entry.message) for _ in range(self._count()))
         if entry.length is not None:
             return self._bytes(entry.length)
-        if entry.primitive.startswith("string"):
+        if entry.sequence:
+            return tuple(self._plain(entry.primitive) for _ in range(self._count()))
+        return self._plain(entry.primitive)
+
+    def _plain(self, primitive: str) -> Any:
+        if primitive.startswith("string"):
             return self._bytes(self._count()).rstrip(b"\0").decode("utf-8")
-        return self._number(_CODES[entry.primitive])
+        return self._number(_CODES[primitive])
 
     def _number(self, code: str) -> Any:
         size = struct.calcsize(code)

@@ -53,12 +53,14 @@ from uavrt.ros2.graph import (
     LOG_MESSAGE,
     LOG_TOPIC,
     NODES,
+    PARAMETER_NODE,
     TELEMETRY,
     TOPICS,
     RosTopic,
 )
 from uavrt.ros2.interface import Field, dds_name, fields_of, type_hash
 from uavrt.ros2.messages import RosMessage
+from uavrt.ros2.parameter_messages import SERVICES, ServiceMessage
 from uavrt.ros2.senders import DETECTOR_MARK, GATEWAY_MARK, Arrival, Senders
 
 log = get_logger()
@@ -74,6 +76,7 @@ READER_DEPTH = 1000
 TAKE_AT_ONCE = 256
 ROUND_LIMIT = 2000
 """Messages of one round: all that there are, and no more than this of a flood."""
+SERVICE_DEPTH = 100
 READ_PAUSE_S = 0.02
 """Rest of the reading thread after each round: bounds what a flood can cost."""
 ORDER_OF_USE = {"store_tag_information": 0, "release_tag_information": 1}
@@ -124,6 +127,11 @@ def _idl_type(entry: Field) -> Any:
         return types.array[types.uint8, entry.length]
     if entry.primitive == "string<=256":
         return types.bounded_str[256]
+    plain = _plain_type(entry.primitive)
+    return types.sequence[plain] if entry.sequence else plain
+
+
+def _plain_type(primitive: str) -> Any:
     return {
         "bool": bool,
         # Release 0.10.5 has one name for both; the octet on the wire is the same.
@@ -132,9 +140,11 @@ def _idl_type(entry: Field) -> Any:
         "uint16": types.uint16,
         "int32": types.int32,
         "uint32": types.uint32,
+        "int64": types.int64,
+        "uint64": types.uint64,
         "float64": types.float64,
         "string": str,
-    }[entry.primitive]
+    }[primitive]
 
 
 def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
@@ -202,20 +212,29 @@ def cyclone_config(interfaces: tuple[str, ...], reach: Reach = "interfaces") -> 
     )
 
 
-def _qos(*, depth: int, message: type[RosMessage], keep: bool = False) -> list[Any]:
+def _reply_name(message: type[RosMessage]) -> str:
+    """Name of the writer of a service's replies among ours."""
+    return f"reply {message.ros_name}"
+
+
+def _qos(
+    *, depth: int, message: type[RosMessage], keep: bool = False, mark: str = ""
+) -> list[Any]:
     """Get the quality of service of ROS 2: reliable, the last `depth` messages."""
     policies = [
         Policy.Reliability.Reliable(duration(milliseconds=WRITE_TIMEOUT_MS)),
         Policy.Durability.TransientLocal if keep else Policy.Durability.Volatile,
         Policy.History.KeepLast(depth),
         Policy.DataRepresentation(use_cdrv0_representation=True),
-        Policy.Userdata(f"typehash={type_hash(message)};".encode()),
+        Policy.Userdata(f"{mark}typehash={type_hash(message)};".encode()),
     ]
     return policies
 
 
-def _writer_qos(*, depth: int, message: type[RosMessage], keep: bool = False) -> Any:
-    policies = _qos(depth=depth, message=message, keep=keep)
+def _writer_qos(
+    *, depth: int, message: type[RosMessage], keep: bool = False, mark: str = ""
+) -> Any:
+    policies = _qos(depth=depth, message=message, keep=keep, mark=mark)
     policies.append(Policy.WriterDataLifecycle(autodispose=False))
     if keep:
         policies.append(
@@ -319,6 +338,8 @@ class Participant:
                     self._add_reader(node, topic)
         for node in nodes:
             self._add_writer(node, LOG_TOPIC, LOG_MESSAGE, LOG_DEPTH, keep=True)
+        if settings.parameter_services and PARAMETER_NODE in nodes:
+            self._add_services()
         info = self._info_type()
         self._info_writer = DataWriter(
             self._publisher,
@@ -344,6 +365,10 @@ class Participant:
             writer.write(sample)
         except DDSException:
             self.unsent += 1
+
+    def reply(self, message: ServiceMessage) -> None:
+        """Send the reply of a service."""
+        self._write(self._writers[PARAMETER_NODE, _reply_name(type(message))], message)
 
     # ---------------------------------------------------------------- receiving
 
@@ -450,20 +475,45 @@ class Participant:
         topic = self._topic(name, message)
         self._writers[node, name] = DataWriter(self._publisher, topic, qos=qos)
 
-    def _add_reader(self, node: str, topic: RosTopic) -> None:
-        policies = _qos(depth=READER_DEPTH, message=topic.message)
+    def _add_reader(
+        self, node: str, topic: RosTopic, prefix: str = "rt", mark: str = ""
+    ) -> None:
+        policies = _qos(depth=READER_DEPTH, message=topic.message, mark=mark)
         # What we publish ourselves is not news to us.
         qos = Qos(*policies, Policy.IgnoreLocal.Process)
-        reader = DataReader(self._subscriber, self._topic(topic.name, topic.message), qos=qos)
+        shared = self._topic(topic.name, topic.message, prefix)
+        reader = DataReader(self._subscriber, shared, qos=qos)
         self._wake_for(reader)
         self._readers.append((node, topic, reader))
 
-    def _topic(self, name: str, message: type[RosMessage]) -> Any:
+    def _add_services(self) -> None:
+        """Offer the parameters; a service is a topic of requests and one of replies.
+
+        Clients find the two by an identifier that both have.
+        """
+        for number, (service, (request, answer)) in enumerate(SERVICES.items()):
+            bare = self._participant.guid.bytes[:15] + bytes([number])
+            mark = f"serviceid={'.'.join(f'{byte:02x}' for byte in bare)};"
+            name = f"{PARAMETER_NODE}/{service}"
+            row = RosTopic(
+                name=f"{name}Request",
+                message=request,
+                publisher="",
+                subscribers=(PARAMETER_NODE,),
+                meaning=service,
+            )
+            self._add_reader(PARAMETER_NODE, row, prefix="rq", mark=mark)
+            topic = self._topic(f"{name}Reply", answer, prefix="rr")
+            qos = _writer_qos(depth=SERVICE_DEPTH, message=answer, mark=mark)
+            writer = DataWriter(self._publisher, topic, qos=qos)
+            self._writers[PARAMETER_NODE, _reply_name(answer)] = writer
+
+    def _topic(self, name: str, message: type[RosMessage], prefix: str = "rt") -> Any:
         if name not in self._topics:
             # The log is everybody's, whatever the namespace, as in ROS 2.
             inside = f"{self._namespace}/" if self._namespace and name != LOG_TOPIC else ""
             self._topics[name] = Topic(
-                self._participant, f"rt/{inside}{name}", dds_type(message)
+                self._participant, f"{prefix}/{inside}{name}", dds_type(message)
             )
         return self._topics[name]
 

@@ -40,6 +40,8 @@ from uavrt.ros2.messages import (
     RosPulse,
     RosTag,
 )
+from uavrt.ros2.parameter_messages import ServiceMessage
+from uavrt.ros2.parameters import ParameterServices
 from uavrt.ros2.senders import UNKNOWN, Arrival
 from uavrt.ros2.status import STALE_AFTER_S, component_status
 from uavrt.ros2.upload import Upload
@@ -106,6 +108,12 @@ class Gateway:
         self._begun = False
         """An upload was begun with the supervisor."""
         self._upload = Upload()
+        self._parameters = ParameterServices(
+            lambda: self._settings,
+            self._running,
+            ask=lambda name, value: self._ask("set_parameter", parameter=name, value=value),
+            reply=bus.reply,
+        )
         self._neighbours: set[str] = set()
         self._foreign: OrderedDict[tuple[int, int], None] = OrderedDict()
         # A hundred tags sent three times over, then what a person types; every command is
@@ -144,6 +152,9 @@ class Gateway:
                 self._show_command(record)
             case CommandReply():
                 self._show_reply(record)
+                self._parameters.answered(record)
+            case Settings():
+                self._settings = record
             case StatusText():
                 self.log(record.severity, record.text)
 
@@ -336,6 +347,8 @@ class Gateway:
         match message:
             case RosPulse():
                 self._take_pulse(message)
+            case ServiceMessage():
+                self._parameters.hear(message, self._refusal_of(arrival))
             case _ if not self._settings.ros2.accept_commands:
                 self._refuse("commands from ROS 2 are off (accept_commands = false)")
             case _ if arrival.sender == UNKNOWN:
@@ -354,6 +367,18 @@ class Gateway:
                 self._take_order(topic, message)
             case DiagnosticArray():
                 self._refuse_part(topic, message)
+
+    def _refusal_of(self, arrival: Arrival) -> str | None:
+        """Say why whoever sent this may not change anything."""
+        if not self._settings.ros2.accept_commands:
+            return "commands from ROS 2 are off (accept_commands = false)"
+        return "its sender is not known to DDS" if arrival.sender == UNKNOWN else None
+
+    def _running(self) -> bool:
+        status = self._status
+        return status is not None and (
+            status.state is SystemState.DETECTING and not status.ending
+        )
 
     def _lost_tags(self) -> int:
         return self._bus.lost("store_tag_information")
@@ -428,10 +453,11 @@ class Gateway:
             self.counters["ros2_pulses_taken"] += 1
             self._send("pulse", pulse)
 
-    def _ask(self, name: CommandName, **details: Any) -> None:
+    def _ask(self, name: CommandName, **details: Any) -> int | None:
+        """Give a command to the supervisor; its number, None when there are too many."""
         if not self._commands_allowed.take(self._now_ns()):
             self._refuse(f"{name}: commands come too fast")
-            return
+            return None
         self._request_id += 1
         command = Command(name=name, request_id=self._request_id, source=SOURCE, **details)
         self._asked[command.request_id] = command
@@ -439,6 +465,7 @@ class Gateway:
             self._asked.popitem(last=False)
         self.counters["ros2_commands"] += 1
         self._send("command", command)
+        return command.request_id
 
     def _show_reply(self, reply: CommandReply) -> None:
         """Write the supervisor's answer into the log."""

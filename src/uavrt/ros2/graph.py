@@ -35,6 +35,9 @@ NODES: dict[str, str] = {
 }
 """Name and meaning; their order is that of the data's way."""
 
+PARAMETER_NODE = START_STOP
+"""It has the drone's parameters, where services are wanted."""
+
 
 def detector_node(tag_id: int) -> str:
     """Name the node of one tag's detector."""

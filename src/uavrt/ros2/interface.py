@@ -7,7 +7,7 @@ Type hashes are those of REP 2011: SHA-256 over the type's description as JSON. 
 import hashlib
 import json
 import typing
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from uavrt.ros2.messages import RosMessage
@@ -17,6 +17,8 @@ _TYPE_IDS = {
     "uint16": 5,
     "int32": 6,
     "uint32": 7,
+    "int64": 8,
+    "uint64": 9,
     "float64": 11,
     "bool": 15,
     "byte": 16,
@@ -58,7 +60,7 @@ def fields_of(message: type[RosMessage]) -> tuple[Field, ...]:
 
 def _field(name: str, hint: Any) -> Field:
     if typing.get_origin(hint) is tuple:
-        return Field(name=name, message=typing.get_args(hint)[0], sequence=True)
+        return replace(_field(name, typing.get_args(hint)[0]), sequence=True)
     if typing.get_origin(hint) is typing.Annotated:
         meaning = typing.get_args(hint)[1]
         if isinstance(meaning, int):
@@ -69,12 +71,12 @@ def _field(name: str, hint: Any) -> Field:
 
 def full_name(message: type[RosMessage]) -> str:
     """Get the name as ROS 2 writes it: ``uavrt_interfaces/msg/Pulse``."""
-    return message.ros_name.replace("/", "/msg/")
+    return message.ros_name.replace("/", f"/{message.interface}/")
 
 
 def dds_name(message: type[RosMessage]) -> str:
     """Get the name that the type has on the wire: ``uavrt_interfaces::msg::dds_::Pulse_``."""
-    return message.ros_name.replace("/", "::msg::dds_::") + "_"
+    return message.ros_name.replace("/", f"::{message.interface}::dds_::") + "_"
 
 
 def definition(message: type[RosMessage]) -> str:

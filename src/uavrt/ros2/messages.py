@@ -24,6 +24,8 @@ class RosMessage:
 
     __slots__ = ()
     ros_name: ClassVar[str]
+    interface: ClassVar[str] = "msg"
+    """``srv`` for requests and replies of services."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

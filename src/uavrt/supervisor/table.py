@@ -154,6 +154,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "command_reply",
             "status_text",
             "system_status",
+            "settings",
         ),
         produces=("pulse", "command", "health", "status_text"),
         backlog=200,

@@ -46,6 +46,9 @@ class Line:
     def publish(self, topic: str, message: RosMessage, node: str | None = None) -> None:
         self.said.append((topic, message))
 
+    def reply(self, message: RosMessage) -> None:
+        raise AssertionError("no service was asked")
+
     def take(self, limit: int) -> list[Arrival]:
         taken, self.waiting = self.waiting[:limit], self.waiting[limit:]
         return taken

@@ -1,0 +1,234 @@
+"""The drone's parameters as ROS 2's parameter services have them.
+
+The same table, values and rules as by MAVLink (`uavrt.config.parameters`): what is to be set
+goes to the supervisor as a command, and the reply waits for his answer.
+"""
+
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from uavrt.config.parameters import OFFERED, RUN, Parameter, parameter_values, with_parameter
+from uavrt.config.settings import Settings
+from uavrt.errors import ConfigError
+from uavrt.messages import CommandReply
+from uavrt.ros2.parameter_messages import (
+    DescribeReply,
+    DescribeRequest,
+    FloatingPointRange,
+    GetReply,
+    GetRequest,
+    IntegerRange,
+    ListParametersResult,
+    ListReply,
+    ListRequest,
+    ParameterDescriptor,
+    ParameterValue,
+    RosParameter,
+    ServiceMessage,
+    SetParametersResult,
+    SetReply,
+    SetRequest,
+    SetTogetherReply,
+    SetTogetherRequest,
+    TypesReply,
+    TypesRequest,
+)
+
+BOOL, INTEGER, DOUBLE = 1, 2, 3
+"""rcl_interfaces/ParameterType; 0 is "not set"."""
+PENDING = 16
+"""Requests to set that wait for the supervisor."""
+MOST_AT_ONCE = 32
+"""Parameters of one request to set."""
+DONE = SetParametersResult(successful=True)
+
+Ask = Callable[[str, float], int | None]
+"""Asks the supervisor to set a parameter; gives the question's number, None if it cannot."""
+
+
+@dataclass(slots=True)
+class _Setting:
+    """A request to set, one parameter after the other."""
+
+    request: SetRequest | SetTogetherRequest
+    left: deque[RosParameter]
+    results: list[SetParametersResult] = field(default_factory=list)
+
+
+class ParameterServices:
+    """Answers; see the module's text.
+
+    Parameters
+    ----------
+    settings : callable
+        In force now.
+    running : callable
+        Whether detection runs.
+    ask : callable
+        Gives a wish to the supervisor.
+    reply : callable
+        Sends a reply.
+    """
+
+    def __init__(
+        self,
+        settings: Callable[[], Settings],
+        running: Callable[[], bool],
+        *,
+        ask: Ask,
+        reply: Callable[[ServiceMessage], None],
+    ) -> None:
+        self._settings, self._running = settings, running
+        self._ask, self._reply = ask, reply
+        self._pending: OrderedDict[int, _Setting] = OrderedDict()
+
+    def hear(self, request: ServiceMessage, refusal: str | None = None) -> None:
+        """Take a request; `refusal` says why nothing may be set by its sender."""
+        asker = {"guid": request.guid, "sequence": request.sequence}
+        match request:
+            case ListRequest():
+                names = tuple(n for n in OFFERED if _below(n, request.prefixes))
+                result = ListParametersResult(names=names)
+                self._reply(ListReply(**asker, result=result))
+            case GetRequest():
+                values = tuple(map(self._value, request.names))
+                self._reply(GetReply(**asker, values=values))
+            case TypesRequest():
+                types = tuple(self._value(name).type for name in request.names)
+                self._reply(TypesReply(**asker, types=types))
+            case DescribeRequest():
+                found = tuple(map(_description, request.names))
+                self._reply(DescribeReply(**asker, descriptors=found))
+            case SetRequest() | SetTogetherRequest():
+                self._begin(request, refusal)
+
+    def answered(self, reply: CommandReply) -> None:
+        """Take the supervisor's answer."""
+        setting = self._pending.pop(reply.request_id, None)
+        if setting is None:
+            return
+        reason = "" if reply.accepted else reply.message
+        setting.results.append(SetParametersResult(successful=reply.accepted, reason=reason))
+        self._go_on(setting)
+
+    def _begin(self, request: SetRequest | SetTogetherRequest, refusal: str | None) -> None:
+        if refusal is None and len(request.parameters) > MOST_AT_ONCE:
+            refusal = f"more than {MOST_AT_ONCE} at once"
+        if refusal is None and isinstance(request, SetTogetherRequest):
+            refusal = self._fault_of_all(request.parameters)
+        setting = _Setting(request, deque(request.parameters))
+        if refusal is not None:
+            result = SetParametersResult(reason=refusal)
+            setting.results = [result] * len(request.parameters) or [result]
+            setting.left.clear()
+        self._go_on(setting)
+
+    def _fault_of_all(self, parameters: Iterable[RosParameter]) -> str | None:
+        """Say what is wrong with any of the values, before the first is set."""
+        settings = self._settings()
+        try:
+            for parameter in parameters:
+                value = _number(parameter)
+                if parameter.name != RUN.name:
+                    settings = with_parameter(settings, parameter.name, value)
+        except ConfigError as error:
+            return str(error)
+        return None
+
+    def _go_on(self, setting: _Setting) -> None:
+        """Ask for the next one; answer when all are done."""
+        together = isinstance(setting.request, SetTogetherRequest)
+        while setting.left:
+            if together and any(not result.successful for result in setting.results):
+                break
+            wanted = setting.left.popleft()
+            try:
+                number = self._ask(wanted.name, _number(wanted))
+            except ConfigError as error:
+                setting.results.append(SetParametersResult(reason=str(error)))
+                continue
+            if number is not None:
+                self._pending[number] = setting
+                while len(self._pending) > PENDING:
+                    self._pending.popitem(last=False)
+                return
+            setting.results.append(SetParametersResult(reason="commands come too fast"))
+        self._finish(setting)
+
+    def _finish(self, setting: _Setting) -> None:
+        request, results = setting.request, setting.results
+        asker = {"guid": request.guid, "sequence": request.sequence}
+        if isinstance(request, SetRequest):
+            self._reply(SetReply(**asker, results=tuple(results[: len(request.parameters)])))
+            return
+        bad = next((result for result in results if not result.successful), DONE)
+        self._reply(SetTogetherReply(**asker, result=bad))
+
+    def _value(self, name: str) -> ParameterValue:
+        """Value in force; of type 0 without such a parameter."""
+        parameter = OFFERED.get(name)
+        if parameter is None:
+            return ParameterValue()
+        if parameter is RUN:
+            return ParameterValue(type=BOOL, bool_value=self._running())
+        number = parameter_values(self._settings())[name]
+        kind = _type(parameter)
+        if kind == BOOL:
+            return ParameterValue(type=BOOL, bool_value=bool(number))
+        if kind == INTEGER:
+            return ParameterValue(type=INTEGER, integer_value=int(number))
+        return ParameterValue(type=DOUBLE, double_value=number)
+
+
+def _type(parameter: Parameter) -> int:
+    return {"switch": BOOL, "real": DOUBLE}.get(parameter.kind, INTEGER)
+
+
+def _below(name: str, prefixes: tuple[str, ...]) -> bool:
+    """Whether a name is asked for: there are no dots in ours, so a prefix is a whole name."""
+    return not prefixes or name in prefixes
+
+
+def _number(wanted: RosParameter) -> float:
+    """Read the number of a value; ``ros2 param set`` sends 5 as a whole number for a real one.
+
+    Raises
+    ------
+    ConfigError
+        It has the wrong type, or there is no such parameter.
+    """
+    parameter = OFFERED.get(wanted.name)
+    if parameter is None:
+        raise ConfigError(f"no parameter {wanted.name[:40]}: known are {', '.join(OFFERED)}")
+    value, kind = wanted.value, _type(parameter)
+    if value.type == BOOL and kind == BOOL:
+        return float(value.bool_value)
+    if value.type == INTEGER and kind in (INTEGER, DOUBLE, BOOL):
+        return float(value.integer_value)
+    if value.type == DOUBLE and kind == DOUBLE:
+        return value.double_value
+    words = {BOOL: "true or false", INTEGER: "a whole number", DOUBLE: "a number"}
+    raise ConfigError(f"{wanted.name} must be {words[kind]}")
+
+
+def _description(name: str) -> ParameterDescriptor:
+    parameter = OFFERED.get(name)
+    if parameter is None:
+        return ParameterDescriptor(name=name)
+    kind = _type(parameter)
+    # What stands for "left out" lies beside the range.
+    ends = [parameter.low, parameter.high]
+    ends += [] if parameter.absent is None else [parameter.absent]
+    low, high = min(ends), max(ends)
+    reals = FloatingPointRange(from_value=low, to_value=high)
+    wholes = IntegerRange(from_value=int(low), to_value=int(high), step=1)
+    choices = ", ".join(f"{n}: {choice}" for n, choice in enumerate(parameter.choices))
+    return ParameterDescriptor(
+        name=name,
+        type=kind,
+        description=f"{parameter.short}. {parameter.meaning}",
+        additional_constraints=choices,
+        floating_point_range=(reals,) if kind == DOUBLE else (),
+        integer_range=(wholes,) if kind == INTEGER else (),
+    )
