@@ -80,7 +80,7 @@ def service_types() -> dict[str, tuple[Any, Any]]:
     }
     head = {"guid": types.uint64, "sequence": types.int64}
     return {
-        name: tuple(  # type: ignore[misc]
+        name: tuple(
             make_idl_struct(
                 f"{name}_{part}", f"rcl_interfaces.srv.dds_.{name}_{part}_", head | body[name]
             )
