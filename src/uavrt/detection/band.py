@@ -19,7 +19,7 @@ from uavrt.detection.rates import make_searches
 from uavrt.detection.samples import SampleBuffer
 from uavrt.detection.search import Candidate, RateSearch, best_first
 from uavrt.detection.spectra import Workspace, columns_ahead, push_together
-from uavrt.detection.thresholds import young_margin
+from uavrt.detection.thresholds import USUAL_NOISE_ERROR, young_margin
 from uavrt.messages import Tag
 
 NOISE_STRIDE = SLOT
@@ -93,6 +93,8 @@ class SearchBand:
             kinds = [search.kind() for search in self._anchor_searches]
             self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
         self._excluded = bounds.excluded_rows(grid.offsets_hz)
+        self._unsure = False
+        """Whether the noise is known worse than usually: a narrow band's for ten seconds."""
         self._learnt: list[NDArray[np.float32]] = []
         self._column = 0
         self._heard_s = 0.0
@@ -269,18 +271,26 @@ class SearchBand:
             if len(self._learnt) >= _LEARN_BATCHES:
                 self._noise.update(np.concatenate(self._learnt))
                 self._learnt.clear()
+                self._trust_noise()
             return
         if self._heard_s < self._first_noise_s and not last:
             return
         everything = np.concatenate(self._learnt)
         if len(everything) >= 16:
             self._noise.start(everything)
-            for search in self._searches:
-                search.margin = gate(search.k) * young_margin(
-                    search.threshold, self._noise.relative_error
-                )
+            self._unsure = True
+            self._trust_noise()
             if self._heard_s >= _YOUNG_NOISE_S:
                 self._learnt.clear()
+
+    def _trust_noise(self) -> None:
+        """Search with what the noise's error asks for, until that is no more than usual."""
+        if not self._unsure:
+            return
+        error = self._noise.relative_error
+        for search in self._searches:
+            search.margin = gate(search.k) * young_margin(search.threshold, error)
+        self._unsure = error > USUAL_NOISE_ERROR
 
     def _whole_columns(self, begin: int, count: int) -> NDArray[np.bool_]:
         whole = self._without(self._buffer.holes, begin, count)
@@ -374,6 +384,8 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
             np.concatenate(band._learnt, out=own)
             band._learnt.clear()
         update_together([band._noise for band in alike], learnt)
+        for band in alike:
+            band._trust_noise()
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:

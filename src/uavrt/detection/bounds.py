@@ -1,5 +1,6 @@
 """What a tag's signal must keep to: the frequencies that are searched, and its interval."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,13 +8,23 @@ from numpy.typing import NDArray
 
 from uavrt.detection.circle import apart_hz
 from uavrt.detection.refine import Measured, timing_error_s
-from uavrt.detection.tracks import CLOCK_ERROR, Track, least_real
+from uavrt.detection.tracks import (
+    CLOCK_ERROR,
+    MOST_TOLD_BY_ONE,
+    WEAKEST_POWER,
+    Track,
+    least_real,
+)
 from uavrt.messages import Tag
 
 _EDGE_BINS = 0.5
 """So far beyond the band a signal may be measured: half of what a pulse is wide."""
 _SIGMAS = 2.5
 """Of the time that noise gives a pulse."""
+_LINE_SIGMAS = 3.0
+"""Of the interval of a line through many pulses."""
+_KNOWN_SHARE = 0.5
+"""Of its bound, that the error of a long group's interval may be when it is confirmed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +84,14 @@ class Bounds:
             times, track.rate
         )
 
+    def most_interval_error_s(self, rate: int) -> float:
+        """How far from the declared a rate's interval may lie, as the samples' clock has it."""
+        nominal_s = self.tag.pulse_intervals_s
+        own_s = nominal_s[rate - 1]
+        # One crystal makes both rates: of the longer interval it errs by more.
+        most_s = self.tag.interval_uncertainty_s * own_s / min(nominal_s)
+        return most_s + CLOCK_ERROR * own_s
+
     def off_frequency(self, offset_hz: float) -> str | None:
         """Why a frequency is not the tag's, or None."""
         if any(low <= offset_hz <= high for low, high in self.excluded_hz):
@@ -87,13 +106,43 @@ class Bounds:
         if len(pulses) < 2:
             return False
         (first, begin_s, weak), (last, end_s, power) = pulses[0], pulses[-1]
-        nominal_s = self.tag.pulse_intervals_s
-        own_s = nominal_s[rate - 1]
-        # One crystal makes both rates: of the longer interval it errs by more.
-        most_s = self.tag.interval_uncertainty_s * own_s / min(nominal_s)
-        most_s += CLOCK_ERROR * own_s
+        own_s = self.tag.pulse_intervals_s[rate - 1]
+        most_s = self.most_interval_error_s(rate)
         width_s = self.tag.pulse_width_s
         noise_s = timing_error_s(width_s, weak) + timing_error_s(width_s, power)
         jitter_s = 2.0 * self.tag.interval_jitter_s + _SIGMAS * noise_s
         span = last - first
-        return span > 0 and abs((end_s - begin_s) / span - own_s) > most_s + jitter_s / span
+        if span > 0 and abs((end_s - begin_s) / span - own_s) > most_s + jitter_s / span:
+            return True
+        # Of many pulses it is known far better than by the first and the last.
+        interval_s, error_s = self._line(pulses)
+        return abs(interval_s - own_s) > most_s + _LINE_SIGMAS * error_s
+
+    def leaves_open(self, track: Track) -> bool:
+        """Whether a long group's interval is hardly known: it may be that of another train.
+
+        Of one that began before the stream only the last pulses are there, and pulses of a
+        train 2 ms off lie on the same lattice for some places.
+        """
+        if self.tag.k <= MOST_TOLD_BY_ONE:
+            return False
+        pulses = [
+            (slot.number, slot.time_s, slot.measured.power)
+            for slot in track.slots
+            if slot.state in ("accepted", "reported", "open")
+            and slot.measured.power > WEAKEST_POWER
+        ]
+        if len(pulses) < 2:
+            return True
+        return self._line(pulses)[1] > _KNOWN_SHARE * self.most_interval_error_s(track.rate)
+
+    def _line(self, pulses: list[tuple[int, float, float]]) -> tuple[float, float]:
+        """Interval of the straight line through pulses, and its standard deviation [s]."""
+        number, time_s, power = np.array(pulses).T
+        jitter_s = self.tag.interval_jitter_s / math.sqrt(3.0)
+        noise_s = [timing_error_s(self.tag.pulse_width_s, one) for one in power.tolist()]
+        weight = 1.0 / (np.square(noise_s) + jitter_s**2)
+        away = number - np.average(number, weights=weight)
+        spread = max(float(np.sum(weight * away**2)), 1e-30)
+        interval_s = float(np.sum(weight * away * (time_s - time_s[0]))) / spread
+        return interval_s, 1.0 / math.sqrt(spread)

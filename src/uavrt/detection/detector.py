@@ -389,7 +389,7 @@ class PulseDetector:
             places, reason = self._judge.own_pulses(
                 places,
                 search,
-                score=candidate.score,
+                candidate=candidate,
                 noise=self.band.noise,
                 floor=self._cleaner.mean_floor,
             )

@@ -177,10 +177,13 @@ class Follower:
         slot = self._slot(track, found[0], half_s)
         if slot.on_air.alike_per_s > 0.0 and track.against_bursts(slot) < 0.0:
             slot = self._beside(track, slot, start, half, noise) or slot
+        was_confirmed = track.confirmed
+        track.interval_open = not was_confirmed and self._bounds.leaves_open(track)
         track.step(slot)
         # Else the flanks of a stronger signal lead it to that one's frequency or interval.
         if self._bounds.left_by(track):
             track.slots.pop()
+            track.confirmed &= was_confirmed
             track.dead = True
         return True
 

@@ -9,12 +9,13 @@ from uavrt.detection.bounds import Bounds
 from uavrt.detection.circle import apart_hz
 from uavrt.detection.evidence import Evidence, gate
 from uavrt.detection.grid import Grid
+from uavrt.detection.intervals import Intervals
 from uavrt.detection.known import KnownPulses
 from uavrt.detection.refine import TRACK_BAND_HZ, Measured, Refiner
 from uavrt.detection.rivals import log_evidence
 from uavrt.detection.samples import SampleBuffer
 from uavrt.detection.search import Candidate, RateSearch
-from uavrt.detection.tracks import MORE_CELLS, Track, independent_cells
+from uavrt.detection.tracks import MORE_CELLS, MOST_TOLD_BY_ONE, Track, independent_cells
 
 _UNIFORMITY = 0.3
 _FEW_PULSES = 3
@@ -61,6 +62,7 @@ class Judge:
         self._buffer = buffer
         self._refiner = refiner
         self._evidence = Evidence(tag, grid=grid, refiner=refiner)
+        self._intervals = Intervals(bounds, grid=grid, refiner=refiner)
 
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
@@ -135,7 +137,7 @@ class Judge:
         places: list[tuple[int, Measured]],
         search: RateSearch,
         *,
-        score: float,
+        candidate: Candidate,
         noise: NDArray[np.float32],
         floor: float,
     ) -> tuple[list[tuple[int, Measured]], str | None]:
@@ -152,8 +154,8 @@ class Judge:
             A group above the threshold: places among the K, in order of time.
         search : RateSearch
             That found it.
-        score : float
-            The search's statistic over its threshold.
+        candidate : Candidate
+            What was measured.
         noise : ndarray of float32, shape (rows,)
         floor : float
             Mean power of a sample without pulses.
@@ -165,16 +167,11 @@ class Judge:
         reason : str or None
             Why the group is no tag.
         """
-        if (reason := self._bounds.refusal(places, search.rate)) is not None:
+        reason = self._other_train(places, candidate, search, noise)
+        if reason is not None:
             return [], reason
-        group = [pulse for _, pulse in places]
-        if self._is_the_other_rate(group, search, noise):
-            return [], "a pulse of the other rate between"
-        if len(self._tag.pulse_intervals_s) > 1 and _has_gaps(places):
-            return [], "a pulse of the rate is missing"
         own: list[tuple[int, Measured]] = []
-        total, without, beside = 0.0, score * search.threshold, 0.0
-        reason = None
+        total, without, beside = 0.0, candidate.score * search.threshold, 0.0
         for place, pulse in places:
             anothers, more = self._anothers(pulse, floor)
             if anothers is not None:
@@ -195,6 +192,34 @@ class Judge:
         if total < least * 0.97:
             return [], "no contrast with its surroundings"
         return own, None
+
+    def _other_train(
+        self,
+        places: list[tuple[int, Measured]],
+        candidate: Candidate,
+        search: RateSearch,
+        noise: NDArray[np.float32],
+    ) -> str | None:
+        """Why the pulses of a group together are not those of the tag's rate, or None."""
+        if (reason := self._bounds.refusal(places, search.rate)) is not None:
+            return reason
+        if self._is_the_other_rate([pulse for _, pulse in places], search, noise):
+            return "a pulse of the other rate between"
+        if len(self._tag.pulse_intervals_s) > 1 and _has_gaps(places):
+            return "a pulse of the rate is missing"
+        if search.k <= MOST_TOLD_BY_ONE:
+            return None
+        anothers = self._intervals.anothers(candidate, search, noise)
+        if not anothers.any():
+            return None
+        without = candidate.score * search.threshold - sum(
+            max(0.0, min(pulse.power, search.limit) - 1.0)
+            for place, pulse in places
+            if anothers[place]
+        )
+        if without < search.threshold * gate(search.k):
+            return "another tag's interval"
+        return None
 
     def _anothers(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
         """Why a pulse is not the tag's but made by something stronger, or None.

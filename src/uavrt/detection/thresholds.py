@@ -88,7 +88,7 @@ def group_tail(k: int, spread: float, threshold: float) -> float:
 
 
 _FACTOR_K = np.log(np.array([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0]))
-_FACTOR_LOG = np.log(np.array([19.5, 36.0, 40.0, 46.0, 94.0, 94.0, 30.0, 60.0]))
+_FACTOR_LOG = np.log(np.array([19.5, 36.0, 40.0, 46.0, 94.0, 94.0, 56.0, 139.0]))
 """Effective hypotheses of one independent cell and interval, by K: calibrated."""
 _INTERVAL_POWER = np.array([1.0, 1.40, 1.40, 1.42, 1.36, 1.57, 1.60, 1.60])
 """Power with which the number of intervals counts, by K: calibrated."""

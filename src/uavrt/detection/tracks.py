@@ -43,7 +43,7 @@ _VOUCHED_FROM = 6.0
 noise and confirmed it are its largest peaks of many: with these to vouch, a third of all places
 of noise passed."""
 _SURE_TRUST = 10.0
-_TOLD_BY_ONE = 8
+MOST_TOLD_BY_ONE = 8
 """Most pulses of a decision of which a single one tells anything; of longer groups the sums."""
 _SAID_BY_POWER = (0.93, -1.9)
 """Log-likelihood ratio of a pulse of 9 dB to none, by a cell's power: slope and value at zero
@@ -143,6 +143,8 @@ class Track:
     """Whether it was likelier an accident of bursts than is reported, at any time."""
     stands_out: bool = False
     """Whether noise alone would hardly have brought it so far."""
+    interval_open: bool = False
+    """Whether too few pulses tell its interval from others'."""
     trust: float = MOST_TRUST
     """Log odds that a confirmed track is a tag: raised by pulses, lowered by empty places."""
     rivals: "list[Track]" = field(default_factory=list)
@@ -339,7 +341,7 @@ class Track:
     def _try_to_confirm(self, slot: Slot) -> None:
         self.gained += min(slot.measured.power, 14.0)
         slot.state = "open"
-        short = self.tag.k <= _TOLD_BY_ONE
+        short = self.tag.k <= MOST_TOLD_BY_ONE
         volume = _round(MORE_CELLS * slot.volume if short else slot.volume)
         chance = CONFIRM_FALSE if short else _CONFIRM_LONG_FALSE
         tests = max(2, self.tag.k) + (_MORE_TESTS if short else 0)
@@ -350,7 +352,7 @@ class Track:
             self.stands_out = self.gained >= limit
             if self.stands_out and short:
                 self.trust = min(MOST_TRUST, FIRST_TRUST + self.gained - limit)
-        if self.stands_out and self.odds >= 0.0:
+        if self.stands_out and self.odds >= 0.0 and not self.interval_open:
             self.confirmed = True
             self.trust = min(self.trust, FIRST_TRUST + self.odds)
             for other in self.slots:
@@ -401,14 +403,14 @@ class Track:
 
     def _weigh(self, slot: Slot) -> None:
         """Trust the track more, or less, for what was found at a place."""
-        if self.tag.k > _TOLD_BY_ONE:
+        if self.tag.k > MOST_TOLD_BY_ONE:
             return
         self.trust += max(-_TRUST_LOST, min(_TRUST_WON, slot.said))
         self.trust = min(self.trust, MOST_TRUST)
 
     def _follow(self, slot: Slot) -> None:
         k = self.tag.k
-        if slot.on_air.alike_per_s > 0.0 and slot.no_burst < 0.0 and k <= _TOLD_BY_ONE:
+        if slot.on_air.alike_per_s > 0.0 and slot.no_burst < 0.0 and k <= MOST_TOLD_BY_ONE:
             slot.state = "missed"
             return
         single = narrow_threshold(1, _round(slot.volume), FOLLOW_FALSE / k)

@@ -1,12 +1,20 @@
 """A stream begins and the tag is already sending: nothing is deaf, nothing is late."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from uavrt.detection import PulseDetector
 from uavrt.detection.noise import RowNoise
 from uavrt.detection.thresholds import USUAL_NOISE_ERROR, young_margin
-from uavrt.experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
+from uavrt.experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    make_samples,
+    noise,
+    pulse_train,
+)
 from uavrt.experiments.detection.trials import Flight, compare, detect
 from uavrt.messages import Pulse
 
@@ -61,6 +69,27 @@ def test_a_noise_hardly_known_is_compensated_by_a_higher_threshold() -> None:
         margins.append(young_margin(24.0, noise.relative_error))
     assert margins[0] > margins[1] > margins[2] > 0.999
     assert young_margin(24.0, USUAL_NOISE_ERROR) == 1.0
+
+
+def test_the_higher_threshold_ends_when_the_noise_is_known() -> None:
+    # A narrow band has few rows that tell of its noise: after 2.5 s it is known worse than that
+    # of a whole channel, and the threshold of 20 pulses stayed 5 % too high for ever.
+    tag = replace(THESIS_TAG, k=5)
+    detector = PulseDetector(
+        tag,
+        sample_rate_hz=RATE_HZ,
+        center_frequency_hz=tag.frequency_hz,
+        frequency_window_hz=100.0,
+    )
+    (search,) = detector.band.anchor_searches()
+    samples = noise(np.random.default_rng(5), round(20.0 * RATE_HZ))
+    margins = {}
+    for first in range(0, len(samples), BLOCK):
+        time_ns = START_NS + round(first / RATE_HZ * 1e9)
+        detector.process(samples[first : first + BLOCK], time_ns)
+        margins[round(first / RATE_HZ)] = search.margin
+    assert margins[4] > 1.01
+    assert margins[19] == 1.0
 
 
 def test_the_noise_of_the_first_rows_is_as_good_as_that_of_the_middle() -> None:

@@ -16,7 +16,13 @@ from uavrt.experiments.detection.signals import (
     noise,
     pulse_train,
 )
-from uavrt.experiments.detection.trials import RATE_HZ, Decision, detect, group_found
+from uavrt.experiments.detection.trials import (
+    RATE_HZ,
+    Decision,
+    compare,
+    detect,
+    group_found,
+)
 
 Extra = Callable[[np.random.Generator, NDArray[np.complex64], list[TruePulse]], None]
 
@@ -104,20 +110,51 @@ def test_a_weak_pulse_of_a_tag_with_two_rates_is_not_a_missing_one(
     assert found(decision, enr_db, 10) >= 8
 
 
+def beside_another(
+    k: int, *, apart_s: float, enr_db: float, seed: int, own_db: float | None = None
+) -> tuple[int, int]:
+    """Pulses of a tag, and of them those confirmed, beside one with nearly its interval."""
+    rng = np.random.default_rng(seed)
+    own_s, jitter_s = THESIS_TAG.pulse_intervals_s[0], 0.002
+    truth = [
+        pulse_train(
+            rng,
+            duration_s=100.0,
+            interval_s=interval_s,
+            offset_hz=20.0,
+            enr_db=level_db,
+            jitter_s=jitter_s,
+            first_s=first_s,
+        )
+        for interval_s, level_db, first_s in (
+            (own_s + apart_s, enr_db, 0.5),
+            (own_s, own_db, 1.1),
+        )
+        if level_db is not None
+    ]
+    samples = make_samples(rng, [pulse for train in truth for pulse in train], duration_s=100.0)
+    pulses, _ = detect(samples, long_tag(k, jitter_s), frequency_window_hz=100.0)
+    own = compare(pulses, truth[1] if own_db is not None else [], long_tag(k, jitter_s))
+    return own.true, own.confirmed if own_db is not None else own.false_confirmed
+
+
 @pytest.mark.parametrize("k", [20, 40])
-@pytest.mark.parametrize("apart_s", [0.005, 0.01])
-def test_a_silent_tag_of_many_pulses_is_not_confirmed_by_a_strong_one(
-    k: int, apart_s: float
+@pytest.mark.parametrize(
+    ("apart_s", "enr_db"), [(0.005, 25.0), (0.01, 25.0), (0.002, 10.0), (0.003, 10.0)]
+)
+def test_a_silent_tag_of_many_pulses_is_not_confirmed_by_another(
+    k: int, apart_s: float, enr_db: float
 ) -> None:
-    rng = np.random.default_rng(4)
-    truth = pulse_train(
-        rng,
-        duration_s=100.0,
-        interval_s=THESIS_TAG.pulse_intervals_s[0] + apart_s,
-        offset_hz=20.0,
-        enr_db=25.0,
-        jitter_s=0.002,
-    )
-    samples = make_samples(rng, truth, duration_s=100.0)
-    pulses, _ = detect(samples, long_tag(k, 0.002), frequency_window_hz=100.0)
-    assert not any(pulse.confirmed for pulse in pulses)
+    _, confirmed = beside_another(k, apart_s=apart_s, enr_db=enr_db, seed=4)
+    assert confirmed == 0
+
+
+def test_a_tag_of_many_pulses_is_confirmed_beside_one_with_nearly_its_interval() -> None:
+    true, confirmed = beside_another(20, apart_s=0.005, enr_db=12.0, own_db=10.0, seed=4)
+    assert confirmed > 0.9 * true
+
+
+def test_a_group_heard_from_its_middle_on_waits_until_its_interval_is_known() -> None:
+    # Of twenty pulses the stream has the last eight: these alone pass for the tag's.
+    _, confirmed = beside_another(20, apart_s=0.002, enr_db=14.0, seed=5)
+    assert confirmed == 0
