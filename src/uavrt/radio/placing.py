@@ -21,6 +21,9 @@ HOLD_S: Final = 0.13
 _LOG_S: Final = 10.0
 _BURST_NS: Final = 1_000_000
 """What comes within this is one write of the radio's program."""
+_LONG_WRITE_S: Final = 0.040
+"""A loss somewhere in a longer write is put into its middle, where fewest samples are on the
+wrong side of it; in a shorter one behind it, where none before a loss is wrong."""
 _LEAST_S: Final = 0.001
 """Less before a late arrival is not made a block of its own."""
 
@@ -210,6 +213,8 @@ class Placer:
             if self._cut and lost < HALVED_S * self._rate_hz:
                 self._before += lost // 2
                 self._after_cut -= lost // 2
+            elif self._cut > _LONG_WRITE_S * self._rate_hz:
+                self._cut //= 2
         if self._cut:
             self._after_cut += lost
         else:

@@ -55,6 +55,14 @@ def test_writes_of_any_length_show_the_losses(transfer_s: float) -> None:
         assert got.found == pytest.approx(got.lost, rel=0.1)
 
 
+def test_a_loss_within_a_long_write_costs_the_times_of_a_quarter_of_it() -> None:
+    """Nothing tells where in 65 ms it lies; put behind them it costs the times of half."""
+    delivery = replace(USB, transfer_s=0.0655, loss_share=0.05, loss_s=0.05)
+    got = kept(delivery, *range(6))
+    assert got.within >= 0.94 * got.instants
+    assert got.found == pytest.approx(got.lost, rel=0.1)
+
+
 @pytest.mark.parametrize("jitter", ["exponential", "normal"])
 @pytest.mark.parametrize("transfer_s", [0.005, 65_536 / 3e6, 0.0874])
 @pytest.mark.parametrize("jitter_s", [0.0003, 0.002])
