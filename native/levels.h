@@ -27,6 +27,24 @@ static const int stretches[] = {6, 10, 16, 26, 42, 80};
 INLINE double larger(double a, double b) { return a > b ? a : b; }
 INLINE double smaller(double a, double b) { return a < b ? a : b; }
 
+/* Natural logarithm of a positive number, to 1e-15: libm's binds a wheel to a newer glibc. */
+INLINE double logarithm(double value)
+{
+    union {
+        double value;
+        uint64_t bits;
+    } parts = {.value = value};
+    /* The mantissa between 1/sqrt(2) and sqrt(2); then twice the area tangent's series. */
+    const uint64_t root = 0x3FE6A09E667F3BCD;
+    const int64_t power = (int64_t)(parts.bits - root) >> 52;
+    parts.bits -= (uint64_t)power << 52;
+    const double s = (parts.value - 1.0) / (parts.value + 1.0), t = s * s;
+    double sum = 1.0 / 19.0;
+    for (int n = 17; n > 0; n -= 2)
+        sum = sum * t + 1.0 / n;
+    return 0.69314718055994531 * (double)power + 2.0 * s * sum;
+}
+
 /* Means of each band's new cells, limited by its newest level: both[band][past + slot]. */
 static void new_slots(const char *power, Py_ssize_t step, const float *noise, Py_ssize_t rows,
                       const float *now, Py_ssize_t bands, float *both, Py_ssize_t slots,
@@ -223,8 +241,8 @@ static void segments(const double *sums, Py_ssize_t bands, double cells, int cir
                 const double first = (sums[split] - sums[low]) / below;
                 const double second = (sums[high] - sums[split]) / above;
                 const double whole = (sums[high] - sums[low]) / width;
-                gain = width * log(whole) -
-                       (below * log(larger(first, 1e-9)) + above * log(second));
+                gain = width * logarithm(whole) -
+                       (below * logarithm(larger(first, 1e-9)) + above * logarithm(second));
             }
             if (gain > most) {
                 most = gain;

@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -175,6 +176,9 @@ def test_the_build_makes_kernels_that_load(tmp_path: Path) -> None:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     assert module.INTERFACE == native.INTERFACE
+    # What manylinux_2_17 promises (`make wheels`): libm's log, exp and pow are of 2.29.
+    needed = re.findall(rb"GLIBC_(\d+)\.(\d+)", target.read_bytes())
+    assert max((int(major), int(minor)) for major, minor in needed) <= (2, 17)
     out = np.empty(1, np.complex64)
     module.decimate(np.full(3, 1 - 2j, np.complex64), np.ones(6, np.float32), 2, out)
     assert out[0] == 3 - 6j

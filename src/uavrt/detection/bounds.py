@@ -101,6 +101,15 @@ class Bounds:
             return "outside the frequencies searched"
         return None
 
+    def on_frequency(self, offsets_hz: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which of many frequencies are the tag's, as `off_frequency` has it of one."""
+        away_hz = offsets_hz - self.home_hz
+        away_hz -= self.sample_rate_hz * np.rint(away_hz / self.sample_rate_hz)
+        own = np.abs(away_hz) <= self.half_width_hz + _EDGE_BINS / self.tag.pulse_width_s
+        for low, high in self.excluded_hz:
+            own &= (offsets_hz < low) | (offsets_hz > high)
+        return own
+
     def _off_interval(self, pulses: list[tuple[int, float, float]], rate: int) -> bool:
         """Whether pulses, as (place, time_s, power), cannot be of one rate."""
         if len(pulses) < 2:

@@ -453,10 +453,12 @@ class PulseDetector:
                 if slot.state in ("accepted", "reported")
             ]
             if self.senders is not None:
+                center_hz = self.center_frequency_hz
                 known += [
-                    (self._buffer.index(time_ns), hz - self.center_frequency_hz, power)
-                    for time_ns, (hz, power) in self.senders.heard.items()
-                    if self.could_be(hz)
+                    (self._buffer.index(time_ns), hz - center_hz, power)
+                    for time_ns, hz, power in self.senders.heard_where(
+                        lambda hz: self._bounds.on_frequency(hz - center_hz)
+                    )
                 ]
             self._bursts = self.band.bursts(known)
         return self._bursts.around(track, found)

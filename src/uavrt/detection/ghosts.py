@@ -8,6 +8,7 @@ same instants, and lies at such a place. That another tag does is a matter of ch
 computed: of its phase and interval, and of its frequency.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Generic
@@ -35,8 +36,11 @@ class _Heard(Generic[H]):
     hearer: H
     track: Track
     level: float
-    slots: list[Slot]
     frequency_hz: float
+    times_ns: list[int]
+    """Of the pulses."""
+    near_s: list[float]
+    """For each, how near to it another one comes at the same time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +69,7 @@ def mark_ghosts(
         Tracks that were not marked before.
     """
     heard = [
-        _Heard(hearer, track, level(track), slots, hearer.absolute_hz(track))
+        _listen(hearer, track, slots)
         for hearer in hearers
         for track in hearer.tracks
         if len(slots := _accepted(track)) >= LEAST_PULSES
@@ -127,19 +131,35 @@ def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
 
 def _coincidence(one: _Heard[H], other: _Heard[H]) -> _Coincidence:
     """Count the newest pulses of a train that come with those of another."""
-    first_ns, last_ns = other.slots[0].time_ns, other.slots[-1].time_ns
-    width_s = one.track.tag.pulse_width_s
+    mates_ns = other.times_ns
+    first_ns, last_ns = mates_ns[0], mates_ns[-1]
     pulses = together = 0
     widest_s = 0.0
-    for slot in one.slots:
-        near_s = width_s / 16.0 + _SIGMAS * timing_error_s(width_s, slot.measured.power)
+    for time_ns, near_s in zip(one.times_ns, one.near_s, strict=True):
         near_ns = 1e9 * near_s
-        if not first_ns - near_ns <= slot.time_ns <= last_ns + near_ns:
+        if not first_ns - near_ns <= time_ns <= last_ns + near_ns:
             continue
         pulses += 1
         widest_s = max(widest_s, near_s)
-        together += any(abs(slot.time_ns - mate.time_ns) < near_ns for mate in other.slots)
+        after = bisect_right(mates_ns, time_ns - near_ns)
+        together += after < len(mates_ns) and mates_ns[after] < time_ns + near_ns
     return _Coincidence(together, pulses, widest_s)
+
+
+def _listen(hearer: H, track: Track, slots: list[Slot]) -> _Heard[H]:
+    """Gather what is asked of a track by all others."""
+    width_s = track.tag.pulse_width_s
+    return _Heard(
+        hearer,
+        track,
+        level(track),
+        hearer.absolute_hz(track),
+        [slot.time_ns for slot in slots],
+        [
+            width_s / 16.0 + _SIGMAS * timing_error_s(width_s, slot.measured.power)
+            for slot in slots
+        ],
+    )
 
 
 def _accepted(track: Track) -> list[Slot]:

@@ -10,9 +10,12 @@ tag's interval while nothing else could have sent it is kept, and decides later.
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic
+
+import numpy as np
+from numpy.typing import NDArray
 
 from uavrt.detection.report import SAME_FREQUENCY_HZ
 from uavrt.detection.sharing import best_sharing, losses, parts
@@ -135,9 +138,12 @@ class Senders(Generic[H]):
         self._picture: list[_Figures] = []
         """By which figures trains were shared out last, and how."""
         self._shared: list[_Share] = []
-        self.heard: dict[int, tuple[float, float]] = {}
+        self._heard: dict[int, tuple[float, float]] = {}
         """Pulses of confirmed trains lately heard, by time [ns]: absolute frequency and power.
         They are no bursts to any tag."""
+        self._heard_ns: list[int] = []
+        """Their times; with hundreds of tags they are many, and asked for with every pulse."""
+        self._heard_how = np.zeros((0, 2))
 
     def settle(self) -> None:
         """Give each train to one tag, and have the detectors tell what is theirs."""
@@ -198,10 +204,35 @@ class Senders(Generic[H]):
                 frequency_hz = hearer.absolute_hz(track)
                 for slot in track.slots:
                     if slot.state in ("accepted", "reported"):
-                        self.heard[slot.time_ns] = frequency_hz, slot.measured.power
-        if self.heard:
-            since_ns = max(self.heard) - _REMEMBERED_NS
-            self.heard = {at: how for at, how in self.heard.items() if at >= since_ns}
+                        self._heard[slot.time_ns] = frequency_hz, slot.measured.power
+        if self._heard:
+            since_ns = max(self._heard) - _REMEMBERED_NS
+            self._heard = {at: how for at, how in self._heard.items() if at >= since_ns}
+            self._heard_ns = list(self._heard)
+            self._heard_how = np.array(list(self._heard.values()))
+
+    def heard_where(
+        self, wanted: Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+    ) -> list[tuple[int, float, float]]:
+        """Get the pulses of confirmed trains lately heard at some frequencies.
+
+        Parameters
+        ----------
+        wanted : callable
+            Says which of some absolute frequencies are meant.
+
+        Returns
+        -------
+        list of (int, float, float)
+            Time [ns], absolute frequency and power of each.
+        """
+        some = np.flatnonzero(wanted(self._heard_how[:, 0]))
+        return [
+            (self._heard_ns[place], frequency_hz, power)
+            for place, (frequency_hz, power) in zip(
+                some.tolist(), self._heard_how[some].tolist(), strict=True
+            )
+        ]
 
     def _heard_last(self, trains: list[Train[H]]) -> list[Train[H]]:
         """Of the trains that could be one tag's by frequency those heard last."""

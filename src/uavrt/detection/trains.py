@@ -6,6 +6,7 @@ a pulse in one place of three may be one of another interval, or of several othe
 """
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
@@ -152,17 +153,20 @@ def made_of_others(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[
         Those that explain less than the confirmed trains of whose pulses they are made.
     """
     found: list[Train[H]] = []
+    confirmed = sorted(
+        (train for train in trains if train.confirmed), key=lambda train: train.frequency_hz
+    )
+    frequencies_hz = [train.frequency_hz for train in confirmed]
     for train in sorted(trains, key=lambda train: train.explains):
         times_ns = train.pulses_ns
         if len(times_ns) < _LEAST_PULSES:
             continue
+        begin = bisect_right(frequencies_hz, train.frequency_hz - SAME_FREQUENCY_HZ)
+        end = bisect_left(frequencies_hz, train.frequency_hz + SAME_FREQUENCY_HZ)
         others_ns = [
             time_ns
-            for other in trains
-            if other is not train
-            and other.confirmed
-            and not any(other is one for one in found)
-            and abs(other.frequency_hz - train.frequency_hz) < SAME_FREQUENCY_HZ
+            for other in confirmed[begin:end]
+            if other is not train and not any(other is one for one in found)
             for time_ns in other.pulses_ns
         ]
         if not others_ns or min(others_ns) > times_ns[-1]:
