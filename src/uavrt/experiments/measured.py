@@ -1,8 +1,9 @@
 """Which code a table of results was measured with, and whether it is still that code.
 
 Beneath the title of each part of a table stands the commit and a digest of the folders that
-its figures come from. The digest is of the code alone: comments, docstrings and layout do not
-count. Where code has changed since, the part says so, or a test fails:
+its figures come from, with that of the compiled kernels where these do part of the work. The
+digest is of the code alone: comments, docstrings and layout do not count. Where code has
+changed since, the part says so, or a test fails:
 
 - `Code d since: reason` names a later digest whose change cannot touch the figures.
 - `To be measured again: reason` says that the figures may no longer hold.
@@ -28,6 +29,10 @@ import uavrt
 
 SOURCE = Path(uavrt.__file__).parent
 ROOT = SOURCE.parents[1]
+NATIVE = ROOT / "native"
+"""The compiled kernels, which do part of the work of `_WITH_KERNELS`."""
+_WITH_KERNELS = frozenset({"detection", "dsp"})
+_C_COMMENT = re.compile(r'"(?:\\.|[^"\\])*"|/\*.*?\*/|//[^\n]*', re.DOTALL)
 DETECTOR_TABLE = "docs/images/detection/results.json"
 _DETECTOR_PAGE = "docs/images/detection/results.md"
 _BENCHMARKS = "benchmarks/results.md"
@@ -80,7 +85,7 @@ class Part:
         return f"uavrt experiment {self.name}"
 
 
-def digest(folders: Sequence[str], source: Path = SOURCE) -> str:
+def digest(folders: Sequence[str], source: Path = SOURCE, native: Path = NATIVE) -> str:
     """Digest of the code of some folders of the package: 12 hexadecimal digits.
 
     Parameters
@@ -88,6 +93,8 @@ def digest(folders: Sequence[str], source: Path = SOURCE) -> str:
     folders : sequence of str
         Names below `source`.
     source : Path
+    native : Path
+        Where the compiled kernels' sources are; they count with what uses them.
     """
     found = hashlib.sha256()
     for folder in sorted(folders):
@@ -95,7 +102,17 @@ def digest(folders: Sequence[str], source: Path = SOURCE) -> str:
             state = path.stat()
             code = _of_file(path, state.st_mtime_ns, state.st_size)
             found.update(f"{path.relative_to(source).as_posix()} {code}\n".encode())
+    if _WITH_KERNELS.intersection(folders):
+        for path in sorted([*native.glob("*.c"), *native.glob("*.h")]):
+            found.update(f"native/{path.name} {_c_code(path)}\n".encode())
     return found.hexdigest()[:12]
+
+
+def _c_code(path: Path) -> str:
+    """A C file without comments and layout."""
+    text = path.read_text(encoding="utf-8")
+    bare = _C_COMMENT.sub(lambda m: m[0] if m[0].startswith('"') else " ", text)
+    return " ".join(bare.split())
 
 
 @lru_cache(maxsize=1024)

@@ -71,6 +71,25 @@ def test_a_file_that_moves_or_comes_counts(source: Path) -> None:
     assert len({before, added, digest(["dsp"], source)}) == 3
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "counts"),
+    [("/* Twice. */", "/* Doubled. */ // here", False), ("2.0f", "2.5f", True)],
+)
+def test_the_kernels_count_with_the_detector(
+    source: Path, tmp_path: Path, old: str, new: str, counts: bool
+) -> None:
+    native = tmp_path / "native"
+    native.mkdir()
+    code = (
+        '#include "common.h"\n/* Twice. */\nfloat twice(float x)\n{\n    return 2.0f * x;\n}\n'
+    )
+    (native / "twice.h").write_text(code, encoding="utf-8")
+    before, other = digest(["dsp"], source, native), digest(["tunnel"], source, native)
+    (native / "twice.h").write_text(code.replace(old, new), encoding="utf-8")
+    assert (digest(["dsp"], source, native) != before) is counts
+    assert digest(["tunnel"], source, native) == other
+
+
 @pytest.fixture
 def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Tables of this repository, and a copy of the code that may be changed."""
