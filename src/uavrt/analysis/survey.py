@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from uavrt.analysis.bearings import (
     bearings_of_flight,
     bearings_of_pulses,
 )
+from uavrt.analysis.facts import Facts, facts_of
 from uavrt.analysis.positions import (
     TagPosition,
     antenna_of,
@@ -55,6 +56,8 @@ class Survey:
     search_reports: tuple[SearchReport, ...] = ()
     status_texts: tuple[tuple[int, StatusText], ...] = ()
     notes: tuple[tuple[int, str], ...] = ()
+    facts: Facts = field(default_factory=Facts)
+    """What people tell of it in a report.toml."""
 
     @property
     def tag_ids(self) -> tuple[int, ...]:
@@ -121,9 +124,13 @@ def read_survey(
     FormatError
         It is neither a flight nor a pulse log.
     UsageError
-        There is no such antenna.
+        There is no such antenna, or the report.toml beside it is damaged.
     """
     place = Path(path)
+    return replace(_read(place, antenna, height_m), facts=facts_of(place.resolve()))
+
+
+def _read(place: Path, antenna: str | None, height_m: float | None) -> Survey:
     if FlightLayout(place).database.is_file():
         return _of_flight(place, read_flight(place), antenna or antenna_of(()), height_m)
     log = read_pulse_log(place)

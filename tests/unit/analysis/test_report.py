@@ -11,10 +11,12 @@ from pathlib import Path
 import pytest
 
 from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE
+from uavrt.analysis.facts import Facts, facts_of
 from uavrt.analysis.report import html_page, pdf_document, words
 from uavrt.analysis.report.maps import draw_overview
 from uavrt.analysis.report.style import new_figure, styled
 from uavrt.analysis.survey import Survey, read_survey
+from uavrt.errors import ConfigError
 
 WriteFlight = Callable[..., Path]
 
@@ -140,3 +142,33 @@ def test_the_command_writes_both_and_names_them(write_flight: WriteFlight) -> No
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [f"{flight}/report.html", f"{flight}/report.pdf"]
     assert (flight / "report.html").read_text().startswith("<!DOCTYPE html>")
+
+
+def test_the_report_tells_what_people_tell_of_the_flight(write_flight: WriteFlight) -> None:
+    flight = write_flight(heard=0, poses=False, name="told")
+    assert read_survey(flight).facts == Facts()
+    (flight.parent / "report.toml").write_text(
+        'operator = "A. <Ranger>"\npermit = "FWC-118"\nspecies = "Lynx lynx"\n'
+        'aircraft = "X500"\ntime_zone = "Europe/Zurich"\naltitude_datum = "LN02"\n',
+        encoding="utf-8",
+    )
+    survey = read_survey(flight)
+    page = Page(html_page(survey))
+    for text in ("Operator: A. <Ranger>", "Permit: FWC-118", "Species: Lynx lynx", "LN02"):
+        assert text in page.text
+    assert survey.span_ns is not None
+    assert f"({survey.facts.local_time(survey.span_ns[0])})" in page.text
+    assert pdf_document(survey).startswith(b"%PDF-")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [("pilot = 'x'", "Known are operator"), ("operator = 3", "no text"), ("=", "Mend it")],
+)
+def test_a_wrong_report_toml_is_told(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "report.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=says):
+        facts_of(tmp_path / "flight")
+    (tmp_path / "report.toml").write_text('time_zone = "Moon/Base"', encoding="utf-8")
+    with pytest.raises(ConfigError, match="no time zone"):
+        facts_of(tmp_path / "flight")

@@ -53,7 +53,8 @@ class _Book:
         survey = self._survey
         writer = _Writer(self)
         writer.text(survey.name, size=16, weight="bold", width=60)
-        writer.text(words.heading_line(survey), color=SOFT)
+        for text in (words.heading_line(survey), *survey.facts.lines):
+            writer.text(text, color=SOFT)
         writer.skip()
         for warning in survey.warnings:
             writer.text(f"! {warning}", color="#8a5a00")

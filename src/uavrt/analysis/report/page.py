@@ -48,6 +48,7 @@ def html_page(survey: Survey) -> str:
         body = [
             f"<h1>{escape(survey.name)}</h1>",
             f'<p class="sub">{escape(words.heading_line(survey))}</p>',
+            *(f'<p class="sub">{escape(text)}</p>' for text in survey.facts.lines),
             *(f'<p class="warn">{escape(text)}</p>' for text in survey.warnings),
             _findings(survey),
             "<h2>Map</h2>",

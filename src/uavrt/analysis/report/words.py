@@ -80,8 +80,10 @@ def heading_line(survey: Survey) -> str:
     start = datetime.fromtimestamp(span[0] // 1_000_000_000, tz=UTC)
     minutes = (span[1] - span[0]) / 60e9
     heard = len({one.pulse.tag_id for one in survey.pulse_poses})
+    local = survey.facts.local_time(span[0])
+    told = "" if local is None else f" ({local})"
     return (
-        f"{start:%Y-%m-%d %H:%M:%S} UTC, {minutes:.1f} minutes · "
+        f"{start:%Y-%m-%d %H:%M:%S} UTC{told}, {minutes:.1f} minutes · "
         f"{heard} of {_count(len(survey.tag_ids), 'tag')} heard, "
         f"{_count(len(survey.pulse_poses), 'pulse')} · antenna {survey.antenna}"
     )

@@ -1,0 +1,96 @@
+"""What people tell of a flight, for its report: who flew what, with which permit.
+
+A file ``report.toml`` in the flight's directory, or else in the folder around it, so that one
+serves all flights of a season::
+
+    operator = "A. Ranger"
+    aircraft = "HolyBro X500, N12345"
+    permit = "FWC-2026-118"
+    species = "Lynx lynx"
+    time_zone = "Europe/Zurich"                     # times are told in it besides UTC
+    altitude_datum = "LN02"                         # what altitudes above sea level refer to
+"""
+
+import tomllib
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+from uavrt.errors import ConfigError
+
+NAME = "report.toml"
+MOST_LETTERS = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """The file's fields; None where nothing was told."""
+
+    operator: str | None = None
+    aircraft: str | None = None
+    permit: str | None = None
+    species: str | None = None
+    time_zone: str | None = None
+    altitude_datum: str | None = None
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What the report prints below its title."""
+        told = (
+            ("Operator", self.operator),
+            ("Aircraft", self.aircraft),
+            ("Permit", self.permit),
+            ("Species", self.species),
+            ("Altitudes", self.altitude_datum),
+        )
+        return tuple(f"{name}: {text}" for name, text in told if text is not None)
+
+    def local_time(self, time_ns: int) -> str | None:
+        """A time as clocks at the place show it; None without a time zone."""
+        if self.time_zone is None:
+            return None
+        instant = datetime.fromtimestamp(time_ns // 1_000_000_000, tz=UTC)
+        return f"{instant.astimezone(ZoneInfo(self.time_zone)):%Y-%m-%d %H:%M:%S %Z}"
+
+
+def facts_path(flight: Path) -> Path | None:
+    """Find the file that tells of a flight or log; None where there is none."""
+    inside = flight / NAME if flight.is_dir() else flight.parent / NAME
+    return next((path for path in (inside, flight.parent / NAME) if path.is_file()), None)
+
+
+def facts_of(flight: Path) -> Facts:
+    """Read what is told of a flight.
+
+    Raises
+    ------
+    ConfigError
+        The file is damaged, or has a field that is none; the text says which.
+    """
+    path = facts_path(flight)
+    if path is None:
+        return Facts()
+    known = [field.name for field in fields(Facts)]
+    try:
+        told = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path} cannot be read: {error}", remedy="Mend it") from error
+    for name, text in told.items():
+        if name not in known:
+            raise ConfigError(
+                f"{path}: there is no field {name!r}", remedy=f"Known are {', '.join(known)}"
+            )
+        if not isinstance(text, str) or len(text) > MOST_LETTERS or not text.isprintable():
+            raise ConfigError(
+                f"{path}: {name} is no text", remedy=f"At most {MOST_LETTERS} letters, quoted"
+            )
+    found = Facts(**told)
+    try:
+        found.local_time(0)
+    except (OSError, ValueError, KeyError) as error:
+        raise ConfigError(
+            f"{path}: there is no time zone {found.time_zone!r}",
+            remedy='Name one as "Europe/Zurich"; on Windows, pip install tzdata',
+        ) from error
+    return found
