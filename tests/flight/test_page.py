@@ -330,7 +330,9 @@ def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
     page.click("#tab-setup")
     page.click("#tag-add")
     page.fill('input[data-key="name"]', evil)
-    page.fill('input[data-key="frequency_mhz"]', "148.7")
+    for key, value in {"frequency_mhz": "148.7", "interval_ms": "1254"}.items():
+        page.fill(f'input[data-key="{key}"]', value)
+    page.fill('input[data-key="pulse_width_ms"]', "20")
     page.click("#tag-save")
     expect(page.locator("#tag-state")).to_have_text("saved")
     page.click("#tab-fly")
