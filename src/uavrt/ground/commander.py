@@ -11,11 +11,21 @@ class Commander:
     A page names itself when it opens its records and in what it asks; scripts, which name no
     page, may do what they did. Who commands is the first page that is there, and it stays when
     it is reloaded; when it has gone, whoever asks next.
+
+    Parameters
+    ----------
+    page : str, optional
+        Who commanded before a restart in flight.
     """
 
-    def __init__(self) -> None:
-        self.page: str | None = None
+    def __init__(self, page: str | None = None) -> None:
+        self.page = page
         self._there: Counter[str] = Counter()
+
+    @property
+    def present(self) -> str | None:
+        """The page that commands, while it is there."""
+        return self.page if self.page is not None and self._there[self.page] > 0 else None
 
     def come(self, page: str) -> None:
         """Take a page that listens now."""
@@ -43,6 +53,6 @@ class Commander:
         """
         if page is None or page == self.page:
             return
-        if self.page is not None and self._there[self.page] > 0:
+        if self.present is not None:
             raise CommandRefused("another page commands, this one looks on: take command first")
         self.page = page

@@ -99,7 +99,7 @@ class GroundSession:
         self.busy: Busy | None = None
         self.sent_tags: tuple[Tag, ...] = ()
         self.estimates = Estimates(bearings=[], positions=[])
-        self.commander = Commander()
+        self.commander = Commander(store.commander)
         self.marks: list[Mark] = []
         """Of the flight that goes on, or ended last."""
         self.commands = Commands(self)
@@ -405,7 +405,7 @@ class GroundSession:
         if foreign and not self._foreign_told:
             self.note(2, f"another autopilot answers under the number {ours}: {FOREIGN_REMEDY}")
         self._foreign_told = foreign
-        self.store.set_vehicle(ours, self.identity.uid)
+        self.store.set_served(ours, self.identity.uid, self.commander.page)
 
     def choose_vehicle(self, system_id: int) -> None:
         """Serve another vehicle; the flight of the one before ends here, not on its drone."""

@@ -88,6 +88,9 @@ class GroundStore:
         # Only while a flight goes on: tomorrow it may be another drone.
         self.vehicle = _vehicle(kept) if self.current_flight else (None, None)
         """System number and unique number of the vehicle that is served."""
+        page = kept.get("commander") if self.current_flight else None
+        self.commander: str | None = page if isinstance(page, str) else None
+        """The page that commands."""
         self.settings = GroundSettings()
         for name, value in kept.get("settings", {}).items():
             with contextlib.suppress(UavrtError):
@@ -126,10 +129,10 @@ class GroundStore:
         self.current_flight = flight_id
         self._write()
 
-    def set_vehicle(self, system_id: int | None, uid: str | None) -> None:
-        """Keep which vehicle is served, for a restart in flight."""
-        if self.vehicle != (system_id, uid):
-            self.vehicle = (system_id, uid)
+    def set_served(self, system_id: int | None, uid: str | None, page: str | None) -> None:
+        """Keep which vehicle is served and which page commands, for a restart in flight."""
+        if (self.vehicle, self.commander) != ((system_id, uid), page):
+            self.vehicle, self.commander = (system_id, uid), page
             self._write()
 
     def _read(self) -> dict[str, Any]:
@@ -144,6 +147,7 @@ class GroundStore:
             "settings": asdict(self.settings),
             "current_flight": self.current_flight,
             "vehicle": list(self.vehicle),
+            "commander": self.commander,
         }
         path = self.directory / "ground.json"
         try:

@@ -57,7 +57,7 @@ def snapshot(session: "GroundSession") -> dict[str, Any]:
         "detectors": {
             str(tag_id): (now_ns - heard_ns) / 1e9 for tag_id, heard_ns in session.heard.items()
         },
-        "commander": session.commander.page,
+        "commander": session.commander.present,
         "marks": [asdict(mark) for mark in session.marks],
         "busy": None if session.busy is None else asdict(session.busy),
         "actions": action_states(situation),

@@ -16,6 +16,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
 from uavrt.clock import Clock
+from uavrt.errors import CommandRefused
+from uavrt.ground.commander import Commander
 from uavrt.ground.flight_keeper import FlightKeeper
 from uavrt.ground.guesses import TRIES, TRIES_OF_ALL, Guesses
 from uavrt.messages import Pose
@@ -308,6 +310,19 @@ def test_a_second_page_looks_on_until_it_takes_command(served: Any) -> None:
 
     asyncio.run(look())
     assert served.ask("PUT", "/api/tags", [TAG], first).status == 200, "the other has gone"
+
+
+def test_after_a_restart_in_flight_the_page_that_is_back_first_does_not_command() -> None:
+    commander = Commander("first")
+    commander.come("second")
+    assert commander.present is None
+    commander.come("first")
+    assert commander.present == "first"
+    with pytest.raises(CommandRefused):
+        commander.check("second")
+    commander.go("first")
+    commander.check("second")
+    assert commander.present == "second"
 
 
 def test_tags_can_be_left_at_home_without_deleting_them(served: Any) -> None:
