@@ -23,12 +23,14 @@ class Bench:
         self.positions: list[PositionSample] = []
         self.tunnels: list[tuple[bytes, Peer]] = []
         self.healthy = True
+        self.buffers: list[int] = []
         self.component = Component(
             self.sent.append,
             Handlers(
                 attitude=self.attitudes.append,
                 position=self.positions.append,
                 tunnel=lambda payload, peer: self.tunnels.append((payload, peer)),
+                radio_status=lambda status: self.buffers.append(status.txbuf),
             ),
             healthy=lambda: self.healthy,
         )
@@ -375,6 +377,29 @@ def test_a_tunnel_for_someone_else_or_too_long_is_counted_and_left(bench: Bench)
     assert bench.tunnels == []
     assert bench.component.counters["for_others"] == 1
     assert bench.component.counters["bad_tunnels"] == 1
+
+
+def test_the_reports_of_one_radio_count_and_of_nobody_else(bench: Bench) -> None:
+    def report(txbuf: int) -> d.RadioStatus:
+        return d.RadioStatus(
+            rssi=1, remrssi=1, txbuf=txbuf, noise=1, remnoise=1, rxerrors=0, fixed=0
+        )
+
+    bench.hear(report(90), 51, 68)
+    for system_id in range(1, 200):  # a stranger of many names, a component and then a radio
+        bench.hear(report(0), system_id, 195)
+        bench.hear(report(1), 52, 68)
+        bench.hear(report(2), 51, 68)
+    assert bench.buffers == [90]
+    bench.wait(1.0)
+    bench.hear(report(80), 51, 68)
+    assert bench.buffers == [90, 80]
+    counters = bench.component.counters
+    assert counters["radio_status_of_others"] == 2 * 199
+    assert counters["radio_status_too_often"] == 199
+    bench.wait(11.0)
+    bench.hear(report(70), 52, 68)
+    assert bench.buffers == [90, 80, 70], "the first is silent"
 
 
 def test_it_says_what_it_waits_for(bench: Bench) -> None:
