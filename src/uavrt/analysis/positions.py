@@ -18,7 +18,8 @@ from uavrt.localization import (
     Stations,
     estimate_position,
 )
-from uavrt.localization.position import ADDED_METHODS
+from uavrt.localization.flight_estimates import position_of_bearings
+from uavrt.localization.position import ADDED_METHODS, HEADING_SIGMA_DEG
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import FlightLayout, read_flight
 from uavrt.recording.bearing_files import BearingRow, read_bearing_file
@@ -48,6 +49,7 @@ def read_positions(
     method: PositionMethod = "bayes",
     antenna: AntennaPattern | str | None = None,
     height_m: float | None = None,
+    heading_sigma_deg: float = HEADING_SIGMA_DEG,
     warn: Callable[[str], None] = lambda text: None,
 ) -> list[TagPosition]:
     """Estimate the positions of tags from all that is known of them.
@@ -64,6 +66,8 @@ def read_positions(
         Pattern of the antenna; without it RA-23K, and a monopole for UCSD's pings.
     height_m : float, optional
         With a monopole: the drone's height over the tags where the log does not tell it.
+    heading_sigma_deg : float
+        Error that all headings of the flight share, one standard deviation.
     warn : callable, optional
         Called with what somebody who works with a log must know.
 
@@ -88,7 +92,9 @@ def read_positions(
         )
     if files:
         return _positions_of_rows(
-            [row for path in files for row in read_bearing_file(path)], method
+            [row for path in files for row in read_bearing_file(path)],
+            method,
+            heading_sigma_deg,
         )
     logs = [(path, read_pulse_log(path)) for given in paths for path in pulse_logs_in(given)]
     for text in dict.fromkeys(text for _, log in logs for text in log.warnings):
@@ -112,7 +118,7 @@ def read_positions(
             warn(NO_BEARINGS_FROM_THESE)
         else:
             bearings += read_bearings(path, antenna=antenna)
-    return positions_of_bearings(bearings, method=method)
+    return positions_of_bearings(bearings, method=method, heading_sigma_deg=heading_sigma_deg)
 
 
 def antenna_of(kinds: Sequence[LogKind]) -> str:
@@ -149,10 +155,15 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
     return 0
 
 
-def _positions_of_rows(rows: Sequence[BearingRow], method: PositionMethod) -> list[TagPosition]:
+def _positions_of_rows(
+    rows: Sequence[BearingRow], method: PositionMethod, heading_sigma_deg: float
+) -> list[TagPosition]:
     return [
         _positioned(
-            tag_id, _stations_of_rows([row for row in rows if row.tag_id == tag_id]), method
+            tag_id,
+            _stations_of_rows([row for row in rows if row.tag_id == tag_id]),
+            method,
+            heading_sigma_deg,
         )
         for tag_id in sorted({row.tag_id for row in rows})
     ]
@@ -250,39 +261,50 @@ def positions_of_powers(
 
 
 def positions_of_bearings(
-    bearings: Sequence[TagBearing], *, method: PositionMethod = "bayes"
+    bearings: Sequence[TagBearing],
+    *,
+    method: PositionMethod = "bayes",
+    heading_sigma_deg: float = HEADING_SIGMA_DEG,
 ) -> list[TagPosition]:
     """One position for each tag; bearings in which there is no direction are left out."""
     found = []
     for tag_id in sorted({one.tag_id for one in bearings}):
-        used = [one for one in bearings if one.tag_id == tag_id and one.bearing.accepted]
-        if used:
-            stations = Stations.of(
-                np.array([one.latitude_deg for one in used]),
-                np.array([one.longitude_deg for one in used]),
-                [one.bearing for one in used],
+        own = [one for one in bearings if one.tag_id == tag_id]
+        try:
+            position = position_of_bearings(
+                [one.latitude_deg for one in own],
+                [one.longitude_deg for one in own],
+                [one.start_time_ns for one in own],
+                [one.bearing for one in own],
+                method=method,
+                heading_sigma_deg=heading_sigma_deg,
             )
-            found.append(_positioned(tag_id, stations, method))
-        else:
-            reason = "none of its bearings has a direction"
-            found.append(TagPosition(tag_id=tag_id, position=None, reason=reason))
+            found.append(TagPosition(tag_id=tag_id, position=position))
+        except UsageError as error:
+            # One tag with a single bearing must not keep the others from the list.
+            found.append(TagPosition(tag_id=tag_id, position=None, reason=str(error)))
     return found
 
 
 def _stations_of_rows(rows: Sequence[BearingRow]) -> Stations:
     sigmas = [row.sigma_deg for row in rows if row.sigma_deg is not None]
+    times = [row.start_time_s for row in rows if row.start_time_s is not None]
     return Stations(
         latitude_deg=np.array([row.latitude_deg for row in rows]),
         longitude_deg=np.array([row.longitude_deg for row in rows]),
         bearing_deg=np.array([row.bearing_deg for row in rows]),
         sigma_deg=np.array(sigmas) if len(sigmas) == len(rows) else None,
+        time_s=np.array(times) - min(times) if len(times) == len(rows) else None,
     )
 
 
-def _positioned(tag_id: int, stations: Stations, method: PositionMethod) -> TagPosition:
+def _positioned(
+    tag_id: int, stations: Stations, method: PositionMethod, heading_sigma_deg: float
+) -> TagPosition:
     try:
-        position = estimate_position(stations, method=method)
+        position = estimate_position(
+            stations, method=method, heading_sigma_deg=heading_sigma_deg
+        )
     except UsageError as error:
-        # One tag with a single bearing must not keep the others from the list.
         return TagPosition(tag_id=tag_id, position=None, reason=str(error))
     return TagPosition(tag_id=tag_id, position=position)

@@ -18,6 +18,7 @@ def localize(
     method: str = "bayes",
     antenna: str | None = None,
     height: float | None = None,
+    heading_error: float = 1.5,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Estimate where each tag is, from its bearings, or with a monopole from its strength.
@@ -38,6 +39,9 @@ def localize(
         UCSD's pings, monopole.
     height
         With a monopole: height over the tags [m], for logs that do not tell it (UCSD's pings).
+    heading_error
+        Standard deviation of the error that all headings of a flight share [°]: compass,
+        mounting, declination. 0 takes the headings for true.
     as_json
         Print a list of objects.
     """
@@ -52,6 +56,7 @@ def localize(
         antenna=None if antenna is None else antenna_named(antenna),
         height_m=height,
         warn=lambda text: print(f"uavrt: {text}", file=sys.stderr),
+        heading_sigma_deg=heading_error,
     )
     if as_json:
         print(json.dumps([_record(one) for one in found if one.position], indent=2))
@@ -80,6 +85,9 @@ def _record(one: "TagPosition") -> dict[str, Any]:
         "powers": found.pulses,
         "outlier_probabilities": found.outlier_probabilities,
         "at_edge": found.at_edge,
+        "heading_error_deg": found.heading_error_deg,
+        "heading_error_sigma_deg": found.heading_error_sigma_deg,
+        "cautions": [{"name": each.name, "text": each.text} for each in found.cautions],
     }
 
 
@@ -98,4 +106,4 @@ def _sentence(one: "TagPosition") -> str:
         text += f", {found.method} as it stands in the file"
     if found.at_edge:
         text += "; it may be farther out"
-    return text
+    return "\n  ".join([text, *(each.text for each in found.cautions)])

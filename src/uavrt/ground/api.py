@@ -277,13 +277,13 @@ class Api:
         """Bearings and positions of a flight, with the antenna that is set."""
         library, flight_id = self._session.library, _flight_id(request)
         antenna = self._session.store.settings.antenna_choice
-        pulses = (await asyncio.to_thread(library.summary, flight_id)).pulses
-        key = (flight_id, pulses, antenna)
+        summary = await asyncio.to_thread(library.summary, flight_id)
+        key = (flight_id, summary.pulses, antenna)
         if key not in self._estimates:
             columns = await self._columns(request)
             self._estimates.clear()
             self._estimates[key] = await asyncio.to_thread(
-                Estimator().estimate, columns, antenna
+                Estimator().estimate, columns, antenna, (), summary.tags
             )
         return asdict(self._estimates[key])
 
@@ -294,8 +294,10 @@ class Api:
             return _Answer(404, {"error": f"there is no export {name[:40]!r}"})
         columns = await self._columns(request)
         antenna = self._session.store.settings.antenna_choice
-        found = await asyncio.to_thread(Estimator().estimate, columns, antenna)
         summary = self._session.library.summary(flight_id)
+        found = await asyncio.to_thread(
+            Estimator().estimate, columns, antenna, (), summary.tags
+        )
         places = await asyncio.to_thread(self._session.library.places, flight_id)
         content = await asyncio.to_thread(export, name, summary, columns, found, places)
         return _download(content, f"{flight_id}.{name}", EXPORTS[name])

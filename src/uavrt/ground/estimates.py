@@ -6,7 +6,7 @@ a wide interval, not a wrong bearing.
 """
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,26 +18,30 @@ from uavrt.ground.contours import contour_segments, refined
 from uavrt.ground.coordinates import readout
 from uavrt.ground.flights import Columns, known, yaw_deg
 from uavrt.localization import (
+    AntennaPattern,
     Bearing,
     Position,
     PositionGrid,
-    Stations,
     TangentPlane,
     Turn,
-    estimate_bearing,
-    estimate_position,
-    find_turns,
 )
-from uavrt.localization.live_bearings import LEAST_PULSES, LEAST_TURN_DEG
+from uavrt.localization.flight_estimates import (
+    HeardInTurn,
+    PoseColumns,
+    PulseColumns,
+    Rhythm,
+    antenna_as_shown,
+    bearing_of,
+    heard_in,
+    position_of_bearings,
+    teaching,
+    turns_in,
+)
 from uavrt.localization.records import ACCEPTED_EVIDENCE
-from uavrt.messages import LiveBearing
+from uavrt.messages import LiveBearing, Tag
 
-EDGE_NS = 1_000_000_000
-"""Pulses this long before and after a turn belong to it: the same place, the first heading."""
 SECTORS = 16
 """Wedges of the pulse rose, as the original ground station's finest rotation."""
-POSE_STEP_NS = 180_000_000
-"""Poses closer than this tell nothing new of a turn."""
 POSE_GAP_NS = 2_000_000_000
 """Telemetry comes several times a second; this far from it, a pulse's own pose tells more."""
 _POSE_OF_PULSE = [1, *range(8, 15)]
@@ -74,61 +78,98 @@ class Estimator:
     def __init__(self) -> None:
         self._bearings: dict[tuple[Any, ...], tuple[Bearing, Record] | None] = {}
         self._positions: dict[tuple[Any, ...], Record | None] = {}
+        self._learnt: tuple[Hashable, AntennaPattern] | None = None
 
     def estimate(
         self,
         columns: Columns,
         antenna: AntennaChoice,
         from_drone: Sequence[LiveBearing] = (),
+        tags: Sequence[Tag] = (),
     ) -> Estimates:
         """Estimate all bearings and positions of a flight as it is now.
 
+        Of the tags that are listed, pulses that must have come and were not heard count too.
         A bearing of the drone's own stands where it knows of more pulses of that turn than
         have reached the ground.
         """
-        turns = turns_of(columns)
+        poses = _pose_columns(columns)
+        turns = turns_in(poses)
+        rhythms = {
+            tag.tag_id: Rhythm(
+                intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s
+            )
+            for tag in tags
+        }
+        tag_ids = sorted({int(tag_id) for tag_id in np.unique(columns["tag_id"])})
+        heard: dict[int, list[tuple[int, HeardInTurn]]] = {}
+        for tag_id in tag_ids:
+            pulses = _pulse_columns(columns, tag_id, antenna.offset_deg)
+            inside = [
+                (number, heard_in(tag_id, turn, pulses, poses, rhythms.get(tag_id)))
+                for number, turn in enumerate(turns)
+            ]
+            heard[tag_id] = [(number, one) for number, one in inside if one is not None]
+        pattern = self._pattern([one for each in heard.values() for _, one in each], antenna)
         bearings: list[Record] = []
         positions: list[Record] = []
-        heard = {int(tag_id) for tag_id in np.unique(columns["tag_id"])}
-        for tag_id in sorted(heard | {one.tag_id for one in from_drone}):
-            mine = columns.pulses[:, columns["tag_id"] == tag_id]
-            pulses = Columns(pulses=mine, poses=columns.poses)
+        for tag_id in sorted(set(tag_ids) | {one.tag_id for one in from_drone}):
             found = [
-                (turn, one)
-                for number, turn in enumerate(turns)
-                if (one := self._bearing(int(tag_id), number, turn, pulses, antenna))
+                (one.turn, bearing)
+                for number, one in heard.get(tag_id, [])
+                if (bearing := self._bearing(number, one, antenna, pattern))
             ]
             theirs = [one for one in from_drone if one.tag_id == tag_id]
             found = _with_the_drones(found, theirs, len(turns))
             bearings += [record for _, (_, record) in found]
-            used = [(turn, bearing) for turn, (bearing, _) in found if bearing.accepted]
-            position = self._position(int(tag_id), used, antenna)
+            position = self._position(tag_id, found, antenna)
             if position is not None:
                 positions.append(position)
         return Estimates(bearings=bearings, positions=positions)
 
+    def _pattern(
+        self, heard: Sequence[HeardInTurn], antenna: AntennaChoice
+    ) -> tuple[Hashable, AntennaPattern]:
+        """The antenna as the turns so far show it, and a name for what it was learnt from."""
+        ordered = sorted(heard, key=lambda one: (one.turn.start_time_ns, one.tag_id))
+        key = (
+            antenna,
+            tuple((one.tag_id, one.turn, len(one.snr_db)) for one in teaching(ordered)),
+        )
+        if self._learnt is None or self._learnt[0] != key:
+            self._learnt = (key, antenna_as_shown(ordered, antenna.pattern))
+        return self._learnt
+
     def _bearing(
-        self, tag_id: int, number: int, turn: Turn, pulses: Columns, antenna: AntennaChoice
+        self,
+        number: int,
+        heard: HeardInTurn,
+        antenna: AntennaChoice,
+        pattern: tuple[Hashable, AntennaPattern],
     ) -> tuple[Bearing, Record] | None:
-        times = pulses["start_time_ns"]
-        inside = (times >= turn.start_time_ns - EDGE_NS) & (times <= turn.end_time_ns + EDGE_NS)
-        inside &= np.isfinite(pulses["quaternion_w"]) & np.isfinite(pulses["snr_db"])
-        count = int(inside.sum())
-        if count < LEAST_PULSES:
-            return None
-        key = (tag_id, turn.start_time_ns, turn.end_time_ns, count, antenna)
+        turn = heard.turn
+        count = (len(heard.snr_db), len(heard.missed_yaw_deg))
+        key = (heard.tag_id, turn.start_time_ns, turn.end_time_ns, count, pattern[1])
         if key not in self._bearings:
-            self._bearings[key] = _bearing(tag_id, number, turn, pulses, inside, antenna)
+            self._bearings[key] = _bearing(number, heard, pattern[1])
         return self._bearings[key]
 
     def _position(
-        self, tag_id: int, used: list[tuple[Turn, Bearing]], antenna: AntennaChoice
+        self,
+        tag_id: int,
+        found: Sequence[tuple[Turn, tuple[Bearing, Record]]],
+        antenna: AntennaChoice,
     ) -> Record | None:
-        if not used:
+        if not any(bearing.accepted for _, (bearing, _) in found):
             return None
-        key = (tag_id, tuple((turn.start_time_ns, one.bearing_deg) for turn, one in used))
+        key = (
+            tag_id,
+            tuple(
+                (turn.start_time_ns, one.bearing_deg, one.sigma_deg) for turn, (one, _) in found
+            ),
+        )
         if key not in self._positions:
-            self._positions[key] = _position(tag_id, used)
+            self._positions[key] = _position(tag_id, found)
         return self._positions[key]
 
 
@@ -187,8 +228,8 @@ def _von_mises(bearing_deg: float, sigma_deg: float) -> _Floats:
     return np.asarray(density / density.sum())
 
 
-def turns_of(columns: Columns) -> list[Turn]:
-    """Turns in place, also one that goes on; by the pulses' own poses where no others are.
+def _pose_columns(columns: Columns) -> PoseColumns:
+    """The vehicle's poses, and the pulses' own where no others are.
 
     Telemetry that a silent radio has lost never comes; the pulses of that time do.
     """
@@ -201,19 +242,31 @@ def turns_of(columns: Columns) -> list[Turn]:
         own = columns.pulses[np.ix_(_POSE_OF_PULSE, alone)]
         poses = np.concatenate([poses, own], axis=1)
         poses = poses[:, np.argsort(poses[0], kind="stable")]
-    times = poses[0]
-    if not len(times):
-        return []
-    slots = ((times - times[0]) // POSE_STEP_NS).astype(np.int64)
-    _, kept = np.unique(slots, return_index=True)
+    _, kept = np.unique(poses[0], return_index=True)
     poses = poses[:, kept]
-    return find_turns(
-        poses[0].astype(np.int64),
-        yaw_deg(poses[4:8]),
-        poses[1],
-        poses[2],
+    return PoseColumns(
+        time_ns=poses[0].astype(np.int64),
+        latitude_deg=poses[1],
+        longitude_deg=poses[2],
         height_m=poses[3],
-        least_turn_deg=LEAST_TURN_DEG,
+        quaternion_wxyz=poses[4:8].T,
+    )
+
+
+def _pulse_columns(columns: Columns, tag_id: int, offset_deg: float) -> PulseColumns:
+    """One tag's pulses with a pose and a power, the antenna turned by its offset."""
+    usable = (columns["tag_id"] == tag_id) & np.isfinite(columns["quaternion_w"])
+    usable &= np.isfinite(columns["snr_db"])
+    chosen = np.flatnonzero(usable)
+    chosen = chosen[np.argsort(columns["start_time_ns"][chosen], kind="stable")]
+    return PulseColumns(
+        time_ns=columns["start_time_ns"][chosen].astype(np.int64),
+        latitude_deg=columns["latitude_deg"][chosen],
+        longitude_deg=columns["longitude_deg"][chosen],
+        quaternion_wxyz=_turned(columns.pulses[11:15, chosen], offset_deg).T,
+        snr_db=columns["snr_db"][chosen],
+        noise_psd=columns["noise_psd"][chosen],
+        rate=np.nan_to_num(columns["rate"][chosen], nan=1.0).astype(np.int64),
     )
 
 
@@ -228,23 +281,17 @@ def _far_from(known: _Floats, times: _Floats) -> NDArray[np.bool_]:
 
 
 def _bearing(
-    tag_id: int,
-    number: int,
-    turn: Turn,
-    pulses: Columns,
-    inside: NDArray[np.bool_],
-    antenna: AntennaChoice,
+    number: int, heard: HeardInTurn, pattern: AntennaPattern
 ) -> tuple[Bearing, Record] | None:
-    attitude = _turned(pulses.pulses[11:15, inside], antenna.offset_deg)
-    snr = pulses["snr_db"][inside]
     try:
-        bearing = estimate_bearing(
-            None, snr, quaternion_wxyz=attitude.T, antenna=antenna.pattern
-        )
+        bearing = bearing_of(heard, antenna=pattern)
     except UsageError:
         return None
-    rose = _rose(yaw_deg(attitude), snr)
-    return bearing, _record(tag_id, number, turn, bearing, int(inside.sum()), rose)
+    rose = _rose(yaw_deg(heard.quaternion_wxyz.T), heard.snr_db)
+    count = len(heard.snr_db)
+    record = _record(heard.tag_id, number, heard.turn, bearing, count, rose)
+    place = {"latitude_deg": heard.latitude_deg, "longitude_deg": heard.longitude_deg}
+    return bearing, record | place
 
 
 def _record(
@@ -280,14 +327,17 @@ def _record(
     }
 
 
-def _position(tag_id: int, used: list[tuple[Turn, Bearing]]) -> Record | None:
-    stations = Stations.of(
-        [turn.latitude_deg for turn, _ in used],
-        [turn.longitude_deg for turn, _ in used],
-        [bearing for _, bearing in used],
-    )
+def _position(
+    tag_id: int, found: Sequence[tuple[Turn, tuple[Bearing, Record]]]
+) -> Record | None:
+    records = [record for _, (_, record) in found]
     try:
-        position = estimate_position(stations)
+        position = position_of_bearings(
+            [record["latitude_deg"] for record in records],
+            [record["longitude_deg"] for record in records],
+            [turn.start_time_ns for turn, _ in found],
+            [bearing for _, (bearing, _) in found],
+        )
     except UsageError:
         return None
     return {
@@ -299,6 +349,7 @@ def _position(tag_id: int, used: list[tuple[Turn, Bearing]]) -> Record | None:
         "radius50_m": _rounded(position.radius50_m),
         "radius95_m": _rounded(position.radius95_m),
         "at_edge": position.at_edge,
+        "cautions": [{"name": one.name, "text": one.text} for one in position.cautions],
         "readout": readout(position.latitude_deg, position.longitude_deg).as_dict(),
         **_regions(position),
     }

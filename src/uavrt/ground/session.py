@@ -443,6 +443,7 @@ class GroundSession:
                 columns,
                 self.store.settings.antenna_choice,
                 tuple(self.drone_bearings.values()),
+                self.sent_tags,
             )
         except UavrtError as error:
             log.warning("no estimate", reason=str(error))

@@ -1,7 +1,8 @@
-"""The default position estimator: a posterior on a grid that closes in on where it matters.
+"""The default position estimator: a posterior on cells that are small where it matters.
 
-Specified in reference/localization.md §2.2. The point is the most probable one; the mean lies
-outward of it for weak geometry. A bearing that contradicts the others is not followed but
+Cells are quartered as long as they hold much, so that a narrow peak and long tails, such as
+those of a bearing that may err, are both followed. The point is the most probable one; the mean
+lies outward of it for weak geometry. A bearing that contradicts the others is not followed but
 reported: each may be an outlier with some probability.
 """
 
@@ -15,11 +16,24 @@ from uavrt.localization.records import Ellipse
 
 _Floats = NDArray[np.float64]
 
-LogLikelihood = Callable[[_Floats, _Floats, float], _Floats]
-"""East and north (places,) and the cell's width [m] to the log-likelihood (places,)."""
+LogLikelihood = Callable[[_Floats, _Floats, _Floats], _Floats]
+"""East and north (places,) and the width of each place's cell [m] (places,) to the
+log-likelihood (places,)."""
 
-_KEEP_NATS = 15.0
-_MAX_LEVELS = 8
+_FIRST_CELLS = 36
+"""Along the longer side, before any is quartered."""
+_HELD = 6e-4
+"""A cell that holds more is quartered …"""
+_HELD_ROUGH = 2e-6
+"""… and one in which the density varies by `_ROUGH_NATS` from more than that on: a peak that
+is narrower than its cell is not yet seen whole."""
+_ROUGH_NATS = 1.0
+_LEAST_WIDTH_M = 0.1
+"""Narrower cells are left whole."""
+_ROUNDS = 18
+_MAP_SHARE = 0.999
+"""What the map shows at the least; the rest is spread too wide for a map."""
+_PEAK_CELLS = 44
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,65 +47,60 @@ class Area:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class GridPosterior:
-    """Probability of the cells of a rectangle, and what follows from it."""
+class Cells:
+    """A posterior on squares of any size that cover an area; and what follows from it."""
 
     east_m: _Floats
-    """(x,) centres of the cells."""
+    """(n,) centres."""
     north_m: _Floats
-    """(y,)."""
+    width_m: _Floats
+    """(n,) sides."""
     log_density: _Floats
-    """(y, x), up to a constant."""
+    """(n,) up to a constant."""
     probability: _Floats
-    """(y, x); sums to 1."""
+    """(n,) of each cell; sums to 1."""
+    log_evidence: float
+    """Logarithm of the likelihood's integral over the area."""
     at_edge: bool
     """The search area cuts the probability."""
 
-    @property
-    def cell_m(self) -> float:
-        """Width of a cell."""
-        return float(self.east_m[1] - self.east_m[0])
-
-    def places(self) -> tuple[_Floats, _Floats]:
-        """East and north of all cells, flat, in the order of ``probability.ravel()``."""
-        north, east = np.meshgrid(self.north_m, self.east_m, indexing="ij")
-        return east.ravel(), north.ravel()
-
-    def most_probable(self) -> tuple[float, float]:
-        """East and north [m] of the maximum, refined by parabolas."""
-        row, column = np.unravel_index(int(np.argmax(self.log_density)), self.log_density.shape)
-        return (
-            _refined(self.east_m, self.log_density[row, :], int(column)),
-            _refined(self.north_m, self.log_density[:, column], int(row)),
-        )
-
     def mean(self) -> tuple[float, float]:
         """East and north [m] of the point with the least expected squared error."""
-        east, north = self.places()
-        weight = self.probability.ravel()
-        return float(weight @ east), float(weight @ north)
+        return float(self.probability @ self.east_m), float(self.probability @ self.north_m)
 
     def radius_m(self, share: float, point: tuple[float, float]) -> float:
-        """Radius of the circle around a point that holds some share."""
-        east, north = self.places()
-        x, y = point
-        distance = np.hypot(east - x, north - y)
-        order = np.argsort(distance)
-        held = np.cumsum(self.probability.ravel()[order])
-        return float(np.interp(share, held, distance[order]))
+        """Radius of the circle around a point that holds some share.
 
-    def threshold(self, share: float) -> float:
-        """Least cell probability inside the smallest region that holds some share."""
-        ordered = np.sort(self.probability.ravel())[::-1]
-        place = int(np.searchsorted(np.cumsum(ordered), share))
-        return float(ordered[min(place, len(ordered) - 1)])
+        Each cell's probability is spread over the distances that it reaches.
+        """
+        distance = np.hypot(self.east_m - point[0], self.north_m - point[1])
+        # Four parts of each cell, for the cell that holds the point itself reaches from 0.
+        parts = (np.arange(4) - 1.5) / 4.0
+        spread = np.abs(distance[:, None] + parts * self.width_m[:, None]).ravel()
+        order = np.argsort(spread)
+        held = np.cumsum(np.repeat(self.probability / 4.0, 4)[order])
+        return float(np.interp(share, held, spread[order], left=0.0))
 
     def ellipse(self, share: float = 0.95) -> Ellipse:
         """Ellipse of the posterior's covariance, scaled as for a normal law."""
-        east, north = self.places()
-        weight = self.probability.ravel()
-        centred = np.stack([east - weight @ east, north - weight @ north])
-        return ellipse_of((centred * weight) @ centred.T, share)
+        x, y = self.mean()
+        centred = np.stack([self.east_m - x, self.north_m - y])
+        return ellipse_of((centred * self.probability) @ centred.T, share)
+
+    def around(self, share: float) -> Area:
+        """Rectangle around the smallest set of cells that holds some share."""
+        density = self.probability / self.width_m**2
+        order = np.argsort(-density)
+        count = int(np.searchsorted(np.cumsum(self.probability[order]), share)) + 1
+        kept = order[:count]
+        half = 0.5 * self.width_m[kept]
+        east, north = self.east_m[kept], self.north_m[kept]
+        return Area(
+            west_m=float((east - half).min()),
+            east_m=float((east + half).max()),
+            south_m=float((north - half).min()),
+            north_m=float((north + half).max()),
+        )
 
 
 def ellipse_of(covariance_m2: _Floats, share: float = 0.95) -> Ellipse:
@@ -121,75 +130,121 @@ def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
     return 0.5 * (low + high)
 
 
-def grid_posterior(
-    log_likelihood: LogLikelihood, area: Area, *, cells: int = 100
-) -> GridPosterior:
-    """Evaluate a likelihood on a grid, and again on the part that matters, until it is fine.
+def cells_posterior(
+    log_likelihood: LogLikelihood, area: Area, *, first_cells: int = _FIRST_CELLS
+) -> Cells:
+    """Evaluate a likelihood on squares, and again on the quarters of those that hold much.
 
     Parameters
     ----------
     log_likelihood : callable
-        Sees the width of a cell, so that a ray narrower than it is not missed.
+        Sees the width of each cell, so that a ray narrower than it is not missed.
     area : Area
         Uniform prior.
-    cells : int
-        Cells in each direction.
+    first_cells : int
+        Cells along the longer side at first.
     """
-    whole = area
-    at_edge = False
-    for level in range(_MAX_LEVELS):
-        grid = _evaluated(log_likelihood, area, cells, at_edge)
-        if level == 0:
-            at_edge = _edge_share(grid.probability) > 0.005
-        inner, finer = _closed_in(grid, area, whole)
-        if not finer:
+    east, north, width = _squares(area, first_cells)
+    density = log_likelihood(east, north, width)
+    at_edge = _edge_share(east, north, width, density) > 0.005
+    rough = np.ones(len(east), bool)
+    for _ in range(_ROUNDS):
+        probability, _ = _normalised(density, width)
+        split = (probability > _HELD) | (rough & (probability > _HELD_ROUGH))
+        split &= width > _LEAST_WIDTH_M
+        if not split.any():
             break
-        area = inner
-    return _evaluated(log_likelihood, area, cells, at_edge) if level == 0 else grid
-
-
-def _evaluated(
-    log_likelihood: LogLikelihood, area: Area, cells: int, at_edge: bool
-) -> GridPosterior:
-    width = max(area.east_m - area.west_m, area.north_m - area.south_m)
-    across = max(8, round(cells * (area.east_m - area.west_m) / width))
-    along = max(8, round(cells * (area.north_m - area.south_m) / width))
-    east = area.west_m + (np.arange(across) + 0.5) * (area.east_m - area.west_m) / across
-    north = area.south_m + (np.arange(along) + 0.5) * (area.north_m - area.south_m) / along
-    places_north, places_east = np.meshgrid(north, east, indexing="ij")
-    value = log_likelihood(places_east.ravel(), places_north.ravel(), float(east[1] - east[0]))
-    log_density = value.reshape(along, across)
-    probability = np.exp(log_density - log_density.max())
-    return GridPosterior(
+        quarter = 0.25 * width[split]
+        corners = ((-1, -1), (-1, 1), (1, -1), (1, 1))
+        new_east = np.concatenate([east[split] + x * quarter for x, _ in corners])
+        new_north = np.concatenate([north[split] + y * quarter for _, y in corners])
+        new_width = np.tile(2.0 * quarter, 4)
+        new_density = log_likelihood(new_east, new_north, new_width)
+        varies = np.ptp(new_density.reshape(4, -1), axis=0) > _ROUGH_NATS
+        varies |= np.abs(new_density.reshape(4, -1).max(axis=0) - density[split]) > _ROUGH_NATS
+        rough = np.concatenate([rough[~split], np.tile(varies, 4)])
+        east, north = (
+            np.concatenate([old[~split], new])
+            for old, new in ((east, new_east), (north, new_north))
+        )
+        width = np.concatenate([width[~split], new_width])
+        density = np.concatenate([density[~split], new_density])
+    probability, log_evidence = _normalised(density, width)
+    return Cells(
         east_m=east,
         north_m=north,
-        log_density=log_density,
-        probability=probability / probability.sum(),
+        width_m=width,
+        log_density=density,
+        probability=probability,
+        log_evidence=log_evidence,
         at_edge=at_edge,
     )
 
 
-def _edge_share(probability: _Floats) -> float:
-    border = np.concatenate(
-        [probability[0], probability[-1], probability[1:-1, 0], probability[1:-1, -1]]
+def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, float]:
+    """East and north [m] of the maximum, refined by parabolas.
+
+    Sought on an even grid over the likelier half: cells of several sizes are blurred
+    differently, and do not compare to the last metre.
+    """
+    east, north, probability = map_of(cells, log_likelihood, _PEAK_CELLS, share=0.5)
+    values = np.log(np.maximum(probability, 1e-300))
+    row, column = np.unravel_index(int(np.argmax(values)), values.shape)
+    return (
+        _refined(east, values[row, :], int(column)),
+        _refined(north, values[:, column], int(row)),
     )
-    return float(border.sum())
 
 
-def _closed_in(grid: GridPosterior, area: Area, whole: Area) -> tuple[Area, bool]:
-    """Part of an area that holds what is probable, and whether looking there is finer."""
-    likely = grid.log_density > grid.log_density.max() - _KEEP_NATS
-    rows, columns = np.flatnonzero(likely.any(axis=1)), np.flatnonzero(likely.any(axis=0))
-    step_x, step_y = grid.cell_m, float(grid.north_m[1] - grid.north_m[0])
-    inner = Area(
-        west_m=max(whole.west_m, float(grid.east_m[columns[0]]) - 1.5 * step_x),
-        east_m=min(whole.east_m, float(grid.east_m[columns[-1]]) + 1.5 * step_x),
-        south_m=max(whole.south_m, float(grid.north_m[rows[0]]) - 1.5 * step_y),
-        north_m=min(whole.north_m, float(grid.north_m[rows[-1]]) + 1.5 * step_y),
+def map_of(
+    cells: Cells, log_likelihood: LogLikelihood, count: int, *, share: float = _MAP_SHARE
+) -> tuple[_Floats, _Floats, _Floats]:
+    """Probability on an even grid around most of it: east (x,), north (y,), and (y, x)."""
+    around = cells.around(share)
+    wide, high = around.east_m - around.west_m, around.north_m - around.south_m
+    step = max(wide, high) / (count - 4)
+    across, along = (max(8, round(side / step) + 4) for side in (wide, high))
+    east = 0.5 * (around.west_m + around.east_m) + (np.arange(across) - (across - 1) / 2) * step
+    north = (
+        0.5 * (around.south_m + around.north_m) + (np.arange(along) - (along - 1) / 2) * step
     )
-    before = max(area.east_m - area.west_m, area.north_m - area.south_m)
-    after = max(inner.east_m - inner.west_m, inner.north_m - inner.south_m)
-    return inner, after < 0.7 * before and before > 1.0
+    places_north, places_east = np.meshgrid(north, east, indexing="ij")
+    value = log_likelihood(
+        places_east.ravel(), places_north.ravel(), np.full(places_east.size, step)
+    )
+    density = np.exp(value - value.max()).reshape(along, across)
+    return np.asarray(east), np.asarray(north), np.asarray(density / density.sum())
+
+
+def _squares(area: Area, count: int) -> tuple[_Floats, _Floats, _Floats]:
+    """Squares that cover an area, the last ones reaching beyond it by less than one."""
+    wide, high = area.east_m - area.west_m, area.north_m - area.south_m
+    step = max(wide, high) / count
+    across, along = (max(4, round(side / step)) for side in (wide, high))
+    east = 0.5 * (area.west_m + area.east_m) + (np.arange(across) - (across - 1) / 2) * step
+    north = 0.5 * (area.south_m + area.north_m) + (np.arange(along) - (along - 1) / 2) * step
+    places_north, places_east = np.meshgrid(north, east, indexing="ij")
+    return places_east.ravel(), places_north.ravel(), np.full(places_east.size, step)
+
+
+def _normalised(density: _Floats, width: _Floats) -> tuple[_Floats, float]:
+    value = density + 2.0 * np.log(width)
+    top = float(value.max())
+    probability = np.exp(value - top)
+    total = float(probability.sum())
+    return probability / total, top + float(np.log(total))
+
+
+def _edge_share(east: _Floats, north: _Floats, width: _Floats, density: _Floats) -> float:
+    """Probability of the outermost cells, all still of one size."""
+    probability, _ = _normalised(density, width)
+    border = (np.abs(east - east.min()) < 0.5 * width) | (
+        np.abs(east - east.max()) < 0.5 * width
+    )
+    border |= (np.abs(north - north.min()) < 0.5 * width) | (
+        np.abs(north - north.max()) < 0.5 * width
+    )
+    return float(probability[border].sum())
 
 
 def _refined(axis: _Floats, values: _Floats, top: int) -> float:

@@ -25,11 +25,23 @@ class BearingEvidence:
         Probability of whole degrees, for each bearing.
     outlier_share : float
         Probability that a bearing has nothing to do with the tag.
+    heading_sigma_deg : float
+        Error that the headings of all bearings share.
     """
 
     def __init__(
-        self, east_m: _Floats, north_m: _Floats, posterior: _Floats, *, outlier_share: float
+        self,
+        east_m: _Floats,
+        north_m: _Floats,
+        posterior: _Floats,
+        *,
+        outlier_share: float,
+        heading_sigma_deg: float = 0.0,
     ) -> None:
+        self._turned_steps = _nodes(heading_sigma_deg)
+        self._turned_deg = self._turned_steps * _STEP_DEG
+        weight = np.exp(-0.5 * (self._turned_deg / max(heading_sigma_deg, 1e-3)) ** 2)
+        self._log_turned = np.log(weight / weight.sum())
         self._east_m = east_m
         self._north_m = north_m
         self._outlier = outlier_share / 360.0
@@ -52,17 +64,17 @@ class BearingEvidence:
         tables = np.fft.irfft(harmonics[:, None, :] * damping[None, :, :], count, axis=2)
         return np.asarray(np.maximum(tables, 0.0)).reshape(stations, len(_BLURS_DEG), count)
 
-    def densities(self, east_m: _Floats, north_m: _Floats, cell_m: float) -> _Floats:
-        """(n, places): density of each bearing towards each place, per degree.
+    def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
+        """(n, turned, places): density of each bearing towards each place, per degree.
 
         Parameters
         ----------
         east_m, north_m : (places,) float64 arrays
             The places.
-        cell_m : float
+        cell_m : (places,) float64 array or float
             Width of the cell that a place stands for.
         """
-        out = np.empty((len(self._east_m), len(east_m)))
+        out = np.empty((len(self._east_m), len(self._turned_deg), len(east_m)))
         for station, table in enumerate(self._tables):
             dx, dy = east_m - self._east_m[station], north_m - self._north_m[station]
             # A cell of width c has a standard deviation of c / √12 across the ray.
@@ -72,20 +84,58 @@ class BearingEvidence:
             below = place.astype(np.intp)
             part = place - below
             count = table.shape[1]
-            low, high = table[blur, below % count], table[blur, (below + 1) % count]
-            out[station] = low + part * (high - low)
+            for number, steps in enumerate(self._turned_steps):
+                first = (below + steps) % count
+                low, high = table[blur, first], table[blur, (first + 1) % count]
+                out[station, number] = low + part * (high - low)
         return out
 
-    def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: float) -> _Floats:
+    def log_likelihoods(
+        self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
+    ) -> _Floats:
+        """(turned, places) logarithm of the prior of each heading error and of all bearings."""
+        density = np.log(self.densities(east_m, north_m, cell_m)).sum(axis=0)
+        return np.asarray(density + self._log_turned[:, None])
+
+    def log_likelihood(
+        self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
+    ) -> _Floats:
         """(places,) logarithm of the product of all bearings' densities."""
-        return np.asarray(np.log(self.densities(east_m, north_m, cell_m)).sum(axis=0))
+        each = self.log_likelihoods(east_m, north_m, cell_m)
+        if len(each) == 1:
+            return np.asarray(each[0])
+        top = each.max(axis=0)
+        return np.asarray(np.log(np.exp(each - top).sum(axis=0)) + top)
+
+    def heading_error(
+        self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: _Floats
+    ) -> tuple[float, float]:
+        """Mean and standard deviation [deg] of what all headings err by, over a posterior."""
+        weight = self._shares(east_m, north_m, cell_m) @ probability
+        mean = float(weight @ self._turned_deg)
+        variance = float(weight @ (self._turned_deg - mean) ** 2)
+        return mean, variance**0.5
 
     def outlier_probabilities(
-        self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: float
+        self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: _Floats | float
     ) -> tuple[float, ...]:
         """Probability that each bearing errs, over a posterior of places."""
         share = self._outlier / self.densities(east_m, north_m, cell_m)
-        return tuple(float(min(1.0, p)) for p in share @ probability)
+        weight = self._shares(east_m, north_m, cell_m) * probability
+        return tuple(float(min(1.0, p)) for p in np.einsum("ibp,bp->i", share, weight))
+
+    def _shares(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
+        """(turned, places) probability of each heading error, the place being given."""
+        each = self.log_likelihoods(east_m, north_m, cell_m)
+        weight = np.exp(each - each.max(axis=0))
+        return np.asarray(weight / weight.sum(axis=0))
+
+
+def _nodes(sigma_deg: float) -> NDArray[np.int64]:
+    """Heading errors that are weighed, up to three sigma, in steps of the tables; 9 or so."""
+    step = max(1, round(0.67 * sigma_deg / _STEP_DEG))
+    reach = int(3.0 * sigma_deg / _STEP_DEG / step)
+    return np.arange(-reach, reach + 1) * step
 
 
 def von_mises(bearing_deg: _Floats, sigma_deg: _Floats) -> _Floats:

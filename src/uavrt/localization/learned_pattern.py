@@ -101,6 +101,9 @@ def _equations(
         antenna=pattern,
         threshold_db=threshold_db,
     )
+    if not found.accepted:
+        # Noise shows no pattern.
+        return np.zeros((0, _HARMONICS)), np.zeros(0)
     heard = ~np.isnan(turn.matched_power)
     off = found.bearing_deg - turn.yaw_deg[heard]
     fading = found.fading_db if found.fading_db is not None else _PRIOR_DB

@@ -14,20 +14,19 @@ from uavrt.errors import UsageError
 from uavrt.localization.antenna import AntennaPattern, pattern_named
 from uavrt.localization.attitude import Headings
 from uavrt.localization.bearing import estimate_bearing
+from uavrt.localization.flight_estimates import (
+    EDGE_NS,
+    LEAST_PULSES,
+    LEAST_TURN_DEG,
+    OWN_HEADING_SIGMA_DEG,
+)
 from uavrt.localization.turns import Turn, find_turns
 from uavrt.messages import LiveBearing, Pose, PulsePose
 
-LEAST_PULSES = 3
-LEAST_TURN_DEG = 45.0
-"""A turn counts from here on, though it may go on."""
-_EDGE_NS = 1_000_000_000
-"""Pulses this long before and after a turn belong to it: the same place, the first heading."""
 _POSE_STEP_NS = 180_000_000
 """Poses closer than this tell nothing new of a turn."""
 _KEPT_NS = 900_000_000_000
 """A turn is over after a quarter of an hour at most; older poses and pulses are let go."""
-HEADING_SIGMA_DEG = 1.0
-"""Compass and mounting err by that much, the same for a whole turn, at the least."""
 
 
 class LiveBearings:
@@ -109,7 +108,7 @@ class LiveBearings:
                 [one.pulse.snr_db for one in inside],
                 quaternion_wxyz=[one.pose.quaternion_wxyz for one in inside if one.pose],
                 antenna=self._pattern,
-                heading_sigma_deg=HEADING_SIGMA_DEG,
+                heading_sigma_deg=OWN_HEADING_SIGMA_DEG,
             )
         except UsageError:
             return None
@@ -135,4 +134,4 @@ class LiveBearings:
 
 def _during(one: PulsePose, turn: Turn) -> bool:
     start_ns = one.pulse.start_time_ns
-    return turn.start_time_ns - _EDGE_NS <= start_ns <= turn.end_time_ns + _EDGE_NS
+    return turn.start_time_ns - EDGE_NS <= start_ns <= turn.end_time_ns + EDGE_NS

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.attitude import Headings
+from uavrt.localization.lasting_fading import Whitened, variance_factor
 from uavrt.localization.pattern_likelihood import GRID_DEG, bearing_likelihood
 from uavrt.localization.posterior import (
     blurred,
@@ -76,7 +77,13 @@ def pattern_ml(
     misfit = _misfit(
         headings.yaw_deg[:heard], matched_power, missed_below, model_db, found.fading_db, folds
     )
-    inflation = (1.0 + misfit.correlation) / (1.0 - misfit.correlation)
+    inflation = 1.0
+    if misfit.marked:
+        inflation = (1.0 + misfit.correlation) / (1.0 - misfit.correlation)
+    around = gain(np.array([best_deg - 1.0, best_deg + 1.0]))[:heard]
+    slope = 0.5 * (around[:, 1] - around[:, 0])
+    lasting = _whitened(matched_power, model_db, slope, misfit.sure, found.fading_db, folds)
+    inflation = max(inflation, variance_factor(lasting))
     if fading_db is not None and misfit.reduced_chi2 is not None:
         inflation *= max(1.0, misfit.reduced_chi2)
     log_density = found.log_density / inflation
@@ -159,6 +166,27 @@ def _misfit(
         sure=sure,
         correlation=_correlation(residual[sure], yaw_deg[sure]),
         reduced_chi2=float(np.sum(residual**2)) / degrees if len(residual) else None,
+    )
+
+
+def _whitened(
+    matched_power: NDArray[np.float64],
+    model_db: NDArray[np.float64],
+    slope: NDArray[np.float64],
+    sure: NDArray[np.bool_],
+    fading_db: float,
+    folds: int,
+) -> Whitened:
+    """Residuals and slopes of the sure pulses, over their standard deviations."""
+    s = 10.0 ** (model_db[sure] / 10.0)
+    follow = s / (1.0 + s)
+    noise = 18.86 * (1.0 + 2.0 * s) / (folds * (1.0 + s) ** 2)
+    sigma = np.sqrt(noise + (fading_db * follow) ** 2)
+    return Whitened(
+        residual=_residuals(matched_power[sure], model_db[sure], fading_db, folds),
+        level_slope=follow / sigma,
+        bearing_slope=follow * slope[sure] / sigma,
+        fading_part=fading_db * follow / sigma,
     )
 
 

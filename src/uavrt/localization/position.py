@@ -8,11 +8,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavrt.errors import UsageError
 from uavrt.localization import lenth
+from uavrt.localization.angles import difference_deg
 from uavrt.localization.bayes_fix import (
     Area,
-    GridPosterior,
+    Cells,
+    LogLikelihood,
+    cells_posterior,
     ellipse_of,
-    grid_posterior,
+    map_of,
+    most_probable,
     normal_radius_m,
 )
 from uavrt.localization.bearing_evidence import (
@@ -20,9 +24,25 @@ from uavrt.localization.bearing_evidence import (
     BearingEvidence,
     von_mises,
 )
+from uavrt.localization.common_errors import (
+    LEAST_STATIONS,
+    UNCHECKED,
+    Fit,
+    FlightBearings,
+    cautions_of,
+    explanations,
+    stations_around,
+)
 from uavrt.localization.level_evidence import LevelEvidence, Propagation
+from uavrt.localization.posterior import LOBE_DEG
 from uavrt.localization.power_evidence import PowerEvidence, PowerTrack
-from uavrt.localization.records import Bearing, Position, PositionGrid, PositionMethod
+from uavrt.localization.records import (
+    Bearing,
+    Caution,
+    Position,
+    PositionGrid,
+    PositionMethod,
+)
 from uavrt.localization.tangent_plane import TangentPlane, plane_around
 from uavrt.plugins import Registry
 
@@ -33,6 +53,11 @@ LogDensity = Callable[[_Floats, _Floats], _Floats]
 _BEARING_RANGE_M = 3000.0
 _NEAR_M = 100.0
 """Nearer than that all places are equally likely."""
+HEADING_SIGMA_DEG = 1.5
+"""Error that all headings of a flight share, were nothing said of it: a calibrated compass, a
+mounting by eye, and the declination."""
+_NEGLIGIBLE = 0.005
+"""Explanations less probable than that change no circle."""
 _BEARING_CELLS = 100
 _POWER_CELLS = 44
 """Some hundred pulses for each cell: a coarser grid keeps a position under 150 ms."""
@@ -57,10 +82,16 @@ class Stations:
     """(n,) errors of the levels; 0 when None."""
     height_m: _Floats | None = None
     """(n,) above the tag; 0 when None."""
+    time_s: _Floats | None = None
+    """(n,) when each was taken, from any origin; None takes it that the tag rests."""
 
     @classmethod
     def of(
-        cls, latitude_deg: ArrayLike, longitude_deg: ArrayLike, bearings: list[Bearing]
+        cls,
+        latitude_deg: ArrayLike,
+        longitude_deg: ArrayLike,
+        bearings: list[Bearing],
+        time_s: ArrayLike | None = None,
     ) -> "Stations":
         """Make stations of estimated bearings, with all that these know."""
         posteriors = [one.posterior for one in bearings if one.posterior is not None]
@@ -78,6 +109,7 @@ class Stations:
             posterior=np.array(posteriors) if len(posteriors) == whole else None,
             level_db=np.array(levels) if len(levels) == whole else None,
             level_sigma_db=np.array(level_sigmas) if len(level_sigmas) == whole else None,
+            time_s=None if time_s is None else np.atleast_1d(np.asarray(time_s, np.float64)),
         )
 
 
@@ -91,7 +123,8 @@ def estimate_position(
     powers: PowerTrack | None = None,
     *,
     method: PositionMethod | str = "bayes",
-    outlier_share: float = 0.05,
+    outlier_share: float | None = None,
+    heading_sigma_deg: float = HEADING_SIGMA_DEG,
     propagation: Propagation | None = None,
     max_range_m: float | None = None,
 ) -> Position:
@@ -108,8 +141,13 @@ def estimate_position(
         ``"bayes"`` (the default), or ``"mle"``, ``"rmr"``, ``"mest"`` as the original system
         computes them, or ``"rmr_ahead"``, ``"mest_lenth"`` as they were meant, or one that an
         installed package adds (docs/how-to/extend.md).
-    outlier_share : float
-        Prior probability that a bearing has nothing to do with the tag.
+    outlier_share : float, optional
+        Prior probability that a bearing has nothing to do with the tag; by default 0.05, and
+        0.02 for one to three bearings, of which none can tell the other wrong.
+    heading_sigma_deg : float
+        Standard deviation of the error that all headings of the flight share (compass,
+        mounting, declination). It is estimated where the stations tell it; 0 takes the headings
+        for true.
     propagation : Propagation, optional
         What is known of the path loss.
     max_range_m : float, optional
@@ -124,14 +162,19 @@ def estimate_position(
     """
     _check(stations, powers)
     if method == "bayes":
-        return _bayes(
-            stations, powers, outlier_share, propagation or Propagation(), max_range_m
+        few = stations is None or len(stations.bearing_deg) < LEAST_STATIONS
+        known = _Known(
+            outlier_share=(0.02 if few else 0.05) if outlier_share is None else outlier_share,
+            heading_sigma_deg=heading_sigma_deg,
+            propagation=propagation or Propagation(),
+            max_range_m=max_range_m,
         )
+        return _bayes(stations, powers, known)
     if method not in _LENTH and method in ADDED_METHODS:
         return ADDED_METHODS[method](stations, powers)
     if method not in _LENTH:
-        known = ", ".join(["bayes", *_LENTH, *ADDED_METHODS])
-        raise UsageError(f"there is no method {method!r}", remedy=f"Known are {known}")
+        names = ", ".join(["bayes", *_LENTH, *ADDED_METHODS])
+        raise UsageError(f"there is no method {method!r}", remedy=f"Known are {names}")
     if stations is None or len(stations.bearing_deg) < 2:
         raise UsageError(f"{method} needs two bearings", remedy="Use the method bayes")
     return _lenth(stations, method)
@@ -143,7 +186,14 @@ def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
     if stations is not None:
         fields = [stations.latitude_deg, stations.longitude_deg, stations.bearing_deg]
         _check_lengths(
-            "bearings", fields, [stations.sigma_deg, stations.level_db, stations.level_sigma_db]
+            "bearings",
+            fields,
+            [
+                stations.sigma_deg,
+                stations.level_db,
+                stations.level_sigma_db,
+                stations.time_s,
+            ],
         )
     if powers is not None:
         fields = [powers.latitude_deg, powers.longitude_deg, powers.height_m]
@@ -197,92 +247,231 @@ def _lenth(stations: Stations, method: str) -> Position:
     )
 
 
-def _bayes(
-    stations: Stations | None,
-    powers: PowerTrack | None,
-    outlier_share: float,
-    propagation: Propagation,
-    max_range_m: float | None,
-) -> Position:
-    everywhere = [one for one in (stations, powers) if one is not None]
-    plane = plane_around(
-        np.concatenate([one.latitude_deg for one in everywhere]),
-        np.concatenate([one.longitude_deg for one in everywhere]),
-    )
-    bearings = [] if stations is None else _bearing_evidence(stations, plane, outlier_share)
-    levels = None if stations is None else _level_evidence(stations, plane, propagation)
-    track = None if powers is None else _power_evidence(powers, plane, propagation)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Known:
+    """What is believed before the flight."""
 
-    tracks = [plane.to_local(one.latitude_deg, one.longitude_deg) for one in everywhere]
-    surveyed = _area(tracks, 0.0)
-    near_track = _prior_near_track(surveyed, sum(_length_m(*one) for one in tracks))
+    outlier_share: float
+    heading_sigma_deg: float
+    propagation: Propagation
+    max_range_m: float | None
 
-    def log_likelihood(east_m: _Floats, north_m: _Floats, cell_m: float) -> _Floats:
+
+class _Model:
+    """The likelihood of places, from all that there is."""
+
+    def __init__(
+        self, stations: Stations | None, powers: PowerTrack | None, known: _Known
+    ) -> None:
+        everywhere = [one for one in (stations, powers) if one is not None]
+        self.plane = plane_around(
+            np.concatenate([one.latitude_deg for one in everywhere]),
+            np.concatenate([one.longitude_deg for one in everywhere]),
+        )
+        self.known = known
+        self.stations = stations
+        self.bearings: list[BearingEvidence] = []
+        self._levels = None
+        if stations is not None:
+            self.bearings = _bearing_evidence(stations, self.plane, known)
+            self._levels = _level_evidence(stations, self.plane, known.propagation)
+        self.track = (
+            None if powers is None else _power_evidence(powers, self.plane, known.propagation)
+        )
+        self.tracks = [
+            self.plane.to_local(one.latitude_deg, one.longitude_deg) for one in everywhere
+        ]
+        self._surveyed = _area(self.tracks, 0.0)
+        self._near_track = _prior_near_track(
+            self._surveyed, sum(_length_m(*one) for one in self.tracks)
+        )
+
+    @property
+    def area(self) -> Area:
+        """Where the tag may be."""
+        around = self._surveyed
+        length = float(np.hypot(around.east_m - around.west_m, around.north_m - around.south_m))
+        margin = max(300.0, 0.5 * length) if self.stations is None else _BEARING_RANGE_M
+        return _area(self.tracks, self.known.max_range_m or margin)
+
+    def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
+        """(places,) with the prior of the place."""
         total = np.zeros(len(east_m))
-        if bearings:
-            total += _prior_of_distance(surveyed, east_m, north_m)
-            each = [one.log_likelihood(east_m, north_m, cell_m) for one in bearings]
-            total += np.logaddexp.reduce(each)
-        if levels is not None:
-            total += levels.log_likelihood(east_m, north_m)
-        if track is not None:
-            total += near_track(east_m, north_m) if stations is None else 0.0
-            total += track.fit(east_m, north_m).log_likelihood
+        if self.bearings:
+            total += _prior_of_distance(self._surveyed, east_m, north_m)
+            each = [one.log_likelihood(east_m, north_m, cell_m) for one in self.bearings]
+            total += each[0] if len(each) == 1 else np.logaddexp.reduce(each)
+        if self._levels is not None:
+            total += self._levels.log_likelihood(east_m, north_m)
+        if self.track is not None:
+            total += self._near_track(east_m, north_m) if self.stations is None else 0.0
+            total += self.track.fit(east_m, north_m).log_likelihood
         return total
 
-    length = float(
-        np.hypot(surveyed.east_m - surveyed.west_m, surveyed.north_m - surveyed.south_m)
-    )
-    margin = max_range_m or (max(300.0, 0.5 * length) if stations is None else _BEARING_RANGE_M)
-    cells = _BEARING_CELLS if track is None else _POWER_CELLS
-    grid = grid_posterior(log_likelihood, _area(tracks, margin), cells=cells)
+
+def _bayes(stations: Stations | None, powers: PowerTrack | None, known: _Known) -> Position:
+    model = _Model(stations, powers, known)
+    log_likelihood: LogLikelihood = model.log_likelihood
+    cells = cells_posterior(log_likelihood, model.area)
+    agreement = None
+    if stations is not None:
+        agreement = _agreement(model, most_probable(cells, log_likelihood))
+        if agreement.others:
+            log_likelihood = _mixed(log_likelihood, cells.log_evidence, agreement)
+            cells = cells_posterior(log_likelihood, model.area)
     # Powers alone leave mirror images and long tails, where the most probable place is often
     # the wrong one. Of 600 surveys with lasting fading a tenth were more than 41 m off with it,
     # 32 m with the geometric median, 30.7 m with the mean (medians 12, 10 and 11 m).
-    point = grid.mean() if stations is None else grid.most_probable()
+    point = cells.mean() if stations is None else most_probable(cells, log_likelihood)
     east, north = point
-    latitude, longitude = plane.to_geodetic(east, north)
-    fit = None if track is None else track.fit(np.array([east]), np.array([north]))
+    latitude, longitude = model.plane.to_geodetic(east, north)
+    fit = None if model.track is None else model.track.fit(np.array([east]), np.array([north]))
+    map_east, map_north, probability = map_of(
+        cells, log_likelihood, _BEARING_CELLS if model.track is None else _POWER_CELLS
+    )
+    error, sigma = (
+        (None, None) if agreement is None else _heading_error(model, cells, agreement)
+    )
     return Position(
         latitude_deg=float(latitude),
         longitude_deg=float(longitude),
         method="bayes",
         stations=0 if stations is None else len(stations.bearing_deg),
         pulses=0 if powers is None else len(powers.snr_db),
-        radius50_m=grid.radius_m(0.5, point),
-        radius95_m=grid.radius_m(0.95, point),
-        ellipse95=grid.ellipse(),
-        outlier_probabilities=_outliers(bearings, grid),
+        radius50_m=cells.radius_m(0.5, point),
+        radius95_m=cells.radius_m(0.95, point),
+        ellipse95=cells.ellipse(),
+        outlier_probabilities=_outliers(model.bearings, cells),
         level_db=None if fit is None else float(fit.level_db[0]),
         path_loss_exponent=None if fit is None else float(fit.exponent[0]),
-        at_edge=grid.at_edge,
+        at_edge=cells.at_edge,
         grid=PositionGrid(
-            latitude_deg=plane.latitude_deg,
-            longitude_deg=plane.longitude_deg,
-            east_m=grid.east_m,
-            north_m=grid.north_m,
-            probability=grid.probability,
+            latitude_deg=model.plane.latitude_deg,
+            longitude_deg=model.plane.longitude_deg,
+            east_m=map_east,
+            north_m=map_north,
+            probability=probability,
         ),
+        heading_error_deg=error,
+        heading_error_sigma_deg=sigma,
+        cautions=() if agreement is None else agreement.cautions,
     )
 
 
-def _outliers(bearings: list[BearingEvidence], grid: GridPosterior) -> tuple[float, ...] | None:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Agreement:
+    """Whether the bearings agree, and what else than a resting tag explains them."""
+
+    others: tuple[tuple[float, Fit], ...] = ()
+    """Other explanations with their probabilities, those that matter."""
+    best: Fit | None = None
+    cautions: tuple[Caution, ...] = ()
+
+
+def _agreement(model: _Model, point: tuple[float, float]) -> _Agreement:
+    bearings = _flight_bearings(model)
+    if bearings is None:
+        return _Agreement()
+    if not stations_around(bearings.east_m, bearings.north_m, point):
+        middle = (float(np.mean(bearings.east_m)), float(np.mean(bearings.north_m)))
+        if not stations_around(bearings.east_m, bearings.north_m, middle):
+            return _Agreement(cautions=(UNCHECKED,))
+    found = explanations(
+        bearings,
+        point,
+        heading_sigma_deg=model.known.heading_sigma_deg,
+        outlier_share=model.known.outlier_share,
+    )
+    _, best = max(found, key=lambda one: one[0])
+    others = tuple(one for one in found[1:] if one[0] > _NEGLIGIBLE)
+    if not stations_around(bearings.east_m, bearings.north_m, (best.place[0], best.place[1])):
+        return _Agreement(others=others, best=best, cautions=(UNCHECKED,))
+    return _Agreement(others=others, best=best, cautions=cautions_of(best))
+
+
+def _flight_bearings(model: _Model) -> FlightBearings | None:
+    stations = model.stations
+    if stations is None:
+        return None
+    bearing, sigma = stations.bearing_deg, stations.sigma_deg
+    if stations.posterior is not None:
+        moments = [_lobe(one) for one in stations.posterior]
+        bearing, sigma = (np.array(column) for column in zip(*moments, strict=True))
+    east, north = model.plane.to_local(stations.latitude_deg, stations.longitude_deg)
+    if sigma is None:
+        return None
+    return FlightBearings(
+        east_m=east,
+        north_m=north,
+        bearing_deg=bearing,
+        sigma_deg=np.maximum(sigma, 0.3),
+        time_s=stations.time_s,
+    )
+
+
+def _lobe(posterior: _Floats) -> tuple[float, float]:
+    """Mean and standard deviation of the main lobe of whole degrees' probabilities."""
+    degrees = np.arange(360.0) * (360.0 / len(posterior))
+    off = difference_deg(degrees, float(degrees[int(np.argmax(posterior))]))
+    inside = np.abs(off) <= LOBE_DEG
+    weight = posterior[inside] / posterior[inside].sum()
+    mean = float(weight @ off[inside])
+    variance = float(weight @ (off[inside] - mean) ** 2)
+    return float(degrees[int(np.argmax(posterior))] + mean), max(variance - 1 / 12, 0.01) ** 0.5
+
+
+def _mixed(resting: LogLikelihood, log_evidence: float, agreement: _Agreement) -> LogLikelihood:
+    """Places of a resting tag with true headings, and of the other explanations."""
+    rest = 1.0 - sum(probability for probability, _ in agreement.others)
+
+    def log_likelihood(east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
+        parts = [np.log(max(rest, 1e-12)) + resting(east_m, north_m, cell_m) - log_evidence]
+        for probability, fit in agreement.others:
+            covariance = fit.covariance_m2[None] + (cell_m[:, None, None] ** 2 / 12) * np.eye(2)
+            off = np.stack([east_m, north_m], axis=1) - fit.place
+            squares = np.einsum("pi,pij,pj->p", off, np.linalg.inv(covariance), off)
+            parts.append(
+                np.log(probability / (2.0 * np.pi))
+                - 0.5 * (squares + np.log(np.linalg.det(covariance)))
+            )
+        return np.asarray(np.logaddexp.reduce(parts))
+
+    return log_likelihood
+
+
+def _heading_error(
+    model: _Model, cells: Cells, agreement: _Agreement
+) -> tuple[float | None, float | None]:
+    """What all headings err by, as far as the bearings tell."""
+    if model.known.heading_sigma_deg <= 0.0:
+        return None, None
+    best = agreement.best
+    if best is not None and best.explanation != "rest":
+        return best.heading_error_deg, best.heading_error_sigma_deg
+    if len(model.bearings) != 1:
+        return None, None
+    return model.bearings[0].heading_error(
+        cells.east_m, cells.north_m, cells.probability, cells.width_m
+    )
+
+
+def _outliers(bearings: list[BearingEvidence], cells: Cells) -> tuple[float, ...] | None:
     """Of the most likely standard deviation, where several are weighed."""
     if not bearings:
         return None
-    east, north = grid.places()
-    best = int(np.argmax(grid.probability))
+    top = int(np.argmax(cells.log_density))
+    best = slice(top, top + 1)
     score = [
-        one.log_likelihood(east[best : best + 1], north[best : best + 1], grid.cell_m)[0]
+        one.log_likelihood(cells.east_m[best], cells.north_m[best], cells.width_m[best])[0]
         for one in bearings
     ]
     return bearings[int(np.argmax(score))].outlier_probabilities(
-        east, north, grid.probability.ravel(), grid.cell_m
+        cells.east_m, cells.north_m, cells.probability, cells.width_m
     )
 
 
 def _bearing_evidence(
-    stations: Stations, plane: TangentPlane, outlier_share: float
+    stations: Stations, plane: TangentPlane, known: _Known
 ) -> list[BearingEvidence]:
     """One for each standard deviation that the bearings may have; all equally likely."""
     east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
@@ -295,7 +484,16 @@ def _bearing_evidence(
             von_mises(stations.bearing_deg, np.full(len(east), sigma))
             for sigma in UNKNOWN_SIGMAS_DEG
         ]
-    return [BearingEvidence(east, north, one, outlier_share=outlier_share) for one in densities]
+    return [
+        BearingEvidence(
+            east,
+            north,
+            one,
+            outlier_share=known.outlier_share,
+            heading_sigma_deg=known.heading_sigma_deg,
+        )
+        for one in densities
+    ]
 
 
 def _power_evidence(

@@ -107,6 +107,24 @@ class Ellipse:
     """Direction of the long axis, clockwise from true north, [0, 180)."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Caution:
+    """Something that makes a position less sure than its circles say, by name."""
+
+    name: Literal["compass", "walk", "contradiction", "outlier", "powers", "unchecked"]
+    text: str
+    """For the operator."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Widening:
+    """What one prior adds to the radius of 95 %."""
+
+    prior: str
+    radius95_without_m: float
+    """Were this not uncertain."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Position:
     """Where a tag is."""
@@ -130,3 +148,9 @@ class Position:
     at_edge: bool = False
     """The search area cuts the probability: the tag may lie farther out."""
     grid: PositionGrid | None = None
+    heading_error_deg: float | None = None
+    """What all headings of the flight seem to err by, clockwise; None when nothing tells."""
+    heading_error_sigma_deg: float | None = None
+    cautions: tuple[Caution, ...] = ()
+    widenings: tuple[Widening, ...] = ()
+    """What each prior adds to the uncertainty."""

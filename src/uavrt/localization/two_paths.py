@@ -33,7 +33,7 @@ class TwoPaths:
     bearings_deg: tuple[float, float]
     """The best pair, the stronger first; either may be the tag's."""
     density: NDArray[np.float64]
-    """(360,) probability of whole degrees, each path as likely the direct one."""
+    """(360,) probability of whole degrees; the stronger path is the likelier direct one."""
 
     @property
     def suspected(self) -> bool:
@@ -90,8 +90,11 @@ def two_paths(
     score = np.exp(-0.5 * pulses * np.log(many / many.min()))
     density = np.zeros(360)
     for turn in np.unique(pairs[1:]):
-        share = score[pairs[1:] == turn].sum(axis=0)
-        density += share + np.roll(share, turn)
+        here = pairs[1:] == turn
+        # A path is the direct one with the share of the power that it brings.
+        weaker = _weaker_share()[here, None]
+        density += (score[here] * (1.0 - weaker)).sum(axis=0)
+        density += np.roll((score[here] * weaker).sum(axis=0), turn)
     return TwoPaths(
         gain=float(0.5 * pulses * np.log(one / many.min())),
         bearings_deg=(float(place[1]), float((place[1] + apart) % 360)),
@@ -119,6 +122,13 @@ def _shapes(
     every /= every.max(axis=1, keepdims=True)
     turns = np.concatenate([[0], np.repeat(apart, len(_WEAKER_DB) * len(_COSINES))])
     return 10.0 * np.log10(1.0 + 10.0 ** (level_db / 10.0) * every), turns
+
+
+def _weaker_share() -> NDArray[np.float64]:
+    """(shapes - 1,) share of the weaker path in the power of both, in the shapes' order."""
+    power = 10.0 ** (np.array(_WEAKER_DB) / 10.0)
+    of_one = np.repeat(power / (1.0 + power), len(_COSINES))
+    return np.tile(of_one, 2 * len(_APART_DEG) - 1)
 
 
 def _binned(heading: NDArray[np.intp], weight: NDArray[np.float64]) -> NDArray[np.float64]:

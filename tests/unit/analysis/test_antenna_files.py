@@ -97,5 +97,5 @@ def test_too_few_turns_teach_nothing(write_flight: WriteFlight, tmp_path: Path) 
     with pytest.raises(UsageError, match="0 turns"):
         learnt_antenna(write_flight(heard=0), "RA-23K")
     (tmp_path / "Pulse.csv").write_text("")
-    with pytest.raises(UsageError, match="flight directory"):
+    with pytest.raises(UsageError, match="0 turns"):
         learnt_antenna(tmp_path / "Pulse.csv", "RA-23K")

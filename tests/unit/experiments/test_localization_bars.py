@@ -15,7 +15,17 @@ from uavrt.experiments.localization import EXPERIMENTS, Result, table
 from uavrt.experiments.localization.result import measured, median
 from uavrt.experiments.localization.rotations import RotationCase, bound_deg
 
-RUNS = {"B1, B2": 6, "B3, B4": 3, "B5": 10, "B6": 6, "A1": 30, "L2, L3": 15, "L4": 6, "L5": 40}
+RUNS = {
+    "B1, B2": 6,
+    "B3, B4": 3,
+    "B5": 10,
+    "B6": 6,
+    "A1": 30,
+    "L2, L3": 15,
+    "L4": 6,
+    "L5": 40,
+    "L6": 4,
+}
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)

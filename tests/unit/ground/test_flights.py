@@ -16,6 +16,8 @@ import numpy as np
 import pytest
 from pulses import pulse_at as heard_pulse
 
+from uavrt.analysis.positions import read_positions
+from uavrt.analysis.survey import read_survey
 from uavrt.clock import Clock, iso_utc
 from uavrt.errors import UsageError
 from uavrt.ground import maps
@@ -186,6 +188,37 @@ def test_the_tag_is_found_where_it_is(flown: tuple[FlightLibrary, str]) -> None:
     assert math.hypot(east - TAG_EAST_M, north - TAG_NORTH_M) < position["radius95_m"] + 20.0
     assert position["region50"]
     assert position["heat"]["width"] > 10
+
+
+def test_the_page_the_command_line_and_the_report_tell_the_same(
+    flown: tuple[FlightLibrary, str],
+) -> None:
+    library, flight_id = flown
+    tags = library.summary(flight_id).tags
+    page = Estimator().estimate(library.columns(flight_id), AntennaChoice(), (), tags)
+    place = library.path(flight_id)
+    (told,) = read_positions(place)
+    survey = read_survey(place)
+    (reported,) = survey.positions
+    for other in (told.position, reported.position):
+        assert other is not None
+        assert page.positions[0]["latitude_deg"] == pytest.approx(other.latitude_deg, abs=1e-9)
+        assert page.positions[0]["longitude_deg"] == pytest.approx(
+            other.longitude_deg, abs=1e-9
+        )
+        assert page.positions[0]["radius50_m"] == pytest.approx(other.radius50_m, abs=0.01)
+        assert page.positions[0]["radius95_m"] == pytest.approx(other.radius95_m, abs=0.01)
+        assert [one["text"] for one in page.positions[0]["cautions"]] == [
+            one.text for one in other.cautions
+        ]
+    assert len(page.bearings) == len(survey.bearings)
+    for one, other_bearing in zip(page.bearings, survey.bearings, strict=True):
+        assert other_bearing.bearing.interval90_deg is not None
+        assert one["bearing_deg"] == pytest.approx(other_bearing.bearing.bearing_deg, abs=0.01)
+        assert one["interval90_deg"] == pytest.approx(
+            other_bearing.bearing.interval90_deg, abs=0.01
+        )
+        assert one["pulses"] <= other_bearing.bearing.pulses  # misses are counted there
 
 
 def test_a_turn_that_goes_on_gives_a_wide_interval_that_narrows(keeper: FlightKeeper) -> None:

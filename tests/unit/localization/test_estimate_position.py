@@ -133,6 +133,36 @@ def test_the_circle_of_95_percent_holds_the_tag_as_often_as_it_says() -> None:
     assert 89 <= inside <= 100
 
 
+@pytest.mark.parametrize(("count", "median_m"), [(2, 32.0), (4, 21.0)])
+def test_few_bearings_are_as_fine_as_many(count: int, median_m: float) -> None:
+    """Their outliers' tails kept all of a 6 km square in sight, on a grid of 32 m."""
+    rng = np.random.default_rng(38)
+    errors, held50, held95 = [], 0, 0
+    for _ in range(60):
+        turns = rng.uniform(0, 2 * np.pi) + np.arange(count) * np.pi / 2
+        tag = (float(rng.normal(0, 60)), float(rng.normal(0, 60)))
+        given = stations(
+            (400 * np.sin(turns), 400 * np.cos(turns)), tag, rng.normal(0, 3.0, count)
+        )
+        found = estimate_position(given, heading_sigma_deg=0.0)
+        errors.append(miss_m(found, tag))
+        assert found.radius50_m is not None
+        assert found.radius95_m is not None
+        held50 += errors[-1] <= found.radius50_m
+        held95 += errors[-1] <= found.radius95_m
+    assert np.median(errors) <= median_m
+    assert 20 <= held50 <= 40
+    assert held95 >= 52
+
+
+def test_circles_are_not_held_to_the_size_of_a_cell() -> None:
+    found = estimate_position(stations(SQUARE, (50.0, 100.0), 0.0, 0.3), heading_sigma_deg=0.0)
+    assert found.radius50_m is not None
+    assert found.radius95_m is not None
+    assert found.radius50_m < 3.0
+    assert 1.8 < found.radius95_m / found.radius50_m < 2.4
+
+
 def test_bearings_without_a_known_error_are_weighed_by_their_scatter() -> None:
     rng = np.random.default_rng(33)
     radii = []

@@ -6,7 +6,14 @@ import pytest
 from uavrt.errors import UsageError
 from uavrt.experiments.localization.bearing_bars import disturbed
 from uavrt.experiments.localization.rotations import matched_power
-from uavrt.localization import PATTERNS, TurnPulses, learn_pattern
+from uavrt.localization import (
+    PATTERNS,
+    AntennaPattern,
+    TurnPulses,
+    estimate_bearing,
+    learn_pattern,
+)
+from uavrt.localization.angles import difference_deg
 
 
 def test_five_turns_bring_a_pattern_nearer_to_the_true_one() -> None:
@@ -49,3 +56,36 @@ def test_turns_with_the_table_as_it_is_leave_it_as_it_is() -> None:
     assert learnt.gain_db(0.0) == pytest.approx(0.0)
     with pytest.raises(UsageError, match="turns"):
         learn_pattern([], table)
+
+
+def test_an_antenna_with_a_weaker_back_than_its_table_is_no_reflection() -> None:
+    """A back 7 dB below the table: every turn was flagged, with arcs of half a circle."""
+    rng = np.random.default_rng(53)
+    table = PATTERNS["RA-23K"]
+    angle = np.linspace(0.0, 180.0, len(table.e_plane_db))
+    lower = np.array(table.e_plane_db) - 7.0 / (1.0 + np.exp(-(angle - 100.0) / 12.0))
+    real = AntennaPattern(name="real", e_plane_db=tuple(float(x) for x in lower))
+    truths, turns = rng.uniform(0.0, 360.0, 6), []
+    for truth in truths:
+        yaw = rng.uniform(0.0, 360.0) + np.arange(0.0, 360.0, 8.0)
+        level = 25.0 + real.gain_db(truth - yaw) + rng.normal(0, 1.2, len(yaw))
+        turns.append(TurnPulses(yaw_deg=yaw, matched_power=matched_power(rng, level)))
+    learnt = learn_pattern(turns, table)
+    for truth, turn in zip(truths, turns, strict=True):
+        found = estimate_bearing(
+            turn.yaw_deg, None, matched_power=turn.matched_power, antenna=learnt
+        )
+        assert found.interval90_deg is not None
+        low, high = found.interval90_deg
+        assert not found.ambiguous
+        assert (high - low) % 360.0 <= 6.0
+        assert abs(difference_deg(found.bearing_deg, float(truth))) <= 5.0
+
+
+def test_turns_of_noise_alone_teach_nothing() -> None:
+    rng = np.random.default_rng(54)
+    yaw = np.arange(0.0, 360.0, 6.0)
+    turns = [TurnPulses(yaw_deg=yaw, matched_power=rng.exponential(size=60)) for _ in range(4)]
+    learnt = learn_pattern(turns, PATTERNS["RA-23K"])
+    assert learnt.e_plane_db[0] == 0.0
+    assert np.allclose(learnt.gain_db(yaw), PATTERNS["RA-23K"].gain_db(yaw), atol=0.3)

@@ -2,7 +2,12 @@
 
 from collections.abc import Callable
 
-from uavrt.experiments.localization import array_bars, bearing_bars, position_bars
+from uavrt.experiments.localization import (
+    array_bars,
+    bearing_bars,
+    common_error_bars,
+    position_bars,
+)
 from uavrt.experiments.localization.result import COLUMNS, Result, cells, table
 
 EXPERIMENTS: dict[str, Callable[[int, int], list[Result]]] = {
@@ -14,6 +19,7 @@ EXPERIMENTS: dict[str, Callable[[int, int], list[Result]]] = {
     "L2, L3": position_bars.crossings,
     "L4": position_bars.surveys,
     "L5": position_bars.fusion,
+    "L6": common_error_bars.common_errors,
 }
 """Name to experiment; each takes the number of runs and a seed."""
 

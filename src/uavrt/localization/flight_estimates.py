@@ -1,0 +1,281 @@
+"""From a flight's poses and pulses, in columns, to turns, bearings and positions.
+
+The one way that the drone, the page, the report and the command line take, so that they tell
+the same of the same flight.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization.antenna import AntennaPattern, pattern_named
+from uavrt.localization.attitude import Headings
+from uavrt.localization.bearing import estimate_bearing
+from uavrt.localization.learned_pattern import TurnPulses, learn_pattern
+from uavrt.localization.position import HEADING_SIGMA_DEG, Stations, estimate_position
+from uavrt.localization.records import Bearing, BearingMethod, Position, PositionMethod
+from uavrt.localization.turns import Turn, find_turns
+
+OWN_HEADING_SIGMA_DEG = 1.0
+"""Error of a turn's headings that the flight's other turns do not share, at the least."""
+MISS_THRESHOLD_DB = 13.0
+"""SNR from which a pulse that a detector was following is not missed: three pulses of 11.4 dB
+are found with 90 % (docs/reference), the rest is room for losses."""
+LEAST_PULSES = 3
+LEAST_TURN_DEG = 45.0
+"""A turn that goes on counts from here on; one that is over, from 270°."""
+EDGE_NS = 1_000_000_000
+"""Pulses this long before and after a turn belong to it: the same place, the first heading."""
+_ONE_FLIGHT_S = 7200.0
+"""Bearings over a longer time are of several flights: the tag is taken to rest."""
+_GOES_ON_NS = 10_000_000_000
+"""A turn whose end is this near to the last pose may go on."""
+_WHOLE_DEG = 270.0
+_POSE_STEP_NS = 180_000_000
+"""Poses closer than this tell nothing new of a turn."""
+LEAST_TURNS = 3
+"""Fewer do not teach a pattern."""
+_LEAST_TO_LEARN = 12
+_MOST_TURNS = 24
+"""More turns teach little, and cost."""
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PoseColumns:
+    """Where the vehicle was, in order of time."""
+
+    time_ns: NDArray[np.int64]
+    latitude_deg: _Floats
+    longitude_deg: _Floats
+    height_m: _Floats
+    """(n,) above the take-off; NaN where nobody knows."""
+    quaternion_wxyz: _Floats
+    """(n, 4)."""
+
+    @property
+    def yaw_deg(self) -> _Floats:
+        """(n,) headings."""
+        return Headings.from_quaternions(self.quaternion_wxyz).yaw_deg
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PulseColumns:
+    """One tag's pulses that have a pose and a power, in order of time."""
+
+    time_ns: NDArray[np.int64]
+    """(n,) beginnings."""
+    latitude_deg: _Floats
+    longitude_deg: _Floats
+    quaternion_wxyz: _Floats
+    """(n, 4) of the antenna."""
+    snr_db: _Floats
+    noise_psd: _Floats
+    """(n,) NaN where nobody knows."""
+    rate: NDArray[np.int64]
+    """(n,) which of the tag's intervals, from 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rhythm:
+    """When a tag's pulses must come."""
+
+    intervals_s: tuple[float, ...]
+    uncertainty_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeardInTurn:
+    """One tag's pulses in one turn."""
+
+    tag_id: int
+    turn: Turn
+    inside: NDArray[np.intp]
+    """Which of the tag's pulses."""
+    latitude_deg: float
+    """Median over the pulses."""
+    longitude_deg: float
+    start_time_ns: int
+    quaternion_wxyz: _Floats
+    """(n, 4) of the antenna."""
+    snr_db: _Floats
+    noise_psd: _Floats
+    missed_yaw_deg: _Floats
+    """(m,) headings at pulses that must have come and were not heard."""
+
+
+def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[Turn]:
+    """Find the turns of a flight, and the one that goes on, if any."""
+    if len(poses.time_ns) < 4:
+        return []
+    slots = (poses.time_ns - poses.time_ns[0]) // _POSE_STEP_NS
+    _, kept = np.unique(slots, return_index=True)
+    every = find_turns(
+        poses.time_ns[kept],
+        poses.yaw_deg[kept],
+        poses.latitude_deg[kept],
+        poses.longitude_deg[kept],
+        height_m=poses.height_m[kept],
+        least_turn_deg=LEAST_TURN_DEG,
+    )
+    last_ns = int(poses.time_ns[-1])
+    return [
+        turn
+        for turn in every
+        if abs(turn.turned_deg) >= least_turn_deg or last_ns - turn.end_time_ns <= _GOES_ON_NS
+    ]
+
+
+def heard_in(
+    tag_id: int,
+    turn: Turn,
+    pulses: PulseColumns,
+    poses: PoseColumns,
+    rhythm: Rhythm | None = None,
+) -> HeardInTurn | None:
+    """Collect a tag's pulses in a turn; None for fewer than three."""
+    times = pulses.time_ns
+    first, last = np.searchsorted(
+        times, [turn.start_time_ns - EDGE_NS, turn.end_time_ns + EDGE_NS + 1]
+    )
+    if last - first < LEAST_PULSES:
+        return None
+    part = slice(int(first), int(last))
+    return HeardInTurn(
+        tag_id=tag_id,
+        turn=turn,
+        inside=np.arange(part.start, part.stop),
+        latitude_deg=float(np.median(pulses.latitude_deg[part])),
+        longitude_deg=float(np.median(pulses.longitude_deg[part])),
+        start_time_ns=int(times[part.start]),
+        quaternion_wxyz=pulses.quaternion_wxyz[part],
+        snr_db=pulses.snr_db[part],
+        noise_psd=pulses.noise_psd[part],
+        missed_yaw_deg=missed_yaws_deg(pulses, poses, turn, rhythm),
+    )
+
+
+def missed_yaws_deg(
+    pulses: PulseColumns, poses: PoseColumns, turn: Turn, rhythm: Rhythm | None
+) -> _Floats:
+    """Headings of the antenna at pulses that must have come during a turn and were not heard.
+
+    Between two heard pulses whose distance is a multiple of the tag's interval. The heading is
+    the vehicle's, plus what the antenna's differed from it at the heard pulses.
+    """
+    if rhythm is None or not len(poses.time_ns):
+        return np.zeros(0)
+    times: list[float] = []
+    for (before, rate), (after, _) in pairwise(zip(pulses.time_ns, pulses.rate, strict=True)):
+        number = min(max(int(rate), 1), len(rhythm.intervals_s))
+        interval_ns = rhythm.intervals_s[number - 1] * 1e9
+        gap_ns = int(after) - int(before)
+        count = round(gap_ns / interval_ns)
+        tolerance_ns = 1e9 * rhythm.uncertainty_s * count + 0.1 * interval_ns
+        if count > 1 and abs(gap_ns - count * interval_ns) <= tolerance_ns:
+            times += [int(before) + gap_ns * step / count for step in range(1, count)]
+    inside = [time for time in times if turn.start_time_ns <= time <= turn.end_time_ns]
+    if not inside:
+        return np.zeros(0)
+    yaw = np.unwrap(poses.yaw_deg, period=360.0)
+    antenna = Headings.from_quaternions(pulses.quaternion_wxyz).yaw_deg
+    vehicle = np.interp(pulses.time_ns, poses.time_ns, yaw)
+    offset = np.angle(np.mean(np.exp(1j * np.radians(antenna - vehicle))), deg=True)
+    return np.asarray(np.remainder(np.interp(inside, poses.time_ns, yaw) + offset, 360.0))
+
+
+def bearing_of(
+    heard: HeardInTurn,
+    *,
+    antenna: AntennaPattern | str,
+    method: BearingMethod | str = "pattern_ml",
+) -> Bearing:
+    """Estimate the bearing of a tag in a turn.
+
+    Raises
+    ------
+    UsageError
+        The method cannot use these pulses, or it or the antenna is unknown.
+    """
+    half = np.radians(heard.missed_yaw_deg) / 2.0
+    nothing = np.zeros(len(half))
+    missed = np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=1)
+    noise = heard.noise_psd
+    known = bool(np.all(np.isfinite(noise) & (noise > 0.0)))
+    fill = np.full(len(half), np.median(noise) if known else 1.0)
+    return estimate_bearing(
+        None,
+        np.concatenate([heard.snr_db, np.full(len(half), np.nan)]),
+        method=method,
+        antenna=antenna,
+        quaternion_wxyz=np.concatenate([heard.quaternion_wxyz, missed]),
+        noise_psd=np.concatenate([noise, fill]) if known else None,
+        threshold_db=MISS_THRESHOLD_DB,
+        heading_sigma_deg=OWN_HEADING_SIGMA_DEG,
+    )
+
+
+def teaching(heard: Sequence[HeardInTurn]) -> list[HeardInTurn]:
+    """Choose the turns that a pattern is learnt from: whole ones with many pulses."""
+    whole = [
+        one
+        for one in heard
+        if abs(one.turn.turned_deg) >= _WHOLE_DEG and len(one.snr_db) >= _LEAST_TO_LEARN
+    ]
+    return whole[:_MOST_TURNS]
+
+
+def antenna_as_shown(
+    heard: Sequence[HeardInTurn], antenna: AntennaPattern | str
+) -> AntennaPattern:
+    """Correct a pattern by what whole turns have shown; as it is, where they are too few."""
+    whole = teaching(heard)
+    pattern = pattern_named(antenna)
+    if len(whole) < LEAST_TURNS:
+        return pattern
+    turns = [
+        TurnPulses(
+            yaw_deg=np.concatenate(
+                [Headings.from_quaternions(one.quaternion_wxyz).yaw_deg, one.missed_yaw_deg]
+            ),
+            matched_power=np.concatenate(
+                [1.0 + 10.0 ** (one.snr_db / 10.0), np.full(len(one.missed_yaw_deg), np.nan)]
+            ),
+        )
+        for one in whole
+    ]
+    return learn_pattern(turns, pattern, threshold_db=MISS_THRESHOLD_DB)
+
+
+def position_of_bearings(
+    latitude_deg: Sequence[float],
+    longitude_deg: Sequence[float],
+    time_ns: Sequence[int],
+    bearings: Sequence[Bearing],
+    *,
+    method: PositionMethod | str = "bayes",
+    heading_sigma_deg: float = HEADING_SIGMA_DEG,
+) -> Position:
+    """Estimate where a tag is from the bearings of a flight; those without a direction go out.
+
+    Raises
+    ------
+    UsageError
+        None has a direction, or the method comes to no position.
+    """
+    used = [number for number, one in enumerate(bearings) if one.accepted]
+    if not used:
+        raise UsageError("none of its bearings has a direction", remedy="Fly nearer")
+    times_s = [(time_ns[number] - min(time_ns)) / 1e9 for number in used]
+    stations = Stations.of(
+        [latitude_deg[number] for number in used],
+        [longitude_deg[number] for number in used],
+        [bearings[number] for number in used],
+        times_s if max(times_s) - min(times_s) <= _ONE_FLIGHT_S else None,
+    )
+    return estimate_position(stations, method=method, heading_sigma_deg=heading_sigma_deg)
