@@ -226,7 +226,7 @@ def test_a_whole_flight_is_flown_through_the_page(
         row.locator("text=GEOJSON").click()
     collection = json.loads(Path(download.value.path()).read_text())
     kinds = {feature["properties"]["kind"] for feature in collection["features"]}
-    assert kinds == {"track", "pulse", "bearing", "position"}
+    assert kinds == {"track", "pulse", "bearing", "position", "region", "mark"}
     with watched.cut():
         with page.expect_popup() as popup:
             row.locator(".report").click()
