@@ -228,7 +228,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     kinds = {feature["properties"]["kind"] for feature in collection["features"]}
     assert kinds == {"track", "pulse", "bearing", "position", "region", "mark"}
     with watched.cut():
-        with page.expect_popup() as popup:
+        with page.expect_popup(timeout=4 * WAIT_MS) as popup:
             row.locator(".report").click()
         report = popup.value
         expect(report.locator("body")).to_contain_text("lynx", timeout=4 * WAIT_MS)
