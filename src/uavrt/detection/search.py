@@ -41,10 +41,15 @@ class Candidate(NamedTuple):
     """Where its pulses should be, in columns since the start."""
 
 
+EQUAL_SCORES = 4
+"""Decimal places of a score that count. Cells are limited before they are summed, so strong
+groups share one score but for the last bits of float32, which must not choose between them."""
+
+
 def best_first(found: list[Candidate]) -> list[Candidate]:
     """Sort candidates in place: the highest score, of equal ones the strongest, first."""
     if len(found) > 1:
-        found.sort(key=lambda candidate: (-candidate.score, -candidate.strength))
+        found.sort(key=lambda one: (-round(one.score, EQUAL_SCORES), -one.strength))
     return found
 
 

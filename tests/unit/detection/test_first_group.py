@@ -7,6 +7,7 @@ import pytest
 
 from uavrt.detection import PulseDetector
 from uavrt.detection.noise import RowNoise
+from uavrt.detection.search import Candidate, best_first
 from uavrt.detection.thresholds import USUAL_NOISE_ERROR, young_margin
 from uavrt.experiments.detection.signals import (
     START_NS,
@@ -102,6 +103,13 @@ def test_the_noise_of_the_first_rows_is_as_good_as_that_of_the_middle() -> None:
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
     assert rms[0] < 1.5 * rms[40]
     assert rms[-1] < 1.5 * rms[40]
+
+
+def test_of_scores_that_rounding_alone_tells_apart_the_strongest_comes_first() -> None:
+    flank = Candidate(1.0543008166, 525.9, 1, 198, (-85.5, 446.0, 977.5))
+    pulses = Candidate(1.0543007448, 184239.8, 1, 176, (-81.5, 452.0, 985.5))
+    better = Candidate(1.0545, 9.0, 1, 20, (-81.5, 452.0, 985.5))
+    assert best_first([flank, pulses, better]) == [better, pulses, flank]
 
 
 @pytest.mark.parametrize("seed", [4, 69, 75, 140])
