@@ -2,7 +2,7 @@
 
 import sqlite3
 import time
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,10 @@ BESIDE_HZ = 700.0
 def pulses_at_hz(flights: Path) -> list[float]:
     found: list[float] = []
     for database in flights.rglob("flight.sqlite"):
-        with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True)) as connection:
+        with (
+            closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True)) as connection,
+            suppress(sqlite3.OperationalError),  # its tables are being made
+        ):
             found += [hz for (hz,) in connection.execute("SELECT frequency_hz FROM pulses")]
     return found
 

@@ -17,15 +17,27 @@ pytest.importorskip("starlette")
 pytestmark = [pytest.mark.flight, pytest.mark.timeout(120)]
 
 
-def asked(address: str, path: str, until: Callable[[Any], bool]) -> Any:
+def posted(url: str, body: dict[str, Any]) -> urllib.request.Request:
+    return urllib.request.Request(
+        url, data=json.dumps(body).encode(), headers={"Content-Type": "application/json"}
+    )
+
+
+def asked(
+    address: str, path: str, until: Callable[[Any], bool], body: dict[str, Any] | None = None
+) -> Any:
     """An answer of the page's server, once it is what is waited for."""
-    answer: Any = None
+    url, answer = f"{address}api/{path}", None
     for _ in range(300):
         try:
-            with urllib.request.urlopen(f"{address}api/{path}", timeout=10) as response:
+            with urllib.request.urlopen(
+                url if body is None else posted(url, body), timeout=10
+            ) as response:
                 answer = json.loads(response.read())
-        except OSError:
+        except OSError as error:
             answer = None
+            if getattr(error, "code", 0) in (404, 405):
+                raise
         if answer is not None and until(answer):
             return answer
         time.sleep(0.1)
@@ -58,12 +70,8 @@ def test_the_page_of_the_companion_finds_its_drone_side_and_ends_with_it(
         address = running.stdout.readline().split()[4]
         state = asked(address, "state", lambda one: one["drone"]["state"] == "idle")
         assert state["connection"]["address"].startswith("udpout://127.0.0.1:")
-        assert asked(address, "drone/flights", lambda one: isinstance(one, list)) == []
-        wish = urllib.request.Request(
-            f"{address}api/commands/set_parameter",
-            data=json.dumps({"name": "DET_K", "value": 4}).encode(),
-            headers={"Content-Type": "application/json"},
-        )
+        assert asked(address, "drone/flights", lambda one: isinstance(one, list), {}) == []
+        wish = posted(f"{address}api/commands/set_parameter", {"name": "DET_K", "value": 4})
         with urllib.request.urlopen(wish, timeout=20) as response:
             assert json.loads(response.read())["accepted"]
         running.send_signal(signal.SIGTERM)

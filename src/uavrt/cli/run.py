@@ -1,6 +1,7 @@
 """``uavrt run``: the drone side."""
 
 import os
+import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -82,6 +83,7 @@ def run(
             )
         )
     # The supervisor takes this process's place: what read the settings leaves the memory.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.execv(sys.executable, command)
 
 

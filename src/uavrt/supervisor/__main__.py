@@ -4,10 +4,17 @@
 that check the settings do not stay in memory for the flight.
 """
 
-import sys
+import signal
 
-from uavrt.log import configure_logging
-from uavrt.supervisor.launcher import Launcher
+# First of all: until the supervisor listens, a Ctrl-C ends it without a traceback. `uavrt run`
+# holds the signal back over the exec.
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+import sys  # noqa: E402
+
+from uavrt.log import configure_logging  # noqa: E402
+from uavrt.supervisor.launcher import Launcher  # noqa: E402
 
 
 def main() -> int:
