@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.errors import FormatError
+from uavrt.recording.formats.text import finite, latitude, longitude, whole
 
 _COLUMNS = 10
 
@@ -70,23 +71,19 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
 def _row(cells: list[str]) -> BearingRow:
     if len(cells) < _COLUMNS:
         raise ValueError(f"{len(cells)} columns")
-    row = BearingRow(
-        tag_id=int(float(cells[0])),
+    return BearingRow(
+        tag_id=whole(cells[0]),
         parent_file=cells[1],
-        bearing_deg=float(cells[2]),
+        bearing_deg=finite(cells[2]),
         confidence=_known(cells[3]),
-        latitude_deg=float(cells[4]),
-        longitude_deg=float(cells[5]),
+        latitude_deg=latitude(cells[4]),
+        longitude_deg=longitude(cells[5]),
         altitude_relative_m=_known(cells[6]),
         altitude_amsl_m=_known(cells[7]),
         start_time_s=_known(cells[8]),
         end_time_s=_known(cells[9]),
         sigma_deg=_known(cells[10]) if len(cells) > _COLUMNS else None,
     )
-    needed = (row.bearing_deg, row.latitude_deg, row.longitude_deg)
-    if any(value != value or abs(value) == float("inf") for value in needed):
-        raise ValueError("a number is not finite")
-    return row
 
 
 def _known(cell: str) -> float | None:
