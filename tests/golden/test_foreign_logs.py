@@ -9,9 +9,10 @@ import pytest
 from uavrt.errors import FormatError
 from uavrt.pose import from_euler_deg, yaw_deg
 from uavrt.recording import read_pulse_file
-from uavrt.recording.bearing_files import BearingRow, read_bearing_file
 from uavrt.recording.formats import (
+    BearingRow,
     PositionRow,
+    read_bearing_file,
     read_position_file,
     read_pulse_log,
     read_pulses,

@@ -9,8 +9,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from uavrt.errors import FormatError
-from uavrt.recording.bearing_files import read_bearing_file
 from uavrt.recording.formats import (
+    read_bearing_file,
     read_position_file,
     read_pulse_log,
     read_pyradiotracking,

@@ -22,9 +22,10 @@ from uavrt.localization.flight_estimates import position_of_bearings
 from uavrt.localization.position import ADDED_METHODS, HEADING_SIGMA_DEG
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import FlightLayout, read_flight
-from uavrt.recording.bearing_files import BearingRow, read_bearing_file
 from uavrt.recording.formats import (
+    BearingRow,
     LogKind,
+    read_bearing_file,
     read_position_file,
     read_pulse_log,
     read_ucsd_estimates,

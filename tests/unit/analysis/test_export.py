@@ -29,8 +29,7 @@ from uavrt.analysis.survey import Survey, read_survey
 from uavrt.clock import iso_utc
 from uavrt.localization import PositionGrid
 from uavrt.recording import read_pulse_file
-from uavrt.recording.bearing_files import read_bearing_file
-from uavrt.recording.formats import read_position_file, read_pulses
+from uavrt.recording.formats import read_bearing_file, read_position_file, read_pulses
 
 WriteFlight = Callable[..., Path]
 

@@ -13,8 +13,7 @@ from uavrt.analysis.survey import Survey
 from uavrt.clock import iso_utc
 from uavrt.localization import PositionMethod
 from uavrt.recording import PulseWriter
-from uavrt.recording.bearing_files import BearingRow
-from uavrt.recording.formats import PositionRow, write_tagtracker
+from uavrt.recording.formats import BearingRow, PositionRow, write_tagtracker
 
 MOVEBANK_COLUMNS = (
     *("event-id", "timestamp", "location-long", "location-lat", "sensor-type"),

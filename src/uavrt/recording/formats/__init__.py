@@ -3,7 +3,11 @@
 `read_pulses` and `read_pulse_log` recognise them all.
 """
 
-from uavrt.recording.formats.bearings_csv import write_bearing_file
+from uavrt.recording.formats.bearings_csv import (
+    BearingRow,
+    read_bearing_file,
+    write_bearing_file,
+)
 from uavrt.recording.formats.log import LogKind, PulseLog, RotationMark
 from uavrt.recording.formats.positions_csv import (
     PositionRow,
@@ -20,11 +24,13 @@ from uavrt.recording.formats.ucsd import (
 )
 
 __all__ = [
+    "BearingRow",
     "LogKind",
     "PositionRow",
     "PulseLog",
     "RotationMark",
     "TargetEstimate",
+    "read_bearing_file",
     "read_position_file",
     "read_pulse_log",
     "read_pulses",
