@@ -135,6 +135,9 @@ export interface PositionRecord {
   radius50_m: number | null;
   radius95_m: number | null;
   at_edge: boolean;
+  cautions: { name: string; text: string }[];
+  /** The cautions' texts, and what errors that bearings may share add to the circle. */
+  remarks: string[];
   readout: Readout;
   region50: [number, number][][];
   region95: [number, number][][];

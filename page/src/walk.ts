@@ -37,6 +37,7 @@ export function walkBox(): HTMLElement {
     h("div", { class: "walk-head" }, h("span", { id: "walk-title" }), h("span", { id: "walk-sure" })),
     h("div", { id: "walk-place", class: "walk-place" }),
     h("div", { id: "walk-way", class: "walk-way" }),
+    h("ul", { id: "walk-remarks", class: "walk-remarks" }),
     h(
       "div",
       { class: "walk-formats", role: "group", "aria-label": "Form of the coordinates" },
@@ -68,6 +69,7 @@ export function drawWalk(): void {
     box.classList.toggle("old", old !== "");
     say(by("walk-place"), fix.readout[format] ?? fix.readout.decimal);
     say(by("walk-way"), wayTo([fix.longitude_deg, fix.latitude_deg]));
+    tell(fix.remarks, fix.cautions.length);
     return;
   }
   const best = strongestSignal(id);
@@ -76,6 +78,7 @@ export function drawWalk(): void {
     return;
   }
   box.hidden = false;
+  tell([], 0);
   const turns = store.bearings.filter(
     (one) => one.tag_id === id && one.accepted && one.start_time_ns <= store.until,
   );
@@ -97,6 +100,16 @@ export function drawWalk(): void {
     }, () => undefined); // the server is away: the page asks again when it is back
   }
   say(by("walk-way"), wayTo(best));
+}
+
+/** Beside the circle: the cautions first, then what widens it. */
+function tell(remarks: string[], cautions: number): void {
+  const list = by("walk-remarks");
+  if (list.dataset.told === remarks.join("\n")) return;
+  list.dataset.told = remarks.join("\n");
+  list.replaceChildren(
+    ...remarks.map((text, number) => h("li", { class: number < cautions ? "caution" : "" }, text)),
+  );
 }
 
 /** From where the drone took off: there the people stand. */

@@ -157,7 +157,9 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
 
 
 def _positions_of_rows(
-    rows: Sequence[BearingRow], method: PositionMethod, heading_sigma_deg: float
+    rows: Sequence[BearingRow],
+    method: PositionMethod,
+    heading_sigma_deg: float,
 ) -> list[TagPosition]:
     return [
         _positioned(
@@ -300,11 +302,14 @@ def _stations_of_rows(rows: Sequence[BearingRow]) -> Stations:
 
 
 def _positioned(
-    tag_id: int, stations: Stations, method: PositionMethod, heading_sigma_deg: float
+    tag_id: int,
+    stations: Stations,
+    method: PositionMethod,
+    heading_sigma_deg: float,
 ) -> TagPosition:
     try:
         position = estimate_position(
-            stations, method=method, heading_sigma_deg=heading_sigma_deg
+            stations, method=method, heading_sigma_deg=heading_sigma_deg, widenings=True
         )
     except UsageError as error:
         return TagPosition(tag_id=tag_id, position=None, reason=str(error))

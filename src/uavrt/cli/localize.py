@@ -88,6 +88,14 @@ def _record(one: "TagPosition") -> dict[str, Any]:
         "heading_error_deg": found.heading_error_deg,
         "heading_error_sigma_deg": found.heading_error_sigma_deg,
         "cautions": [{"name": each.name, "text": each.text} for each in found.cautions],
+        "widenings": [
+            {
+                "prior": each.prior,
+                "by_m": each.by_m,
+                "radius95_without_m": each.radius95_without_m,
+            }
+            for each in found.widenings
+        ],
     }
 
 
@@ -106,4 +114,4 @@ def _sentence(one: "TagPosition") -> str:
         text += f", {found.method} as it stands in the file"
     if found.at_edge:
         text += "; it may be farther out"
-    return "\n  ".join([text, *(each.text for each in found.cautions)])
+    return "\n  ".join([text, *found.remarks])

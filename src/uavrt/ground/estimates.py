@@ -95,7 +95,12 @@ class Estimator:
         """
         poses = _pose_columns(columns)
         turns = turns_in(poses)
-        rhythms = {tag.tag_id: Rhythm.of(tag) for tag in tags}
+        rhythms = {
+            tag.tag_id: Rhythm(
+                intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s
+            )
+            for tag in tags
+        }
         tag_ids = sorted({int(tag_id) for tag_id in np.unique(columns["tag_id"])})
         heard: dict[int, list[tuple[int, HeardInTurn]]] = {}
         for tag_id in tag_ids:
@@ -345,6 +350,7 @@ def _position(
         "radius95_m": _rounded(position.radius95_m),
         "at_edge": position.at_edge,
         "cautions": [{"name": one.name, "text": one.text} for one in position.cautions],
+        "remarks": list(position.remarks),
         "readout": readout(position.latitude_deg, position.longitude_deg).as_dict(),
         **_regions(position),
     }

@@ -28,6 +28,10 @@ _HELD_ROUGH = 2e-6
 """… and one in which the density varies by `_ROUGH_NATS` from more than that on: a peak that
 is narrower than its cell is not yet seen whole."""
 _ROUGH_NATS = 1.0
+_ADDED_NATS = 0.1
+"""A cell to which another likelihood adds that much may be rough again."""
+_EDGE_SHARE = 0.005
+"""Outermost cells that hold more say that the area cuts the probability."""
 _LEAST_WIDTH_M = 0.1
 """Narrower cells are left whole."""
 _ROUNDS = 18
@@ -63,6 +67,8 @@ class Cells:
     """Logarithm of the likelihood's integral over the area."""
     at_edge: bool
     """The search area cuts the probability."""
+    rough: NDArray[np.bool_]
+    """(n,) within which the density may vary by more than `_ROUGH_NATS`."""
 
     def mean(self) -> tuple[float, float]:
         """East and north [m] of the point with the least expected squared error."""
@@ -146,8 +152,39 @@ def cells_posterior(
     """
     east, north, width = _squares(area, first_cells)
     density = log_likelihood(east, north, width)
-    at_edge = _edge_share(east, north, width, density) > 0.005
-    rough = np.ones(len(east), bool)
+    return _quartered(log_likelihood, east, north, width, density, np.ones(len(east), bool))
+
+
+def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
+    """Evaluate another likelihood, one that adds to the one that cells were made for.
+
+    Parameters
+    ----------
+    log_likelihood : callable
+        The other one.
+    cells : Cells
+        Where to begin: they are as small as the first likelihood asks for.
+    density : (n,) float64 array
+        The other likelihood at these cells. Where it is the first one's but for a constant,
+        no cell is quartered again.
+    """
+    added = density - cells.log_density
+    rough = cells.rough | (added - np.median(added) > _ADDED_NATS)
+    return _quartered(
+        log_likelihood, cells.east_m, cells.north_m, cells.width_m, density, rough
+    )
+
+
+def _quartered(
+    log_likelihood: LogLikelihood,
+    east: _Floats,
+    north: _Floats,
+    width: _Floats,
+    density: _Floats,
+    rough: NDArray[np.bool_],
+) -> Cells:
+    """Quarter cells as long as they hold much, or vary much within."""
+    at_edge = _edge_share(east, north, width, density) > _EDGE_SHARE
     for _ in range(_ROUNDS):
         probability, _ = _normalised(density, width)
         split = (probability > _HELD) | (rough & (probability > _HELD_ROUGH))
@@ -178,6 +215,7 @@ def cells_posterior(
         probability=probability,
         log_evidence=log_evidence,
         at_edge=at_edge,
+        rough=rough,
     )
 
 
@@ -236,14 +274,13 @@ def _normalised(density: _Floats, width: _Floats) -> tuple[_Floats, float]:
 
 
 def _edge_share(east: _Floats, north: _Floats, width: _Floats, density: _Floats) -> float:
-    """Probability of the outermost cells, all still of one size."""
+    """Probability of a margin as wide as the widest cell."""
     probability, _ = _normalised(density, width)
-    border = (np.abs(east - east.min()) < 0.5 * width) | (
-        np.abs(east - east.max()) < 0.5 * width
-    )
-    border |= (np.abs(north - north.min()) < 0.5 * width) | (
-        np.abs(north - north.max()) < 0.5 * width
-    )
+    margin, half = 0.99 * float(width.max()), 0.5 * width
+    border = np.zeros(len(east), bool)
+    for axis in (east, north):
+        low, high = float((axis - half).min()), float((axis + half).max())
+        border |= (axis - low < margin) | (high - axis < margin)
     return float(probability[border].sum())
 
 

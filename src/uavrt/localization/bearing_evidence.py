@@ -1,5 +1,7 @@
 """What bearings say about a place: each one's density, mixed with the chance that it errs."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,8 @@ _BLURS_DEG = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """A bearing seen from within a wide cell of a grid is as blurred as the cell is wide."""
 UNKNOWN_SIGMAS_DEG = (1.5, 3.0, 6.0, 12.0, 24.0)
 """Common standard deviations weighed against each other when bearings come without one."""
+_MULTIPLIED = 16
+_TOLD_SHARE = 0.9999
 
 _Floats = NDArray[np.float64]
 
@@ -45,7 +49,11 @@ class BearingEvidence:
         self._east_m = east_m
         self._north_m = north_m
         self._outlier = outlier_share / 360.0
-        self._tables = self._blurred(posterior) * (1.0 - outlier_share) + self._outlier
+        tables = self._blurred(posterior) * (1.0 - outlier_share) + self._outlier
+        # What one place needs lies together: a look-up for each error would miss the cache.
+        self._tables = np.stack(
+            [np.roll(tables, -steps, axis=2) for steps in self._turned_steps], axis=3
+        )
 
     @staticmethod
     def _blurred(density: _Floats) -> _Floats:
@@ -65,7 +73,7 @@ class BearingEvidence:
         return np.asarray(np.maximum(tables, 0.0)).reshape(stations, len(_BLURS_DEG), count)
 
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(n, turned, places): density of each bearing towards each place, per degree.
+        """(n, places, turned): density of each bearing towards each place, per degree.
 
         Parameters
         ----------
@@ -74,7 +82,8 @@ class BearingEvidence:
         cell_m : (places,) float64 array or float
             Width of the cell that a place stands for.
         """
-        out = np.empty((len(self._east_m), len(self._turned_deg), len(east_m)))
+        out = np.empty((len(self._east_m), len(east_m), len(self._turned_deg)))
+        count = self._tables.shape[2]
         for station, table in enumerate(self._tables):
             dx, dy = east_m - self._east_m[station], north_m - self._north_m[station]
             # A cell of width c has a standard deviation of c / √12 across the ray.
@@ -82,53 +91,69 @@ class BearingEvidence:
             blur = np.searchsorted(_BLURS_DEG[1:], spread * 0.75)
             place = np.remainder(np.degrees(np.arctan2(dx, dy)), 360.0) / _STEP_DEG
             below = place.astype(np.intp)
-            part = place - below
-            count = table.shape[1]
-            for number, steps in enumerate(self._turned_steps):
-                first = (below + steps) % count
-                low, high = table[blur, first], table[blur, (first + 1) % count]
-                out[station, number] = low + part * (high - low)
+            part = (place - below)[:, None]
+            rows = table.reshape(-1, table.shape[2])
+            low = rows[blur * count + below % count]
+            high = rows[blur * count + (below + 1) % count]
+            out[station] = low + part * (high - low)
         return out
 
     def log_likelihoods(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
-        """(turned, places) logarithm of the prior of each heading error and of all bearings."""
-        density = np.log(self.densities(east_m, north_m, cell_m)).sum(axis=0)
-        return np.asarray(density + self._log_turned[:, None])
+        """(places, turned) logarithm of the prior of each heading error and of all bearings."""
+        return self._log_likelihoods(self.densities(east_m, north_m, cell_m))
+
+    def _log_likelihoods(self, densities: _Floats) -> _Floats:
+        # One logarithm for some stations: no product of that few is too small for a float.
+        total = np.zeros(densities.shape[1:])
+        for first in range(0, len(densities), _MULTIPLIED):
+            total += np.log(np.prod(densities[first : first + _MULTIPLIED], axis=0))
+        return np.asarray(total + self._log_turned)
 
     def log_likelihood(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
         """(places,) logarithm of the product of all bearings' densities."""
         each = self.log_likelihoods(east_m, north_m, cell_m)
-        if len(each) == 1:
-            return np.asarray(each[0])
-        top = each.max(axis=0)
-        return np.asarray(np.log(np.exp(each - top).sum(axis=0)) + top)
+        top = each.max(axis=1)
+        if each.shape[1] == 1:
+            return np.asarray(top)
+        return np.asarray(np.log(np.exp(each - top[:, None]).sum(axis=1)) + top)
 
-    def heading_error(
+    def doubts(
         self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: _Floats
-    ) -> tuple[float, float]:
-        """Mean and standard deviation [deg] of what all headings err by, over a posterior."""
-        weight = self._shares(east_m, north_m, cell_m) @ probability
-        mean = float(weight @ self._turned_deg)
-        variance = float(weight @ (self._turned_deg - mean) ** 2)
-        return mean, variance**0.5
+    ) -> "Doubts":
+        """What a posterior of places says of the headings and of each bearing."""
+        # Cells in the far tails are many, and decide nothing.
+        order = np.argsort(-probability)
+        count = int(np.searchsorted(np.cumsum(probability[order]), _TOLD_SHARE)) + 1
+        kept = order[:count]
+        held = probability[kept] / probability[kept].sum()
+        densities = self.densities(east_m[kept], north_m[kept], cell_m[kept])
+        each = self._log_likelihoods(densities)
+        share = np.exp(each - each.max(axis=1, keepdims=True))
+        share *= (held / share.sum(axis=1))[:, None]
+        errors = share.sum(axis=0)
+        mean = float(errors @ self._turned_deg)
+        variance = float(errors @ (self._turned_deg - mean) ** 2)
+        outliers = np.einsum("ipb,pb->i", self._outlier / densities, share)
+        return Doubts(
+            heading_error_deg=mean,
+            heading_error_sigma_deg=variance**0.5,
+            outlier_probabilities=tuple(float(min(1.0, p)) for p in outliers),
+        )
 
-    def outlier_probabilities(
-        self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: _Floats | float
-    ) -> tuple[float, ...]:
-        """Probability that each bearing errs, over a posterior of places."""
-        share = self._outlier / self.densities(east_m, north_m, cell_m)
-        weight = self._shares(east_m, north_m, cell_m) * probability
-        return tuple(float(min(1.0, p)) for p in np.einsum("ibp,bp->i", share, weight))
 
-    def _shares(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(turned, places) probability of each heading error, the place being given."""
-        each = self.log_likelihoods(east_m, north_m, cell_m)
-        weight = np.exp(each - each.max(axis=0))
-        return np.asarray(weight / weight.sum(axis=0))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doubts:
+    """What bearings say of themselves, over a posterior of places."""
+
+    heading_error_deg: float
+    """Mean and standard deviation of what all headings err by."""
+    heading_error_sigma_deg: float
+    outlier_probabilities: tuple[float, ...]
+    """For each bearing, that it errs."""
 
 
 def _nodes(sigma_deg: float) -> NDArray[np.int64]:

@@ -34,6 +34,8 @@ _ROUNDS = 25
 _LOOSE_ROUNDS = 8
 
 Explanation = Literal["rest", "compass", "walk"]
+UNUSUAL: frozenset[Explanation] = frozenset({"compass", "walk"})
+"""What else than a resting tag with usual headings may be."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,6 +94,7 @@ def explanations(
     *,
     heading_sigma_deg: float,
     outlier_share: float,
+    unusual: frozenset[Explanation] = UNUSUAL,
 ) -> list[tuple[float, Fit]]:
     """Fit all explanations; each with its probability, that of a resting tag first.
 
@@ -102,12 +105,14 @@ def explanations(
     place : tuple of 2 floats
         Where the search begins.
     heading_sigma_deg : float
-        Common error of the headings that is usual; 0: they are known, and no compass is wrong.
+        Common error of the headings that is usual; 0: they are known.
     outlier_share : float
         Probability that a bearing has nothing to do with the tag.
+    unusual : frozenset of str
+        What else may be.
     """
     models = []
-    if heading_sigma_deg > 0.0:
+    if "compass" in unusual:
         models.append(
             _Model(
                 explanation="compass",
@@ -116,7 +121,8 @@ def explanations(
                 speed_m_s=0.0,
             )
         )
-    if bearings.time_s is not None and np.ptp(bearings.time_s) >= _LEAST_SPAN_S:
+    timed = bearings.time_s is not None and np.ptp(bearings.time_s) >= _LEAST_SPAN_S
+    if timed and "walk" in unusual:
         models.append(
             _Model(
                 explanation="walk",
@@ -232,6 +238,12 @@ UNCHECKED = Caution(
     name="unchecked",
     text="a common error (compass, a tag that walks) cannot be checked: that takes "
     f"{LEAST_STATIONS} bearings from around the tag",
+)
+
+UNKNOWN_SIGMAS = Caution(
+    name="unchecked",
+    text="a common error (compass, a tag that walks) cannot be checked: nobody says how far "
+    "each bearing may err",
 )
 
 

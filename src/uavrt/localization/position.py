@@ -1,7 +1,8 @@
 """`estimate_position`: one door to all estimators of a place."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ from uavrt.localization.bayes_fix import (
     Cells,
     LogLikelihood,
     cells_posterior,
+    cells_refined,
     ellipse_of,
     map_of,
     most_probable,
@@ -22,11 +24,17 @@ from uavrt.localization.bayes_fix import (
 from uavrt.localization.bearing_evidence import (
     UNKNOWN_SIGMAS_DEG,
     BearingEvidence,
+    Doubts,
     von_mises,
 )
 from uavrt.localization.common_errors import (
     LEAST_STATIONS,
     UNCHECKED,
+    UNKNOWN_SIGMAS,
+    UNUSUAL,
+    WALKING_M_S,
+    WRONG_COMPASS_DEG,
+    Explanation,
     Fit,
     FlightBearings,
     cautions_of,
@@ -42,6 +50,8 @@ from uavrt.localization.records import (
     Position,
     PositionGrid,
     PositionMethod,
+    SharedError,
+    Widening,
 )
 from uavrt.localization.tangent_plane import TangentPlane, plane_around
 from uavrt.plugins import Registry
@@ -127,6 +137,7 @@ def estimate_position(
     heading_sigma_deg: float = HEADING_SIGMA_DEG,
     propagation: Propagation | None = None,
     max_range_m: float | None = None,
+    widenings: bool = False,
 ) -> Position:
     """Estimate where a tag is, from bearings, from powers along a track, or from both.
 
@@ -153,6 +164,9 @@ def estimate_position(
     max_range_m : float, optional
         How far from the stations or the track the tag may be; 3000 with bearings, else as far
         as the track is long.
+    widenings : bool
+        Tell also what each error that the bearings may share adds to the radius of 95 %, to the
+        method ``bayes``.
 
     Raises
     ------
@@ -168,8 +182,10 @@ def estimate_position(
             heading_sigma_deg=heading_sigma_deg,
             propagation=propagation or Propagation(),
             max_range_m=max_range_m,
+            # Headings that are known leave no compass wrong.
+            unusual=UNUSUAL if heading_sigma_deg > 0.0 else UNUSUAL - {"compass"},
         )
-        return _bayes(stations, powers, known)
+        return _bayes(stations, powers, known, widenings=widenings)
     if method not in _LENTH and method in ADDED_METHODS:
         return ADDED_METHODS[method](stations, powers)
     if method not in _LENTH:
@@ -255,6 +271,7 @@ class _Known:
     heading_sigma_deg: float
     propagation: Propagation
     max_range_m: float | None
+    unusual: frozenset[Explanation]
 
 
 class _Model:
@@ -269,7 +286,7 @@ class _Model:
             np.concatenate([one.longitude_deg for one in everywhere]),
         )
         self.known = known
-        self.stations = stations
+        self.stations, self.powers = stations, powers
         self.bearings: list[BearingEvidence] = []
         self._levels = None
         if stations is not None:
@@ -309,29 +326,112 @@ class _Model:
         return total
 
 
-def _bayes(stations: Stations | None, powers: PowerTrack | None, known: _Known) -> Position:
-    model = _Model(stations, powers, known)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Solved:
+    """The posterior, whatever explains the bearings, and the point that is told."""
+
+    log_likelihood: LogLikelihood
+    cells: Cells
+    resting: Cells
+    """The posterior of a tag that rests, headings being as usual."""
+    agreement: "_Agreement"
+    point: tuple[float, float]
+
+
+def _solved(model: _Model) -> _Solved:
+    cells = cells_posterior(model.log_likelihood, model.area)
+    if model.stations is None:
+        # Powers alone leave mirror images and long tails, where the most probable place is
+        # often the wrong one. Of 600 surveys with lasting fading a tenth were more than 41 m
+        # off with it, 32 m with the geometric median, 30.7 m with the mean (medians 12, 10 and
+        # 11 m).
+        return _Solved(
+            log_likelihood=model.log_likelihood,
+            cells=cells,
+            resting=cells,
+            agreement=_Agreement(),
+            point=cells.mean(),
+        )
+    point = most_probable(cells, model.log_likelihood)
+    return _explained(model, cells, point, _agreement(model, point))
+
+
+def _explained(
+    model: _Model, resting: Cells, point: tuple[float, float], agreement: "_Agreement"
+) -> _Solved:
+    """Add to the places of a resting tag those of the other explanations."""
     log_likelihood: LogLikelihood = model.log_likelihood
-    cells = cells_posterior(log_likelihood, model.area)
-    agreement = None
-    if stations is not None:
-        agreement = _agreement(model, most_probable(cells, log_likelihood))
-        if agreement.others:
-            log_likelihood = _mixed(log_likelihood, cells.log_evidence, agreement)
-            cells = cells_posterior(log_likelihood, model.area)
-    # Powers alone leave mirror images and long tails, where the most probable place is often
-    # the wrong one. Of 600 surveys with lasting fading a tenth were more than 41 m off with it,
-    # 32 m with the geometric median, 30.7 m with the mean (medians 12, 10 and 11 m).
-    point = cells.mean() if stations is None else most_probable(cells, log_likelihood)
+    cells = resting
+    if agreement.others:
+        mixture = _Mixture(
+            resting=model.log_likelihood,
+            log_evidence=resting.log_evidence,
+            others=agreement.others,
+        )
+        log_likelihood = mixture.log_likelihood
+        known = mixture.added_to(
+            resting.log_density, resting.east_m, resting.north_m, resting.width_m
+        )
+        cells = cells_refined(log_likelihood, resting, known)
+        point = most_probable(cells, log_likelihood)
+    return _Solved(
+        log_likelihood=log_likelihood,
+        cells=cells,
+        resting=resting,
+        agreement=agreement,
+        point=point,
+    )
+
+
+def _widenings(model: _Model, solved: _Solved) -> tuple[Widening, ...]:
+    """What each prior that is on does to the radius, each taken out by itself."""
+    known, agreement = model.known, solved.agreement
+    radius_m = solved.cells.radius_m(0.95, solved.point)
+    without: list[tuple[SharedError, str, float]] = []
+    if known.heading_sigma_deg > 0.0:
+        less = _Model(model.stations, model.powers, replace(known, heading_sigma_deg=0.0))
+        text = f"the common heading error of {known.heading_sigma_deg:g}°"
+        without.append(("heading", text, _radius95_m(_solved(less))))
+    for explanation, text in _UNUSUAL_TEXTS.items():
+        if all(fit.explanation != explanation for _, fit in agreement.found):
+            continue
+        less_m = radius_m
+        if any(fit.explanation == explanation for _, fit in agreement.others):
+            point = most_probable(solved.resting, model.log_likelihood)
+            rest = agreement.without(explanation)
+            less_m = _radius95_m(_explained(model, solved.resting, point, rest))
+        without.append((explanation, text, less_m))
+    found = [
+        Widening(prior=prior, text=text, radius95_without_m=less_m, by_m=radius_m - less_m)
+        for prior, text, less_m in without
+    ]
+    return tuple(sorted(found, key=lambda one: -one.by_m))
+
+
+_UNUSUAL_TEXTS: dict[Literal["compass", "walk"], str] = {
+    "compass": f"a compass that may be {WRONG_COMPASS_DEG:g}° off",
+    "walk": f"an animal that may walk ({WALKING_M_S:g} m/s)",
+}
+
+
+def _radius95_m(solved: _Solved) -> float:
+    return solved.cells.radius_m(0.95, solved.point)
+
+
+def _bayes(
+    stations: Stations | None, powers: PowerTrack | None, known: _Known, *, widenings: bool
+) -> Position:
+    model = _Model(stations, powers, known)
+    solved = _solved(model)
+    cells, agreement, point = solved.cells, solved.agreement, solved.point
     east, north = point
     latitude, longitude = model.plane.to_geodetic(east, north)
     fit = None if model.track is None else model.track.fit(np.array([east]), np.array([north]))
     map_east, map_north, probability = map_of(
-        cells, log_likelihood, _BEARING_CELLS if model.track is None else _POWER_CELLS
+        cells, solved.log_likelihood, _BEARING_CELLS if model.track is None else _POWER_CELLS
     )
-    error, sigma = (
-        (None, None) if agreement is None else _heading_error(model, cells, agreement)
-    )
+    doubts = _doubts(model, cells)
+    error, sigma = _heading_error(model, doubts, agreement)
     return Position(
         latitude_deg=float(latitude),
         longitude_deg=float(longitude),
@@ -341,7 +441,7 @@ def _bayes(stations: Stations | None, powers: PowerTrack | None, known: _Known) 
         radius50_m=cells.radius_m(0.5, point),
         radius95_m=cells.radius_m(0.95, point),
         ellipse95=cells.ellipse(),
-        outlier_probabilities=_outliers(model.bearings, cells),
+        outlier_probabilities=None if doubts is None else doubts.outlier_probabilities,
         level_db=None if fit is None else float(fit.level_db[0]),
         path_loss_exponent=None if fit is None else float(fit.exponent[0]),
         at_edge=cells.at_edge,
@@ -354,7 +454,8 @@ def _bayes(stations: Stations | None, powers: PowerTrack | None, known: _Known) 
         ),
         heading_error_deg=error,
         heading_error_sigma_deg=sigma,
-        cautions=() if agreement is None else agreement.cautions,
+        cautions=agreement.cautions,
+        widenings=_widenings(model, solved) if widenings and stations is not None else (),
     )
 
 
@@ -362,16 +463,34 @@ def _bayes(stations: Stations | None, powers: PowerTrack | None, known: _Known) 
 class _Agreement:
     """Whether the bearings agree, and what else than a resting tag explains them."""
 
-    others: tuple[tuple[float, Fit], ...] = ()
-    """Other explanations with their probabilities, those that matter."""
-    best: Fit | None = None
+    found: tuple[tuple[float, Fit], ...] = ()
+    """All explanations with their probabilities, that of a resting tag first."""
     cautions: tuple[Caution, ...] = ()
+
+    @property
+    def others(self) -> tuple[tuple[float, Fit], ...]:
+        """What else than a resting tag explains the bearings, if that matters."""
+        return tuple(one for one in self.found[1:] if one[0] > _NEGLIGIBLE)
+
+    @property
+    def best(self) -> Fit | None:
+        """The most probable explanation; None when none was sought."""
+        return max(self.found, key=lambda one: one[0])[1] if self.found else None
+
+    def without(self, explanation: Explanation) -> "_Agreement":
+        """What is left to believe, were an explanation known to be wrong."""
+        kept = [one for one in self.found if one[1].explanation != explanation]
+        total = sum(probability for probability, _ in kept)
+        return _Agreement(
+            found=tuple((probability / max(total, 1e-300), fit) for probability, fit in kept),
+            cautions=self.cautions,
+        )
 
 
 def _agreement(model: _Model, point: tuple[float, float]) -> _Agreement:
     bearings = _flight_bearings(model)
     if bearings is None:
-        return _Agreement()
+        return _Agreement(cautions=(UNKNOWN_SIGMAS,))
     if not stations_around(bearings.east_m, bearings.north_m, point):
         middle = (float(np.mean(bearings.east_m)), float(np.mean(bearings.north_m)))
         if not stations_around(bearings.east_m, bearings.north_m, middle):
@@ -381,12 +500,13 @@ def _agreement(model: _Model, point: tuple[float, float]) -> _Agreement:
         point,
         heading_sigma_deg=model.known.heading_sigma_deg,
         outlier_share=model.known.outlier_share,
+        unusual=model.known.unusual,
     )
     _, best = max(found, key=lambda one: one[0])
-    others = tuple(one for one in found[1:] if one[0] > _NEGLIGIBLE)
-    if not stations_around(bearings.east_m, bearings.north_m, (best.place[0], best.place[1])):
-        return _Agreement(others=others, best=best, cautions=(UNCHECKED,))
-    return _Agreement(others=others, best=best, cautions=cautions_of(best))
+    around = stations_around(bearings.east_m, bearings.north_m, (best.place[0], best.place[1]))
+    return _Agreement(
+        found=tuple(found), cautions=cautions_of(best) if around else (UNCHECKED,)
+    )
 
 
 def _flight_bearings(model: _Model) -> FlightBearings | None:
@@ -420,13 +540,27 @@ def _lobe(posterior: _Floats) -> tuple[float, float]:
     return float(degrees[int(np.argmax(posterior))] + mean), max(variance - 1 / 12, 0.01) ** 0.5
 
 
-def _mixed(resting: LogLikelihood, log_evidence: float, agreement: _Agreement) -> LogLikelihood:
-    """Places of a resting tag with true headings, and of the other explanations."""
-    rest = 1.0 - sum(probability for probability, _ in agreement.others)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Mixture:
+    """Places of a resting tag with headings as usual, and of the other explanations."""
 
-    def log_likelihood(east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
-        parts = [np.log(max(rest, 1e-12)) + resting(east_m, north_m, cell_m) - log_evidence]
-        for probability, fit in agreement.others:
+    resting: LogLikelihood
+    log_evidence: float
+    """Of the resting tag."""
+    others: tuple[tuple[float, Fit], ...]
+
+    def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
+        """(places,) of the mixture."""
+        resting = self.resting(east_m, north_m, cell_m)
+        return self.added_to(resting, east_m, north_m, cell_m)
+
+    def added_to(
+        self, resting: _Floats, east_m: _Floats, north_m: _Floats, cell_m: _Floats
+    ) -> _Floats:
+        """(places,) of the mixture, that of the resting tag being known."""
+        rest = 1.0 - sum(probability for probability, _ in self.others)
+        parts = [np.log(max(rest, 1e-12)) + resting - self.log_evidence]
+        for probability, fit in self.others:
             covariance = fit.covariance_m2[None] + (cell_m[:, None, None] ** 2 / 12) * np.eye(2)
             off = np.stack([east_m, north_m], axis=1) - fit.place
             squares = np.einsum("pi,pij,pj->p", off, np.linalg.inv(covariance), off)
@@ -436,36 +570,32 @@ def _mixed(resting: LogLikelihood, log_evidence: float, agreement: _Agreement) -
             )
         return np.asarray(np.logaddexp.reduce(parts))
 
-    return log_likelihood
-
 
 def _heading_error(
-    model: _Model, cells: Cells, agreement: _Agreement
+    model: _Model, doubts: Doubts | None, agreement: _Agreement
 ) -> tuple[float | None, float | None]:
     """What all headings err by, as far as the bearings tell."""
-    if model.known.heading_sigma_deg <= 0.0:
+    if model.known.heading_sigma_deg <= 0.0 or doubts is None:
         return None, None
     best = agreement.best
     if best is not None and best.explanation != "rest":
         return best.heading_error_deg, best.heading_error_sigma_deg
     if len(model.bearings) != 1:
         return None, None
-    return model.bearings[0].heading_error(
-        cells.east_m, cells.north_m, cells.probability, cells.width_m
-    )
+    return doubts.heading_error_deg, doubts.heading_error_sigma_deg
 
 
-def _outliers(bearings: list[BearingEvidence], cells: Cells) -> tuple[float, ...] | None:
+def _doubts(model: _Model, cells: Cells) -> Doubts | None:
     """Of the most likely standard deviation, where several are weighed."""
-    if not bearings:
+    if not model.bearings:
         return None
     top = int(np.argmax(cells.log_density))
     best = slice(top, top + 1)
     score = [
         one.log_likelihood(cells.east_m[best], cells.north_m[best], cells.width_m[best])[0]
-        for one in bearings
+        for one in model.bearings
     ]
-    return bearings[int(np.argmax(score))].outlier_probabilities(
+    return model.bearings[int(np.argmax(score))].doubts(
         cells.east_m, cells.north_m, cells.probability, cells.width_m
     )
 

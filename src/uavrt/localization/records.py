@@ -116,13 +116,22 @@ class Caution:
     """For the operator."""
 
 
+SharedError = Literal["heading", "compass", "walk"]
+"""What all bearings of a flight may have wrong: headings that err a little, as is usual; a
+compass that is far off; an animal that walks."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Widening:
-    """What one prior adds to the radius of 95 %."""
+    """What the prior of one shared error does to the radius of 95 %."""
 
-    prior: str
+    prior: SharedError
+    text: str
+    """The prior, for the operator."""
     radius95_without_m: float
-    """Were this not uncertain."""
+    """The radius, were this impossible."""
+    by_m: float
+    """How much wider the radius is with the prior; negative where it is narrower."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -153,4 +162,32 @@ class Position:
     heading_error_sigma_deg: float | None = None
     cautions: tuple[Caution, ...] = ()
     widenings: tuple[Widening, ...] = ()
-    """What each prior adds to the uncertainty."""
+    """What each prior does to `radius95_m`, the most first; empty unless asked for."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What must be said beside the circles: the cautions, and why they are so wide."""
+        told = [one.text for one in self.cautions]
+        if self.radius95_m is not None and self.widenings:
+            told.append(_told(self.radius95_m, self.widenings))
+        return tuple(told)
+
+
+_TOLD_M = 0.5
+_TOLD_SHARE = 0.01
+"""Of a radius; less than both is rounded to nothing."""
+
+
+def _told(radius95_m: float, widenings: tuple[Widening, ...]) -> str:
+    """Say what each prior does to the radius."""
+    least_m = max(_TOLD_M, _TOLD_SHARE * radius95_m)
+    wider = [one for one in widenings if one.by_m >= least_m]
+    narrower = [one for one in widenings if one.by_m <= -least_m]
+    parts = [f"{one.text} widens it by {one.by_m:.0f} m" for one in wider[:1]]
+    parts += [f"{one.text} by {one.by_m:.0f} m" for one in wider[1:]]
+    parts += [
+        f"without {one.text} it would be {one.radius95_without_m:.0f} m" for one in narrower
+    ]
+    if not parts:
+        parts.append(f"{' or '.join(one.text for one in widenings)} does not widen it")
+    return f"95 % radius {radius95_m:.0f} m: " + ", ".join(parts)

@@ -79,10 +79,7 @@ class Estimation:
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
-        flight = frame.assignment.flight
-        self._stage = LiveBearings(
-            frame.assignment.settings.bearings.antenna, flight.tags if flight else ()
-        )
+        self._stage = LiveBearings(frame.assignment.settings.bearings.antenna)
         self._outgoing = Outgoing()
         self._new = False
         self._next_ns = 0
@@ -97,7 +94,7 @@ class Estimation:
             case Poses():
                 self._stage.add_poses(record.poses)
             case FlightInfo() if topic == "flight":
-                self._stage.begin(record.tags)
+                self._stage.forget()
                 self._outgoing.clear()
                 self._next_ns = 0  # by another clock
 

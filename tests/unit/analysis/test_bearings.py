@@ -256,4 +256,14 @@ def test_the_commands_print_lists_for_other_programs(tmp_path: Path) -> None:
     assert position["tag_id"] == 2
     assert position["method"] == "bayes"
     assert 0 < position["radius50_m"] < position["radius95_m"]
+    assert {one["prior"] for one in position["widenings"]} >= {"heading"}
     assert "tag 7" in uavrt("localize", str(path), "--method", "mle")
+
+
+def test_localize_says_what_the_shared_errors_do_to_the_circle(tmp_path: Path) -> None:
+    path = tmp_path / "bearings.csv"
+    path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
+    told = uavrt("localize", str(path))
+    assert "cannot be checked" in told
+    assert "95 % radius" in told
+    assert "the common heading error of 1.5°" in told

@@ -82,6 +82,12 @@ def test_the_headline_says_what_its_bearings_say(survey: Survey) -> None:
     assert "UTC" in told.detail
 
 
+def test_the_headline_says_what_may_be_wrong_with_all_bearings(survey: Survey) -> None:
+    detail = words.findings(survey)[0].detail
+    assert "a common error" in detail
+    assert "the common heading error of 1.5°" in detail
+
+
 def test_the_pdf_has_a_page_for_each_heard_tag(survey: Survey) -> None:
     content = pdf_document(survey)
     assert content.startswith(b"%PDF-")

@@ -224,6 +224,7 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
         parts.append("it may be farther out")
     if position.stations == 1:
         parts.append("one bearing tells the direction, hardly the distance")
+    parts += position.remarks
     return Finding(
         tag_id=tag_id,
         title=title,
