@@ -6,8 +6,10 @@ the sample blocks, which have their own road.
 """
 
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import TYPE_CHECKING, Literal
+
+from uavrt.commands import CommandName as CommandName
+from uavrt.commands import SystemState as SystemState
 
 if TYPE_CHECKING:
     # Half of the processes never see a sample; NumPy would cost each 12 MB and 0.1 s.
@@ -16,16 +18,6 @@ if TYPE_CHECKING:
 
 DetectionStatus = Literal["subthreshold", "detected", "confirmed"]
 """How sure a pulse is: below the threshold (seen by a track), above it, or part of a track."""
-
-
-class SystemState(StrEnum):
-    """State of the supervisor (DESIGN.md §3); the numbers on the wire are the tunnel's."""
-
-    IDLE = "idle"
-    RECEIVING_TAGS = "receiving_tags"
-    HAS_TAGS = "has_tags"
-    DETECTING = "detecting"
-    CAPTURING = "capturing"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,20 +239,6 @@ class SystemStatus:
     """Whose commands count, as their source: ``"mavlink 255/190"``; None before the first."""
     ending: bool = False
     """Stop was asked for: the state holds until the last pulses are recorded."""
-
-
-CommandName = Literal[
-    "start_tags",
-    "add_tag",
-    "end_tags",
-    "start_detection",
-    "stop_detection",
-    "raw_capture",
-    "save_logs",
-    "clean_logs",
-    "radio_status",
-    "set_parameter",
-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,7 +21,7 @@ from uavrt.messages import PulsePose, StatusText, SystemState
 from uavrt.simulation.scenario import Scenario
 from uavrt.supervisor.usage import children_of
 from uavrt.tunnel import CommandId
-from uavrt.tunnel.numbered import COMPLETE
+from uavrt.tunnel.g2 import COMPLETE
 from uavrt.tunnel.seal import read_key
 
 CAPTURE_S = 1.0
@@ -110,7 +110,7 @@ def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
         async with operator.connected(drone.ground_port) as link:
             told = await link.capture(center_frequency_hz=148_705_000.0, gain=9)
             with pytest.raises(CommandRefused, match="capturing: wait"):
-                await link.clean_logs()
+                await link.ask("clean_logs")
             await until(lambda: any("Raw capture in" in text for text in operator.texts()))
             await until(lambda: operator.state is SystemState.IDLE)
             assert operator.steps(CommandId.RAW_CAPTURE)[-1] == COMPLETE

@@ -3,22 +3,21 @@
 from dataclasses import dataclass
 from typing import Any
 
+from uavrt.commands import COMMANDS, Accepted, outcome
 from uavrt.messages import SystemState
 
-ACTIONS = {
-    "send_tags": "Send tags",
-    "start": "Start",
-    "stop": "Stop",
-    "capture": "Capture raw",
-    "mark": "Mark",
-    "save_logs": "Save logs",
-    "clean_logs": "Clean logs",
-    "radio_status": "Radio status",
-    "parameters": "Parameters",
+COMMAND_OF_ACTION = {row.button.action: row for row in COMMANDS.values() if row.button}
+"""The drone's command behind each button."""
+BUTTONS = tuple(row.button for row in COMMANDS.values() if row.button)
+ACTIONS = {**{button.action: button.label for button in BUTTONS}, "mark": "Mark"}
+"""The buttons and their labels; all but "mark" ask something of the drone."""
+NOT_NOW = {
+    SystemState.IDLE: "Send the tags first",
+    SystemState.RECEIVING_TAGS: "Tags are being sent",
+    SystemState.DETECTING: "Detecting: stop first",
+    SystemState.CAPTURING: "Capturing: wait until it has ended",
 }
-"""The buttons of a flight, in their order; behind "mark" those of the drone's upkeep."""
-ALWAYS = ("radio_status", "parameters")
-"""What the drone answers in every state."""
+"""Why a state does not allow a command."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,26 +68,11 @@ def _reason(action: str, now: Situation) -> str | None:
         return f"Wait: {now.busy.text}"
     if now.foreign and action != "stop":
         return "Two vehicles have the same number: choose one above"
-    if action in ALWAYS:
-        return None
-    detecting = now.state is SystemState.DETECTING
-    capturing = now.state is SystemState.CAPTURING
-    match action:
-        case "stop":
-            idle = now.state is not None and not (detecting or capturing)
-            return "Nothing runs" if idle else None
-        case "send_tags" if now.tags == 0:
-            return "No tags: type them in under Set-up"
-        case "start" | "capture" | "save_logs" | "clean_logs" if (
-            now.state is SystemState.RECEIVING_TAGS
-        ):
-            return "Tags are being sent"
-        case "start" if now.state is SystemState.IDLE:
-            return "Send the tags first"
-        case "start" if not now.tags_sent and now.tags and not detecting:
-            return "The tag table has changed: send the tags first"
-    if detecting:
-        return "Detecting: stop first"
-    if capturing:
-        return "Capturing: wait until it has ended"
+    if action == "send_tags" and now.tags == 0:
+        return "No tags: type them in under Set-up"
+    command = COMMAND_OF_ACTION[action].name
+    if now.state is not None and not isinstance(outcome(now.state, command), Accepted):
+        return "Nothing runs" if action == "stop" else NOT_NOW[now.state]
+    if action == "start" and not now.tags_sent and now.tags:
+        return "The tag table has changed: send the tags first"
     return None

@@ -5,6 +5,7 @@ import contextlib
 import json
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 from urllib.parse import quote
 
@@ -14,6 +15,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError, UsageError
 from uavrt.ground import maps, tag_table
+from uavrt.ground.actions import BUTTONS
 from uavrt.ground.column_answers import POSE_COLUMNS, chosen_columns, thinned
 from uavrt.ground.commands import place_in
 from uavrt.ground.coordinates import readout
@@ -29,7 +31,7 @@ from uavrt.localization import PATTERNS
 from uavrt.messages import Tag
 
 MAX_PAGE_NAME = 64
-FOR_ALL = ("stop", "mark")
+FOR_ALL = ("mark", *(button.action for button in BUTTONS if button.any_page))
 """What a page may ask that only looks on: to stop can be urgent, a mark harms nothing."""
 
 
@@ -187,9 +189,11 @@ class Api:
             "stop": session.commands.stop,
             "capture": session.commands.capture,
             "mark": lambda: session.commands.mark(text, place_in(body)),
-            "save_logs": session.commands.save_logs,
-            "clean_logs": session.commands.clean_logs,
-            "radio_status": session.commands.radio_status,
+            **{
+                button.action: partial(session.commands.ask, button)
+                for button in BUTTONS
+                if button.asking
+            },
             "set_parameter": lambda: session.commands.set_parameter(body),
         }
         name = request.path_params["name"]

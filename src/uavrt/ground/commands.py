@@ -9,8 +9,9 @@ from dataclasses import replace
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from uavrt.commands import Button
 from uavrt.errors import FormatError, LinkError, UavrtError
-from uavrt.ground.actions import ACTIONS, Busy, action_states
+from uavrt.ground.actions import ACTIONS, COMMAND_OF_ACTION, Busy, action_states
 from uavrt.ground.link import GroundLink
 from uavrt.ground.places import Mark, mark_note
 
@@ -100,23 +101,11 @@ class Commands:
             )
             return message or "capturing"
 
-    async def save_logs(self) -> str:
-        """Copy the drone's flights to the drive that is plugged into it."""
-        link = self._allowed("save_logs")
-        async with self._working("save_logs", "asking to save the flights"):
-            return await link.save_logs() or "saving"
-
-    async def clean_logs(self) -> str:
-        """Remove the drone's flights."""
-        link = self._allowed("clean_logs")
-        async with self._working("clean_logs", "asking to remove the flights"):
-            return await link.clean_logs() or "removing"
-
-    async def radio_status(self) -> str:
-        """Ask whether the drone's radio is there."""
-        link = self._allowed("radio_status")
-        async with self._working("radio_status", "asking the radio"):
-            return await link.radio_status() or "the radio is there"
+    async def ask(self, button: Button) -> str:
+        """Ask for what is only a command's number: the drone's upkeep."""
+        link = self._allowed(button.action)
+        async with self._working(button.action, button.asking):
+            return await link.ask(COMMAND_OF_ACTION[button.action].name) or button.done
 
     async def parameters(self) -> dict[str, float]:
         """Get the drone's parameters."""

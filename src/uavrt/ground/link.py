@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 
 from uavrt import tunnel
+from uavrt.commands import CommandName
 from uavrt.errors import CommandRefused, LinkError, UavrtError
 from uavrt.ground.drone_parameters import DroneParameters
 from uavrt.ground.identity import VehicleIdentity
@@ -30,7 +31,7 @@ from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.signing import Signing, SigningKey
 from uavrt.messages import Tag
-from uavrt.tunnel import CommandId, Generation
+from uavrt.tunnel import Generation
 from uavrt.tunnel.gate import Sealer
 from uavrt.tunnel.private import MAX_SEALED_HASHES
 from uavrt.tunnel.seal import Key
@@ -266,24 +267,24 @@ class GroundLink:
 
     async def stop_detection(self) -> None:
         """Stop."""
-        await self.command(self._writing.bare(CommandId.STOP_DETECTION))
+        await self.ask("stop_detection")
 
     async def capture(self, *, center_frequency_hz: float | None = None, gain: int = 0) -> str:
         """Record raw samples for a while; give the drone's message (the directory)."""
         payload = self._writing.capture(center_frequency_hz, gain)
         return (await self.command(payload)).message
 
-    async def save_logs(self) -> str:
-        """Copy the drone's flights to the drive that is plugged in; give its message."""
-        return (await self.command(self._writing.bare(CommandId.SAVE_LOGS))).message
+    async def ask(self, name: CommandName) -> str:
+        """Ask for what is only its number, as ``"save_logs"``; give the drone's message.
 
-    async def clean_logs(self) -> str:
-        """Remove the drone's flights; give its message."""
-        return (await self.command(self._writing.bare(CommandId.CLEAN_LOGS))).message
-
-    async def radio_status(self) -> str:
-        """Ask whether the radio is there; raises `CommandRefused` when it is not."""
-        return (await self.command(self._writing.bare(CommandId.AIRSPY_STATUS))).message
+        Raises
+        ------
+        CommandRefused
+            The drone refused; the text is its reason.
+        LinkError
+            It did not answer, or its software does not know the command.
+        """
+        return (await self.command(self._writing.bare(name))).message
 
     async def command(self, payload: bytes) -> Acknowledged:
         """Send a command until it is acknowledged, with the same bytes each time.

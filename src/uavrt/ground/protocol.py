@@ -15,8 +15,8 @@ from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.statustext import TextAssembler
 from uavrt.messages import LiveBearing, PulsePose, SearchReport, StatusText, SystemState, Tag
 from uavrt.tunnel import CommandId, Generation
+from uavrt.tunnel.g1 import STATES
 from uavrt.tunnel.gate import Sealer
-from uavrt.tunnel.heartbeat import STATES
 from uavrt.tunnel.live_bearing import BEARING_TYPE, decode_bearing
 from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE, SESSION_TYPE
 from uavrt.units import ns_from_s
@@ -60,7 +60,7 @@ class OperationStep:
 
     command: int
     state: int
-    """`uavrt.tunnel.numbered.RUNNING`, `COMPLETE` or `FAILED`."""
+    """`uavrt.tunnel.g2.RUNNING`, `COMPLETE` or `FAILED`."""
     step: int
     step_count: int
     message: str

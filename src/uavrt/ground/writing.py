@@ -4,10 +4,10 @@ import random
 from collections.abc import Sequence
 
 from uavrt import tunnel
+from uavrt.commands import COMMANDS, CommandName
 from uavrt.errors import LinkError
 from uavrt.messages import Tag
-from uavrt.tunnel import CommandId, Generation
-from uavrt.tunnel.convert import tag_to_wire
+from uavrt.tunnel import CommandId, Generation, tag_to_wire
 
 NUMBERED_FROM = 2**31
 
@@ -71,19 +71,30 @@ class Writing:
     def capture(self, center_frequency_hz: float | None, gain: int) -> bytes:
         """Write a raw capture; raises `LinkError` where there is none."""
         frequency_hz = round(center_frequency_hz or 0)
-        if self._generation == "G0":
-            raise LinkError("the drone's software has no raw capture")
+        self._check_known("raw_capture")
         if self._generation == "G2":
             return tunnel.RawCaptureG2(
                 request_id=self._next_id(), gain=gain, frequency_hz=frequency_hz
             ).encode()
         return tunnel.RawCapture(gain=gain, frequency_hz=frequency_hz).encode()
 
-    def bare(self, command: CommandId) -> bytes:
-        """Write a command without fields."""
+    def bare(self, name: CommandName) -> bytes:
+        """Write a command without fields; raises `LinkError` where there is none."""
+        number = self._check_known(name)
         if self._generation == "G2":
-            return tunnel.BareG2(command=command, request_id=self._next_id()).encode()
-        return tunnel.HeaderMessage(command=command).encode()
+            return tunnel.BareG2(command=number, request_id=self._next_id()).encode()
+        return tunnel.HeaderMessage(command=number).encode()
+
+    def _check_known(self, name: CommandName) -> CommandId:
+        """Get the number of a command that the drone's generation has."""
+        row = COMMANDS[name]
+        generation = "G1" if self._generation == "G2v1" else self._generation
+        if row.number is None or generation not in row.lengths:
+            raise LinkError(
+                f"the drone's software has no command {name.replace('_', ' ')}",
+                remedy="Choose the generation that it speaks, or update it",
+            )
+        return row.number
 
     def request_id_of(self, payload: bytes) -> int:
         """Read the request id of a payload; 0 before G2."""

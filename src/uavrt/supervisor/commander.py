@@ -10,18 +10,13 @@ this keeps mistakes and mischief out, not an attacker who listens
 from collections.abc import Callable
 
 from uavrt.clock import monotonic_s
+from uavrt.commands import COMMANDS, Who
 from uavrt.messages import Command
 
 SILENCE_S = 60.0
 """A ground station that restarts is back in seconds; a battery is changed in a minute."""
 OWN_SOURCES = ("capture", "command line")
 """The supervisor itself, and who started it: at the drone's side."""
-QUESTIONS = ("radio_status",)
-"""What changes nothing anybody may ask."""
-
-
-BETWEEN_FLIGHTS = ("clean_logs", "save_logs", "set_parameter")
-"""What a flight's commander keeps after its end; the next flight may be anybody's."""
 
 
 class Commander:
@@ -59,12 +54,13 @@ class Commander:
 
     def refusal(self, command: Command) -> str | None:
         """Say why a command does not count; None if it does."""
-        if not self._pinned or command.name in QUESTIONS or _is_own(command.source):
+        who = COMMANDS[command.name].who
+        if not self._pinned or who is Who.ANYBODY or _is_own(command.source):
             return None
         self.heard(command.source, 0.0)
         if self.name in (None, command.source) or command.sealed:
             return None
-        if self._flight_over and command.name not in BETWEEN_FLIGHTS:
+        if self._flight_over and who is Who.COMMANDER:
             return None
         left_s = SILENCE_S - (self._clock_s() - self._heard_s)
         if left_s <= 0.0:
@@ -81,7 +77,7 @@ class Commander:
 
     def accepted(self, command: Command) -> bool:
         """Take note of a command that was carried out; True when it made a new commander."""
-        if command.name in QUESTIONS or _is_own(command.source):
+        if COMMANDS[command.name].who is Who.ANYBODY or _is_own(command.source):
             return False
         changed = self.name != command.source
         self._flight_over = self._flight_over and not changed and command.name != "start_tags"

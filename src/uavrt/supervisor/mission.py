@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from uavrt.clock import Clock, wall_ns
+from uavrt.commands import COMMANDS, Refused, Repeated, outcome
 from uavrt.config.parameters import (
     PARAMETERS,
     RUN,
@@ -27,7 +28,6 @@ from uavrt.supervisor.kept import KeptParameters
 from uavrt.supervisor.last_tags import LastTags
 from uavrt.supervisor.memory import SavedState, StateStore, boot_id
 from uavrt.supervisor.operations import Operations
-from uavrt.supervisor.transitions import Refused, Repeated, outcome
 from uavrt.supervisor.tuning import Tuning, ask_tuner
 from uavrt.tunnel.tag_lists import searched_text
 
@@ -36,8 +36,6 @@ log = get_logger()
 REPLIES_KEPT = 64
 LAST_FLIGHTS = 3
 """As many as the connection and the recorder look after besides the present one."""
-NOT_WHILE_ENDING = ("start_detection", "raw_capture", "save_logs", "clean_logs")
-"""What must wait until the flight's last pulses are recorded and its files are closed."""
 RESUME_WITHIN_S = 900.0
 """After a restart of the computer, detection goes on by itself only if the flight was written
 to so lately: a battery change or a brown-out in the air, but not last week's flight."""
@@ -206,7 +204,7 @@ class Mission:
         refusal = self._refusal(command)
         if refusal is not None:
             return _reply(command, False, refusal)
-        if self.ending and command.name in NOT_WHILE_ENDING:
+        if self.ending and not COMMANDS[command.name].while_ending:
             return _reply(command, False, "stopping: try again in a moment")
         if with_last_tags and self._has_no_list(command):
             try:

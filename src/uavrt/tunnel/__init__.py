@@ -1,14 +1,11 @@
-"""The tunnel's wire formats: one file per message.
+"""The tunnel's wire formats: one file per generation of the protocol (`g0`, `g1`, `g2`).
 
 `decode` reads a payload, ``message.encode()`` writes one, `uavrt.tunnel.convert` goes between
 these messages and the records of `uavrt.messages`. Pure: no sockets, no clock.
 """
 
-from uavrt.tunnel.ack import FAILURE, SUCCESS, AckG0, AckG1
 from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode, generation_of
 from uavrt.tunnel.convert import (
-    COMMAND_IDS,
-    COMMAND_NAMES,
     ack_to_wire,
     detector_heartbeat,
     euler_deg,
@@ -21,9 +18,9 @@ from uavrt.tunnel.convert import (
     tag_of_number,
     tag_to_wire,
 )
-from uavrt.tunnel.header import HeaderMessage
-from uavrt.tunnel.heartbeat import Heartbeat
-from uavrt.tunnel.numbered import (
+from uavrt.tunnel.g0 import FAILURE, SUCCESS, AckG0, HeaderMessage, PulseG0, TagG0
+from uavrt.tunnel.g1 import AckG1, Heartbeat, PulseG1, RawCapture, StartDetection, TagG1
+from uavrt.tunnel.g2 import (
     AckG2,
     BareG2,
     DetectorHeartbeat,
@@ -37,10 +34,6 @@ from uavrt.tunnel.numbered import (
     TagG2,
     UploadG2,
 )
-from uavrt.tunnel.pulse import PulseG0, PulseG1
-from uavrt.tunnel.raw_capture import RawCapture
-from uavrt.tunnel.start_detection import StartDetection
-from uavrt.tunnel.tag import TagG0, TagG1
 from uavrt.tunnel.wire import (
     MAX_PAYLOAD,
     PAYLOAD_TYPE,
@@ -50,8 +43,6 @@ from uavrt.tunnel.wire import (
 )
 
 __all__ = [
-    "COMMAND_IDS",
-    "COMMAND_NAMES",
     "FAILURE",
     "MAX_PAYLOAD",
     "PAYLOAD_TYPE",

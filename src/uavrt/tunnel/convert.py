@@ -5,7 +5,6 @@ from collections.abc import Mapping
 
 from uavrt.errors import TunnelError
 from uavrt.messages import (
-    CommandName,
     DetectionStatus,
     Pose,
     Pulse,
@@ -14,33 +13,22 @@ from uavrt.messages import (
     SystemState,
     Tag,
 )
-from uavrt.tunnel.ack import FAILURE, SUCCESS, AckG0, AckG1
-from uavrt.tunnel.heartbeat import STATUS_NUMBERS, SYSTEM_CONTROLLER, Heartbeat
-from uavrt.tunnel.numbered import AckG2, PulseG2, PulseG2v1
-from uavrt.tunnel.pulse import (
+from uavrt.tunnel.g0 import FAILURE, SUCCESS, AckG0, PulseG0, TagG0
+from uavrt.tunnel.g1 import (
     STATUS_CONFIRMED,
     STATUS_DETECTED,
     STATUS_NOTHING_FOUND,
+    STATUS_NUMBERS,
     STATUS_SUBTHRESHOLD,
-    PulseG0,
+    SYSTEM_CONTROLLER,
+    AckG1,
+    Heartbeat,
     PulseG1,
+    TagG1,
 )
-from uavrt.tunnel.tag import TagG0, TagG1
-from uavrt.tunnel.wire import CommandId, Generation
+from uavrt.tunnel.g2 import AckG2, PulseG2, PulseG2v1
+from uavrt.tunnel.wire import Generation
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ms
-
-COMMAND_NAMES: dict[CommandId, CommandName] = {
-    CommandId.START_TAGS: "start_tags",
-    CommandId.TAG: "add_tag",
-    CommandId.END_TAGS: "end_tags",
-    CommandId.START_DETECTION: "start_detection",
-    CommandId.STOP_DETECTION: "stop_detection",
-    CommandId.RAW_CAPTURE: "raw_capture",
-    CommandId.SAVE_LOGS: "save_logs",
-    CommandId.CLEAN_LOGS: "clean_logs",
-    CommandId.AIRSPY_STATUS: "radio_status",
-}
-COMMAND_IDS: dict[CommandName, CommandId] = {name: c for c, name in COMMAND_NAMES.items()}
 
 LATEST_S = 9.2e9
 """Seconds since 1970 whose nanoseconds fit into the 64 bits that they are stored in: 2261."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from uavrt.clock import monotonic_s
+from uavrt.commands import COMMAND_OF_NUMBER, COMMANDS
 from uavrt.errors import ConfigError, TunnelError
 from uavrt.messages import (
     Command,
@@ -21,11 +22,9 @@ from uavrt.messages import (
     SearchReport,
     SystemState,
 )
-from uavrt.tunnel import numbered
+from uavrt.tunnel import g2
 from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode, generation_of
 from uavrt.tunnel.convert import (
-    COMMAND_IDS,
-    COMMAND_NAMES,
     ack_to_wire,
     detector_heartbeat,
     heartbeat_to_wire,
@@ -34,11 +33,9 @@ from uavrt.tunnel.convert import (
     search_report_to_wire,
     tag_from_wire,
 )
-from uavrt.tunnel.header import HeaderMessage
-from uavrt.tunnel.raw_capture import RawCapture
+from uavrt.tunnel.g0 import HeaderMessage, TagG0
+from uavrt.tunnel.g1 import RawCapture, StartDetection, TagG1
 from uavrt.tunnel.requests import RequestCache, TagUpload, open_upload
-from uavrt.tunnel.start_detection import StartDetection
-from uavrt.tunnel.tag import TagG0, TagG1
 from uavrt.tunnel.wire import CommandId, Generation
 
 Asker = tuple[int, int]
@@ -49,9 +46,9 @@ PENDING = 64
 PROGRESS_VERSION, ALIVE_VERSION = 5, 6
 """Versions that brought OPERATION_PROGRESS and DETECTOR_HEARTBEAT."""
 STATES = {
-    "running": numbered.RUNNING,
-    "complete": numbered.COMPLETE,
-    "failed": numbered.FAILED,
+    "running": g2.RUNNING,
+    "complete": g2.COMPLETE,
+    "failed": g2.FAILED,
 }
 
 
@@ -147,7 +144,7 @@ class Exchange:
         """
         try:
             message = decode(payload)
-            if isinstance(message, numbered.Requests):
+            if isinstance(message, g2.Requests):
                 return self._request(message, payload, asker)
             return self._command(message, asker)
         except TunnelError as error:
@@ -184,7 +181,7 @@ class Exchange:
         if self.generation == "G0":
             return None
         if self.generation == "G2" and self._version >= ALIVE_VERSION:
-            return numbered.DetectorHeartbeat(tag_id=tag_id).encode()
+            return g2.DetectorHeartbeat(tag_id=tag_id).encode()
         return in_generation(detector_heartbeat(tag_id, time_ns), self.generation).encode()
 
     def heartbeat(self, state: SystemState, cpu_temperature_c: float | None) -> bytes | None:
@@ -195,7 +192,7 @@ class Exchange:
         if self.generation == "G1":
             return old.encode()
         first = self.generation == "G2v1"
-        kind = numbered.HeartbeatG2v1 if first else numbered.HeartbeatG2
+        kind = g2.HeartbeatG2v1 if first else g2.HeartbeatG2
         return kind(
             protocol_version=1 if first else self._version,
             system_id=old.system_id,
@@ -224,10 +221,11 @@ class Exchange:
 
     def _step(self, operation: Operation) -> Answer | None:
         question = self._operations.get(operation.name)
-        if question is None or self._version < PROGRESS_VERSION:
+        number = COMMANDS[operation.name].number
+        if question is None or number is None or self._version < PROGRESS_VERSION:
             return None
-        step = numbered.OperationProgress(
-            operation=COMMAND_IDS[operation.name],
+        step = g2.OperationProgress(
+            operation=number,
             request_id=question.request_id,
             state=STATES[operation.state],
             step=operation.step,
@@ -237,7 +235,7 @@ class Exchange:
         return Answer(step.encode(), question.asker)
 
     def _request(
-        self, message: numbered.Requests, payload: bytes, asker: Asker
+        self, message: g2.Requests, payload: bytes, asker: Asker
     ) -> Command | Answer | None:
         """Take a command of version 4 or later, once."""
         known = self._requests.repeated(asker, message.request_id, payload, self._clock_s())
@@ -252,7 +250,7 @@ class Exchange:
             asker=asker, number=number, generation="G2", request_id=message.request_id
         )
         try:
-            if isinstance(message, numbered.INFERRED) and not self._experimental:
+            if isinstance(message, g2.INFERRED) and not self._experimental:
                 raise TunnelError(
                     "this layout was never seen: mavlink.tunnel_experimental allows it", payload
                 )
@@ -263,32 +261,30 @@ class Exchange:
             self.counters["payloads_refused"] += 1
             return self._answer(question, False, str(error))
 
-    def _numbered_command(
-        self, message: numbered.Requests, question: _Question
-    ) -> Command | Answer:
+    def _numbered_command(self, message: g2.Requests, question: _Question) -> Command | Answer:
         match message:
-            case numbered.UploadG2(command=CommandId.START_TAGS):
+            case g2.UploadG2(command=CommandId.START_TAGS):
                 upload = open_upload(message, question.asker)
                 return self._ask(replace(question, upload=upload), "start_tags")
-            case numbered.UploadG2():
+            case g2.UploadG2():
                 self._open_upload(message).check_end(message, question.asker)
                 return self._ask(question, "end_tags")
-            case numbered.TagG2():
+            case g2.TagG2():
                 self._open_upload(message).check_tag(message, question.asker)
                 tag = tag_from_wire(message.tag)
                 question = replace(question, tag_index=message.tag_index)
                 return replace(self._ask(question, "add_tag"), tag=tag)
-            case numbered.StartDetectionG2(start=start):
+            case g2.StartDetectionG2(start=start):
                 return self._start(question, start)
-            case numbered.RawCaptureG2():
+            case g2.RawCaptureG2():
                 return self._capture(question, message.gain, message.frequency_hz)
-            case numbered.SetLogLevel():
+            case g2.SetLogLevel():
                 self.counters["log_levels"] += 1
                 return self._answer(question, True, "all levels are recorded")
-            case numbered.BareG2(command=command):
-                return self._ask(question, COMMAND_NAMES[command])
+            case g2.BareG2(command=command):
+                return self._ask(question, COMMAND_OF_NUMBER[command].name)
 
-    def _open_upload(self, message: numbered.Requests) -> TagUpload:
+    def _open_upload(self, message: g2.Requests) -> TagUpload:
         if self._upload is None:
             raise TunnelError("no upload is open: send START_TAGS first", message.encode())
         return self._upload
@@ -307,8 +303,8 @@ class Exchange:
                 question = self._plain(CommandId.RAW_CAPTURE, asker, message)
                 return self._capture(question, message.gain, message.frequency_hz)
             case HeaderMessage(command=command):
-                number = CommandId(command)
-                return self._ask(self._plain(number, asker, message), COMMAND_NAMES[number])
+                question = self._plain(command, asker, message)
+                return self._ask(question, COMMAND_OF_NUMBER[command].name)
             case _:
                 # Acknowledgements, pulses and heartbeats are ours to send, not to get.
                 self.counters["payloads_ignored"] += 1

@@ -9,7 +9,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 
 from uavrt.errors import TunnelError
-from uavrt.tunnel.numbered import TagG2, UploadG2
+from uavrt.tunnel.g2 import TagG2, UploadG2
 from uavrt.tunnel.wire import CommandId
 
 KEPT = 16

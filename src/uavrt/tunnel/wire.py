@@ -8,14 +8,13 @@ every machine.
 """
 
 import struct
-from enum import IntEnum
-from typing import Any, Literal
+from collections.abc import Callable
+from typing import Any, ClassVar, Protocol, Self
 
+from uavrt.commands import COMMANDS
+from uavrt.commands import CommandId as CommandId
+from uavrt.commands import Generation as Generation
 from uavrt.errors import TunnelError
-
-Generation = Literal["G0", "G1", "G2v1", "G2"]
-"""G0: the thesis (February 2023); G1: the newest without a version number (April 2026); G2v1:
-version 1; G2: versions 4 to 7."""
 
 MAX_PAYLOAD = 128
 """Payload bytes of one MAVLink TUNNEL message."""
@@ -24,24 +23,58 @@ PAYLOAD_TYPE = 0
 """MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN, as every version of the original sends it."""
 
 
-class CommandId(IntEnum):
-    """First member of every payload (reference/control.md §2.2, §2.3)."""
+class Fixed:
+    """A message of one length; its fields stand in the layout, in their order.
 
-    ACK = 1
-    START_TAGS = 2
-    END_TAGS = 3
-    TAG = 4
-    START_DETECTION = 5
-    STOP_DETECTION = 6
-    PULSE = 7
-    RAW_CAPTURE = 8
-    HEARTBEAT = 9
-    SAVE_LOGS = 12
-    CLEAN_LOGS = 13
-    AIRSPY_STATUS = 14
-    OPERATION_PROGRESS = 21
-    SET_LOG_LEVEL = 22
-    DETECTOR_HEARTBEAT = 23
+    A text is the last field: NUL-terminated, cut to what has room.
+    """
+
+    __slots__: tuple[str, ...] = ()
+    COMMAND: ClassVar[CommandId]
+    LAYOUT: ClassVar[struct.Struct]
+    TEXT_SIZE: ClassVar[int] = 0
+    """Bytes of the text with its NUL; 0: it has none."""
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        values = [getattr(self, name) for name in self.__slots__]
+        if self.TEXT_SIZE:
+            values[-1] = bytes_from_text(values[-1], self.TEXT_SIZE)
+        return pack(self.LAYOUT, self.COMMAND, *values)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        values = unpack(cls.LAYOUT, payload, cls.COMMAND)
+        if cls.TEXT_SIZE:
+            values = (*values[:-1], text_from_bytes(values[-1]))
+        return cls(**dict(zip(cls.__slots__, values, strict=True)))
+
+
+class Message(Protocol):
+    """What every message can."""
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+
+
+Decoder = Callable[[bytes], Message]
+Decoders = dict[tuple[int, int], Decoder]
+"""What to do with a payload of (command, length)."""
+
+
+def decoders_of(*kinds: type[Fixed]) -> Decoders:
+    """List the decoders of messages of one length."""
+    return {(kind.COMMAND, kind.LAYOUT.size): kind.decode for kind in kinds}
+
+
+def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> Decoders:
+    """List one decoder for all commands that have this length in this generation."""
+    return {
+        (row.number, length): decode
+        for row in COMMANDS.values()
+        if row.number is not None and length in row.lengths.get(generation, ())
+    }
 
 
 def command_name(number: int) -> str:
@@ -88,14 +121,20 @@ def unpack(layout: struct.Struct, payload: bytes, command: CommandId) -> tuple[A
     TunnelError
         Another length or another command.
     """
-    if len(payload) != layout.size:
-        raise TunnelError(
-            f"{command.name} has {len(payload)} bytes in place of {layout.size}", payload
-        )
+    check(payload, command, layout.size)
     values: tuple[Any, ...] = layout.unpack(payload)
-    if values[0] != command:
-        raise TunnelError(f"command {values[0]} in place of {command.name}", payload)
     return values[1:]
+
+
+def check(payload: bytes, command: CommandId, size: int) -> None:
+    """Raise `TunnelError` unless a payload has this length and command."""
+    if len(payload) != size:
+        raise TunnelError(
+            f"{command.name} has {len(payload)} bytes in place of {size}", payload
+        )
+    number = int.from_bytes(payload[:4], "little")
+    if number != command:
+        raise TunnelError(f"command {number} in place of {command.name}", payload)
 
 
 def text_from_bytes(field: bytes) -> str:

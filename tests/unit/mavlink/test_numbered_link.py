@@ -75,10 +75,10 @@ def test_the_ground_commands_a_drone_of_each_generation_over_a_lossy_radio(
             assert directory == "flight_log_x"
             await insist(ground.stop_detection)
             await insist(lambda: ground.capture(center_frequency_hz=148.7e6, gain=9))
-            await insist(ground.radio_status)
-            await insist(ground.clean_logs)
+            await insist(lambda: ground.ask("radio_status"))
+            await insist(lambda: ground.ask("clean_logs"))
             with pytest.raises(CommandRefused, match="flash drive not found"):
-                await insist(ground.save_logs)
+                await insist(lambda: ground.ask("save_logs"))
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
         names = [command.name for command in drone.commands]

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from uavrt.messages import Command, CommandReply, Pulse, PulsePose, SystemState, Tag
 from uavrt.tunnel import AckG0, AckG1, CommandId, PulseG0, PulseG1, decode, tag_to_wire
 from uavrt.tunnel.exchange import Answer, Exchange
-from uavrt.tunnel.header import HeaderMessage
-from uavrt.tunnel.start_detection import StartDetection
+from uavrt.tunnel.g0 import HeaderMessage
+from uavrt.tunnel.g1 import StartDetection
 
 QGC = (255, 190)
 MAVSDK = (245, 190)

@@ -1,4 +1,4 @@
-"""Messages of the numbered versions of the protocol (G2).
+"""G2: the messages of the numbered versions of the protocol.
 
 Version 1 ("G2v1") has the header of G1 and is confirmed field by field. From version 4 on
 ("G2") every payload begins with the command and a request id:
@@ -28,31 +28,25 @@ numbers of the operation's states (reference/control.md §2.4): they are used on
 """
 
 import struct
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass
+from typing import ClassVar, Self
 
 from uavrt.errors import TunnelError
-from uavrt.tunnel.pulse import PulseG1
-from uavrt.tunnel.start_detection import StartDetection
-from uavrt.tunnel.tag import TagG1
+from uavrt.tunnel.g1 import PulseG1, StartDetection, TagG1
 from uavrt.tunnel.wire import (
     CommandId,
-    bytes_from_text,
+    Decoders,
+    Fixed,
+    Generation,
+    check,
     command_of,
+    decoders_by_length,
+    decoders_of,
     pack,
-    text_from_bytes,
-    unpack,
 )
 
 HEADER = struct.Struct("<II")
 UPLOAD = struct.Struct("<IIII")
-ACK = struct.Struct("<IIIII108s")
-PROGRESS = struct.Struct("<IIIIIII100s")
-HEARTBEAT_V1 = struct.Struct("<IIHHf")
-HEARTBEAT = struct.Struct("<IIIHHf")
-CAPTURE = struct.Struct("<IIII")
-LOG_LEVEL = struct.Struct("<III")
-TAG_SIZE, START_SIZE, PULSE_SIZE, PULSE_V1_SIZE = 96, 48, 120, 128
 
 RUNNING, COMPLETE, FAILED = 0, 1, 2
 """State of an operation."""
@@ -123,7 +117,7 @@ class TagG2:
     @classmethod
     def decode(cls, payload: bytes) -> Self:
         """Read the payload; raises `TunnelError` for another length or command."""
-        _check(payload, CommandId.TAG, TAG_SIZE)
+        check(payload, CommandId.TAG, 96)
         _, request_id, upload_id, tag_index = UPLOAD.unpack(payload[:16])
         old = payload[:4] + payload[16:48] + bytes(4) + payload[48:]
         tag = TagG1.decode(old)
@@ -150,7 +144,7 @@ class StartDetectionG2:
     @classmethod
     def decode(cls, payload: bytes) -> Self:
         """Read the payload; raises `TunnelError` for another length or command."""
-        _check(payload, CommandId.START_DETECTION, START_SIZE)
+        check(payload, CommandId.START_DETECTION, 48)
         old = payload[:4] + payload[8:20] + payload[24:44] + bytes(4)
         return cls(
             request_id=int.from_bytes(payload[4:8], "little"),
@@ -160,73 +154,49 @@ class StartDetectionG2:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RawCaptureG2:
+class RawCaptureG2(Fixed):
     """Raw capture with a request id; its layout is inferred."""
 
+    COMMAND: ClassVar = CommandId.RAW_CAPTURE
+    LAYOUT: ClassVar = struct.Struct("<IIII")
     request_id: int
     gain: int
     frequency_hz: int
 
-    def encode(self) -> bytes:
-        """Bytes of the payload."""
-        fields = (self.request_id, self.gain, self.frequency_hz)
-        return pack(CAPTURE, CommandId.RAW_CAPTURE, *fields)
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
-        request_id, gain, frequency_hz = unpack(CAPTURE, payload, CommandId.RAW_CAPTURE)
-        return cls(request_id=request_id, gain=gain, frequency_hz=frequency_hz)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SetLogLevel:
+class SetLogLevel(Fixed):
     """How much the drone is to log (from version 6 on); number and layout are inferred."""
 
+    COMMAND: ClassVar = CommandId.SET_LOG_LEVEL
+    LAYOUT: ClassVar = struct.Struct("<III")
     request_id: int
     level: int
 
-    def encode(self) -> bytes:
-        """Bytes of the payload."""
-        return pack(LOG_LEVEL, CommandId.SET_LOG_LEVEL, self.request_id, self.level)
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
-        request_id, level = unpack(LOG_LEVEL, payload, CommandId.SET_LOG_LEVEL)
-        return cls(request_id=request_id, level=level)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AckG2:
-    """Acknowledgement of one request."""
+class AckG2(Fixed):
+    """Acknowledgement of one request; the message is cut to 107 bytes."""
 
+    COMMAND: ClassVar = CommandId.ACK
+    LAYOUT: ClassVar = struct.Struct("<I4xIII108s")
+    TEXT_SIZE: ClassVar = 108
     acked_command: int
     request_id: int
     result: int
     message: str
 
-    def encode(self) -> bytes:
-        """Bytes of the payload; the message is cut to 107 bytes."""
-        fields = (0, self.acked_command, self.request_id, self.result)
-        return pack(ACK, CommandId.ACK, *fields, bytes_from_text(self.message, 108))
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
-        _, acked, request_id, result, text = unpack(ACK, payload, CommandId.ACK)
-        return cls(
-            acked_command=acked,
-            request_id=request_id,
-            result=result,
-            message=text_from_bytes(text),
-        )
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OperationProgress:
-    """How far a request is that takes longer than its acknowledgement (from version 5 on)."""
+class OperationProgress(Fixed):
+    """How far a request is that takes longer than its acknowledgement (from version 5 on).
 
+    The message is cut to 99 bytes.
+    """
+
+    COMMAND: ClassVar = CommandId.OPERATION_PROGRESS
+    LAYOUT: ClassVar = struct.Struct("<I4xIIIII100s")
+    TEXT_SIZE: ClassVar = 100
     operation: int
     """Number of the command."""
     request_id: int
@@ -236,79 +206,39 @@ class OperationProgress:
     """0: not known."""
     message: str
 
-    def encode(self) -> bytes:
-        """Bytes of the payload; the message is cut to 99 bytes."""
-        fields = (0, self.operation, self.request_id, self.state, self.step, self.step_count)
-        text = bytes_from_text(self.message, 100)
-        return pack(PROGRESS, CommandId.OPERATION_PROGRESS, *fields, text)
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
-        values = unpack(PROGRESS, payload, CommandId.OPERATION_PROGRESS)[1:]
-        named = dict(zip(cls.__slots__, values, strict=True))
-        return cls(**{**named, "message": text_from_bytes(named["message"])})
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeartbeatG2v1:
+class HeartbeatG2v1(Fixed):
     """State of the drone side, with the version's number."""
 
+    COMMAND: ClassVar = CommandId.HEARTBEAT
+    LAYOUT: ClassVar = struct.Struct("<IIHHf")
     protocol_version: int
     system_id: int
     status: int
     cpu_temperature_c: float
 
-    def encode(self) -> bytes:
-        """Bytes of the payload."""
-        fields = (getattr(self, name) for name in self.__slots__)
-        return pack(HEARTBEAT_V1, CommandId.HEARTBEAT, *fields)
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
-        values = unpack(HEARTBEAT_V1, payload, CommandId.HEARTBEAT)
-        return cls(**dict(zip(cls.__slots__, values, strict=True)))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeartbeatG2:
+class HeartbeatG2(Fixed):
     """The same from version 4 on."""
 
+    COMMAND: ClassVar = CommandId.HEARTBEAT
+    LAYOUT: ClassVar = struct.Struct("<I4xIHHf")
     protocol_version: int
     system_id: int
     status: int
     cpu_temperature_c: float
 
-    def encode(self) -> bytes:
-        """Bytes of the payload."""
-        fields = (getattr(self, name) for name in self.__slots__)
-        return pack(HEARTBEAT, CommandId.HEARTBEAT, 0, *fields)
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
-        values = unpack(HEARTBEAT, payload, CommandId.HEARTBEAT)[1:]
-        return cls(**dict(zip(cls.__slots__, values, strict=True)))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DetectorHeartbeat:
+class DetectorHeartbeat(Fixed):
     """A detector's sign of life from version 6 on; number and layout are inferred."""
 
+    COMMAND: ClassVar = CommandId.DETECTOR_HEARTBEAT
+    LAYOUT: ClassVar = struct.Struct("<I4xII")
     tag_id: int
     detection_mode: int = 0
-
-    def encode(self) -> bytes:
-        """Bytes of the payload."""
-        fields = (0, self.tag_id, self.detection_mode)
-        return pack(CAPTURE, CommandId.DETECTOR_HEARTBEAT, *fields)
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
-        _, tag_id, mode = unpack(CAPTURE, payload, CommandId.DETECTOR_HEARTBEAT)
-        return cls(tag_id=tag_id, detection_mode=mode)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -328,7 +258,7 @@ class PulseG2v1:
     @classmethod
     def decode(cls, payload: bytes) -> Self:
         """Read the payload; raises `TunnelError` for another length or command."""
-        _check(payload, CommandId.PULSE, PULSE_V1_SIZE)
+        check(payload, CommandId.PULSE, 128)
         collection_id, slice_id = struct.unpack("<II", payload[4:12])
         pulse = PulseG1.decode(payload[:4] + payload[12:])
         return cls(pulse=pulse, collection_id=collection_id, slice_id=slice_id)
@@ -348,21 +278,40 @@ class PulseG2:
     @classmethod
     def decode(cls, payload: bytes) -> Self:
         """Read the payload; raises `TunnelError` for another length or command."""
-        _check(payload, CommandId.PULSE, PULSE_SIZE)
+        check(payload, CommandId.PULSE, 120)
         return cls(pulse=PulseG1.decode(payload[:4] + payload[8:16] + bytes(4) + payload[16:]))
 
 
+Messages = (
+    BareG2
+    | UploadG2
+    | TagG2
+    | StartDetectionG2
+    | RawCaptureG2
+    | SetLogLevel
+    | AckG2
+    | OperationProgress
+    | HeartbeatG2v1
+    | HeartbeatG2
+    | DetectorHeartbeat
+    | PulseG2v1
+    | PulseG2
+)
 Requests = BareG2 | UploadG2 | TagG2 | StartDetectionG2 | RawCaptureG2 | SetLogLevel
 """What a ground station sends from version 4 on."""
 INFERRED = (TagG2, StartDetectionG2, RawCaptureG2, SetLogLevel)
 """Those of them whose layout was never seen."""
-
-
-def with_request_id(message: Requests, request_id: int) -> Requests:
-    """Give the same message as another request."""
-    return replace(message, request_id=request_id)
-
-
-def _check(payload: bytes, command: CommandId, size: int) -> None:
-    if len(payload) != size or int.from_bytes(payload[:4], "little") != command:
-        raise TunnelError(f"{command.name} has {len(payload)} bytes, not {size}", payload)
+DECODERS: Decoders = {
+    **decoders_by_length("G2", 8, BareG2.decode),
+    (CommandId.START_TAGS, 16): UploadG2.decode,
+    (CommandId.END_TAGS, 16): UploadG2.decode,
+    (CommandId.TAG, 96): TagG2.decode,
+    (CommandId.START_DETECTION, 48): StartDetectionG2.decode,
+    **decoders_of(RawCaptureG2, SetLogLevel, OperationProgress),
+    **decoders_of(HeartbeatG2v1, HeartbeatG2, DetectorHeartbeat),
+}
+SAME_LENGTH: dict[Generation, Decoders] = {
+    "G2v1": {(CommandId.PULSE, 128): PulseG2v1.decode},
+    "G2": {(CommandId.PULSE, 120): PulseG2.decode, **decoders_of(AckG2)},
+}
+"""Of a drone's messages these have the length of an older one: the ground must know which."""

@@ -1,0 +1,78 @@
+from itertools import product
+from typing import get_args
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uavrt.commands import (
+    COMMANDS,
+    Accepted,
+    CommandName,
+    Refused,
+    Repeated,
+    SystemState,
+    outcome,
+)
+from uavrt.tunnel import g0, g1, g2
+
+NAMES: tuple[CommandName, ...] = get_args(CommandName)
+
+
+def test_every_command_is_a_row_with_an_answer_in_every_state() -> None:
+    assert tuple(COMMANDS) == NAMES
+    for row in COMMANDS.values():
+        assert set(row.states) == set(SystemState)
+
+
+def test_the_tunnel_reads_each_command_in_the_lengths_its_row_tells() -> None:
+    told = {
+        (generation, row.number, length)
+        for row in COMMANDS.values()
+        for generation, lengths in row.lengths.items()
+        for length in lengths
+    }
+    numbers = {row.number for row in COMMANDS.values()}
+    read = {
+        (generation, number, length)
+        for generation, decoders in (
+            ("G0", g0.DECODERS),
+            ("G1", g1.DECODERS),
+            ("G2", g2.DECODERS),
+        )
+        for number, length in decoders
+        if number in numbers
+    }
+    assert told == read
+
+
+def test_no_two_commands_share_a_number_or_a_button() -> None:
+    numbers = [row.number for row in COMMANDS.values() if row.number is not None]
+    actions = [row.button.action for row in COMMANDS.values() if row.button is not None]
+    assert len(set(numbers)) == len(numbers)
+    assert len(set(actions)) == len(actions)
+
+
+@pytest.mark.parametrize(("state", "command"), list(product(SystemState, NAMES)))
+def test_a_refusal_says_what_to_do(state: SystemState, command: CommandName) -> None:
+    result = outcome(state, command)
+    if isinstance(result, Refused):
+        assert ":" in result.reason
+
+
+@given(st.lists(st.sampled_from(NAMES)))
+def test_no_sequence_of_commands_locks_the_system_up(commands: list[CommandName]) -> None:
+    state = SystemState.IDLE
+    for command in [*commands, "stop_detection", "start_tags", "add_tag", "end_tags"]:
+        result = outcome(state, command)
+        if isinstance(result, Accepted):
+            state = result.state
+    assert state is SystemState.HAS_TAGS
+    assert outcome(state, "start_detection") == Accepted(SystemState.DETECTING)
+
+
+@given(st.sampled_from(SystemState), st.sampled_from(NAMES))
+def test_a_repeated_command_is_never_refused(state: SystemState, command: CommandName) -> None:
+    first = outcome(state, command)
+    if isinstance(first, Accepted):
+        assert isinstance(outcome(first.state, command), Accepted | Repeated)
