@@ -24,7 +24,7 @@ from uavrt.localization.flight_estimates import (
     heard_in,
     turns_in,
 )
-from uavrt.messages import Pose, PulsePose, Tag
+from uavrt.messages import PulsePose
 from uavrt.recording import Flight, FlightLayout, read_flight
 from uavrt.recording.formats import read_pulses
 
@@ -130,52 +130,20 @@ def heard_in_turns(flight: Flight) -> tuple[list[HeardInTurn], _Pulses]:
     """
     _check_poses(flight.pulse_poses)
     every = _by_tag(flight.pulse_poses)
-    rhythms = {tag.tag_id: rhythm_of(tag) for tag in flight.info.tags}
-    return _in_turns(every, pose_columns(flight.poses), rhythms), every
+    rhythms = {tag.tag_id: Rhythm.of(tag) for tag in flight.info.tags}
+    return _in_turns(every, PoseColumns.of(flight.poses), rhythms), every
 
 
 def _in_turns(
     every: _Pulses, poses: PoseColumns, rhythms: dict[int, Rhythm]
 ) -> list[HeardInTurn]:
-    columns = {tag_id: pulse_columns(pulses) for tag_id, pulses in every.items()}
+    columns = {tag_id: PulseColumns.of(pulses) for tag_id, pulses in every.items()}
     found = [
         heard_in(tag_id, turn, columns[tag_id], poses, rhythms.get(tag_id))
         for turn in turns_in(poses)
         for tag_id in sorted(columns)
     ]
     return [one for one in found if one is not None]
-
-
-def rhythm_of(tag: Tag) -> Rhythm:
-    """When a listed tag's pulses must come."""
-    return Rhythm(intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s)
-
-
-def pose_columns(poses: Iterable[Pose]) -> PoseColumns:
-    """Put poses into columns, each time once, in order."""
-    by_time = {pose.time_ns: pose for pose in poses}
-    ordered = [by_time[time] for time in sorted(by_time)]
-    return PoseColumns(
-        time_ns=np.array([pose.time_ns for pose in ordered], np.int64),
-        latitude_deg=np.array([pose.latitude_deg for pose in ordered]),
-        longitude_deg=np.array([pose.longitude_deg for pose in ordered]),
-        height_m=np.array([pose.altitude_relative_m for pose in ordered], np.float64),
-        quaternion_wxyz=np.array([pose.quaternion_wxyz for pose in ordered]).reshape(-1, 4),
-    )
-
-
-def pulse_columns(pulses: Sequence[PulsePose]) -> PulseColumns:
-    """Put one tag's pulses with poses, in order of time, into columns."""
-    poses = [one.pose for one in pulses if one.pose is not None]
-    return PulseColumns(
-        time_ns=np.array([one.pulse.start_time_ns for one in pulses], np.int64),
-        latitude_deg=np.array([pose.latitude_deg for pose in poses]),
-        longitude_deg=np.array([pose.longitude_deg for pose in poses]),
-        quaternion_wxyz=np.array([pose.quaternion_wxyz for pose in poses]).reshape(-1, 4),
-        snr_db=np.array([one.pulse.snr_db for one in pulses]),
-        noise_psd=np.array([one.pulse.noise_psd for one in pulses], np.float64),
-        rate=np.array([one.pulse.rate for one in pulses], np.int64),
-    )
 
 
 def _by_tag(pulse_poses: Iterable[PulsePose]) -> _Pulses:
@@ -210,7 +178,7 @@ def learnt_antenna(path: str | os.PathLike[str], antenna: str) -> AntennaPattern
 
 def _poses_of(every: _Pulses) -> PoseColumns:
     """The pulses' own poses: those of all tags together."""
-    return pose_columns(one.pose for pulses in every.values() for one in pulses if one.pose)
+    return PoseColumns.of(one.pose for pulses in every.values() for one in pulses if one.pose)
 
 
 def bearings_of_pulses(
@@ -239,7 +207,7 @@ def bearings_of_pulses(
 
 def _whole_log(tag_id: int, pulses: Sequence[PulsePose], poses: PoseColumns) -> HeardInTurn:
     """All pulses of a tag as those of one turn."""
-    columns = pulse_columns(pulses)
+    columns = PulseColumns.of(pulses)
     yaw = np.unwrap(poses.yaw_deg, period=360.0)
     place = (float(np.median(columns.latitude_deg)), float(np.median(columns.longitude_deg)))
     turn = Turn(

@@ -95,12 +95,7 @@ class Estimator:
         """
         poses = _pose_columns(columns)
         turns = turns_in(poses)
-        rhythms = {
-            tag.tag_id: Rhythm(
-                intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s
-            )
-            for tag in tags
-        }
+        rhythms = {tag.tag_id: Rhythm.of(tag) for tag in tags}
         tag_ids = sorted({int(tag_id) for tag_id in np.unique(columns["tag_id"])})
         heard: dict[int, list[tuple[int, HeardInTurn]]] = {}
         for tag_id in tag_ids:

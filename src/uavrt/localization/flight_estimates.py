@@ -4,7 +4,7 @@ The one way that the drone, the page, the report and the command line take, so t
 the same of the same flight.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,6 +19,7 @@ from uavrt.localization.learned_pattern import TurnPulses, learn_pattern
 from uavrt.localization.position import HEADING_SIGMA_DEG, Stations, estimate_position
 from uavrt.localization.records import Bearing, BearingMethod, Position, PositionMethod
 from uavrt.localization.turns import Turn, find_turns
+from uavrt.messages import Pose, PulsePose, Tag
 
 OWN_HEADING_SIGMA_DEG = 1.0
 """Error of a turn's headings that the flight's other turns do not share, at the least."""
@@ -35,7 +36,7 @@ _ONE_FLIGHT_S = 7200.0
 _GOES_ON_NS = 10_000_000_000
 """A turn whose end is this near to the last pose may go on."""
 _WHOLE_DEG = 270.0
-_POSE_STEP_NS = 180_000_000
+POSE_STEP_NS = 180_000_000
 """Poses closer than this tell nothing new of a turn."""
 LEAST_TURNS = 3
 """Fewer do not teach a pattern."""
@@ -57,6 +58,19 @@ class PoseColumns:
     """(n,) above the take-off; NaN where nobody knows."""
     quaternion_wxyz: _Floats
     """(n, 4)."""
+
+    @classmethod
+    def of(cls, poses: Iterable[Pose]) -> "PoseColumns":
+        """Put poses into columns, each time once, in order."""
+        by_time = {pose.time_ns: pose for pose in poses}
+        ordered = [by_time[time] for time in sorted(by_time)]
+        return cls(
+            time_ns=np.array([pose.time_ns for pose in ordered], np.int64),
+            latitude_deg=np.array([pose.latitude_deg for pose in ordered]),
+            longitude_deg=np.array([pose.longitude_deg for pose in ordered]),
+            height_m=np.array([pose.altitude_relative_m for pose in ordered], np.float64),
+            quaternion_wxyz=np.array([pose.quaternion_wxyz for pose in ordered]).reshape(-1, 4),
+        )
 
     @property
     def yaw_deg(self) -> _Floats:
@@ -80,6 +94,20 @@ class PulseColumns:
     rate: NDArray[np.int64]
     """(n,) which of the tag's intervals, from 1."""
 
+    @classmethod
+    def of(cls, pulses: Sequence[PulsePose]) -> "PulseColumns":
+        """Put one tag's pulses with poses, in order of time, into columns."""
+        poses = [one.pose for one in pulses if one.pose is not None]
+        return cls(
+            time_ns=np.array([one.pulse.start_time_ns for one in pulses], np.int64),
+            latitude_deg=np.array([pose.latitude_deg for pose in poses]),
+            longitude_deg=np.array([pose.longitude_deg for pose in poses]),
+            quaternion_wxyz=np.array([pose.quaternion_wxyz for pose in poses]).reshape(-1, 4),
+            snr_db=np.array([one.pulse.snr_db for one in pulses]),
+            noise_psd=np.array([one.pulse.noise_psd for one in pulses], np.float64),
+            rate=np.array([one.pulse.rate for one in pulses], np.int64),
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rhythm:
@@ -87,6 +115,11 @@ class Rhythm:
 
     intervals_s: tuple[float, ...]
     uncertainty_s: float
+
+    @classmethod
+    def of(cls, tag: Tag) -> "Rhythm":
+        """When a listed tag's pulses must come."""
+        return cls(intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -113,7 +146,7 @@ def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[
     """Find the turns of a flight, and the one that goes on, if any."""
     if len(poses.time_ns) < 4:
         return []
-    slots = (poses.time_ns - poses.time_ns[0]) // _POSE_STEP_NS
+    slots = (poses.time_ns - poses.time_ns[0]) // POSE_STEP_NS
     _, kept = np.unique(slots, return_index=True)
     every = find_turns(
         poses.time_ns[kept],
@@ -171,7 +204,11 @@ def missed_yaws_deg(
     if rhythm is None or not len(poses.time_ns):
         return np.zeros(0)
     times: list[float] = []
-    for (before, rate), (after, _) in pairwise(zip(pulses.time_ns, pulses.rate, strict=True)):
+    # From the last pulse before the turn to the first after it; the others tell nothing of it.
+    first = max(0, int(np.searchsorted(pulses.time_ns, turn.start_time_ns)) - 1)
+    last = int(np.searchsorted(pulses.time_ns, turn.end_time_ns, side="right")) + 1
+    near = zip(pulses.time_ns[first:last], pulses.rate[first:last], strict=True)
+    for (before, rate), (after, _) in pairwise(near):
         number = min(max(int(rate), 1), len(rhythm.intervals_s))
         interval_ns = rhythm.intervals_s[number - 1] * 1e9
         gap_ns = int(after) - int(before)

@@ -6,25 +6,26 @@ what reaches it; this is the stage that the drone runs when its table has the `e
 """
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from uavrt.errors import UsageError
 from uavrt.localization.antenna import AntennaPattern, pattern_named
-from uavrt.localization.attitude import Headings
-from uavrt.localization.bearing import estimate_bearing
 from uavrt.localization.flight_estimates import (
     EDGE_NS,
-    LEAST_PULSES,
-    LEAST_TURN_DEG,
-    OWN_HEADING_SIGMA_DEG,
+    POSE_STEP_NS,
+    HeardInTurn,
+    PoseColumns,
+    PulseColumns,
+    Rhythm,
+    antenna_as_shown,
+    bearing_of,
+    heard_in,
+    turns_in,
 )
-from uavrt.localization.turns import Turn, find_turns
-from uavrt.messages import LiveBearing, Pose, PulsePose
+from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
 
-_POSE_STEP_NS = 180_000_000
-"""Poses closer than this tell nothing new of a turn."""
 _KEPT_NS = 900_000_000_000
 """A turn is over after a quarter of an hour at most; older poses and pulses are let go."""
 
@@ -35,7 +36,9 @@ class LiveBearings:
     Parameters
     ----------
     antenna : AntennaPattern or str
-        The pattern, or its name.
+        The pattern, or its name; corrected by what whole turns show of it.
+    tags : sequence of Tag
+        Listed tags: their pulses that must have come and were not heard count too.
 
     Raises
     ------
@@ -43,20 +46,34 @@ class LiveBearings:
         There is no such antenna.
     """
 
-    def __init__(self, antenna: AntennaPattern | str = "RA-23K") -> None:
+    def __init__(
+        self, antenna: AntennaPattern | str = "RA-23K", tags: Sequence[Tag] = ()
+    ) -> None:
         self._pattern = pattern_named(antenna)
-        self.forget()
+        self.begin(tags)
 
-    def forget(self) -> None:
+    def begin(self, tags: Sequence[Tag] = ()) -> None:
         """Begin a new flight."""
+        self._rhythms = {tag.tag_id: Rhythm.of(tag) for tag in tags}
+        self._first_ns: int | None = None
         self._poses: list[Pose] = []
         self._pulses: dict[int, list[PulsePose]] = defaultdict(list)
-        self._given: dict[tuple[int, int], int] = {}
+        self._columns: dict[int, PulseColumns] = {}
+        self._taught: tuple[tuple[int, int], ...] = ()
+        self._shown = self._pattern
+        self._lessons = 0
+        self._given: dict[tuple[int, int], tuple[int, int, int]] = {}
 
     def add_poses(self, poses: Iterable[Pose]) -> None:
         """Take poses of the vehicle, in order of time."""
         for pose in poses:
-            if not self._poses or pose.time_ns - self._poses[-1].time_ns >= _POSE_STEP_NS:
+            if self._first_ns is None:
+                self._first_ns = pose.time_ns
+            # As `turns_in` thins them, so that the drone finds the turns that others find.
+            slot = (pose.time_ns - self._first_ns) // POSE_STEP_NS
+            if not self._poses or slot > (
+                (self._poses[-1].time_ns - self._first_ns) // POSE_STEP_NS
+            ):
                 self._poses.append(pose)
         if self._poses and self._poses[0].time_ns < self._poses[-1].time_ns - 2 * _KEPT_NS:
             after_ns = self._poses[-1].time_ns - _KEPT_NS
@@ -65,73 +82,87 @@ class LiveBearings:
                 self._pulses[tag_id] = [
                     one for one in pulses if one.pulse.start_time_ns >= after_ns
                 ]
+            self._columns.clear()
 
     def add_pulse(self, one: PulsePose) -> None:
         """Take a pulse; without a pose or a power it tells no direction."""
         if one.pose is not None and np.isfinite(one.pulse.snr_db):
             self._pulses[one.pulse.tag_id].append(one)
+            self._columns.pop(one.pulse.tag_id, None)
 
     def changed(self) -> list[LiveBearing]:
-        """Estimate what has new pulses since the last call; a few milliseconds for each."""
+        """Estimate what is new since the last call; a few milliseconds for each.
+
+        New are pulses in a turn, also those that were missed there; and what a turn that is
+        over shows of the antenna, by which all bearings are corrected.
+        """
+        heard = self._heard()
+        self._learn(heard)
         found = []
-        for turn in self._turns():
-            for tag_id, pulses in self._pulses.items():
-                inside = [one for one in pulses if _during(one, turn)]
-                key = (tag_id, turn.start_time_ns)
-                if len(inside) < LEAST_PULSES or self._given.get(key) == len(inside):
-                    continue
-                self._given[key] = len(inside)
-                bearing = self._bearing(tag_id, turn, inside)
-                if bearing is not None:
-                    found.append(bearing)
+        for one in heard:
+            key = (one.tag_id, one.turn.start_time_ns)
+            state = (len(one.snr_db), len(one.missed_yaw_deg), self._lessons)
+            if self._given.get(key) == state:
+                continue
+            self._given[key] = state
+            bearing = self._bearing(one)
+            if bearing is not None:
+                found.append(bearing)
         return found
 
-    def _turns(self) -> list[Turn]:
-        if not any(len(pulses) >= LEAST_PULSES for pulses in self._pulses.values()):
+    def _heard(self) -> list[HeardInTurn]:
+        """What was heard of each tag in each turn, in order of time and tag."""
+        if not self._pulses:
             return []
-        attitudes = [pose.quaternion_wxyz for pose in self._poses]
-        if len(attitudes) < 4:
-            return []
-        return find_turns(
-            np.array([pose.time_ns for pose in self._poses], np.int64),
-            Headings.from_quaternions(attitudes).yaw_deg,
-            np.array([pose.latitude_deg for pose in self._poses]),
-            np.array([pose.longitude_deg for pose in self._poses]),
-            height_m=np.array([pose.altitude_relative_m for pose in self._poses]),
-            least_turn_deg=LEAST_TURN_DEG,
-        )
-
-    def _bearing(self, tag_id: int, turn: Turn, inside: list[PulsePose]) -> LiveBearing | None:
-        try:
-            found = estimate_bearing(
-                None,
-                [one.pulse.snr_db for one in inside],
-                quaternion_wxyz=[one.pose.quaternion_wxyz for one in inside if one.pose],
-                antenna=self._pattern,
-                heading_sigma_deg=OWN_HEADING_SIGMA_DEG,
+        poses = PoseColumns.of(self._poses)
+        return [
+            heard
+            for turn in turns_in(poses)
+            for tag_id in sorted(self._pulses)
+            if (
+                heard := heard_in(
+                    tag_id, turn, self._pulses_of(tag_id), poses, self._rhythms.get(tag_id)
+                )
             )
+        ]
+
+    def _pulses_of(self, tag_id: int) -> PulseColumns:
+        if tag_id not in self._columns:
+            self._pulses[tag_id].sort(key=lambda one: one.pulse.start_time_ns)
+            self._columns[tag_id] = PulseColumns.of(self._pulses[tag_id])
+        return self._columns[tag_id]
+
+    def _learn(self, heard: Sequence[HeardInTurn]) -> None:
+        """Correct the pattern when one more turn is over; not with each of its pulses."""
+        over_ns = self._poses[-1].time_ns - 2 * EDGE_NS if self._poses else 0
+        over = [one for one in heard if one.turn.end_time_ns < over_ns]
+        taught = tuple((one.tag_id, one.turn.start_time_ns) for one in over)
+        if taught != self._taught:
+            self._taught = taught
+            shown = antenna_as_shown(over, self._pattern)
+            self._lessons += shown is not self._shown
+            self._shown = shown
+
+    def _bearing(self, heard: HeardInTurn) -> LiveBearing | None:
+        try:
+            found = bearing_of(heard, antenna=self._shown)
         except UsageError:
             return None
         assert found.sigma_deg is not None
         assert found.interval90_deg is not None
         return LiveBearing(
-            tag_id=tag_id,
-            start_time_ns=turn.start_time_ns,
-            end_time_ns=turn.end_time_ns,
-            turned_deg=turn.turned_deg,
-            latitude_deg=turn.latitude_deg,
-            longitude_deg=turn.longitude_deg,
+            tag_id=heard.tag_id,
+            start_time_ns=heard.turn.start_time_ns,
+            end_time_ns=heard.turn.end_time_ns,
+            turned_deg=heard.turn.turned_deg,
+            latitude_deg=heard.latitude_deg,
+            longitude_deg=heard.longitude_deg,
             bearing_deg=found.bearing_deg,
             sigma_deg=found.sigma_deg,
             interval90_deg=found.interval90_deg,
             level_db=found.level_db,
-            pulses=len(inside),
+            pulses=len(heard.snr_db),
             accepted=found.accepted,
             ambiguous=found.ambiguous,
             multipath_suspected=found.multipath_suspected,
         )
-
-
-def _during(one: PulsePose, turn: Turn) -> bool:
-    start_ns = one.pulse.start_time_ns
-    return turn.start_time_ns - EDGE_NS <= start_ns <= turn.end_time_ns + EDGE_NS

@@ -79,7 +79,10 @@ class Estimation:
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
-        self._stage = LiveBearings(frame.assignment.settings.bearings.antenna)
+        flight = frame.assignment.flight
+        self._stage = LiveBearings(
+            frame.assignment.settings.bearings.antenna, flight.tags if flight else ()
+        )
         self._outgoing = Outgoing()
         self._new = False
         self._next_ns = 0
@@ -94,7 +97,7 @@ class Estimation:
             case Poses():
                 self._stage.add_poses(record.poses)
             case FlightInfo() if topic == "flight":
-                self._stage.forget()
+                self._stage.begin(record.tags)
                 self._outgoing.clear()
                 self._next_ns = 0  # by another clock
 

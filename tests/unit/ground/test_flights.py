@@ -7,7 +7,7 @@ import math
 import shutil
 import sqlite3
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -28,8 +28,9 @@ from uavrt.ground.flight_keeper import FlightKeeper
 from uavrt.ground.flights import Columns, FlightLibrary
 from uavrt.ground.places import Mark, Places, home_note, mark_note
 from uavrt.localization import PATTERNS, TangentPlane
+from uavrt.localization.live_bearings import LiveBearings
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
-from uavrt.recording import read_flight
+from uavrt.recording import Flight, read_flight
 
 START_NS = 1_700_000_000_000_000_000
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
@@ -62,11 +63,17 @@ def pulse_at(pose: Pose, snr_db: float) -> PulsePose:
     return PulsePose(pulse=pulse, pose=pose)
 
 
-def fly(keeper: FlightKeeper, *, until_s: float = math.inf) -> None:
-    """Two full turns in place, 200 m apart, with a tag heard by the antenna's pattern."""
+def fly(
+    keeper: FlightKeeper,
+    *,
+    until_s: float = math.inf,
+    stations: Sequence[float] = (0.0, 200.0),
+    least_snr_db: float = -math.inf,
+) -> None:
+    """Full turns in place, 200 m apart, with a tag heard by the antenna's pattern."""
     rng = np.random.default_rng(5)
     seconds = 0.0
-    for station in (0.0, 200.0):
+    for station in stations:
         towards = math.degrees(math.atan2(TAG_EAST_M - station, TAG_NORTH_M))
         for step in range(int(TURN_S * 5)):
             if seconds > until_s:
@@ -75,7 +82,9 @@ def fly(keeper: FlightKeeper, *, until_s: float = math.inf) -> None:
             keeper.add_pose(pose)
             if step % 6 == 0:
                 gain = float(PATTERNS["RA-23K"].gain_db(towards - 360.0 * step / (TURN_S * 5)))
-                keeper.add_pulse(pulse_at(pose, 30.0 + gain + rng.normal(0.0, 1.0)))
+                snr_db = 30.0 + gain + rng.normal(0.0, 1.0)
+                if snr_db >= least_snr_db:
+                    keeper.add_pulse(pulse_at(pose, snr_db))
             seconds += 0.2
         for step in range(100):
             keeper.add_pose(pose_at(seconds, station + step * 2.0, 0.0))
@@ -190,35 +199,61 @@ def test_the_tag_is_found_where_it_is(flown: tuple[FlightLibrary, str]) -> None:
     assert position["heat"]["width"] > 10
 
 
-def test_the_page_the_command_line_and_the_report_tell_the_same(
-    flown: tuple[FlightLibrary, str],
+def live_bearings_of(flight: Flight) -> list[LiveBearing]:
+    """What the drone's own stage says last of each tag and turn, as the flight went on."""
+    stage = LiveBearings(tags=flight.info.tags)
+    said: dict[tuple[int, int], LiveBearing] = {}
+    fed_ns = 0
+    for number, pulse in enumerate(flight.pulse_poses):
+        now_ns = pulse.pulse.start_time_ns
+        stage.add_poses([pose for pose in flight.poses if fed_ns < pose.time_ns <= now_ns])
+        stage.add_pulse(pulse)
+        fed_ns = now_ns
+        if number % 10 == 0:
+            said |= {(one.tag_id, one.start_time_ns): one for one in stage.changed()}
+    stage.add_poses([pose for pose in flight.poses if pose.time_ns > fed_ns])
+    said |= {(one.tag_id, one.start_time_ns): one for one in stage.changed()}
+    return [said[key] for key in sorted(said, key=lambda key: key[1])]
+
+
+def test_drone_page_report_and_command_line_tell_the_same_of_one_flight(
+    keeper: FlightKeeper, tmp_path: Path
 ) -> None:
-    library, flight_id = flown
+    """Four turns that teach the antenna, with pulses that were missed."""
+    fly(keeper, stations=(0.0, 200.0, 400.0, 600.0), least_snr_db=13.0)
+    keeper.commit()
+    assert keeper.flight_id is not None
+    library, flight_id = FlightLibrary(tmp_path), keeper.flight_id
+    place = library.path(flight_id)
+
     tags = library.summary(flight_id).tags
     page = Estimator().estimate(library.columns(flight_id), AntennaChoice(), (), tags)
-    place = library.path(flight_id)
     (told,) = read_positions(place)
     survey = read_survey(place)
     (reported,) = survey.positions
+    drone = live_bearings_of(read_flight(place))
+
+    (shown,) = page.positions
     for other in (told.position, reported.position):
         assert other is not None
-        assert page.positions[0]["latitude_deg"] == pytest.approx(other.latitude_deg, abs=1e-9)
-        assert page.positions[0]["longitude_deg"] == pytest.approx(
-            other.longitude_deg, abs=1e-9
-        )
-        assert page.positions[0]["radius50_m"] == pytest.approx(other.radius50_m, abs=0.01)
-        assert page.positions[0]["radius95_m"] == pytest.approx(other.radius95_m, abs=0.01)
-        assert page.positions[0]["remarks"] == list(other.remarks)
-        assert "cannot be checked" in other.remarks[0]
+        assert shown["latitude_deg"] == pytest.approx(other.latitude_deg, abs=1e-9)
+        assert shown["longitude_deg"] == pytest.approx(other.longitude_deg, abs=1e-9)
+        assert shown["radius50_m"] == pytest.approx(other.radius50_m, abs=0.01)
+        assert shown["radius95_m"] == pytest.approx(other.radius95_m, abs=0.01)
+        assert shown["remarks"] == list(other.remarks)
         assert other.widenings
-    assert len(page.bearings) == len(survey.bearings)
-    for one, other_bearing in zip(page.bearings, survey.bearings, strict=True):
-        assert other_bearing.bearing.interval90_deg is not None
-        assert one["bearing_deg"] == pytest.approx(other_bearing.bearing.bearing_deg, abs=0.01)
-        assert one["interval90_deg"] == pytest.approx(
-            other_bearing.bearing.interval90_deg, abs=0.01
-        )
-        assert one["pulses"] <= other_bearing.bearing.pulses  # misses are counted there
+    assert len(page.bearings) == len(survey.bearings) == len(drone) == 4
+    for one, tag_bearing, live in zip(page.bearings, survey.bearings, drone, strict=True):
+        in_report = tag_bearing.bearing
+        assert in_report.interval90_deg is not None
+        assert one["bearing_deg"] == pytest.approx(in_report.bearing_deg, abs=0.01)
+        assert one["interval90_deg"] == pytest.approx(in_report.interval90_deg, abs=0.01)
+        assert one["pulses"] < in_report.pulses  # misses are counted there
+        assert live.bearing_deg == pytest.approx(in_report.bearing_deg, abs=0.01)
+        assert live.sigma_deg == pytest.approx(in_report.sigma_deg, abs=0.01)
+        assert live.interval90_deg == pytest.approx(in_report.interval90_deg, abs=0.01)
+        assert live.pulses == one["pulses"]
+        assert live.accepted == one["accepted"]
 
 
 def test_a_turn_that_goes_on_gives_a_wide_interval_that_narrows(keeper: FlightKeeper) -> None:

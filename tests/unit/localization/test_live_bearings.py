@@ -83,7 +83,7 @@ def test_nothing_new_gives_nothing_and_a_new_flight_begins_empty() -> None:
     assert stage.changed() == []
     assert turn(stage, 2, range(63, 64))
     assert stage.changed() == []
-    stage.forget()
+    stage.begin()
     stage.add_pulse(pulse(100.0, 0.0, 20.0))
     assert stage.changed() == []
 
