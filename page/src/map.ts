@@ -318,7 +318,7 @@ export class MapView implements FlightMap {
     if (this.framed !== (id ?? "none") || this.placedIn === key || !positions.length || (!store.review && !this.follow)) return;
     this.placedIn = key;
     const view = this.map.getBounds();
-    const ends = positions.flatMap((one) => [[one.longitude_deg, one.latitude_deg] as LonLat, ...one.region95.map((line) => line[0]!)]);
+    const ends = positions.flatMap((one) => [[one.longitude_deg, one.latitude_deg] as LonLat, ...one.region95.flat()]);
     if (!ends.every((one) => view.contains(one))) this.fit();
   }
 

@@ -49,7 +49,7 @@ export function placesOf(): LonLat[] {
   }
   for (const one of store.positions) {
     places.push([one.longitude_deg, one.latitude_deg]);
-    const ends = one.stations > 1 ? one.region95.flatMap((line) => [line[0]!, line.at(-1)!]) : [];
+    const ends = one.stations > 1 ? one.region95.flat() : [];
     places.push(...ends);
   }
   for (const one of store.marks()) places.push([one.longitude_deg, one.latitude_deg]);

@@ -100,6 +100,7 @@ def bearings_of_flight(
     method: BearingMethod = "pattern_ml",
     antenna: AntennaPattern | str = "RA-23K",
     learn: bool = True,
+    offset_deg: float = 0.0,
 ) -> list[TagBearing]:
     """One bearing for each tag and each turn in place, in order of time and tag.
 
@@ -112,7 +113,7 @@ def bearings_of_flight(
     UsageError
         No pulse has a pose.
     """
-    heard, every = heard_in_turns(flight)
+    heard, every = heard_in_turns(flight, offset_deg)
     return _estimated(heard, every, method, antenna, learn)
 
 
@@ -120,8 +121,13 @@ _Pulses = dict[int, list[PulsePose]]
 """Of each tag, those with a pose and a power, in order of time."""
 
 
-def heard_in_turns(flight: Flight) -> tuple[list[HeardInTurn], _Pulses]:
+def heard_in_turns(
+    flight: Flight, offset_deg: float = 0.0
+) -> tuple[list[HeardInTurn], _Pulses]:
     """What was heard of each tag in each turn in place, in order of time and tag.
+
+    Where the vehicle's poses are missing, those of the pulses stand. The antenna is turned by
+    an offset clockwise from the heading that the pulses carry.
 
     Raises
     ------
@@ -131,13 +137,19 @@ def heard_in_turns(flight: Flight) -> tuple[list[HeardInTurn], _Pulses]:
     _check_poses(flight.pulse_poses)
     every = _by_tag(flight.pulse_poses)
     rhythms = {tag.tag_id: Rhythm.of(tag) for tag in flight.info.tags}
-    return _in_turns(every, PoseColumns.of(flight.poses), rhythms), every
+    poses = PoseColumns.of(flight.poses).completed(_poses_of(every))
+    return _in_turns(every, poses, rhythms, offset_deg), every
 
 
 def _in_turns(
-    every: _Pulses, poses: PoseColumns, rhythms: dict[int, Rhythm]
+    every: _Pulses,
+    poses: PoseColumns,
+    rhythms: dict[int, Rhythm],
+    offset_deg: float = 0.0,
 ) -> list[HeardInTurn]:
-    columns = {tag_id: PulseColumns.of(pulses) for tag_id, pulses in every.items()}
+    columns = {
+        tag_id: PulseColumns.of(pulses).turned(offset_deg) for tag_id, pulses in every.items()
+    }
     found = [
         heard_in(tag_id, turn, columns[tag_id], poses, rhythms.get(tag_id))
         for turn in turns_in(poses)

@@ -4,13 +4,16 @@ import math
 from collections.abc import Sequence
 
 from uavrt.analysis.bearings import TagBearing
-from uavrt.localization import Position, TangentPlane
+from uavrt.analysis.positions import TagPosition
+from uavrt.localization import Position, TangentPlane, region_outlines
 
 Point = tuple[float, float]
 """Longitude, latitude [deg], as GeoJSON has it."""
 
 RAY_M = 1500.0
 """A ray whose tag has no position is drawn that long."""
+REGION_SHARES = (50, 95)
+"""Of a position's regions, in percent."""
 _STEP_DEG = 5.0
 
 
@@ -66,6 +69,18 @@ def region95(position: Position) -> list[Point] | None:
         east = along * math.sin(turned) + across * math.cos(turned)
         points.append(_point(plane, east, north))
     return points
+
+
+def region_lines(found: TagPosition | None, share: int) -> list[list[Point]]:
+    """Outlines of the smallest region with some percent; cut at the 180° meridian."""
+    if found is None or found.position is None or found.position.grid is None:
+        return []
+    rings = region_outlines(found.position.grid, share / 100.0)
+    return [
+        part
+        for ring in rings
+        for part in split_at_date_line([(float(lon), float(lat)) for lon, lat in ring])
+    ]
 
 
 def split_at_date_line(points: Sequence[Point]) -> list[list[Point]]:

@@ -32,6 +32,7 @@ from uavrt.recording import (
 )
 from uavrt.recording.formats import LogKind, read_pulse_log
 from uavrt.recording.formats.recognise import ORIGINAL_POSES
+from uavrt.recording.places import Mark, places_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,6 +95,16 @@ class Survey:
         return next((one for one in self.signals if one.tag_id == tag_id), None)
 
     @property
+    def marks(self) -> tuple[Mark, ...]:
+        """Places that the operator marked."""
+        return places_of(self.notes).marks
+
+    def label(self, tag_id: int) -> str:
+        """Get a tag's number, and its name if it has one."""
+        tag = self.tag(tag_id)
+        return f"tag {tag_id}" + (f" {tag.name}" if tag is not None and tag.name else "")
+
+    @property
     def span_ns(self) -> tuple[int, int] | None:
         """First and last time of anything in it; None when there is nothing."""
         times = [pose.time_ns for pose in self.track]
@@ -104,7 +115,11 @@ class Survey:
 
 
 def read_survey(
-    path: str | os.PathLike[str], *, antenna: str | None = None, height_m: float | None = None
+    path: str | os.PathLike[str],
+    *,
+    antenna: str | None = None,
+    height_m: float | None = None,
+    offset_deg: float = 0.0,
 ) -> Survey:
     """Read a flight directory or a pulse log of any kind; estimate bearings and positions.
 
@@ -118,6 +133,8 @@ def read_survey(
         Name of its pattern; without it RA-23K, and a monopole for UCSD's pings.
     height_m : float, optional
         With a monopole: the drone's height over the tags where the log does not tell it.
+    offset_deg : float
+        Of a flight: boresight clockwise from the heading that its pulses carry.
 
     Raises
     ------
@@ -127,12 +144,15 @@ def read_survey(
         There is no such antenna, or the report.toml beside it is damaged.
     """
     place = Path(path)
-    return replace(_read(place, antenna, height_m), facts=facts_of(place.resolve()))
+    return replace(_read(place, antenna, height_m, offset_deg), facts=facts_of(place.resolve()))
 
 
-def _read(place: Path, antenna: str | None, height_m: float | None) -> Survey:
+def _read(
+    place: Path, antenna: str | None, height_m: float | None, offset_deg: float
+) -> Survey:
     if FlightLayout(place).database.is_file():
-        return _of_flight(place, read_flight(place), antenna or antenna_of(()), height_m)
+        named = antenna or antenna_of(())
+        return _of_flight(place, read_flight(place), named, height_m, offset_deg)
     log = read_pulse_log(place)
     antenna = antenna or antenna_of([log.kind])
     pulses = tuple(sorted(log.pulse_poses, key=lambda one: one.pulse.start_time_ns))
@@ -186,7 +206,9 @@ def _reasons(positions: Iterable[TagPosition]) -> list[str]:
     ]
 
 
-def _of_flight(directory: Path, flight: Flight, antenna: str, height_m: float | None) -> Survey:
+def _of_flight(
+    directory: Path, flight: Flight, antenna: str, height_m: float | None, offset_deg: float
+) -> Survey:
     warnings: list[str] = []
     bearings: list[TagBearing] = []
     signals: list[TagSignal] = []
@@ -195,7 +217,9 @@ def _of_flight(directory: Path, flight: Flight, antenna: str, height_m: float | 
             flight.pulse_poses, flight.info.tags, flight.poses, height_m=height_m
         )
     else:
-        bearings = _attempted(lambda: bearings_of_flight(flight, antenna=antenna), warnings)
+        bearings = _attempted(
+            lambda: bearings_of_flight(flight, antenna=antenna, offset_deg=offset_deg), warnings
+        )
         positions = positions_of_bearings(bearings)
     without = sum(one.pose is None for one in flight.pulse_poses)
     if without:

@@ -23,12 +23,12 @@ from uavrt.ground.estimates import Estimator
 from uavrt.ground.exports import EXPORTS, export
 from uavrt.ground.flights import PULSE_COLUMNS, Columns
 from uavrt.ground.hub import encode
-from uavrt.ground.places import Places
 from uavrt.ground.ports import serial_ports
 from uavrt.ground.reports import POLICY, Reporter
 from uavrt.ground.session import GroundSession
 from uavrt.localization import PATTERNS
 from uavrt.messages import Tag
+from uavrt.recording.places import Places
 
 MAX_PAGE_NAME = 64
 FOR_ALL = ("mark", *(button.action for button in BUTTONS if button.any_page))
@@ -296,14 +296,9 @@ class Api:
         flight_id, name = _flight_id(request), request.path_params["name"]
         if name not in EXPORTS:
             return _Answer(404, {"error": f"there is no export {name[:40]!r}"})
-        columns = await self._columns(request)
         antenna = self._session.store.settings.antenna_choice
-        summary = self._session.library.summary(flight_id)
-        found = await asyncio.to_thread(
-            Estimator().estimate, columns, antenna, (), summary.tags
-        )
-        places = await asyncio.to_thread(self._session.library.places, flight_id)
-        content = await asyncio.to_thread(export, name, summary, columns, found, places)
+        path = await asyncio.to_thread(self._session.library.path, flight_id)
+        content = await asyncio.to_thread(export, name, path, antenna)
         return _download(content, f"{flight_id}.{name}", EXPORTS[name])
 
     async def report(self, request: Request) -> Any:

@@ -13,7 +13,7 @@ from uavrt.commands import Button
 from uavrt.errors import FormatError, LinkError, UavrtError
 from uavrt.ground.actions import ACTIONS, COMMAND_OF_ACTION, Busy, action_states
 from uavrt.ground.link import GroundLink
-from uavrt.ground.places import Mark, mark_note
+from uavrt.recording.places import Mark, mark_note
 
 if TYPE_CHECKING:
     from uavrt.ground.session import GroundSession

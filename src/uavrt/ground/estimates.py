@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
-from uavrt.ground.contours import contour_segments, refined
 from uavrt.ground.coordinates import readout
 from uavrt.ground.flights import Columns, known, yaw_deg
 from uavrt.localization import (
@@ -24,6 +23,7 @@ from uavrt.localization import (
     PositionGrid,
     TangentPlane,
     Turn,
+    region_outlines,
 )
 from uavrt.localization.flight_estimates import (
     HeardInTurn,
@@ -42,8 +42,6 @@ from uavrt.messages import LiveBearing, Tag
 
 SECTORS = 16
 """Wedges of the pulse rose, as the original ground station's finest rotation."""
-POSE_GAP_NS = 2_000_000_000
-"""Telemetry comes several times a second; this far from it, a pulse's own pose tells more."""
 _POSE_OF_PULSE = [1, *range(8, 15)]
 """Rows of `PULSE_COLUMNS` that are those of a pose: time, place, height, quaternion."""
 
@@ -224,27 +222,18 @@ def _von_mises(bearing_deg: float, sigma_deg: float) -> _Floats:
 
 
 def _pose_columns(columns: Columns) -> PoseColumns:
-    """The vehicle's poses, and the pulses' own where no others are.
+    """The vehicle's poses, and the pulses' own where no others are."""
+    posed = np.flatnonzero(np.isfinite(columns["quaternion_w"]))
+    return _poses(columns.poses).completed(_poses(columns.pulses[_POSE_OF_PULSE], posed))
 
-    Telemetry that a silent radio has lost never comes; the pulses of that time do.
-    """
-    # They come in order unless what is known of the drone's clock has changed on the way.
-    poses = columns.poses[:, np.argsort(columns.poses[0], kind="stable")]
-    posed = np.isfinite(columns["quaternion_w"])
-    alone = np.flatnonzero(posed & _far_from(poses[0], columns["start_time_ns"]))
-    if len(alone):
-        # Only these are copied: of 100 000 pulses a whole copy is 12 MB that stays with us.
-        own = columns.pulses[np.ix_(_POSE_OF_PULSE, alone)]
-        poses = np.concatenate([poses, own], axis=1)
-        poses = poses[:, np.argsort(poses[0], kind="stable")]
-    _, kept = np.unique(poses[0], return_index=True)
-    poses = poses[:, kept]
+
+def _poses(rows: _Floats, chosen: NDArray[np.intp] | slice = slice(None)) -> PoseColumns:
     return PoseColumns(
-        time_ns=poses[0].astype(np.int64),
-        latitude_deg=poses[1],
-        longitude_deg=poses[2],
-        height_m=poses[3],
-        quaternion_wxyz=poses[4:8].T,
+        time_ns=rows[0, chosen].astype(np.int64),
+        latitude_deg=rows[1, chosen],
+        longitude_deg=rows[2, chosen],
+        height_m=rows[3, chosen],
+        quaternion_wxyz=rows[4:8, chosen].T,
     )
 
 
@@ -258,21 +247,11 @@ def _pulse_columns(columns: Columns, tag_id: int, offset_deg: float) -> PulseCol
         time_ns=columns["start_time_ns"][chosen].astype(np.int64),
         latitude_deg=columns["latitude_deg"][chosen],
         longitude_deg=columns["longitude_deg"][chosen],
-        quaternion_wxyz=_turned(columns.pulses[11:15, chosen], offset_deg).T,
+        quaternion_wxyz=columns.pulses[11:15, chosen].T,
         snr_db=columns["snr_db"][chosen],
         noise_psd=columns["noise_psd"][chosen],
         rate=np.nan_to_num(columns["rate"][chosen], nan=1.0).astype(np.int64),
-    )
-
-
-def _far_from(known: _Floats, times: _Floats) -> NDArray[np.bool_]:
-    """(n,) which of `times` are farther than `POSE_GAP_NS` from every one of rising `known`."""
-    if not len(known):
-        return np.ones(len(times), bool)
-    after = np.searchsorted(known, times)
-    before_ns = times - known[np.maximum(after - 1, 0)]
-    after_ns = known[np.minimum(after, len(known) - 1)] - times
-    return np.minimum(np.abs(before_ns), np.abs(after_ns)) > POSE_GAP_NS
+    ).turned(offset_deg)
 
 
 def _bearing(
@@ -357,15 +336,12 @@ def _regions(position: Position) -> Record:
     if grid is None:
         return {"region50": [], "region95": [], "heat": None}
     plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
-    east, north, fine = refined(grid.east_m, grid.north_m, grid.probability)
-    ordered = np.sort(fine.ravel())[::-1]
-    summed = np.cumsum(ordered)
-    outlines = {}
-    for name, share in (("region50", 0.5), ("region95", 0.95)):
-        level = ordered[min(int(np.searchsorted(summed, share)), len(ordered) - 1)]
-        segments = contour_segments(east, north, fine, float(level))
-        latitude, longitude = plane.to_geodetic(segments[..., 0], segments[..., 1])
-        outlines[name] = np.round(np.stack([longitude, latitude], axis=-1), 7).tolist()
+    outlines = {
+        f"region{share}": [
+            np.round(ring, 7).tolist() for ring in region_outlines(grid, share / 100.0)
+        ]
+        for share in (50, 95)
+    }
     return {**outlines, "heat": _heat(grid, plane)}
 
 
@@ -397,15 +373,6 @@ def _rose(yaw: _Floats, snr_db: _Floats) -> list[float | None]:
         else None
         for sector in range(SECTORS)
     ]
-
-
-def _turned(quaternions: _Floats, offset_deg: float) -> _Floats:
-    """Turn (4, n) attitudes clockwise about their own down axis."""
-    if offset_deg == 0.0:
-        return quaternions
-    w, x, y, z = quaternions
-    c, s = np.cos(np.radians(offset_deg) / 2.0), np.sin(np.radians(offset_deg) / 2.0)
-    return np.stack([w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s])
 
 
 def _rounded(value: float | None) -> float | None:

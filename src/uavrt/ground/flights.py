@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError, RecordingError, UsageError
-from uavrt.ground.places import Places, places_of
 from uavrt.ground.prepared import PreparedColumns
 from uavrt.messages import Tag
 from uavrt.recording import FlightLayout, schema
+from uavrt.recording.places import Places, places_of
 from uavrt.recording.plain_database import open_plain
 
 CHUNK = 4000

@@ -31,7 +31,6 @@ from uavrt.ground.link import (
     GroundEvent,
     GroundLink,
 )
-from uavrt.ground.places import Mark, home_note
 from uavrt.ground.received import open_receipts
 from uavrt.ground.settings import GroundStore
 from uavrt.ground.skew import ClockSkew
@@ -41,6 +40,7 @@ from uavrt.ground.vehicle import VehicleWatch
 from uavrt.log import get_logger
 from uavrt.mavlink.frame import Frame
 from uavrt.messages import LiveBearing, PulsePose, SearchReport, StatusText, SystemState, Tag
+from uavrt.recording.places import Mark, home_note
 from uavrt.recording.pulse_files import pulse_record
 from uavrt.units import NANOSECONDS_PER_SECOND
 

@@ -5,7 +5,7 @@ the same of the same flight.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -41,6 +41,8 @@ POSE_STEP_NS = 180_000_000
 LEAST_TURNS = 3
 """Fewer do not teach a pattern."""
 _LEAST_TO_LEARN = 12
+POSE_GAP_NS = 2_000_000_000
+"""Telemetry comes several times a second; this far from it, a pulse's own pose tells more."""
 _MOST_TURNS = 24
 """More turns teach little, and cost."""
 
@@ -70,6 +72,27 @@ class PoseColumns:
             longitude_deg=np.array([pose.longitude_deg for pose in ordered]),
             height_m=np.array([pose.altitude_relative_m for pose in ordered], np.float64),
             quaternion_wxyz=np.array([pose.quaternion_wxyz for pose in ordered]).reshape(-1, 4),
+        )
+
+    def completed(self, others: "PoseColumns") -> "PoseColumns":
+        """Add poses of others, such as the pulses' own, at times of which these tell nothing.
+
+        Telemetry that a silent radio has lost never comes; the pulses of that time do. Both
+        may be out of order; each time stands once.
+        """
+        alone = np.flatnonzero(_far_from(np.sort(self.time_ns), others.time_ns))
+        time_ns = np.concatenate([self.time_ns, others.time_ns[alone]])
+        _, kept = np.unique(time_ns, return_index=True)
+
+        def joined(own: _Floats, theirs: _Floats) -> _Floats:
+            return np.asarray(np.concatenate([own, theirs[alone]])[kept])
+
+        return PoseColumns(
+            time_ns=time_ns[kept],
+            latitude_deg=joined(self.latitude_deg, others.latitude_deg),
+            longitude_deg=joined(self.longitude_deg, others.longitude_deg),
+            height_m=joined(self.height_m, others.height_m),
+            quaternion_wxyz=joined(self.quaternion_wxyz, others.quaternion_wxyz),
         )
 
     @property
@@ -108,6 +131,15 @@ class PulseColumns:
             rate=np.array([one.pulse.rate for one in pulses], np.int64),
         )
 
+    def turned(self, offset_deg: float) -> "PulseColumns":
+        """The same with the antenna turned clockwise about its own down axis."""
+        if offset_deg == 0.0:
+            return self
+        w, x, y, z = self.quaternion_wxyz.T
+        c, s = np.cos(np.radians(offset_deg) / 2.0), np.sin(np.radians(offset_deg) / 2.0)
+        parts = [w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s]
+        return replace(self, quaternion_wxyz=np.stack(parts, axis=1))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rhythm:
@@ -140,6 +172,16 @@ class HeardInTurn:
     noise_psd: _Floats
     missed_yaw_deg: _Floats
     """(m,) headings at pulses that must have come and were not heard."""
+
+
+def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(n,) which times are farther than `POSE_GAP_NS` from every one of rising `known_ns`."""
+    if not len(known_ns):
+        return np.ones(len(times_ns), bool)
+    after = np.searchsorted(known_ns, times_ns)
+    before_ns = times_ns - known_ns[np.maximum(after - 1, 0)]
+    after_ns = known_ns[np.minimum(after, len(known_ns) - 1)] - times_ns
+    return np.asarray(np.minimum(np.abs(before_ns), np.abs(after_ns)) > POSE_GAP_NS)
 
 
 def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[Turn]:

@@ -28,18 +28,60 @@ def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
         outer rings counter-clockwise, holes clockwise (RFC 7946). A region that the search area
         cuts is closed along its edge.
     """
-    ordered = np.sort(grid.probability.ravel())[::-1]
+    grid_east, grid_north, probability = refined(
+        np.asarray(grid.east_m), np.asarray(grid.north_m), grid.probability
+    )
+    ordered = np.sort(probability.ravel())[::-1]
     place = int(np.searchsorted(np.cumsum(ordered), min(share, 1.0 - 1e-12)))
     level = float(ordered[min(place, len(ordered) - 1)])
     plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
     rings = []
-    for rows, columns in _rings(np.pad(grid.probability, 1), level * (1.0 - 1e-9)):
+    for rows, columns in _rings(np.pad(probability, 1), level * (1.0 - 1e-9)):
         # Places between cells' centres; the added margin is one cell outside.
-        east = _along(grid.east_m, columns - 1.0)
-        north = _along(grid.north_m, rows - 1.0)
+        east = _along(grid_east, columns - 1.0)
+        north = _along(grid_north, rows - 1.0)
         latitude, longitude = plane.to_geodetic(east, north)
         rings.append(np.stack([longitude, latitude], axis=1))
     return rings
+
+
+def refined(
+    x: _Floats, y: _Floats, probability: _Floats, times: int = 4
+) -> tuple[_Floats, _Floats, _Floats]:
+    """Refine a probability over a grid: its logarithm by cubics through four neighbours.
+
+    Returns
+    -------
+    x, y : (times (nx - 1) + 1,), (times (ny - 1) + 1,) float64 arrays
+        The finer grid.
+    probability : float64 array
+        Sums to 1.
+    """
+    # Below 1e-12 of the peak nothing is drawn; a zero has no logarithm.
+    logs = np.log(np.maximum(probability, 1e-12 * probability.max()))
+    fine = np.exp(_cubic(_cubic(logs, times).T, times).T)
+    return (
+        np.linspace(x[0], x[-1], times * (len(x) - 1) + 1),
+        np.linspace(y[0], y[-1], times * (len(y) - 1) + 1),
+        fine / fine.sum(),
+    )
+
+
+def _cubic(values: _Floats, times: int) -> _Floats:
+    """Catmull-Rom interpolation along the last axis; the ends are carried on straight."""
+    first = 2.0 * values[:, :1] - values[:, 1:2]
+    last = 2.0 * values[:, -1:] - values[:, -2:-1]
+    p = np.concatenate([first, values, last], axis=1)
+    p0, p1, p2, p3 = (p[:, place : place + values.shape[1] - 1] for place in range(4))
+    t = (np.arange(times) / times)[None, None, :]
+    p0, p1, p2, p3 = (part[:, :, None] for part in (p0, p1, p2, p3))
+    between = 0.5 * (
+        2.0 * p1
+        + (p2 - p0) * t
+        + (2.0 * p0 - 5.0 * p1 + 4.0 * p2 - p3) * t**2
+        + (3.0 * p1 - p0 - 3.0 * p2 + p3) * t**3
+    )
+    return np.concatenate([between.reshape(len(values), -1), values[:, -1:]], axis=1)
 
 
 def _along(axis_m: _Floats, place: _Floats) -> _Floats:

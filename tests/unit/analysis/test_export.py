@@ -102,6 +102,7 @@ def test_geojson_follows_rfc_7946(survey: Survey, tmp_path: Path) -> None:
     layers = {feature["properties"]["layer"] for feature in collection["features"]}
     assert layers == {
         *("track", "pulse", "bearing", "bearing 90 %", "position", "position 95 %"),
+        *("region 50 %", "region 95 %"),
     }
     for feature in collection["features"]:
         assert set(feature) == {"type", "geometry", "properties"}

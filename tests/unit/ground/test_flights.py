@@ -21,16 +21,15 @@ from uavrt.analysis.survey import read_survey
 from uavrt.clock import Clock, iso_utc
 from uavrt.errors import UsageError
 from uavrt.ground import maps
-from uavrt.ground.contours import contour_segments, refined
 from uavrt.ground.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.exports import EXPORTS, export
 from uavrt.ground.flight_keeper import FlightKeeper
 from uavrt.ground.flights import Columns, FlightLibrary
-from uavrt.ground.places import Mark, Places, home_note, mark_note
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.live_bearings import LiveBearings
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
 from uavrt.recording import Flight, read_flight
+from uavrt.recording.places import Places, home_note, mark_note
 
 START_NS = 1_700_000_000_000_000_000
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
@@ -289,15 +288,15 @@ def test_an_offset_of_the_antenna_turns_the_bearing(flown: tuple[FlightLibrary, 
 
 @pytest.mark.parametrize("name", EXPORTS)
 def test_every_export_is_well_formed_and_holds_the_flight(
-    flown: tuple[FlightLibrary, str], name: str
+    flown: tuple[FlightLibrary, str], keeper: FlightKeeper, name: str
 ) -> None:
     library, flight_id = flown
+    keeper.add_note(mark_note(46.501, 8.001, "nest & eggs"), START_NS)
+    keeper.commit()
     columns = library.columns(flight_id)
-    seen = Mark(time_ns=START_NS, latitude_deg=46.501, longitude_deg=8.001, text="nest & eggs")
-    places = Places(home=None, marks=(seen,))
-    found = estimates(columns)
-    content = export(name, library.summary(flight_id), columns, found, places)
-    ends = {iso_utc(one["end_time_ns"]) for one in found.bearings}
+    place = library.path(flight_id)
+    content = export(name, place, AntennaChoice())
+    ends = {iso_utc(one.end_time_ns) for one in read_survey(place).bearings}
     match name:
         case "csv":
             rows = list(csv.DictReader(io.StringIO(content.decode())))
@@ -305,14 +304,14 @@ def test_every_export_is_well_formed_and_holds_the_flight(
             assert float(rows[0]["latitude_deg"]) == pytest.approx(46.5)
         case "geojson":
             features = json.loads(content)["features"]
-            kinds = [feature["properties"]["kind"] for feature in features]
+            kinds = [feature["properties"]["layer"] for feature in features]
             assert kinds.count("pulse") == columns.pulses.shape[1]
             assert kinds.count("bearing") == 2
-            assert (kinds.count("mark"), kinds.count("region")) == (1, 2)
+            assert [kinds.count(n) for n in ("mark", "region 50 %", "region 95 %")] == [1, 1, 1]
             (time,) = (
                 feature["properties"]["time"]
                 for feature in features
-                if feature["properties"]["kind"] == "position"
+                if feature["properties"]["layer"] == "position"
             )
             assert time in ends
         case "gpx":
@@ -332,6 +331,20 @@ def test_every_export_is_well_formed_and_holds_the_flight(
             assert b"http" not in document.replace(b"http://www.opengis.net/kml/2.2", b"")
     if name in ("gpx", "kml", "kmz"):
         assert b"<b>" not in content
+
+
+def test_an_offset_of_the_antenna_turns_the_bearings_of_exports_too(
+    flown: tuple[FlightLibrary, str],
+) -> None:
+    library, flight_id = flown
+
+    def first_bearing(choice: AntennaChoice) -> float:
+        collection = json.loads(export("geojson", library.path(flight_id), choice))
+        kinds = [feature["properties"] for feature in collection["features"]]
+        return float(next(one["bearing_deg"] for one in kinds if one["layer"] == "bearing"))
+
+    turned = first_bearing(AntennaChoice(offset_deg=90.0)) - first_bearing(AntennaChoice())
+    assert turned % 360.0 == pytest.approx(90.0, abs=0.5)
 
 
 def test_what_is_in_doubt_of_a_pulse_is_in_the_records_the_columns_and_the_table(
@@ -354,10 +367,10 @@ def test_what_is_in_doubt_of_a_pulse_is_in_the_records_the_columns_and_the_table
         assert columns[key][1] == number
         assert not columns[key][0] > 0
     np.testing.assert_array_equal(keeper.columns().pulses, columns.pulses)
-    table = export("csv", library.summary(name), columns, estimates(columns)).decode()
+    table = export("csv", library.path(name), AntennaChoice()).decode()
     rows = list(csv.DictReader(io.StringIO(table)))
     shown = [[row[key] for key in list(row)[-3:]] for row in rows]
-    assert shown == [["", "", "0"], ["4", "8", "1"]]
+    assert shown == [["", "", "false"], ["4 6", "8", "true"]]
 
 
 def test_no_name_leads_out_of_the_directory(tmp_path: Path) -> None:
@@ -385,29 +398,6 @@ def test_a_full_disk_is_told_and_mended(
     keeper.commit()
     assert keeper.fault is None
     assert len(read_flight(directory).pulse_poses) == 1
-
-
-def test_level_lines_of_a_cone_are_circles() -> None:
-    x, y = np.linspace(-10.0, 10.0, 41), np.linspace(-8.0, 8.0, 33)
-    cone = np.exp(-np.hypot(x[None, :], y[:, None]))
-    lines = contour_segments(x, y, cone, math.exp(-5.03))
-    radius = np.hypot(lines[..., 0], lines[..., 1])
-    np.testing.assert_allclose(radius, 5.03, atol=0.1)
-    ends = np.round(lines.reshape(-1, 2), 9)
-    _, counts = np.unique(ends, axis=0, return_counts=True)
-    assert set(counts) == {2}  # closed: every end is shared by two pieces
-
-
-def test_refining_keeps_the_probability_where_it_was() -> None:
-    x, y = np.linspace(0.0, 10.0, 11), np.linspace(0.0, 8.0, 9)
-    bell = np.exp(-((x[None, :] - 4.0) ** 2) / 3.0 - (y[:, None] - 5.0) ** 2)
-    fine_x, fine_y, fine = refined(x, y, bell / bell.sum())
-    assert fine.shape == (33, 41)
-    assert fine.sum() == pytest.approx(1.0)
-    assert fine_x[fine.argmax() % 41] == pytest.approx(4.0)
-    assert fine_y[fine.argmax() // 41] == pytest.approx(5.0)
-    exact = np.exp(-((fine_x[None, :] - 4.0) ** 2) / 3.0 - (fine_y[:, None] - 5.0) ** 2)
-    np.testing.assert_allclose(fine, exact / exact.sum(), atol=2e-4)
 
 
 def test_map_files_are_listed_and_their_tiles_turned_over(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from uavrt.localization import (
     signal_surface,
     strongest_signal,
 )
+from uavrt.localization.regions import refined
 
 PLANE = TangentPlane(latitude_deg=-12.0, longitude_deg=131.0)
 AXIS = np.arange(-200.0, 201.0, 4.0)
@@ -75,6 +76,18 @@ def test_cells_that_touch_at_a_corner_make_closed_rings_either_way() -> None:
         rings = region_outlines(grid_of(rng.random((len(AXIS), len(AXIS)))), 0.6)
         assert all(np.array_equal(ring[0], ring[-1]) for ring in rings)
         assert sum(area_m2(ring) for ring in rings) > 0
+
+
+def test_refining_keeps_the_probability_where_it_was() -> None:
+    x, y = np.linspace(0.0, 10.0, 11), np.linspace(0.0, 8.0, 9)
+    bell = np.exp(-((x[None, :] - 4.0) ** 2) / 3.0 - (y[:, None] - 5.0) ** 2)
+    fine_x, fine_y, fine = refined(x, y, bell / bell.sum())
+    assert fine.shape == (33, 41)
+    assert fine.sum() == pytest.approx(1.0)
+    assert fine_x[fine.argmax() % 41] == pytest.approx(4.0)
+    assert fine_y[fine.argmax() // 41] == pytest.approx(5.0)
+    exact = np.exp(-((fine_x[None, :] - 4.0) ** 2) / 3.0 - (fine_y[:, None] - 5.0) ** 2)
+    np.testing.assert_allclose(fine, exact / exact.sum(), atol=2e-4)
 
 
 def lines_over(tag: tuple[float, float]) -> PowerTrack:

@@ -6,10 +6,12 @@ from typing import Any
 
 from uavrt.analysis.power_survey import HeightBand, TagSignal
 from uavrt.analysis.shapes import (
+    REGION_SHARES,
     Point,
     ray,
     ray_length_m,
     region95,
+    region_lines,
     split_at_date_line,
     wedge,
 )
@@ -22,9 +24,9 @@ _PLACES = 8
 
 
 def geojson_text(survey: Survey) -> str:
-    """Write track, pulses, bearings with wedges, positions with regions."""
+    """Write track, pulses, bearings with wedges, positions with regions, and marks."""
     features = [*_track(survey), *_pulses(survey), *_bearings(survey), *_positions(survey)]
-    features += _strongest(survey)
+    features += [*_strongest(survey), *_marks(survey)]
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False)
 
 
@@ -189,6 +191,22 @@ def _positions(survey: Survey) -> list[dict[str, Any]]:
         found = survey.position_of(properties["tag_id"])
         area = None if found is None or found.position is None else region95(found.position)
         if area is not None:
-            properties = {"layer": "position 95 %", **properties}
-            features.append(_feature("Polygon", [_ring(area)], properties))
+            ellipse = {"layer": "position 95 %", **properties}
+            features.append(_feature("Polygon", [_ring(area)], ellipse))
+        for share in REGION_SHARES:
+            if lines := region_lines(found, share):
+                region = {"layer": f"region {share} %", "share": share, **properties}
+                rings = [[_rounded(point) for point in line] for line in lines]
+                features.append(_feature("MultiLineString", rings, region))
     return features
+
+
+def _marks(survey: Survey) -> list[dict[str, Any]]:
+    return [
+        _feature(
+            "Point",
+            _rounded((mark.longitude_deg, mark.latitude_deg)),
+            {"layer": "mark", "time": iso_utc(mark.time_ns), "text": mark.text},
+        )
+        for mark in survey.marks
+    ]

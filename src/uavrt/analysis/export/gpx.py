@@ -4,6 +4,7 @@ import math
 from xml.etree import ElementTree as ET
 
 import uavrt
+from uavrt.analysis.export.xml_text import printable
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
 
@@ -15,7 +16,7 @@ def gpx_text(survey: Survey) -> str:
     root = ET.Element("gpx", version="1.1", creator=f"uavrt {uavrt.__version__}")
     root.set("xmlns", NAMESPACE)
     metadata = ET.SubElement(root, "metadata")
-    ET.SubElement(metadata, "name").text = survey.name
+    ET.SubElement(metadata, "name").text = printable(survey.name)
     span = survey.span_ns
     if span is not None:
         ET.SubElement(metadata, "time").text = iso_utc(span[0])
@@ -27,15 +28,20 @@ def gpx_text(survey: Survey) -> str:
         time_ns = survey.position_time_ns(one.tag_id)
         if time_ns is not None:
             ET.SubElement(point, "time").text = iso_utc(time_ns)
-        ET.SubElement(point, "name").text = f"tag {one.tag_id}"
+        ET.SubElement(point, "name").text = printable(survey.label(one.tag_id))
         if position.radius95_m is not None:
             text = f"within {position.radius95_m:.0f} m with 95 %"
             ET.SubElement(point, "desc").text = text
         ET.SubElement(point, "type").text = "tag position"
+    for mark in survey.marks:
+        point = _point(root, "wpt", mark.latitude_deg, mark.longitude_deg)
+        ET.SubElement(point, "time").text = iso_utc(mark.time_ns)
+        ET.SubElement(point, "name").text = printable(mark.text) or "mark"
+        ET.SubElement(point, "type").text = "mark"
     track = thinned(survey.track)
     if track:
         line = ET.SubElement(root, "trk")
-        ET.SubElement(line, "name").text = survey.name
+        ET.SubElement(line, "name").text = printable(survey.name)
         segment = ET.SubElement(line, "trkseg")
         for pose in track:
             point = _point(segment, "trkpt", pose.latitude_deg, pose.longitude_deg)

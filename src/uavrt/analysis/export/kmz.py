@@ -10,7 +10,16 @@ from xml.etree import ElementTree as ET
 
 from uavrt.analysis.export.geojson import bearing_properties
 from uavrt.analysis.export.png import disc, heat, png_bytes, signal
-from uavrt.analysis.shapes import Point, ray, ray_length_m, region95, wedge
+from uavrt.analysis.export.xml_text import printable
+from uavrt.analysis.shapes import (
+    REGION_SHARES,
+    Point,
+    ray,
+    ray_length_m,
+    region95,
+    region_lines,
+    wedge,
+)
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
 from uavrt.localization import PositionGrid, SignalSurface, TangentPlane
@@ -22,13 +31,37 @@ _STYLES = {
     "bearing": ("ff00a5ff", None, 2.0),
     "wedge": ("8000a5ff", "2000a5ff", 1.0),
     "region": ("ff2828d7", "402828d7", 2.0),
+    "outline": ("ff2828d7", None, 1.0),
 }
+_PICTURES = ("GroundOverlay", "Icon")
 
 
 def kmz_bytes(survey: Survey) -> bytes:
     """Write track, and for each tag its pulses, bearings, position and heat map."""
     files: dict[str, bytes] = {"files/dot.png": png_bytes(disc(7, (31, 119, 180)))}
     files["files/tag.png"] = png_bytes(disc(11, (215, 40, 40)))
+    content = ET.tostring(_document(survey, files), encoding="utf-8", xml_declaration=True)
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        # The first .kml of the archive is the one that is opened.
+        archive.writestr("doc.kml", content)
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return packed.getvalue()
+
+
+def kml_text(survey: Survey) -> str:
+    """Write the same as plain KML: without pictures, which nothing would carry."""
+    root = _document(survey, {})
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag in _PICTURES:
+                parent.remove(child)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True)
+
+
+def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
+    """Make the KML, and put the pictures that it names into `files`."""
     root = ET.Element("kml", xmlns=NAMESPACE)
     document = ET.SubElement(root, "Document")
     _text(document, "name", survey.name)
@@ -38,14 +71,11 @@ def kmz_bytes(survey: Survey) -> bytes:
         _geometry(_placemark(document, "track", "track"), "LineString", track)
     for tag_id in survey.tag_ids:
         _tag(document, survey, tag_id, files)
-    content = ET.tostring(root, encoding="utf-8", xml_declaration=True)
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        # The first .kml of the archive is the one that is opened.
-        archive.writestr("doc.kml", content)
-        for name, data in files.items():
-            archive.writestr(name, data)
-    return packed.getvalue()
+    for seen in survey.marks:
+        mark = _placemark(document, seen.text or "mark", "mark")
+        _stamped(mark, seen.time_ns)
+        _geometry(mark, "Point", [(seen.longitude_deg, seen.latitude_deg)])
+    return root
 
 
 def _styles(document: ET.Element) -> None:
@@ -56,7 +86,10 @@ def _styles(document: ET.Element) -> None:
         _text(drawn, "width", str(width))
         if area is not None:
             _text(ET.SubElement(style, "PolyStyle"), "color", area)
-    for name, file, size in (("pulse", "dot", 0.4), ("position", "tag", 1.0)):
+    for name, file, size in (
+        *(("pulse", "dot", 0.4), ("position", "tag", 1.0)),
+        ("mark", "dot", 1.0),
+    ):
         style = ET.SubElement(document, "Style", id=name)
         icon_style = ET.SubElement(style, "IconStyle")
         _text(icon_style, "scale", str(size))
@@ -65,20 +98,25 @@ def _styles(document: ET.Element) -> None:
 
 
 def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
-    tag = survey.tag(tag_id)
     folder = ET.SubElement(document, "Folder")
-    name = f"tag {tag_id}" + (f" {tag.name}" if tag is not None and tag.name else "")
+    name = survey.label(tag_id)
     _text(folder, "name", name)
     found = survey.position_of(tag_id)
     position = None if found is None else found.position
     if position is not None:
         mark = _placemark(folder, name, "position")
         _text(mark, "description", _described(survey, tag_id), before="styleUrl")
+        time_ns = survey.position_time_ns(tag_id)
+        if time_ns is not None:
+            _stamped(mark, time_ns)
         place = (position.longitude_deg, position.latitude_deg)
         _geometry(mark, "Point", [place])
         area = region95(position)
         if area is not None:
             _polygon(_placemark(folder, f"{name} 95 %", "region"), area)
+        for share in REGION_SHARES:
+            if lines := region_lines(found, share):
+                _lines(_placemark(folder, f"{name}, {share} %", "outline"), lines)
         if position.grid is not None:
             file = f"files/heat_{tag_id}.png"
             files[file] = png_bytes(heat(position.grid.probability[::-1]))
@@ -161,9 +199,7 @@ def _pulses(folder: ET.Element, survey: Survey, tag_id: int) -> None:
         assert one.pose is not None
         snr = one.pulse.snr_db
         mark = _placemark(inner, f"{snr:.1f} dB" if math.isfinite(snr) else "", "pulse")
-        stamp = ET.Element("TimeStamp")
-        mark.insert(1, stamp)
-        _text(stamp, "when", iso_utc(one.pulse.start_time_ns))
+        _stamped(mark, one.pulse.start_time_ns)
         _geometry(mark, "Point", [(one.pose.longitude_deg, one.pose.latitude_deg)])
 
 
@@ -213,6 +249,20 @@ def _placemark(parent: ET.Element, name: str, style: str) -> ET.Element:
     return mark
 
 
+def _stamped(mark: ET.Element, time_ns: int) -> None:
+    """Give a placemark its time, before its style as the schema wants it."""
+    names = [child.tag for child in mark]
+    stamp = ET.Element("TimeStamp")
+    mark.insert(names.index("styleUrl"), stamp)
+    _text(stamp, "when", iso_utc(time_ns))
+
+
+def _lines(mark: ET.Element, lines: list[list[Point]]) -> None:
+    several = ET.SubElement(mark, "MultiGeometry")
+    for line in lines:
+        _geometry(several, "LineString", line)
+
+
 def _geometry(mark: ET.Element, kind: str, points: list[Point]) -> None:
     shape = ET.SubElement(mark, kind)
     if kind == "LineString":
@@ -235,8 +285,7 @@ def _text(
     parent: ET.Element, name: str, text: str | None, *, before: str | None = None
 ) -> None:
     element = ET.Element(name)
-    # XML 1.0 has no word for control characters.
-    element.text = "".join(c for c in text or "" if c >= " " or c in "\t\n")
+    element.text = printable(text)
     place = len(parent)
     if before is not None:
         place = next((i for i, child in enumerate(parent) if child.tag == before), place)

@@ -11,7 +11,13 @@ from uavrt.analysis.power_survey import TagSignal
 from uavrt.analysis.report.style import INK, SNR_COLORS, SOFT, message, tag_color
 from uavrt.analysis.shapes import Point, ray, ray_length_m, region95, wedge
 from uavrt.analysis.survey import Survey, thinned
-from uavrt.localization import Position, SignalSurface, StrongestSignal, TangentPlane
+from uavrt.localization import (
+    Position,
+    SignalSurface,
+    StrongestSignal,
+    TangentPlane,
+    region_outlines,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +26,7 @@ if TYPE_CHECKING:
 
 _LEAST_HALF_M = 120.0
 _NICE = (1, 2, 5)
+_SHADED_SHARES = (0.98, 0.9, 0.75, 0.5, 0.25)
 STRONGEST = "strongest signal; the tag is on a ring around it"
 
 
@@ -199,18 +206,20 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
 
 
 def _heat(chart: LocalMap, position: Position) -> None:
-    """Draw contours of the probability, out of the grid's own plane."""
-    grid = position.grid
-    if grid is None:
+    """Shade the regions that hold the tag with rising probability."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    if position.grid is None:
         return
-    plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
-    east, north = np.meshgrid(grid.east_m, grid.north_m)
-    latitude, longitude = plane.to_geodetic(east, north)
-    x, y = chart.plane.to_local(latitude, longitude)
-    share = grid.probability / grid.probability.max()
-    chart.axes.contourf(
-        x, y, share, levels=[0.02, 0.1, 0.25, 0.5, 0.75, 1.01], cmap="Reds", alpha=0.35
-    )
+    for share in _SHADED_SHARES:
+        rings = region_outlines(position.grid, share)
+        outlines = [np.stack(chart.line(map(tuple, ring)), axis=1) for ring in rings]
+        if outlines:
+            # Holes run the other way round, and stay open.
+            shape = Path.make_compound_path(*map(Path, outlines))
+            patch = PathPatch(shape, facecolor="firebrick", edgecolor="none", alpha=0.12)
+            chart.axes.add_patch(patch)
 
 
 def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
