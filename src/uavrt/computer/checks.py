@@ -13,7 +13,7 @@ from pathlib import Path
 
 from uavrt import native
 from uavrt.clock import Clock, wall_ns
-from uavrt.computer.service import RADIOS
+from uavrt.config.radios import RADIOS
 from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
 from uavrt.mavlink import Connection, Handlers
@@ -115,7 +115,7 @@ def check_permissions(settings: Settings) -> Finding:
 
 
 def _radio_nodes() -> Iterator[Path]:
-    known = {(vendor, product) for vendor, product, _ in RADIOS}
+    known = {usb[:2] for row in RADIOS.values() for usb in row.usb}
     for device in SYSFS_USB.glob("*"):
         with suppress(OSError, ValueError):
             vendor = (device / "idVendor").read_text().strip()

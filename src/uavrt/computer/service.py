@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from uavrt.config.radios import RADIOS
 from uavrt.config.text_files import write_text_atomically
 from uavrt.errors import UsageError
 
@@ -22,15 +23,6 @@ WANTED_PATH = Path("etc/systemd/system/multi-user.target.wants") / UNIT
 RULE_PATH = Path("etc/udev/rules.d/60-uavrt.rules")
 WATCHDOG_S = 15
 """The supervisor speaks every second; the tuner may hold it for 10 s as a flight starts."""
-
-RADIOS = (
-    ("1d50", "60a1", "Airspy Mini and R2"),
-    ("03eb", "800c", "Airspy HF+"),
-    ("0bda", "2838", "RTL-SDR"),
-    ("0bda", "2832", "RTL-SDR"),
-    ("1d50", "6089", "HackRF One"),
-)
-"""USB vendor, product and name."""
 
 DRIVES = ("/media", "/run/media")
 """Where drives that are plugged in appear: "save logs" copies the flights there."""
@@ -149,7 +141,7 @@ def _home_access(plan: ServicePlan) -> str:
 def rule_text() -> str:
     """Write the udev rule."""
     lines = ["# uavrt: radios for the group plugdev, also over ssh and for services"]
-    for vendor, product, name in RADIOS:
+    for vendor, product, name in (usb for row in RADIOS.values() for usb in row.usb):
         lines.append(f"# {name}")
         lines.append(
             f'SUBSYSTEM=="usb", ATTR{{idVendor}}=="{vendor}", ATTR{{idProduct}}=="{product}", '

@@ -11,9 +11,10 @@ import textwrap
 import tomllib
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
-from uavrt.config.settings import RADIO_GROUP, RadioKind, Settings
+from uavrt.config.radios import RADIOS
+from uavrt.config.settings import RADIO_GROUP, Settings
 from uavrt.config.text_files import decode_text, write_text_atomically
 from uavrt.config.toml_lines import find_lines, line_of
 from uavrt.errors import ConfigError
@@ -82,7 +83,7 @@ def _unknown_radio(
     """Line and text of the fault, if the radio's kind is neither ours nor any package's."""
     table = document.get("radio")
     kind = table.get("kind", "airspy") if isinstance(table, dict) else "airspy"
-    kinds = Registry[object](RADIO_GROUP, dict.fromkeys(get_args(RadioKind)))
+    kinds = Registry[object](RADIO_GROUP, dict.fromkeys(RADIOS))
     if not isinstance(kind, str) or kind in kinds:
         return []
     given = json.dumps(kind, ensure_ascii=False)[:60]

@@ -10,22 +10,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
+from uavrt.config.radios import RADIOS
 from uavrt.config.settings import OperatingModeName, Settings
 from uavrt.errors import ConfigError
 from uavrt.messages import Tag
 
 Kind = Literal["whole", "real", "switch", "choice"]
-
-GAIN_RANGES: dict[str, tuple[int, int]] = {
-    # Airspy: "sensitivity" gain. HF+: steps of 6 dB, 8 is no attenuation. RTL-SDR: decibel; 0
-    # would be its automatic gain, which follows the pulses themselves. HackRF: LNA and VGA.
-    "airspy": (0, 21),
-    "airspyhf": (0, 8),
-    "rtlsdr": (1, 50),
-    "hackrf": (0, 102),
-    "soapy": (0, 120),
-}
-"""Lowest and highest gain of each radio, in its own steps."""
 
 SIGNIFICANT_DIGITS = 7
 """Of a float32, in which parameters travel; so 0.005 comes out as 0.005."""
@@ -252,7 +242,7 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
         raise ConfigError(f"no parameter {name}: known are {', '.join(PARAMETERS)}")
     low, high = parameter.low, parameter.high
     if name == "RADIO_GAIN":
-        low, high = GAIN_RANGES.get(settings.radio.kind, GAIN_RANGES["soapy"])
+        low, high = RADIOS.get(settings.radio.kind, RADIOS["soapy"]).gains
     allowed = math.isfinite(value) and replace(parameter, low=low, high=high).allows(value)
     if not allowed:
         whole = "" if parameter.kind == "real" else "whole, "

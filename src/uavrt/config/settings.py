@@ -34,7 +34,6 @@ OperatingModeName = Literal[
 ]
 """Names of `uavrt.detection.OperatingMode`, those of the original's ``detectorConfig.txt``."""
 NamedValuesName = Literal["all", "snr", "off"]
-RadioKind = Literal["airspy", "airspyhf", "rtlsdr", "hackrf", "soapy"]
 RADIO_GROUP = "uavrt.radios"
 """Entry points of this group add kinds of radio (docs/how-to/extend.md)."""
 

@@ -6,7 +6,7 @@ from uavrt.radio.channel_source import ChannelDatagramSource
 from uavrt.radio.formats import CF32, CI8, CS16, CU8, FORMATS, SampleFormat, sample_format
 from uavrt.radio.opening import open_channel, open_radio, open_recording, open_stream
 from uavrt.radio.program import ProgramSource, check_device
-from uavrt.radio.programs import PROGRAMS, RadioProgram, receive_command
+from uavrt.radio.programs import PROGRAMS, receive_command
 from uavrt.radio.recording import Layout, RecordingSource, Segment
 from uavrt.radio.soapy import SoapySource
 from uavrt.radio.source import SampleSource
@@ -26,7 +26,6 @@ __all__ = [
     "Layout",
     "NominalTimes",
     "ProgramSource",
-    "RadioProgram",
     "RecordingSource",
     "SampleFormat",
     "SampleSource",

@@ -1,10 +1,12 @@
 """Open whatever holds samples: a radio, a pipe or a recording."""
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Literal
 
 from uavrt.clock import Clock
+from uavrt.config.radios import RADIOS
 from uavrt.config.settings import RADIO_GROUP, RadioSettings
 from uavrt.errors import FormatError
 from uavrt.plugins import Registry
@@ -22,20 +24,28 @@ from uavrt.radio.recording import (
     raw_layout,
 )
 from uavrt.radio.sigmf import sigmf_layout
-from uavrt.radio.soapy import SoapySource
 from uavrt.radio.source import SampleSource
 from uavrt.radio.stream import StreamSource
 from uavrt.radio.wav import wav_layout
 
-
-def _soapy(
-    settings: RadioSettings, center_frequency_hz: float, clock: Clock | None
-) -> SampleSource:
-    return SoapySource(settings, center_frequency_hz, clock=clock)
-
-
 RadioOpener = Callable[[RadioSettings, float, Clock | None], SampleSource]
-RADIOS: Registry[RadioOpener] = Registry(RADIO_GROUP, {"soapy": _soapy})
+
+
+def _opener(module: str) -> RadioOpener:
+    def open_it(
+        settings: RadioSettings, center_frequency_hz: float, clock: Clock | None
+    ) -> SampleSource:
+        source: SampleSource = import_module(module).open_radio(
+            settings, center_frequency_hz, clock
+        )
+        return source
+
+    return open_it
+
+
+OPENERS: Registry[RadioOpener] = Registry(
+    RADIO_GROUP, {kind: _opener(row.module) for kind, row in RADIOS.items() if not row.receive}
+)
 """Radios that are not programs, those that installed packages add included: each is opened
 with the settings, the frequency to tune to [Hz] and the system's clock."""
 
@@ -79,8 +89,8 @@ def open_radio(
     """
     if settings.kind in PROGRAMS:
         return ProgramSource(settings, center_frequency_hz, clock=clock)
-    if settings.kind in RADIOS:
-        return RADIOS[settings.kind](settings, center_frequency_hz, clock)
+    if settings.kind in OPENERS:
+        return OPENERS[settings.kind](settings, center_frequency_hz, clock)
     return ProgramSource(settings, center_frequency_hz, clock=clock)
 
 

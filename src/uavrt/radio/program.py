@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from typing import Final
 
 from uavrt.clock import Clock, monotonic_s
+from uavrt.config.radios import RadioRow
 from uavrt.config.settings import RadioSettings
 from uavrt.errors import RadioMissing, RadioStalled
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
+from uavrt.radio.formats import sample_format
 from uavrt.radio.programs import (
     PROGRAMS,
-    RadioProgram,
     commands_before,
     exit_error,
     receive_command,
@@ -92,7 +93,7 @@ class ProgramSource(StreamSource):
         os.set_blocking(self._words, False)
         super().__init__(
             self._child.stdout.fileno(),
-            self._program.sample_format,
+            sample_format(self._program.sample_format),
             sample_rate_hz=settings.sample_rate_hz,
             center_frequency_hz=center_frequency_hz,
             clock=clock,
@@ -303,7 +304,7 @@ def _run(command: Sequence[str], package: str) -> subprocess.CompletedProcess[st
         ) from error
 
 
-def _talkative(program: RadioProgram, settings: RadioSettings) -> list[str]:
+def _talkative(program: RadioRow, settings: RadioSettings) -> list[str]:
     """List the arguments that make this version of the program tell of its overruns, if any."""
     if settings.program or not program.overruns_option:
         return []

@@ -24,11 +24,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.clock import flight_stamp
+from uavrt.config.radios import RADIOS
 from uavrt.errors import RecordingError
 
-_RADIO_PROCESSES = frozenset(
-    {"airspy_rx", "airspyhf_rx", "rtl_sdr", "hackrf_transfer", "radio"}
-)
+_RADIO_PROCESSES = {"radio", *(row.receive for row in RADIOS.values())}
 
 
 @dataclass(frozen=True, slots=True)

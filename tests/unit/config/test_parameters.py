@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.config.parameters import (
-    GAIN_RANGES,
     PARAMETERS,
     parameter_values,
     tags_with_overrides,
     with_parameter,
 )
+from uavrt.config.radios import RADIOS
 from uavrt.config.settings import (
     DetectionSettings,
     OperatingModeName,
@@ -36,7 +36,7 @@ def test_the_defaults_are_those_of_the_settings_and_names_fit_mavlink() -> None:
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_each_parameter_takes_its_bounds_and_nothing_beyond(name: str) -> None:
     row = PARAMETERS[name]
-    low, high = GAIN_RANGES["airspy"] if name == "RADIO_GAIN" else (row.low, row.high)
+    low, high = RADIOS["airspy"].gains if name == "RADIO_GAIN" else (row.low, row.high)
     for value in (low, high, row.default):
         changed = with_parameter(Settings(), name, value)
         assert parameter_values(changed)[name] == value

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from uavrt.clock import monotonic_s
-from uavrt.config.settings import RadioKind, RadioSettings
+from uavrt.config.settings import RadioSettings
 from uavrt.errors import ConfigError, RadioMissing, RadioStalled, RadioStopped
 from uavrt.radio import PROGRAMS, ProgramSource, check_device, open_radio, receive_command
+from uavrt.radio.formats import sample_format
 
 Install = Callable[[str, str], None]
 
@@ -133,7 +134,7 @@ def test_each_radio_is_started_with_its_arguments_and_its_samples_are_read(
 ) -> None:
     program = PROGRAMS[settings.kind]
     expected = np.arange(-100, 100).repeat(2).astype(np.float32)
-    stored = program.sample_format
+    stored = sample_format(program.sample_format)
     data = (expected / 128 * stored.full_scale + stored.zero).astype(stored.dtype)
     install("rtl_biast", "print('bias', sys.argv[1:])")
     install(
@@ -173,9 +174,7 @@ def test_a_program_in_place_of_the_usual_one_gets_its_arguments_after_its_own() 
 
 
 @pytest.mark.parametrize("kind", PROGRAMS)
-def test_a_program_that_is_not_there_names_its_package(
-    install: Install, kind: RadioKind
-) -> None:
+def test_a_program_that_is_not_there_names_its_package(install: Install, kind: str) -> None:
     settings = RadioSettings(kind=kind, sample_rate_hz=PROGRAMS[kind].rates_hz[0])
     with pytest.raises(RadioMissing, match=f"sudo apt install {PROGRAMS[kind].package}"):
         open_radio(settings, 148e6)
@@ -193,7 +192,7 @@ def test_a_program_that_is_not_there_names_its_package(
     ],
 )
 def test_an_absent_device_is_told_by_the_information_program(
-    install: Install, kind: RadioKind, words: str, status: int
+    install: Install, kind: str, words: str, status: int
 ) -> None:
     # Words and statuses of the real programs (Debian 12), run without a device.
     install(PROGRAMS[kind].inform[0], f"print({words!r}); sys.exit({status})")
@@ -219,7 +218,7 @@ def test_a_device_that_is_there_is_described(install: Install) -> None:
     ],
 )
 def test_the_end_of_a_program_is_reported_with_its_last_words(
-    install: Install, kind: RadioKind, words: str, error: type[Exception], remedy: str
+    install: Install, kind: str, words: str, error: type[Exception], remedy: str
 ) -> None:
     install("rtl_biast", "")
     # hackrf_transfer prints its usage on stdout when it fails; that must not become samples.

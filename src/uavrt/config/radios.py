@@ -1,0 +1,114 @@
+"""The table of radios: one row each.
+
+Gains that a ground station may set, kinds that ``uavrt.toml`` may name, programs, names of
+logs, and what the service may open derive from it. A new radio is a row here and the module
+that it names: what its program is started with (``arguments``, and ``commands_before`` if
+something must be run first) or, without a program, how it is opened (``open_radio``).
+
+Checked against the programs of Debian 12: airspy 1.0.10, airspyhf 1.6.8, rtl-sdr 0.6.0,
+hackrf 2022.09.1.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RadioRow:
+    """One row of the table."""
+
+    kind: str
+    title: str
+    """The radio's name for people."""
+    module: str
+    gains: tuple[int, int]
+    """Lowest and highest gain in the radio's own steps."""
+    default_gain: int | None = None
+    """None: its driver's."""
+    package: str
+    """Debian package with the programs."""
+    receive: str = ""
+    """Program that writes samples to stdout; empty: it needs none."""
+    inform: tuple[str, ...] = ()
+    """Program that tells whether a device is there."""
+    sample_format: str = "cf32"
+    """Of the program's samples (`uavrt.radio.formats`)."""
+    rates_hz: tuple[float, float] = (0.0, float("inf"))
+    """Lowest and highest sample rate."""
+    overruns_option: str = ""
+    """Option, in versions that have it, that makes the program count its overruns on stderr."""
+    absent: tuple[str, ...] = ()
+    """Words of its programs that mean that there is no device."""
+    usb: tuple[tuple[str, str, str], ...] = ()
+    """USB vendor, product and name."""
+
+
+RADIOS: dict[str, RadioRow] = {
+    row.kind: row
+    for row in (
+        RadioRow(
+            kind="airspy",
+            title="Airspy",
+            module="uavrt.radio.airspy",
+            package="airspy",
+            receive="airspy_rx",
+            inform=("airspy_info",),
+            gains=(0, 21),  # "sensitivity" gain
+            default_gain=21,
+            rates_hz=(1e6, 10e6),
+            absent=("_ERROR_NOT_FOUND",),
+            usb=(("1d50", "60a1", "Airspy Mini and R2"),),
+        ),
+        RadioRow(
+            kind="airspyhf",
+            title="Airspy HF+",
+            module="uavrt.radio.airspyhf",
+            package="airspyhf",
+            receive="airspyhf_rx",
+            inform=("airspyhf_info",),
+            gains=(0, 8),  # steps of 6 dB, 8 is no attenuation
+            default_gain=8,
+            rates_hz=(1e5, 1e6),
+            absent=("No devices attached", "airspyhf_open() failed"),
+            usb=(("03eb", "800c", "Airspy HF+"),),
+        ),
+        RadioRow(
+            kind="rtlsdr",
+            title="RTL-SDR",
+            module="uavrt.radio.rtlsdr",
+            package="rtl-sdr",
+            receive="rtl_sdr",
+            inform=("rtl_eeprom",),
+            sample_format="cu8",
+            # Decibel; 0 would be its automatic gain, which follows the pulses themselves.
+            gains=(1, 50),
+            default_gain=40,
+            # The RTL2832 resamples properly only within 225 to 300 kS/s and 0.9 to 3.2 MS/s.
+            rates_hz=(225e3, 3.2e6),
+            absent=("No supported devices", "No matching devices"),
+            usb=(("0bda", "2838", "RTL-SDR"), ("0bda", "2832", "RTL-SDR")),
+        ),
+        RadioRow(
+            kind="hackrf",
+            title="HackRF",
+            module="uavrt.radio.hackrf",
+            package="hackrf",
+            receive="hackrf_transfer",
+            inform=("hackrf_info",),
+            sample_format="ci8",
+            gains=(0, 102),  # LNA and VGA together
+            default_gain=64,
+            rates_hz=(2e6, 20e6),
+            overruns_option="-B",
+            absent=("_ERROR_NOT_FOUND", "No HackRF boards", "HackRF not found"),
+            usb=(("1d50", "6089", "HackRF One"),),
+        ),
+        RadioRow(
+            kind="soapy",
+            title="SoapySDR",
+            module="uavrt.radio.soapy",
+            package="python3-soapysdr",
+            gains=(0, 120),
+        ),
+    )
+}
+"""By the name that ``[radio] kind`` gives it."""

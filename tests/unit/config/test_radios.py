@@ -1,0 +1,64 @@
+"""What derives from the table of radios."""
+
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from uavrt.computer.service import rule_text
+from uavrt.config.loader import load_settings
+from uavrt.config.parameters import with_parameter
+from uavrt.config.radios import RADIOS, RadioRow
+from uavrt.errors import ConfigError
+from uavrt.radio.formats import sample_format
+from uavrt.recording.layout import FlightLayout
+
+ROOT = Path(__file__).parents[3]
+EACH = pytest.mark.parametrize("radio", RADIOS.values(), ids=lambda row: row.kind)
+
+
+@EACH
+def test_its_module_says_how_it_is_started_or_opened(radio: RadioRow) -> None:
+    module = import_module(radio.module)
+    assert hasattr(module, "arguments" if radio.receive else "open_radio")
+    assert sample_format(radio.sample_format)
+
+
+@EACH
+def test_the_settings_take_it_and_a_ground_station_sets_its_gains(
+    radio: RadioRow, tmp_path: Path
+) -> None:
+    path = tmp_path / "uavrt.toml"
+    path.write_text(f'[radio]\nkind = "{radio.kind}"\n')
+    settings = load_settings(path)
+    for gain in radio.gains:
+        assert with_parameter(settings, "RADIO_GAIN", gain).radio.gain == gain
+    with pytest.raises(ConfigError, match=f"{radio.gains[0]} to {radio.gains[1]}"):
+        with_parameter(settings, "RADIO_GAIN", radio.gains[1] + 1)
+
+
+@EACH
+def test_the_manual_shows_its_program_its_package_and_its_gains(radio: RadioRow) -> None:
+    page = (ROOT / "docs/reference/radios.md").read_text(encoding="utf-8")
+    line = next(line for line in page.splitlines() if line.startswith(f"| `{radio.kind}`"))
+    assert radio.package in line
+    if radio.receive:
+        assert f"`{radio.receive}`" in line
+        assert f"{radio.gains[0]}–{radio.gains[1]}" in line
+        assert re.search(rf"; {radio.default_gain} \|$", line)
+
+
+@EACH
+def test_the_words_of_its_program_lie_with_those_of_the_radio(radio: RadioRow) -> None:
+    if radio.receive:
+        log = FlightLayout(Path("flight")).process_log(radio.receive)
+        assert log.parent.name == "airspy_csdr_netcat_log"
+
+
+@EACH
+def test_the_service_may_open_it(radio: RadioRow) -> None:
+    for vendor, product, name in radio.usb:
+        assert vendor in rule_text()
+        assert product in rule_text()
+        assert name in rule_text()
