@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.bursts import Bursts
-from uavrt.detection.search import Candidate, RateSearch, best_first
+from uavrt.detection.search import Anchors, Candidate, RateSearch, best_first
 from uavrt.native import kernels
 
 _ANCHORS_AT_ONCE = 96
@@ -54,8 +53,6 @@ class AnchorSearch(RateSearch):
         self.anchor_powers: list[float] = []
         self.tested = [0] * k
         """How many of the anchors were tested in each place."""
-        self.bursts: Bursts | None = None
-        """Takes the anchors that are done with."""
 
     def begin_at(self, column: int) -> None:
         """Begin in mid-stream: the first column that will be pushed is this one."""
@@ -64,6 +61,10 @@ class AnchorSearch(RateSearch):
 
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         return search_together([self], power[np.newaxis], noise[np.newaxis])[0]
+
+    def open_anchors(self) -> Anchors:
+        """Get the anchors that the search is not done with."""
+        return self.anchor_columns, self.anchor_rows, self.anchor_powers
 
     def kind(self) -> tuple[int, ...]:
         """What searches that `search_together` must have in common and keep for ever."""
@@ -143,10 +144,8 @@ class AnchorSearch(RateSearch):
         # Those tested as the first of K, which waits longest, are done with.
         keep = tested[0]
         if keep:
-            if self.bursts is not None:
-                self.bursts.add(
-                    columns[:keep], self.anchor_rows[:keep], self.anchor_powers[:keep]
-                )
+            if self.pass_on is not None:
+                self.pass_on(columns[:keep], self.anchor_rows[:keep], self.anchor_powers[:keep])
             del columns[:keep], self.anchor_rows[:keep], self.anchor_powers[:keep]
             self.tested = [upto - keep for upto in tested]
         due.members += [member] * (len(due.columns) - len(due.members))

@@ -83,9 +83,8 @@ class SearchBand:
         """How loud the noise is at each time, over `noise`."""
         self._anchor_searches = [s for s in self._searches if isinstance(s, AnchorSearch)]
         self._bursts = Bursts(grid, tag.pulse_width_s)
-        if self._anchor_searches:
-            # The cells of all rates are the same.
-            self._anchor_searches[0].bursts = self._bursts
+        # The cells of all rates are the same.
+        self._searches[0].pass_on = self._bursts.add
         self._begun = 0
         self._kind: tuple[int, ...] | None = None
         """What never changes of what bands that go on together have in common; None: alone."""
@@ -192,15 +191,14 @@ class SearchBand:
         known : sequence of Known
             Pulses of tags that are sure: no bursts.
         """
-        if self._anchor_searches:
-            search = self._anchor_searches[0]
-            self._bursts.look(
-                (search.anchor_columns, search.anchor_rows, search.anchor_powers),
-                self._noise.level,
-                now_column=search.columns,
-                begin_column=self._begun,
-                known=known,
-            )
+        search = self._searches[0]
+        self._bursts.look(
+            search.open_anchors(),
+            self._noise.level,
+            now_column=search.columns,
+            begin_column=self._begun,
+            known=known,
+        )
         return self._bursts
 
     def score(self) -> float:

@@ -1,6 +1,7 @@
 """What else is on air: bursts heard lately that a track does not explain, and how often.
 
-The anchors of the search are all cells strong enough to be a pulse. Those that lie on the
+The anchors of the search are all cells strong enough to be a pulse; the search for long groups
+has none and hands over its strong cells. Those that lie on the
 lattice of no tag are bursts of something else: of a hopper, of the slots of a frame, of speech.
 Their rate says how often one lies by chance where a tag's pulse is expected. In noise alone
 there are none, and nothing is different for a tag.
@@ -18,7 +19,7 @@ from uavrt.detection.refine import Measured
 from uavrt.detection.thresholds import effective_hypotheses
 from uavrt.detection.tracks import Track
 
-_LEAST_POWER = 13.0
+LEAST_POWER = 13.0
 """Of a burst: noise reaches it once in six seconds in a channel of 3.75 kHz."""
 _NOISE_SIGMAS = 3.0
 """By which bursts must be more than noise makes to be counted as more."""
@@ -163,7 +164,7 @@ class Bursts:
         away = (row - own_row + turn / 2.0) % turn - turn / 2.0
         own = np.abs(away) <= _OWN_ROWS
         bands = max(1.0, len(offsets) / ROWS_PER_BIN)
-        least = max(_LEAST_POWER, found.power / like)
+        least = max(LEAST_POWER, found.power / like)
         noise_per_s = self._noise_per_s * math.exp(-least)
         begin, chance = 0.0, 0.0
         for window_s in _WINDOWS_S:
@@ -262,7 +263,7 @@ class Bursts:
         time_s = np.array(cells[0]) * self._column_s
         row = np.array(cells[1])
         power = np.array(cells[2]) / noise[row]
-        strong = power >= _LEAST_POWER
+        strong = power >= LEAST_POWER
         time_s, row, power = time_s[strong], row[strong], power[strong]
         strongest = (-power).argsort(kind="stable")
         place = (time_s / self._width_s).astype(np.intp) * 4096 + row // ROWS_PER_BIN

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.bursts import LEAST_POWER
 from uavrt.detection.grid import ROWS_PER_BIN, sliding_maximum
 from uavrt.detection.search import Candidate, RateSearch, best_first
 
@@ -38,6 +39,8 @@ class LongSearch(RateSearch):
 
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         reach, tail = self.reach, self._tail
+        if self.pass_on is not None:
+            self._pass_on(power, noise)
         if not self.columns and not tail.size:
             # The very first columns have no past: zeros stand for it.
             tail = np.zeros((self.rows, reach), np.float32)
@@ -58,6 +61,23 @@ class LongSearch(RateSearch):
         if self.columns > self._first_columns:
             self.threshold = self._steady_threshold
         return self._search_dense(noise)
+
+    def _pass_on(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> None:
+        """Hand over new cells that are strong, the tops of their rows in time."""
+        row, column = np.nonzero(power >= LEAST_POWER * noise[:, np.newaxis])
+        if not len(row):
+            return
+        strong = power[row, column]
+        top = strong >= power[row, np.maximum(column - 1, 0)]
+        top &= strong >= power[row, np.minimum(column + 1, power.shape[1] - 1)]
+        row, column, strong = row[top], column[top], strong[top]
+        order = column.argsort(kind="stable")
+        # Columns before the first are the maxima's margin.
+        begin = self.columns + (self._tail.shape[1] - self.reach if self._tail.size else 0)
+        assert self.pass_on is not None
+        self.pass_on(
+            (column[order] + begin).tolist(), row[order].tolist(), strong[order].tolist()
+        )
 
     def _search_dense(self, noise: NDArray[np.float32]) -> list[Candidate]:
         """Every cell as the last pulse, every interval: for many pulses in a small volume.

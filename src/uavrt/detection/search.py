@@ -11,6 +11,7 @@ the original enumerates 3 to the power K patterns).
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ from numpy.typing import NDArray
 
 from uavrt.detection.known import KnownPulses
 
+Anchors = tuple[list[int], list[int], list[float]]
+"""Columns, rows and powers of strong cells, in order of time."""
 CELL_LIMIT = 14.0
 """Most that one cell adds to a sum of several, in noise powers: 0.5 of a K = 3 threshold.
 
@@ -126,6 +129,12 @@ class RateSearch(ABC):
         """What the threshold is multiplied by while the noise is hardly known."""
         self.known: KnownPulses | None = None
         """What they explain need not be returned."""
+        self.pass_on: Callable[[list[int], list[int], list[float]], None] | None = None
+        """Takes strong cells that the search is done with: columns, rows and powers."""
+
+    def open_anchors(self) -> Anchors:
+        """Get the strong cells that the search is not done with."""
+        return [], [], []
 
     @property
     def steady(self) -> bool:

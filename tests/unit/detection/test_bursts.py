@@ -76,6 +76,15 @@ def test_a_hopper_confirms_no_tag_that_is_not_there() -> None:
     assert confirmed == 0
 
 
+@pytest.mark.parametrize("on_air", [Hopper(6.0), Slots(0.060, slot_s=0.015, busy=0.05)])
+def test_bursts_confirm_no_tag_of_long_groups(on_air: Hopper | Slots) -> None:
+    rng = np.random.default_rng([7, 0])
+    samples = noise(rng, round(40.0 * RATE_HZ))
+    samples += on_air(rng, len(samples))
+    pulses, _ = detect(samples, replace(THESIS_TAG, k=10), frequency_window_hz=500.0)
+    assert sum(pulse.confirmed for pulse in pulses) <= 1
+
+
 def test_peaks_of_noise_are_no_bursts_that_keep_single_pulses_back() -> None:
     tag = replace(THESIS_TAG, k=1, false_alarm_probability=0.3)
     seconds = 150.0
