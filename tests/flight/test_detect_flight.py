@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from command_line import uavrt
 
+from uavrt.attitude import from_euler_deg, yaw_deg
 from uavrt.clock import iso_utc
 from uavrt.messages import FlightInfo, Pose, Poses, Tag
-from uavrt.pose import from_euler_deg, yaw_deg
 from uavrt.recording import FlightRecorder, read_flight
 
 CENTER_HZ, RATE_HZ, SECONDS = 148.7e6, 375_000, 12

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from uavrt.attitude import euler_deg
 from uavrt.clock import Clock
 from uavrt.ground.link import GroundLink
 from uavrt.mavlink import dialect
@@ -23,7 +24,6 @@ from uavrt.recording import read_flight
 from uavrt.simulation import Scenario
 from uavrt.simulation.flight import Flight, Leg
 from uavrt.simulation.scenario import Radio, SimulatedTag
-from uavrt.tunnel import euler_deg
 
 SITE = """
 import os, sys, time
@@ -77,8 +77,8 @@ def turning_scenario(duration_s: float) -> Scenario:
 def yaw_error_deg(scenario: Scenario, item: PulsePose) -> float:
     assert item.pose is not None
     middle_ns = (item.pulse.start_time_ns + item.pulse.end_time_ns) // 2 - BEFORE_S * 10**9
-    truth = euler_deg(scenario.vehicle_pose(middle_ns).quaternion_wxyz)[2]
-    told = euler_deg(item.pose.quaternion_wxyz)[2]
+    truth = euler_deg(scenario.vehicle_pose(middle_ns).quaternion_wxyz)[0]
+    told = euler_deg(item.pose.quaternion_wxyz)[0]
     return (told - truth + 180.0) % 360.0 - 180.0
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from uavrt.attitude import from_euler_deg, yaw_deg
 from uavrt.errors import FormatError
-from uavrt.pose import from_euler_deg, yaw_deg
 from uavrt.recording import read_pulse_file
 from uavrt.recording.formats import (
     BearingRow,

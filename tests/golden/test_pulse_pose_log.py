@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from uavrt.attitude import yaw_deg
 from uavrt.errors import FormatError
 from uavrt.messages import Pose, Pulse, PulsePose
-from uavrt.pose import yaw_deg
 from uavrt.recording import read_pulse_pose_log
 from uavrt.recording.pulse_pose_log import (
     READ_BYTES,

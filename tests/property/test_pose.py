@@ -6,19 +6,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pulses import pulse_at
 
+from uavrt.attitude import Quaternion, from_euler_deg, normalised, product, rotated, slerp
 from uavrt.config import AntennaSettings
 from uavrt.errors import PoseUnavailable
 from uavrt.messages import AttitudeSample, PositionSample, Pulse
-from uavrt.pose import (
-    PoseAttacher,
-    PoseRing,
-    Quaternion,
-    from_euler_deg,
-    normalised,
-    product,
-    rotated,
-    slerp,
-)
+from uavrt.pose import PoseAttacher, PoseRing
 from uavrt.units import wrap_degrees_180
 
 START_NS = 1_700_205_419_230_494_976

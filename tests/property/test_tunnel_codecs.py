@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavrt import tunnel
+from uavrt.attitude import euler_deg, from_euler_deg
 from uavrt.errors import TunnelError
 from uavrt.messages import Pose, Pulse, PulsePose, Tag
 from uavrt.tunnel.codec import DECODERS
@@ -123,7 +124,7 @@ ANGLES = st.tuples(st.floats(-179, 179), st.floats(-85, 85), st.floats(-179, 179
 
 @given(ANGLES)
 def test_euler_angles_survive_the_quaternion(angles: tuple[float, float, float]) -> None:
-    back = tunnel.euler_deg(tunnel.quaternion_from_euler_deg(*angles))
+    back = euler_deg(from_euler_deg(*angles))
     assert all(math.isclose(a, b, abs_tol=1e-6) for a, b in zip(angles, back, strict=True))
 
 
@@ -147,7 +148,7 @@ def test_a_pulse_keeps_its_time_status_and_heading(
         longitude_deg=-111.6,
         altitude_amsl_m=2150.0,
         altitude_relative_m=50.0,
-        quaternion_wxyz=tunnel.quaternion_from_euler_deg(*angles),
+        quaternion_wxyz=from_euler_deg(*angles),
     )
     pulse = Pulse(
         tag_id=2,
@@ -177,5 +178,5 @@ def test_a_pulse_keeps_its_time_status_and_heading(
     assert (got.pulse.detection_status, got.pulse.confirmed) == (status, pulse.confirmed)
     assert (got.pose is not None) == posed
     if got.pose is not None:
-        heading = tunnel.euler_deg(got.pose.quaternion_wxyz)[2]
-        assert abs((heading - angles[2] + 180) % 360 - 180) < 1e-4
+        heading = euler_deg(got.pose.quaternion_wxyz)[0]
+        assert abs((heading - angles[0] + 180) % 360 - 180) < 1e-4

@@ -27,7 +27,7 @@ from uavrt.localization import (
     switched_bearing,
 )
 from uavrt.localization.array_bearings import Steering
-from uavrt.localization.attitude import Headings
+from uavrt.localization.headings import Headings
 from uavrt.messages import Pose, PulsePose
 from uavrt.radio.opening import open_recording
 from uavrt.radio.sigmf import sigmf_global

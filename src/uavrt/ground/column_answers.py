@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from starlette.responses import Response
 
 from uavrt.errors import FormatError
-from uavrt.ground.flights import yaw_deg
+from uavrt.localization.headings import yaws_deg
 
 POSE_COLUMNS = (
     "time_ns",
@@ -73,6 +73,6 @@ def _column(
 ) -> NDArray[np.float64]:
     if name == YAW:
         first = columns.index("quaternion_w")
-        return yaw_deg(cells[first : first + 4])
+        return yaws_deg(cells[first : first + 4].T)
     column: NDArray[np.float64] = cells[columns.index(name)]
     return column

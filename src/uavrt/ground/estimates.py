@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
 from uavrt.ground.coordinates import readout
-from uavrt.ground.flights import Columns, known, yaw_deg
+from uavrt.ground.flights import Columns, known
 from uavrt.localization import (
     AntennaPattern,
     Bearing,
@@ -37,6 +37,7 @@ from uavrt.localization.flight_estimates import (
     teaching,
     turns_in,
 )
+from uavrt.localization.headings import yaws_deg
 from uavrt.localization.records import ACCEPTED_EVIDENCE
 from uavrt.messages import LiveBearing, Tag
 
@@ -261,7 +262,7 @@ def _bearing(
         bearing = bearing_of(heard, antenna=pattern)
     except UsageError:
         return None
-    rose = _rose(yaw_deg(heard.quaternion_wxyz.T), heard.snr_db)
+    rose = _rose(yaws_deg(heard.quaternion_wxyz), heard.snr_db)
     count = len(heard.snr_db)
     record = _record(heard.tag_id, number, heard.turn, bearing, count, rose)
     place = {"latitude_deg": heard.latitude_deg, "longitude_deg": heard.longitude_deg}

@@ -326,13 +326,6 @@ GROUND_NOTE = "recorded by the ground station"
 """The note that tells a ground station's own recording."""
 
 
-def yaw_deg(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Headings (n,) of (4, n) quaternions w, x, y, z, clockwise from true north."""
-    w, x, y, z = quaternions
-    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return np.asarray(np.degrees(yaw) % 360.0)
-
-
 def _columns(
     database: sqlite3.Connection, table: str, select: str, width: int
 ) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import uavrt
-from uavrt import tunnel
+from uavrt.attitude import euler_deg
 from uavrt.ground.actions import action_states
 from uavrt.ground.tag_table import rows_from_tags, table_version
 from uavrt.messages import Pose
@@ -93,7 +93,7 @@ def link_state(session: "GroundSession", now_ns: int) -> dict[str, Any]:
 
 def pose_record(pose: Pose, now_ns: int) -> dict[str, Any]:
     """The vehicle's pose as JSON takes it."""
-    roll_deg, pitch_deg, yaw_deg = tunnel.euler_deg(pose.quaternion_wxyz)
+    yaw_deg, pitch_deg, roll_deg = euler_deg(pose.quaternion_wxyz)
     return {
         "time_ns": pose.time_ns,
         "age_s": (now_ns - pose.time_ns) / 1e9,

@@ -39,9 +39,9 @@ from uavrt.localization.switched_pulse import (
     SwitchSchedule,
     measure_switched_pulse,
 )
-from uavrt.localization.tangent_plane import TangentPlane
 from uavrt.localization.trackers import GridTracker, ParticleTracker, TagPrior, TrackEstimate
 from uavrt.localization.turns import Turn, find_turns
+from uavrt.tangent_plane import TangentPlane
 
 __all__ = [
     "PATTERNS",

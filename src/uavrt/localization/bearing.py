@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from uavrt.errors import UsageError
 from uavrt.localization import classic_bearings as classic
 from uavrt.localization.antenna import AntennaPattern, pattern_named
-from uavrt.localization.attitude import Headings
+from uavrt.localization.headings import Headings
 from uavrt.localization.pattern_ml import pattern_ml
 from uavrt.localization.records import Bearing, BearingMethod
 from uavrt.plugins import Registry

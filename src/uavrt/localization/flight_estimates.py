@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
 from uavrt.localization.antenna import AntennaPattern, pattern_named
-from uavrt.localization.attitude import Headings
 from uavrt.localization.bearing import estimate_bearing
+from uavrt.localization.headings import Headings
 from uavrt.localization.learned_pattern import TurnPulses, learn_pattern
 from uavrt.localization.position import HEADING_SIGMA_DEG, Stations, estimate_position
 from uavrt.localization.records import Bearing, BearingMethod, Position, PositionMethod

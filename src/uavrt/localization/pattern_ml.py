@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.antenna import AntennaPattern
-from uavrt.localization.attitude import Headings
+from uavrt.localization.headings import Headings
 from uavrt.localization.lasting_fading import Whitened, variance_factor
 from uavrt.localization.pattern_likelihood import GRID_DEG, bearing_likelihood
 from uavrt.localization.posterior import (

@@ -53,8 +53,8 @@ from uavrt.localization.records import (
     SharedError,
     Widening,
 )
-from uavrt.localization.tangent_plane import TangentPlane, plane_around
 from uavrt.plugins import Registry
+from uavrt.tangent_plane import TangentPlane, plane_around
 
 _Floats = NDArray[np.float64]
 LogDensity = Callable[[_Floats, _Floats], _Floats]

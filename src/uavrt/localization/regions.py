@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.records import PositionGrid
-from uavrt.localization.tangent_plane import TangentPlane
+from uavrt.tangent_plane import TangentPlane
 
 _Floats = NDArray[np.float64]
 _Edge = tuple[int, int, int]

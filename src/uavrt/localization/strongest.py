@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
 from uavrt.localization.power_evidence import PowerTrack
-from uavrt.localization.tangent_plane import TangentPlane, plane_around
+from uavrt.tangent_plane import TangentPlane, plane_around
 
 _IN_A_ROW = 6
 BAND_M = 10.0

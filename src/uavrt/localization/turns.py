@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
 from uavrt.localization.angles import widest_gap_deg
-from uavrt.localization.tangent_plane import plane_around
+from uavrt.tangent_plane import plane_around
 
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]

@@ -8,11 +8,11 @@ nanoseconds, a bisection, the true fraction.
 
 import math
 
+from uavrt.attitude import Quaternion, normalised, slerp
 from uavrt.config.settings import AntennaSettings
 from uavrt.errors import PoseUnavailable
 from uavrt.messages import AttitudeSample, Pose, PositionSample
 from uavrt.pose.mounting import Mounting
-from uavrt.pose.rotation import Quaternion, normalised, slerp
 from uavrt.pose.series import Four, S, Series
 from uavrt.units import ns_from_s, wrap_degrees_180
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 
+from uavrt.attitude import euler_deg, from_euler_deg
 from uavrt.errors import TunnelError
 from uavrt.messages import (
     DetectionStatus,
@@ -157,7 +158,7 @@ def pulse_to_wire(
             orientation_z=z,
             orientation_w=w,
         )
-    roll, pitch, yaw = (math.nan,) * 3 if pose is None else euler_deg(pose.quaternion_wxyz)
+    yaw, pitch, roll = (math.nan,) * 3 if pose is None else euler_deg(pose.quaternion_wxyz)
     modern = PulseG1(
         tag_id=pulse.tag_id,
         frequency_hz=round(pulse.frequency_hz),
@@ -333,8 +334,7 @@ def _pose_from_wire(message: PulseG0 | PulseG1, time_ns: int) -> Pose | None:
     """Read the pose; None where the sender had none."""
     if isinstance(message, PulseG1):
         latitude, longitude = message.latitude_deg, message.longitude_deg
-        angles = (message.roll_deg, message.pitch_deg, message.yaw_deg)
-        quaternion = quaternion_from_euler_deg(*angles)
+        quaternion = from_euler_deg(message.yaw_deg, message.pitch_deg, message.roll_deg)
         amsl, relative = math.nan, message.altitude_relative_m
     else:
         latitude, longitude = message.position_x, message.position_y
@@ -394,33 +394,4 @@ def heartbeat_to_wire(state: SystemState, cpu_temperature_c: float | None) -> He
         system_id=SYSTEM_CONTROLLER,
         status=STATUS_NUMBERS[state],
         cpu_temperature_c=math.nan if cpu_temperature_c is None else cpu_temperature_c,
-    )
-
-
-def euler_deg(quaternion_wxyz: tuple[float, float, float, float]) -> tuple[float, float, float]:
-    """Roll, pitch, yaw [deg] of a body-to-NED quaternion; yaw in [-180, 180].
-
-    The aerospace sequence yaw, pitch, roll (z, y', x'').
-    """
-    w, x, y, z = quaternion_wxyz
-    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
-    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)
-
-
-def quaternion_from_euler_deg(
-    roll_deg: float, pitch_deg: float, yaw_deg: float
-) -> tuple[float, float, float, float]:
-    """Unit quaternion (w, x, y, z) of roll, pitch, yaw; NaN in, NaN out."""
-    angles = (roll_deg, pitch_deg, yaw_deg)
-    if not all(map(math.isfinite, angles)):
-        return (math.nan,) * 4
-    half = [math.radians(angle) / 2 for angle in angles]
-    (cr, cp, cy), (sr, sp, sy) = map(math.cos, half), map(math.sin, half)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
     )

@@ -6,10 +6,10 @@ import pytest
 from pulses import pulse_at
 
 from uavrt.analysis.redetect import FlightWriter
+from uavrt.attitude import from_euler_deg, yaw_deg
 from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
 from uavrt.errors import RecordingError
 from uavrt.messages import FlightInfo, Pose, Poses, Pulse, StatusText, Tag
-from uavrt.pose import from_euler_deg, yaw_deg
 from uavrt.recording import (
     Flight,
     FlightLayout,

@@ -24,14 +24,13 @@ from uavrt.analysis.tracks import (
 )
 from uavrt.analysis.tracks.declination import declination_deg
 from uavrt.analysis.tracks.points import MAGNETIC
+from uavrt.attitude import euler_deg, yaw_deg
 from uavrt.clock import iso_utc
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization.angles import difference_deg
 from uavrt.mavlink import FrameWriter, dialect
 from uavrt.messages import Pose, PulsePose
-from uavrt.pose import yaw_deg
 from uavrt.recording import Flight, read_flight
-from uavrt.recording.formats.tagtracker import euler_deg
 from uavrt.simulation.telemetry import telemetry_message
 
 WriteFlight = Callable[..., Path]
@@ -91,7 +90,9 @@ def write_dataflash(poses: list[Pose], path: Path) -> Path:
     out += fmt(132, "GPS", "QBIH", "TimeUS,Status,GMS,GWk")
     for pose in poses:
         time = boot_us(pose, poses)
-        out += b"\xa3\x95\x82" + struct.pack("<Qfff", time, *euler_deg(pose.quaternion_wxyz))
+        out += b"\xa3\x95\x82" + struct.pack(
+            "<Qfff", time, *reversed(euler_deg(pose.quaternion_wxyz))
+        )
         places = [round(d * 1e7) for d in (pose.latitude_deg, pose.longitude_deg)]
         out += b"\xa3\x95\x83" + struct.pack("<Qiif", time, *places, pose.altitude_amsl_m)
         gps_ms = pose.time_ns // 1_000_000 - 315_964_800_000 + 18_000

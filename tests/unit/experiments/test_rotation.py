@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from uavrt.attitude import yaw_deg
 from uavrt.experiments.rotation import (
     BEARING_DEG,
     Case,
@@ -21,7 +22,6 @@ from uavrt.experiments.rotation.original_pose import original_poses
 from uavrt.experiments.rotation.reading import doubled, read_turn, wrapped
 from uavrt.experiments.rotation.run import true_pulses
 from uavrt.messages import FlightInfo, Poses
-from uavrt.pose import yaw_deg
 from uavrt.recording import FlightRecorder
 
 

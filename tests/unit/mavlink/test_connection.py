@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from uavrt import tunnel
+from uavrt.attitude import euler_deg
 from uavrt.errors import CommandRefused, ConfigError, LinkError
 from uavrt.ground.link import Acknowledged, GroundEvent, GroundLink
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
@@ -165,8 +166,8 @@ def test_an_acknowledgement_overtakes_waiting_pulses(
 def yaw_errors_deg(world: World, samples: list[Any]) -> list[float]:
     errors = []
     for sample in samples:
-        true = tunnel.euler_deg(world.vehicle(sample.time_ns).quaternion_wxyz)[2]
-        told = tunnel.euler_deg(sample.quaternion_wxyz)[2]
+        true = euler_deg(world.vehicle(sample.time_ns).quaternion_wxyz)[0]
+        told = euler_deg(sample.quaternion_wxyz)[0]
         errors.append((told - true + 180.0) % 360.0 - 180.0)
     return errors
 

@@ -3,8 +3,9 @@
 import pytest
 from pulses import pulse_at
 
+from uavrt.attitude import from_euler_deg, yaw_deg
 from uavrt.messages import AttitudeSample, PositionSample, Pulse
-from uavrt.pose import PoseAttacher, PoseRing, from_euler_deg, yaw_deg
+from uavrt.pose import PoseAttacher, PoseRing
 
 START_NS = 1_700_205_419_230_494_976
 SECOND_NS = 1_000_000_000

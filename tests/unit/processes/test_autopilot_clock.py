@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from uavrt.attitude import euler_deg
 from uavrt.mavlink import component, timesync
 from uavrt.messages import PulsePose, StatusText
-from uavrt.tunnel import euler_deg
 from uavrt.units import ns_from_s
 
 Until = Callable[..., Awaitable[None]]
@@ -17,8 +17,8 @@ Until = Callable[..., Awaitable[None]]
 
 def yaw_error_deg(bay: Any, item: PulsePose) -> float:
     assert item.pose is not None
-    told = euler_deg(item.pose.quaternion_wxyz)[2]
-    truth = euler_deg(bay.vehicle(item.pose.time_ns).quaternion_wxyz)[2]
+    told = euler_deg(item.pose.quaternion_wxyz)[0]
+    truth = euler_deg(bay.vehicle(item.pose.time_ns).quaternion_wxyz)[0]
     return abs((told - truth + 180.0) % 360.0 - 180.0)
 
 

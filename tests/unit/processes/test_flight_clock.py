@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from uavrt.attitude import euler_deg
 from uavrt.clock import Clock
 from uavrt.ground.link import DetectorAlive, DroneHeartbeat
 from uavrt.messages import Poses, PulsePose
-from uavrt.tunnel import euler_deg
 
 Bay = Any  # tests/unit/processes/conftest.py
 Until = Callable[..., Awaitable[None]]
@@ -27,8 +27,8 @@ def test_pulses_and_poses_have_the_flights_time_and_nothing_falls_silent(
     def yaw_error_deg(item: PulsePose) -> float:
         assert item.pose is not None
         middle_ns = (item.pulse.start_time_ns + item.pulse.end_time_ns) // 2 - step_ns
-        truth = euler_deg(bay.vehicle(middle_ns).quaternion_wxyz)[2]
-        told = euler_deg(item.pose.quaternion_wxyz)[2]
+        truth = euler_deg(bay.vehicle(middle_ns).quaternion_wxyz)[0]
+        told = euler_deg(item.pose.quaternion_wxyz)[0]
         return (told - truth + 180.0) % 360.0 - 180.0
 
     async def main() -> None:

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from uavrt.analysis.bearings import TagBearing
 from uavrt.analysis.report.style import INK, SOFT, message, tag_color
 from uavrt.analysis.survey import Survey
+from uavrt.attitude import yaw_deg
 from uavrt.localization import PATTERNS
-from uavrt.pose import yaw_deg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

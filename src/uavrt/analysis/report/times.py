@@ -9,7 +9,7 @@ import numpy as np
 
 from uavrt.analysis.report.style import FAINT, INK, SOFT, message, tag_color
 from uavrt.analysis.survey import Survey, thinned
-from uavrt.pose import yaw_deg
+from uavrt.attitude import yaw_deg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

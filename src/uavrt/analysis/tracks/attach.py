@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis.tracks.track import VehicleTrack
+from uavrt.attitude import yaw_deg
 from uavrt.config.settings import AntennaSettings
 from uavrt.errors import UsageError
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.messages import PulsePose
-from uavrt.pose import PoseAttacher, PoseRing, yaw_deg
+from uavrt.pose import PoseAttacher, PoseRing
 
 SEARCH_S = 120.0
 STEP_S = 1.0

@@ -22,9 +22,9 @@ from uavrt.analysis.tracks.track import (
     over_the_first,
     position,
 )
+from uavrt.attitude import from_euler_deg
 from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.pose import from_euler_deg
 
 MARK = b"\xa3\x95"
 _FMT = 128

@@ -20,10 +20,10 @@ from uavrt.analysis.tracks.track import (
     over_the_first,
     position,
 )
+from uavrt.attitude import from_euler_deg
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.pose import from_euler_deg
 from uavrt.recording.formats.text import read_lines
 
 MAGNETIC = (

@@ -13,12 +13,12 @@ import struct
 from pathlib import Path
 
 from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
+from uavrt.attitude import from_euler_deg
 from uavrt.errors import FormatError
 from uavrt.mavlink import Frame, FrameParser, dialect
 from uavrt.mavlink.frame import MARKER_V1, MARKER_V2, SIGNED, crc16_mcrf4xx
 from uavrt.mavlink.samples import attitude_sample, position_sample
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.pose import from_euler_deg
 
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
 """ATTITUDE is in no message set of ours: our systems ask for ATTITUDE_QUATERNION."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TypeVar
 
+from uavrt.attitude import from_euler_deg, normalised, slerp
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.pose import from_euler_deg, normalised, slerp
 
 COURSE = (
     "This track has no attitude: the heading is taken as the course over ground, level, and "

@@ -17,8 +17,8 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 
+from uavrt.attitude import slerp
 from uavrt.messages import Pose, Pulse, PulsePose
-from uavrt.pose import slerp
 
 SAMPLE_PERIOD_S = 0.5
 REPORT_DELAY_S = 5.0

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.attitude import yaw_deg
 from uavrt.errors import UsageError
 from uavrt.localization import Bearing, estimate_bearing
 from uavrt.localization.angles import widest_gap_deg
 from uavrt.messages import PulsePose
-from uavrt.pose import yaw_deg
 
 _Floats = NDArray[np.float64]
 _PEAK_DB = 1.0

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis.survey import Survey, read_survey
+from uavrt.attitude import yaw_deg
 from uavrt.errors import UsageError
 from uavrt.experiments.rotation.reading import Reading, doubled, read_turn, wrapped
 from uavrt.localization import Bearing
-from uavrt.pose import yaw_deg
 from uavrt.recording.formats.recognise import ORIGINAL_POSES
 
 HALF_CIRCLE_DEG = 200.0

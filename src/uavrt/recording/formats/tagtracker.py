@@ -39,9 +39,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TextIO
 
+from uavrt.attitude import Quaternion, euler_deg, from_euler_deg, normalised, product
 from uavrt.errors import FormatError
 from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
-from uavrt.pose import Quaternion, from_euler_deg, normalised, product
 from uavrt.recording.formats.log import PulseLog, RotationMark
 from uavrt.recording.formats.text import (
     cells_of,
@@ -180,7 +180,7 @@ def write_tagtracker(stream: TextIO, pulse_poses: Iterable[PulsePose]) -> None:
 
 def _line(pulse: Pulse, pose: Pose) -> str:
     predicted = pulse.predicted_next_start_ns
-    roll, pitch, yaw = euler_deg(pose.quaternion_wxyz)
+    yaw, pitch, roll = euler_deg(pose.quaternion_wxyz)
     height = pose.altitude_relative_m
     status = {"subthreshold": 0, "detected": 1, "confirmed": 2}[pulse.detection_status]
     return ", ".join(
@@ -203,15 +203,6 @@ def _line(pulse: Pulse, pose: Pose) -> str:
 def _six(value: float) -> str:
     """Six decimals; what is not known is the original's own placeholder."""
     return f"{PLACEHOLDER_DB if math.isnan(value) else value:.6f}"
-
-
-def euler_deg(q: Quaternion) -> tuple[float, float, float]:
-    """Roll, pitch and yaw [deg] of an attitude; yaw in [-180, 180]."""
-    w, x, y, z = q
-    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
-    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)
 
 
 def is_heading(cells: Sequence[str]) -> bool:

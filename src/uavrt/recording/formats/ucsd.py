@@ -15,8 +15,9 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from uavrt.attitude import from_euler_deg
+from uavrt.geodesy import geodetic_of_epsg
 from uavrt.messages import Pose, Pulse, PulsePose
-from uavrt.pose import from_euler_deg
 from uavrt.recording.formats.log import PulseLog
 from uavrt.recording.formats.text import (
     any_time_ns,
@@ -27,7 +28,6 @@ from uavrt.recording.formats.text import (
     whole,
     wrong_line,
 )
-from uavrt.recording.formats.utm import geodetic_of_epsg
 
 PING_COLUMNS = (
     *("run", "timestamp", "frequency", "amplitude", "easting", "northing", "altitude"),

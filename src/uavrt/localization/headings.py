@@ -38,13 +38,13 @@ class Headings:
             raise UsageError(
                 "an attitude is not a quaternion", remedy="Drop the pulses without a pose"
             )
-        w, x, y, z = (q / length).T
+        q = q / length
+        w, x, y, z = q.T
         forward = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
         right = (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x))
         down = (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y))
         axes = np.stack([np.stack(axis, axis=1) for axis in (forward, right, down)], axis=1)
-        yaw = np.degrees(np.arctan2(forward[1], forward[0])) % 360.0
-        return cls(yaw_deg=yaw, axes=axes)
+        return cls(yaw_deg=yaws_deg(q), axes=axes)
 
     def gain_db(
         self, pattern: AntennaPattern, bearing_deg: NDArray[np.float64], elevation_deg: float
@@ -74,6 +74,13 @@ class Headings:
         axes = self.axes if self.axes is not None else _level_axes(self.yaw_deg)
         forward, right, down = (axes[:, which, :] @ towards for which in range(3))
         return pattern.gain_towards_db(forward, right, down)
+
+
+def yaws_deg(quaternion_wxyz: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Headings (n,) of attitudes (n, 4) of length 1, clockwise from true north; NaN of NaN."""
+    w, x, y, z = quaternion_wxyz.T
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return np.asarray(np.remainder(np.degrees(yaw), 360.0))
 
 
 def _level_axes(yaw_deg: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,7 +1,8 @@
-"""Unit quaternions, scalar first, as tuples: a pulse needs but three products.
+"""Attitudes as unit quaternions, scalar first, and as yaw, pitch, roll in this order.
 
-A quaternion turns vectors of the body (forward, right, down) into north, east, down. Double
-precision throughout; the thesis's was single (reference/control.md §3.1).
+A quaternion turns vectors of the body (forward, right, down) into north, east, down. Tuples:
+a pulse needs but three products. Double precision throughout; the thesis's was single. Many
+headings at once: `uavrt.localization.headings`.
 """
 
 import math
@@ -48,7 +49,12 @@ def rotated(q: Quaternion, v: Vector) -> Vector:
 
 
 def from_euler_deg(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Quaternion:
-    """Quaternion of yaw, then pitch, then roll (aerospace order, intrinsic z, y', x'')."""
+    """Quaternion of yaw, then pitch, then roll (aerospace order, intrinsic z, y', x'').
+
+    All its parts are NaN when an angle is not finite.
+    """
+    if not all(map(math.isfinite, (yaw_deg, pitch_deg, roll_deg))):
+        return (math.nan,) * 4
     half_yaw, half_pitch, half_roll = (
         math.radians(angle) / 2.0 for angle in (yaw_deg, pitch_deg, roll_deg)
     )
@@ -58,11 +64,18 @@ def from_euler_deg(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Quatern
     return product(product(turn, nose), bank)
 
 
+def euler_deg(q: Quaternion) -> tuple[float, float, float]:
+    """Yaw, pitch, roll [deg] of an attitude: `from_euler_deg` backwards; yaw in [-180, 180]."""
+    w, x, y, z = q
+    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    return math.degrees(yaw), math.degrees(pitch), math.degrees(roll)
+
+
 def yaw_deg(q: Quaternion) -> float:
     """Direction of the body's nose over ground, degrees clockwise from true north, [0, 360)."""
-    w, x, y, z = q
-    north, east = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)
-    return math.degrees(math.atan2(east, north)) % 360.0
+    return euler_deg(q)[0] % 360.0
 
 
 def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:

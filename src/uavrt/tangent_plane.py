@@ -5,11 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-_A = 6_378_137.0
-_F = 1.0 / 298.257_223_563
-_B = _A * (1.0 - _F)
-_E2 = _F * (2.0 - _F)
-_EP2 = _E2 / (1.0 - _E2)
+from uavrt.geodesy import ECCENTRICITY2, SECOND_ECCENTRICITY2, SEMI_MAJOR_M, SEMI_MINOR_M
 
 _Floats = NDArray[np.float64]
 
@@ -47,9 +43,10 @@ class TangentPlane:
         z = z0 + cos_lat * north
         # Bowring 1976, one step: exact to nanometres near the ground.
         distance = np.hypot(x, y)
-        beta = np.arctan2(z * _A, distance * _B)
+        beta = np.arctan2(z * SEMI_MAJOR_M, distance * SEMI_MINOR_M)
         latitude = np.arctan2(
-            z + _EP2 * _B * np.sin(beta) ** 3, distance - _E2 * _A * np.cos(beta) ** 3
+            z + SECOND_ECCENTRICITY2 * SEMI_MINOR_M * np.sin(beta) ** 3,
+            distance - ECCENTRICITY2 * SEMI_MAJOR_M * np.cos(beta) ** 3,
         )
         longitude = np.degrees(np.arctan2(y, x))
         return np.degrees(latitude), np.remainder(longitude + 180.0, 360.0) - 180.0
@@ -77,9 +74,9 @@ def _geocentric(
 ) -> tuple[_Floats, _Floats, _Floats]:
     latitude = np.radians(np.asarray(latitude_deg, np.float64))
     longitude = np.radians(np.asarray(longitude_deg, np.float64))
-    radius = _A / np.sqrt(1.0 - _E2 * np.sin(latitude) ** 2)
+    radius = SEMI_MAJOR_M / np.sqrt(1.0 - ECCENTRICITY2 * np.sin(latitude) ** 2)
     return (
         radius * np.cos(latitude) * np.cos(longitude),
         radius * np.cos(latitude) * np.sin(longitude),
-        radius * (1.0 - _E2) * np.sin(latitude),
+        radius * (1.0 - ECCENTRICITY2) * np.sin(latitude),
     )
