@@ -22,10 +22,11 @@ from uavrt.heap import HeapKeeper
 from uavrt.ipc.assignment import Assignment
 from uavrt.ipc.link import ChildLink, SupervisorGone
 from uavrt.ipc.parent import die_with_parent
+from uavrt.ipc.topics import TOPICS
 from uavrt.log import configure_logging, get_logger
 from uavrt.messages import FlightInfo, Health, StatusText
 
-HEALTH_PERIOD_S = 1.0
+HEALTH_PERIOD_S = TOPICS["health"].every_s or 1.0
 
 
 class ProcessFrame:

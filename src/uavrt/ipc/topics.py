@@ -31,6 +31,11 @@ class Topic:
     """Kept for a slow or restarting consumer however long it takes; else the newest
     `backlog` are kept and the others counted."""
     backlog: int = 0
+    every_s: float | None = None
+    """Time between two records of one sender, once they flow; None: when something happens.
+    What comes at less than half the rate is told as too slow (`uavrt.supervisor.pace`)."""
+    each_tag: bool = False
+    """So often for each tag that the sender serves."""
 
 
 TOPICS: dict[str, Topic] = {
@@ -55,6 +60,8 @@ TOPICS: dict[str, Topic] = {
             to_ground=True,
             lossless=False,
             backlog=200,
+            every_s=1.0,
+            each_tag=True,
         ),
         Topic(
             name="pulse_pose",
@@ -94,6 +101,7 @@ TOPICS: dict[str, Topic] = {
             recorded=True,
             lossless=False,
             backlog=600,
+            every_s=0.5,
         ),
         Topic(
             name="flight",
@@ -145,18 +153,20 @@ TOPICS: dict[str, Topic] = {
         Topic(
             name="health",
             record=messages.Health,
-            meaning="what a process says of itself once a second",
+            meaning="what a process says of itself",
             recorded=True,
             lossless=False,
             backlog=100,
+            every_s=1.0,
         ),
         Topic(
             name="system_status",
             record=messages.SystemStatus,
-            meaning="the state of the drone side once a second",
+            meaning="the state of the drone side",
             to_ground=True,
             lossless=False,
             backlog=2,
+            every_s=1.0,
         ),
     )
 }

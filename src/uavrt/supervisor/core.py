@@ -53,7 +53,7 @@ log = get_logger()
 
 TICK_S = 0.25
 """Between two looks at silent processes and due restarts; an end wakes the loop at once."""
-STATUS_PERIOD_S = 1.0
+STATUS_PERIOD_S = TOPICS["system_status"].every_s or 1.0
 DISK_PERIOD_S = 10.0
 WARNING_SEVERITY = 4
 """MAV_SEVERITY_WARNING; lower numbers are worse."""
@@ -282,9 +282,9 @@ class Supervisor:
 
     def _warn_of_budgets(self, now_s: float) -> None:
         for instance in self._fleet.instances:
-            text = instance.over_budget(now_s)
-            if text is not None:
-                self._tell(4, text)
+            for text in (instance.over_budget(now_s), instance.pace.check(now_s)):
+                if text is not None:
+                    self._tell(4, text)
 
     def _look_at_disk(self) -> None:
         """Measure the free space, and remove old flights if that is wanted, in a thread."""
@@ -303,6 +303,7 @@ class Supervisor:
             log.warning("unexpected record", child=instance.name, line=repr(line[:80]))
             return
         self._last_pulses.passed(name)
+        instance.pace.came(name, time.monotonic())
         self._forward(name, line + b"\n", instance)
         if name in SUPERVISOR_TOPICS:
             try:

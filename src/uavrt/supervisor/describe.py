@@ -2,7 +2,7 @@
 
 import sys
 
-from uavrt.ipc.topics import TOPICS
+from uavrt.ipc.topics import TOPICS, Topic
 from uavrt.supervisor.table import (
     PROCESSES,
     ProcessRow,
@@ -15,29 +15,36 @@ from uavrt.supervisor.table import (
 def processes_markdown() -> str:
     """Describe every process: when it runs, its limits."""
     lines = [
-        "| process | what it does | when | silent at most | CPU | memory |",
-        "|---|---|---|---|---|---|",
+        "| process | what it does | when | silent at most | restarted | CPU | memory |",
+        "|---|---|---|---|---|---|---|",
     ]
     for row in PROCESSES:
         name = f"`{row.name}`" + (" × workers" if row.per_worker else "")
         lines.append(
             f"| {name} | {row.meaning} | {_when(row)} | {row.silence_limit_s:g} s | "
-            f"{row.cpu_budget_percent:g} % | {row.memory_limit_mb:g} MB |"
+            f"{row.restart.words()} | {row.cpu_budget_percent:g} % | "
+            f"{row.memory_limit_mb:g} MB |"
         )
     return "\n".join(lines)
 
 
 def topics_markdown() -> str:
     """Describe which records go from where to where."""
-    lines = ["| record | from | to | what it is |", "|---|---|---|---|"]
+    lines = ["| record | from | to | every | what it is |", "|---|---|---|---|---|"]
     for topic in TOPICS.values():
         producers = [row.name for row in PROCESSES if topic.name in row.produces]
         consumers = [row.name for row in consumers_of(topic.name)]
         lines.append(
             f"| `{topic.name}` | {', '.join(producers) or 'supervisor'} | "
-            f"{', '.join(consumers) or '–'} | {topic.meaning} |"
+            f"{', '.join(consumers) or '–'} | {_every(topic)} | {topic.meaning} |"
         )
     return "\n".join(lines)
+
+
+def _every(topic: Topic) -> str:
+    if topic.every_s is None:
+        return "–"
+    return f"{topic.every_s:g} s" + (" and tag" if topic.each_tag else "")
 
 
 def _when(row: ProcessRow) -> str:

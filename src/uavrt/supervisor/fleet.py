@@ -21,7 +21,6 @@ from uavrt.supervisor.instance import Instance
 from uavrt.supervisor.intake import Intake
 from uavrt.supervisor.launcher import Launcher
 from uavrt.supervisor.mission import Mission, Tell
-from uavrt.supervisor.restarts import DEGRADED_AFTER
 from uavrt.supervisor.table import ProcessRow
 from uavrt.supervisor.usage import children_of
 
@@ -155,7 +154,9 @@ class Fleet:
     def _start(self, instance: Instance) -> None:
         instance.outbox.forget("assignment")
         instance.outbox.forget("settings")  # older than those of the assignment
-        instance.outbox.put_first(encode_record("assignment", self._assignment(instance)))
+        assignment = self._assignment(instance)
+        instance.outbox.put_first(encode_record("assignment", assignment))
+        instance.pace.started(len(assignment.tags))
         instance.stop_asked_s = None
         instance.health = None
         if "command" in instance.row.produces:
@@ -208,9 +209,9 @@ class Fleet:
     def _report_restart(self, instance: Instance, reason: str) -> None:
         restarts = instance.restarts
         delay_s = restarts.ended(time.monotonic(), reason)
-        if restarts.in_a_row < DEGRADED_AFTER:
+        if restarts.in_a_row < restarts.policy.degraded_after:
             self._tell(4, f"{instance.name} {reason}: restarting it")
-        elif restarts.in_a_row == DEGRADED_AFTER:
+        elif restarts.in_a_row == restarts.policy.degraded_after:
             self._tell(
                 3,
                 f"{instance.name} degraded: ended {restarts.in_a_row} times in a row, "

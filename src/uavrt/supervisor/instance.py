@@ -9,6 +9,7 @@ from uavrt.messages import Health, ProcessStatus, SystemState
 from uavrt.supervisor.budget import BudgetWatch
 from uavrt.supervisor.child import Child
 from uavrt.supervisor.outbox import Outbox
+from uavrt.supervisor.pace import PaceWatch
 from uavrt.supervisor.restarts import Restarts
 from uavrt.supervisor.table import ProcessRow
 from uavrt.supervisor.usage import Usage
@@ -23,7 +24,8 @@ class Instance:
     worker: int
     outbox: Outbox = field(init=False)
     budget: BudgetWatch = field(init=False)
-    restarts: Restarts = field(default_factory=Restarts)
+    pace: PaceWatch = field(init=False)
+    restarts: Restarts = field(init=False)
     child: Child | None = None
     health: Health | None = None
     stop_asked_s: float | None = None
@@ -37,6 +39,8 @@ class Instance:
 
     def __post_init__(self) -> None:
         self.outbox = Outbox(self.row.backlog, keeps=self.row.says_taken)
+        self.restarts = Restarts(self.row.restart)
+        self.pace = PaceWatch(self.name, self.row.produces)
         self.budget = BudgetWatch(
             self.name,
             cpu_percent=self.row.cpu_budget_percent,
@@ -50,6 +54,8 @@ class Instance:
             self.memory_mb = child.measure()
         degraded = self.restarts.degraded(time.monotonic())
         word = health.status if health else ("starting" if child else "stopped")
+        if child is not None and self.pace.slow:
+            word = f"{word}, too slow"
         return ProcessStatus(
             process=self.name,
             running=child is not None,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from uavrt.config.settings import Settings
 from uavrt.messages import SystemState
+from uavrt.supervisor.restarts import SOON, RestartPolicy
 
 Predicate = Callable[[SystemState], bool]
 
@@ -70,6 +71,8 @@ class ProcessRow:
     """Alive but silent for longer counts as dead. Every process speaks once a second."""
     start_limit_s: float = 20.0
     """The same for the first word, which comes after the imports."""
+    restart: RestartPolicy = SOON
+    """When it is started again after it has ended by itself."""
     cpu_budget_percent: float
     """Of one core of the reference machine, with 100 tags."""
     memory_limit_mb: float

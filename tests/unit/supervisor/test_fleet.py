@@ -26,7 +26,7 @@ from uavrt.supervisor.launcher import Launcher
 from uavrt.supervisor.memory import StateStore
 from uavrt.supervisor.mission import Mission
 from uavrt.supervisor.output import OutputLog, warning_text
-from uavrt.supervisor.restarts import DEGRADED_AFTER
+from uavrt.supervisor.restarts import SOON
 from uavrt.supervisor.table import ProcessRow, always
 from uavrt.supervisor.usage import children_of, is_alive
 
@@ -169,23 +169,23 @@ def test_a_process_that_keeps_ending_is_degraded_and_the_ground_reads_why(
     run: Run, tmp_path: Path
 ) -> None:
     async def scene(yard: Yard) -> None:
-        await yard.until(lambda: yard.instance.restarts.in_a_row >= DEGRADED_AFTER)
+        await yard.until(lambda: yard.instance.restarts.in_a_row >= SOON.degraded_after)
         severity, text = yard.texts[-1]
         assert severity == 3
-        assert text.startswith(f"process degraded: ended {DEGRADED_AFTER} times in a row")
+        assert text.startswith(f"process degraded: ended {SOON.degraded_after} times in a row")
         assert "ended (exit 3)" in text
         assert "the antenna has fallen off where=field" in text
         assert yard.instance.status().status.startswith("degraded: ended (exit 3)")
         assert not yard.instance.status().ok
         # Each end before that was told as well.
-        assert len(yard.texts) == DEGRADED_AFTER
+        assert len(yard.texts) == SOON.degraded_after
         # It is still tried.
-        await yard.until(lambda: yard.instance.restarts.total > DEGRADED_AFTER)
+        await yard.until(lambda: yard.instance.restarts.total > SOON.degraded_after)
 
     run(FAILING, ROW, scene)
     # All that it printed is kept, each line with its time.
     lines = (tmp_path / "system_log/process.log").read_text().splitlines()
-    assert sum('"starting"' in line for line in lines) > DEGRADED_AFTER
+    assert sum('"starting"' in line for line in lines) > SOON.degraded_after
     assert all(line[:2] == "20" and line[19] == "Z" for line in lines)
 
 

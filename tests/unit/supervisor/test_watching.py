@@ -7,9 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.config.settings import RecordingSettings
+from uavrt.detection.report import _REPORT_EVERY_NS
+from uavrt.ipc import TOPICS
 from uavrt.supervisor.budget import REPEAT_S, SLOWER, WINDOW_S, BudgetWatch
 from uavrt.supervisor.disk import DiskGuard
-from uavrt.supervisor.restarts import DEGRADED_AFTER, DELAYS_S, SETTLED_S, Restarts
+from uavrt.supervisor.pace import PaceWatch
+from uavrt.supervisor.restarts import SOON, RestartPolicy, Restarts
+from uavrt.units import s_from_ns
 
 
 def test_the_first_restart_comes_at_once_and_the_next_ones_ever_later() -> None:
@@ -21,9 +25,16 @@ def test_the_first_restart_comes_at_once_and_the_next_ones_ever_later() -> None:
         waits.append(restarts.ended(now_s + 0.1, "ended (exit 1)"))
         assert restarts.not_before_s == pytest.approx(now_s + 0.1 + waits[-1])
         now_s += 1.0
-    assert tuple(waits) == (*DELAYS_S, *[DELAYS_S[-1]] * 3)
+    assert tuple(waits) == (*SOON.delays_s, *[SOON.delays_s[-1]] * 3)
     assert restarts.degraded(now_s)
     assert restarts.total == 8
+
+
+def test_a_row_may_have_a_policy_of_its_own() -> None:
+    restarts = Restarts(RestartPolicy(delays_s=(3.0,), degraded_after=1))
+    restarts.started(0.0)
+    assert restarts.ended(0.1, "ended (exit 1)") == 3.0
+    assert restarts.degraded(0.2)
 
 
 @given(st.integers(1, 12))
@@ -32,10 +43,10 @@ def test_one_settled_life_forgives_all(ends: int) -> None:
     for _ in range(ends):
         restarts.started(0.0)
         restarts.ended(0.1, "x")
-    assert restarts.degraded(0.2) == (ends >= DEGRADED_AFTER)
+    assert restarts.degraded(0.2) == (ends >= SOON.degraded_after)
     restarts.started(10.0)
-    assert not restarts.degraded(10.1 + SETTLED_S)
-    assert restarts.ended(10.1 + SETTLED_S, "x") == 0.0
+    assert not restarts.degraded(10.1 + SOON.settled_s)
+    assert restarts.ended(10.1 + SOON.settled_s, "x") == 0.0
 
 
 def watched(cpu_percent: float, seconds: int, memory_mb: float = 10.0) -> list[str]:
@@ -127,3 +138,47 @@ def test_a_link_to_elsewhere_is_not_followed(tmp_path: Path) -> None:
     settings = RecordingSettings(minimum_free_mb=1e12, remove_oldest_flights=True)
     DiskGuard(directory, settings).check()
     assert (elsewhere / "thesis.tex").exists()
+
+
+def paced(every_s: float, tags: int = 1, gaps_s: tuple[float, ...] = ()) -> PaceWatch:
+    """Watch a detector whose tags have a report so often, with gaps between some of them."""
+    watch = PaceWatch("detector-1", ("pulse", "search_report", "health"))
+    watch.started(tags)
+    now_s = 0.0
+    for number in range(60):
+        for _ in range(tags):
+            watch.came("search_report", now_s)
+        watch.came("pulse", now_s)
+        now_s += every_s + (gaps_s[number] if number < len(gaps_s) else 0.0)
+    return watch
+
+
+@given(st.integers(1, 50))
+def test_a_detector_that_keeps_pace_is_not_mentioned(tags: int) -> None:
+    assert paced(1.0, tags).check(60.0) is None
+    assert paced(1.9, tags).check(60.0) is None
+
+
+@given(st.integers(1, 50))
+def test_a_detector_that_falls_behind_is_told_and_not_every_second(tags: int) -> None:
+    watch = paced(3.0, tags)
+    text = watch.check(180.0)
+    assert text == "detector-1 is too slow: search_report every 3.0 s (1 s)"
+    assert watch.check(181.0) is None
+    assert watch.slow
+    assert watch.check(181.0 + REPEAT_S) is not None
+
+
+def test_a_radio_that_was_away_does_not_make_a_detector_slow() -> None:
+    assert paced(1.0, gaps_s=(0.0,) * 50 + (25.0,)).check(90.0) is None
+
+
+def test_detectors_report_as_often_as_the_table_says() -> None:
+    assert TOPICS["search_report"].every_s == s_from_ns(_REPORT_EVERY_NS)
+
+
+def test_a_new_process_is_judged_by_its_own_records() -> None:
+    watch = paced(3.0)
+    watch.started(1)
+    assert watch.check(180.0) is None
+    assert not watch.slow

@@ -31,7 +31,7 @@ from uavrt.recording.layout import FlightLayout
 from uavrt.simulation import Scenario, demo_scenario
 from uavrt.simulation.flight import Flight, Leg
 from uavrt.supervisor.launcher import PING_S, SILENCE_S
-from uavrt.supervisor.restarts import DELAYS_S, SETTLED_S
+from uavrt.supervisor.restarts import SOON
 from uavrt.supervisor.shapes import rows_for
 from uavrt.supervisor.table import PROCESSES
 from uavrt.supervisor.usage import descendants_of, is_alive
@@ -40,7 +40,7 @@ SIGKILL_LIMIT_S = 2.0
 STOP_SPARE_S = 2.0
 """On top of the row's silence limit, after SIGSTOP."""
 SUPERVISOR_LIMIT_S = 10.0
-BURST, BURST_LIMIT_S = 6, DELAYS_S[-1] + SIGKILL_LIMIT_S
+BURST, BURST_LIMIT_S = 6, SOON.delays_s[-1] + SIGKILL_LIMIT_S
 """Kills of one process in a burst; after the last the restart policy waits its longest."""
 BURST_NAMES = ("connection", "recorder")
 TO_GROUND_S = 40.0
@@ -136,7 +136,7 @@ class Recovery:
 
     def _kill_one(self, name: str, number: signal.Signals) -> None:
         """Kill a process that has settled: a second kill meets the restart policy's wait."""
-        settled_s = self._resumed_at_s.get(name, -SETTLED_S) + SETTLED_S + 0.5
+        settled_s = self._resumed_at_s.get(name, -SOON.settled_s) + SOON.settled_s + 0.5
         self._drone.wait(lambda: monotonic_s() >= settled_s, GIVE_UP_S, "a quiet moment")
         limit_s = SIGKILL_LIMIT_S
         if number is signal.SIGSTOP:

@@ -1,0 +1,78 @@
+"""Do a process's records come as often as the table of topics says?
+
+A process that falls behind is alive, and not over its budget; its records tell. One that sends
+nothing at all is somebody else's case: silent ones are killed, and what a radio or an autopilot
+that is away holds up says so itself. So one gap, however long, is forgiven.
+"""
+
+from collections import deque
+from itertools import pairwise
+
+from uavrt.ipc.topics import TOPICS
+
+RECORDS = 20
+"""Of a topic in a row are judged, for each tag where a topic has one for each."""
+SLOWER = 2.0
+"""Times the expected time between two records: then it is too slow."""
+REPEAT_S = 300.0
+
+
+class PaceWatch:
+    """Watches what one process sends.
+
+    Parameters
+    ----------
+    name : str
+        Name of the instance, for the text.
+    topics : iterable of str
+        What it produces.
+    """
+
+    def __init__(self, name: str, topics: tuple[str, ...]) -> None:
+        self._name = name
+        self._came_s: dict[str, deque[float]] = {
+            topic: deque() for topic in topics if TOPICS[topic].every_s is not None
+        }
+        self._tags = 1
+        self._quiet_until_s = 0.0
+        self.slow: dict[str, float] = {}
+        """Topics whose records come too slowly, and the time between two [s]."""
+
+    def started(self, tags: int) -> None:
+        """Begin anew with a new process, that serves so many tags."""
+        self._tags = max(1, tags)
+        self.slow = {}
+        for came_s in self._came_s.values():
+            came_s.clear()
+
+    def came(self, topic: str, now_s: float) -> None:
+        """Take note of a record."""
+        came_s = self._came_s.get(topic)
+        if came_s is not None:
+            came_s.append(now_s)
+            if len(came_s) > self._judged(topic):
+                came_s.popleft()
+
+    def check(self, now_s: float) -> str | None:
+        """Judge what has come; a text when it is too slow, at most every five minutes."""
+        self.slow = {}
+        for topic, came_s in self._came_s.items():
+            every_s = TOPICS[topic].every_s
+            if every_s is None or len(came_s) < self._judged(topic):
+                continue
+            gaps_s = [after - before for before, after in pairwise(came_s)]
+            # What each tag has comes together: its gaps are the group's, and nothing between.
+            mean_s = (sum(gaps_s) - max(gaps_s)) / (RECORDS - 2)
+            if mean_s > SLOWER * every_s:
+                self.slow[topic] = mean_s
+        if not self.slow or now_s < self._quiet_until_s:
+            return None
+        self._quiet_until_s = now_s + REPEAT_S
+        told = " and ".join(
+            f"{topic} every {mean_s:.1f} s ({TOPICS[topic].every_s:g} s)"
+            for topic, mean_s in self.slow.items()
+        )
+        return f"{self._name} is too slow: {told}"
+
+    def _judged(self, topic: str) -> int:
+        return RECORDS * (self._tags if TOPICS[topic].each_tag else 1)
