@@ -77,6 +77,15 @@ class Pulse:
     clipped: bool = False
     """The receiver's converter was at its limits during it: `snr_db` is a lower bound."""
 
+    @property
+    def key(self) -> "PulseKey":
+        """How it is known in its flight."""
+        return self.tag_id, self.start_time_ns
+
+
+PulseKey = tuple[int, int]
+"""Tag id and start time [ns]: no flight has two pulses of one."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchReport:
@@ -171,8 +180,14 @@ class Delivered:
     time_ns: int
     store: int
     """Number of the store (`uavrt.tunnel.private`); 0: sent once, nobody acknowledges."""
-    pulses: tuple[tuple[int, int], ...]
-    """Tag id and start time of each."""
+    pulses: tuple[PulseKey, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """Pulses that are safe on the disk, with the word on their poses."""
+
+    pulses: tuple[PulseKey, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

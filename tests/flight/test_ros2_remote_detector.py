@@ -27,7 +27,7 @@ from uavrt.clock import Clock
 from uavrt.config import write_tags
 from uavrt.config.settings import Ros2Settings
 from uavrt.demo.programs import free_udp_port
-from uavrt.messages import SystemStatus, Tag
+from uavrt.messages import PulseKey, PulsePose, Recorded, SystemStatus, Tag
 from uavrt.radio.channel_datagram import SAMPLES, encode_channel_datagram
 from uavrt.recording import read_flight
 
@@ -166,14 +166,17 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
     drone = drone_bay.launch(thesis_scenario, tags, ros2=settings)
     newest: list[SystemStatus] = []
     recorded: Counter[int] = Counter()
+    posed: set[PulseKey] = set()
 
     def pulses() -> dict[int, int]:
         """Pulses of each tag that are recorded with a pose."""
-        for topic, record in drone.status.read(0.3):
+        for _, record in drone.status.read(0.3):
             if isinstance(record, SystemStatus):
                 newest[:] = [record]
-            elif topic == "recorded_pulse_pose":
-                recorded[record.pulse.tag_id] += record.pose is not None
+            elif isinstance(record, PulsePose) and record.pose is not None:
+                posed.add(record.pulse.key)
+            elif isinstance(record, Recorded):
+                recorded.update(key[0] for key in record.pulses if key in posed)
         return dict(recorded)
 
     def more_of(*tag_ids: int) -> None:

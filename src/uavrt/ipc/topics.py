@@ -71,9 +71,9 @@ TOPICS: dict[str, Topic] = {
             to_ground=True,
         ),
         Topic(
-            name="recorded_pulse_pose",
-            record=messages.PulsePose,
-            meaning="the same once it is safe on disk",
+            name="recorded",
+            record=messages.Recorded,
+            meaning="which of them are safe on disk",
         ),
         Topic(
             name="taken",

@@ -39,6 +39,7 @@ from uavrt.messages import (
     PositionSample,
     Pulse,
     PulsePose,
+    Recorded,
     SearchReport,
     StatusText,
     SystemState,
@@ -232,11 +233,12 @@ class ConnectionProcess:
             case Pulse():
                 self._status.detector_alive(record.tag_id, self._base.now_ns())
                 self._attacher.add(record, self._frame.clock.now_ns())
-            case PulsePose() if topic == "pulse_pose":  # made up for by the recorder
-                if self._delivery.let_out(record):
+            case PulsePose():  # made up for by the recorder
+                if self._delivery.let_out(record.pulse.key):
                     self._send_pulse(record)
-            case PulsePose():
-                if not self._delivery.recorded(record):
+            case Recorded():
+                known = [self._delivery.recorded(key) for key in record.pulses]
+                if not all(known):
                     self._outlet.disk_has_news()
             case LiveBearing() if self._addresses:
                 self._link.tunnel.send_tunnel(
@@ -370,7 +372,7 @@ class ConnectionProcess:
         for timed in pulse_poses:
             pose = None if timed.pose is None else self._by_the_clock(timed.pose)
             pulse_pose = replace(timed, pose=pose)
-            if self._delivery.let_out(pulse_pose):
+            if self._delivery.let_out(pulse_pose.pulse.key):
                 self._frame.send("pulse_pose", pulse_pose)
                 self._send_pulse(pulse_pose)
 

@@ -31,11 +31,6 @@ three seconds; the rest of a longer delay is sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
-def key_of(pulse_pose: PulsePose) -> Key:
-    """Name of a pulse in the flight's database."""
-    return pulse_pose.pulse.tag_id, pulse_pose.pulse.start_time_ns
-
-
 class PulseOutlet:
     """Everything that is still to be sent.
 
@@ -85,7 +80,7 @@ class PulseOutlet:
 
     def add(self, pulse_pose: PulsePose) -> None:
         """Take a pulse with its pose."""
-        self.sender.add(key_of(pulse_pose), pulse_pose)
+        self.sender.add(pulse_pose.pulse.key, pulse_pose)
 
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
@@ -159,7 +154,7 @@ class PulseOutlet:
     def _refilled(self, store: int, result: tuple[list[PulsePose], bool]) -> None:
         self._reading = False
         found, more = result
-        items = [(key_of(item), item) for item in found]
+        items = [(item.pulse.key, item) for item in found]
         # Some may have arrived while the disk was read.
         new = [(key, item) for key, item in items if (store, key) not in self._recent]
         self.sender.refill(store, new, more=more)

@@ -24,7 +24,9 @@ from uavrt.messages import (
     Health,
     Poses,
     Pulse,
+    PulseKey,
     PulsePose,
+    Recorded,
     SearchReport,
     StatusText,
     Taken,
@@ -69,7 +71,7 @@ class Recorder:
         self._health = ToldHealth()
         self._awaited = AwaitedPoses(self._antenna.pose_wait_s + POSE_PATIENCE_S)
         self._look_again = False
-        self._unsaid: deque[PulsePose] = deque(maxlen=MOST_UNSAID)
+        self._unsaid: deque[PulseKey] = deque(maxlen=MOST_UNSAID)
         """Written, and not yet said to be recorded."""
         self._commands: dict[int, Command] = {}
         self._fault = ""
@@ -228,7 +230,7 @@ class Recorder:
     def _take_pulse_poses(self, pulse_poses: list[PulsePose]) -> None:
         if self._flight is not None:
             self._flight.write_pulse_poses(pulse_poses)
-            self._unsaid.extend(pulse_poses)
+            self._unsaid.extend(one.pulse.key for one in pulse_poses)
             self._times.pulses_wait(monotonic_s())
 
     # ------------------------------------------------------- poses that never come
@@ -302,9 +304,9 @@ class Recorder:
         return True
 
     def _say_recorded(self) -> None:
-        for pulse_pose in self._unsaid:
-            self._frame.send("recorded_pulse_pose", pulse_pose)
-        self._unsaid.clear()
+        if self._unsaid:
+            self._frame.send("recorded", Recorded(pulses=tuple(self._unsaid)))
+            self._unsaid.clear()
 
     def _say_taken(self) -> None:
         """Say how far this process is, at once: what was committed must not be sent again.

@@ -99,7 +99,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "status_text",
             "health",
         ),
-        produces=("pulse_pose", "recorded_pulse_pose", "taken", "health", "status_text"),
+        produces=("pulse_pose", "recorded", "taken", "health", "status_text"),
         says_taken=True,
         cpu_budget_percent=2.0,
         memory_limit_mb=60.0,
@@ -114,7 +114,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
         consumes=(
             "pulse",
             "pulse_pose",
-            "recorded_pulse_pose",
+            "recorded",
             "bearing",
             "search_report",
             "command_reply",

@@ -7,7 +7,7 @@ it: whether it has reached the ground, and if not, with which pose it goes.
 
 from collections import OrderedDict, deque
 
-from uavrt.messages import PulsePose
+from uavrt.messages import PulseKey
 
 REMEMBERED = 500
 """Pulses let out and recorded lately, of which another word is ignored: 20 s of 25 pulses a
@@ -15,30 +15,16 @@ second, in 50 kB. More would fill for hours, and the word comes once."""
 MOST_UNRECORDED = 20_000
 """Pulses let out and not yet recorded, while the recorder is away."""
 
-Key = tuple[int, int, int, int, int]
-
-
-def key_of(pulse_pose: PulsePose) -> Key:
-    """Identify a pulse."""
-    pulse = pulse_pose.pulse
-    return (
-        pulse.tag_id,
-        pulse.rate,
-        pulse.group_sequence,
-        pulse.group_index,
-        pulse.start_time_ns,
-    )
-
 
 class PulseDelivery:
     """Lets each pulse out once."""
 
     def __init__(self) -> None:
-        self._unrecorded: OrderedDict[Key, None] = OrderedDict()
-        self._recent: deque[Key] = deque()
-        self._recorded = set[Key]()
+        self._unrecorded: OrderedDict[PulseKey, None] = OrderedDict()
+        self._recent: deque[PulseKey] = deque()
+        self._recorded = set[PulseKey]()
         """Those in `_recent`."""
-        self._news = set[Key]()
+        self._news = set[PulseKey]()
         """Unrecorded when a ground station came that has not got them."""
 
     @property
@@ -46,9 +32,8 @@ class PulseDelivery:
         """Pulses let out that the recorder has not confirmed yet."""
         return len(self._unrecorded)
 
-    def let_out(self, pulse_pose: PulsePose) -> bool:
+    def let_out(self, key: PulseKey) -> bool:
         """Whether a pulse may go: not one that has gone before."""
-        key = key_of(pulse_pose)
         if key in self._unrecorded or key in self._recorded:
             return False
         self._unrecorded[key] = None
@@ -63,13 +48,12 @@ class PulseDelivery:
         """
         self._news = set(self._unrecorded)
 
-    def recorded(self, pulse_pose: PulsePose) -> bool:
+    def recorded(self, key: PulseKey) -> bool:
         """The recorder has it; False when the database has to be looked at for it.
 
         So it is when this process has not let it out, and when somebody may miss it who came
         since.
         """
-        key = key_of(pulse_pose)
         if key in self._recorded:
             return True
         known = self._unrecorded.pop(key, key) is None

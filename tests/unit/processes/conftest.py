@@ -18,7 +18,16 @@ from uavrt.demo.programs import free_udp_port
 from uavrt.ground.link import GroundLink
 from uavrt.ipc import Assignment, ProcessFrame, decode_record, encode_record
 from uavrt.ipc.link import ChildLink, LineBuffer
-from uavrt.messages import Command, CommandReply, FlightInfo, Health, Pose, Pulse, PulsePose
+from uavrt.messages import (
+    Command,
+    CommandReply,
+    FlightInfo,
+    Health,
+    Pose,
+    Pulse,
+    PulsePose,
+    Recorded,
+)
 from uavrt.processes.connection import ConnectionProcess
 from uavrt.recording import FlightRecorder
 from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
@@ -228,7 +237,7 @@ class Bay:
         """Be recorder and supervisor: what was recorded comes back, every command is taken."""
         self.records.append((topic, record))
         if isinstance(record, PulsePose) and self.recorder_quick:
-            self.tell("recorded_pulse_pose", record)
+            self.tell("recorded", Recorded(pulses=(record.pulse.key,)))
         elif isinstance(record, Command):
             self.commands.append(record)
             refusal = self.refusals.get(record.name)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from uavrt.ground.receipts import Receipts
-from uavrt.messages import FlightInfo, PulsePose
+from uavrt.messages import FlightInfo, PulsePose, Recorded
 from uavrt.recording import FlightRecorder
 
 Until = Callable[..., Awaitable[None]]
@@ -50,8 +50,7 @@ def test_a_ground_station_that_comes_before_a_pulse_is_recorded_gets_it_afterwar
                 posed = [r for topic, r in bay.records if topic == "pulse_pose"]
                 recorder.write_pulse_poses(posed)
                 recorder.commit()
-                for one in posed:
-                    bay.tell("recorded_pulse_pose", one)
+                bay.tell("recorded", Recorded(pulses=tuple(one.pulse.key for one in posed)))
                 await until(lambda: len(got(second)) == 2)
                 assert sorted(got(second)) == [148_710_001, 148_710_002]
             recorder.close()

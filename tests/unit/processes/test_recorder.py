@@ -24,6 +24,7 @@ from uavrt.messages import (
     Poses,
     Pulse,
     PulsePose,
+    Recorded,
     SearchReport,
     StatusText,
     Tag,
@@ -187,10 +188,10 @@ def test_a_pulse_is_said_to_be_recorded_when_a_power_cut_cannot_take_it_and_with
     drone.send("pulse_pose", posed(one))
     drone.turn(0.1)
     drone.turn(PULSES_S - 0.2)
-    assert drone.heard("recorded_pulse_pose") == []
+    assert drone.heard("recorded") == []
     assert drone.stored() == {}
     drone.turn(0.3)
-    assert drone.heard("recorded_pulse_pose") == [posed(one)]
+    assert drone.heard("recorded") == [Recorded(pulses=(one.key,))]
     assert list(drone.stored()) == [one]
     flight = drone.recorder._flight
     assert flight is not None
@@ -209,7 +210,7 @@ def test_commits_for_pulses_are_3_s_apart_however_many_come(drone: Drone) -> Non
         drone.send("pulse_pose", posed(one))
         drone.turn(0.1)
     assert 9 <= flight.syncs - before <= 11
-    assert len(drone.heard("recorded_pulse_pose")) >= 270
+    assert sum(len(told.pulses) for told in drone.heard("recorded")) >= 270
 
 
 def test_what_a_killed_recorder_had_not_committed_its_successor_gets_again(
@@ -275,7 +276,7 @@ def test_a_pulse_whose_pose_never_comes_gets_one_from_the_recorded_poses(
     assert made.pose.latitude_deg == pytest.approx(truth.latitude_deg, abs=1e-9)
     assert made.pose.quaternion_wxyz == pytest.approx(truth.quaternion_wxyz, abs=1e-4)
     drone.turn(PULSES_S)
-    assert drone.heard("recorded_pulse_pose") == [made]
+    assert drone.heard("recorded") == [Recorded(pulses=(made.pulse.key,))]
     assert drone.stored() == {one: made.pose}
     (told,) = drone.heard("status_text")
     assert "1 made up" in told.text
@@ -369,7 +370,7 @@ def test_the_end_of_a_flight_waits_for_no_pose(drone: Drone) -> None:
     drone.send("flight_end", drone.info)
     drone.turn(0.1)
     assert drone.heard("pulse_pose") == [PulsePose(pulse=one, pose=None)]
-    assert drone.heard("recorded_pulse_pose") == [PulsePose(pulse=one, pose=None)]
+    assert drone.heard("recorded") == [Recorded(pulses=(one.key,))]
     assert not drone.outbox.holds("flight_end")
     assert not (Path(drone.info.directory) / "flight.sqlite-wal").exists()
 
@@ -433,10 +434,10 @@ def test_a_failing_disk_is_not_said_to_have_anything(
             drone.send("delivered", Delivered(time_ns=1, store=7, pulses=((2, 1),)))
         for _ in range(20):
             drone.turn(1.0)
-    assert drone.heard("recorded_pulse_pose") == []
+    assert drone.heard("recorded") == []
     assert drone.outbox.holds(what)
     drone.turn(2.0)
-    assert drone.heard("recorded_pulse_pose") == [posed(one)]
+    assert drone.heard("recorded") == [Recorded(pulses=(one.key,))]
 
 
 def test_an_ordinary_flight_writes_less_than_its_bar(drone: Drone) -> None:

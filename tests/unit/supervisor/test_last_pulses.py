@@ -24,9 +24,7 @@ def posed_within(last: LastPulses, limit_s: float) -> bool:
     return asyncio.run(last.posed_within(limit_s))
 
 
-@given(
-    st.lists(st.sampled_from([FOUND, "recorded_pulse_pose", "health", "poses"]), max_size=50)
-)
+@given(st.lists(st.sampled_from([FOUND, "recorded", "health", "poses"]), max_size=50))
 def test_a_flight_may_be_closed_exactly_when_every_pulse_has_its_pose(
     passed: list[str],
 ) -> None:
@@ -43,7 +41,7 @@ def test_who_waits_goes_on_with_the_last_pulse() -> None:
     async def story() -> bool:
         last = after([FOUND, FOUND])
         waiting = asyncio.ensure_future(last.posed_within(LONG_S))
-        for topic in ("recorded_pulse_pose", "health", POSED, POSED):
+        for topic in ("recorded", "health", POSED, POSED):
             await asyncio.sleep(0)
             assert not waiting.done()
             last.passed(topic)
