@@ -21,6 +21,7 @@ test: $(STAMP) browser  ## lint, types, import contracts, manual, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/vulture
 	$(BIN)/sphinx-build -W -q docs docs/_build
 	$(BIN)/python deploy/licences.py --check
 	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -r fEsxR

@@ -17,7 +17,7 @@ RATE_HZ = 3e6
 BAND_HZ = 375e3
 BLOCK = 262_144
 UPFIRDN_TO_CSDR = 16.6
-"""Time of scipy.signal.upfirdn over that of csdr's own function (reference/perf.md §2a)."""
+"""Time of scipy.signal.upfirdn over that of csdr's own function."""
 
 
 def run() -> list[Table]:
@@ -63,7 +63,7 @@ def decimators() -> Table:
         cases.append(case("csdr", lambda x: upfirdn(taps, x, down=8), 1 / UPFIRDN_TO_CSDR))
         notes = [
             "csdr is not installed: its row is `scipy.signal.upfirdn` with the same 81 taps "
-            f"divided by the recorded ratio of {UPFIRDN_TO_CSDR} to 1 (reference/perf.md §2a)."
+            f"divided by the recorded ratio of {UPFIRDN_TO_CSDR} to 1."
         ]
     if liquid is not None:
         cases.append(case("liquid-dsp firdecim_crcf, 81 taps", liquid))

@@ -131,7 +131,7 @@ def machine() -> str:
 def yardsticks() -> str:
     """How fast this machine is now, at what the programs here do most.
 
-    Beside what the reference's machine took (reference/perf.md §1, §2a): the bars are figures
+    Beside what the reference's machine took: the bars are figures
     of that machine, and virtual machines of one name differ by a factor of two.
     """
     import numpy as np

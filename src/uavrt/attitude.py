@@ -7,6 +7,8 @@ headings at once: `uavrt.localization.headings`.
 
 import math
 
+from uavrt.units import wrap_degrees_360
+
 Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
 
@@ -75,7 +77,7 @@ def euler_deg(q: Quaternion) -> tuple[float, float, float]:
 
 def yaw_deg(q: Quaternion) -> float:
     """Direction of the body's nose over ground, degrees clockwise from true north, [0, 360)."""
-    return euler_deg(q)[0] % 360.0
+    return wrap_degrees_360(euler_deg(q)[0])
 
 
 def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:

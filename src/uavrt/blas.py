@@ -1,7 +1,7 @@
 """How NumPy's linear algebra shall run: what the environment must say before NumPy is imported.
 
 Blocks are small. A second thread saves nothing and costs more than all of the detection, for it
-waits in a loop for the next product (reference/perf.md §0: 161 % of a core against 99 %).
+waits in a loop for the next product (161 % of a core against 99 %).
 
 OpenBLAS runs its kernels for Haswell, with vectors of 256 bits, on AMD processors that have
 512: told which to take, the products of the detectors and of the decimator take half the time.

@@ -2,14 +2,15 @@
 
 Time in uavrt is one ``int``: nanoseconds UTC. It is the monotonic clock plus one offset that is
 fixed when a flight starts and handed to every process, so a step of the wall clock (GNSS fix,
-NTP, a user) in flight moves nothing (DESIGN.md §2.4).
+NTP, a user) in flight moves nothing.
 """
 
 import time
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-NANOSECONDS = 1_000_000_000
+from uavrt.units import NANOSECONDS_PER_SECOND
+
 _BEYOND = datetime(2262, 1, 1, tzinfo=UTC)
 """The last whole year of 64 bits of nanoseconds since 1970 is 2261."""
 
@@ -64,7 +65,7 @@ def iso_utc(time_ns: int) -> str:
     >>> iso_utc(1_700_205_419_230_494_976)
     '2023-11-17T07:16:59.230494Z'
     """
-    seconds, nanoseconds = divmod(time_ns, NANOSECONDS)
+    seconds, nanoseconds = divmod(time_ns, NANOSECONDS_PER_SECOND)
     stamp = datetime.fromtimestamp(seconds, tz=UTC)
     return f"{stamp:%Y-%m-%dT%H:%M:%S}.{nanoseconds // 1000:06d}Z"
 
@@ -93,4 +94,6 @@ def parse_iso_utc(text: str) -> int:
 
 def flight_stamp(time_ns: int) -> str:
     """Name part of a flight directory: UTC as ``YYYY-mm-dd_HH-MM-SS`` (thesis §4.5)."""
-    return f"{datetime.fromtimestamp(time_ns // NANOSECONDS, tz=UTC):%Y-%m-%d_%H-%M-%S}"
+    return (
+        f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%Y-%m-%d_%H-%M-%S}"
+    )

@@ -8,6 +8,8 @@ a millimetre inside a zone. Metres around a point: `uavrt.tangent_plane`.
 import math
 from dataclasses import dataclass
 
+from uavrt.units import wrap_degrees_180
+
 SEMI_MAJOR_M = 6_378_137.0
 """NIMA TR8350.2."""
 FLATTENING = 1.0 / 298.257_223_563
@@ -57,7 +59,7 @@ def utm(latitude_deg: float, longitude_deg: float) -> Utm | None:
     """Project a place; None where UTM does not reach."""
     if not -80.0 <= latitude_deg <= 84.0:
         return None
-    longitude_deg = (longitude_deg + 180.0) % 360.0 - 180.0
+    longitude_deg = wrap_degrees_180(longitude_deg)
     zone = _zone(latitude_deg, longitude_deg)
     phi = math.radians(latitude_deg)
     lam = math.radians(longitude_deg - (zone * 6 - 183))
@@ -91,7 +93,7 @@ def moved(
     circle_m = max(prime_vertical_m * math.cos(latitude_rad), 1.0)
     north_deg = latitude_deg + math.degrees(north_m / meridian_m)
     east_deg = longitude_deg + math.degrees(east_m / circle_m)
-    return max(-90.0, min(90.0, north_deg)), (east_deg + 180.0) % 360.0 - 180.0
+    return max(-90.0, min(90.0, north_deg)), wrap_degrees_180(east_deg)
 
 
 def geodetic_of_epsg(epsg: int, easting_m: float, northing_m: float) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """Records that cross a stage or a process.
 
 All are frozen; absence is ``None``; times are integer nanoseconds UTC; units stand in the
-names. Words: DESIGN.md §9. Records travel between processes as JSON (``uavrt.ipc``), except
+names. Records travel between processes as JSON (``uavrt.ipc``), except
 the sample blocks, which have their own road.
 """
 
@@ -52,7 +52,7 @@ class Pulse:
     """Start of the pulse at the antenna: all filter delays are taken out."""
     end_time_ns: int
     snr_db: float
-    """Pulse energy over noise power density (ENR, reference/detector.md §0)."""
+    """Pulse energy over noise power density (ENR)."""
     group_snr_db: float
     """Mean linear SNR of the group's pulses, in decibel."""
     score: float

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavrt.geodesy import ECCENTRICITY2, SECOND_ECCENTRICITY2, SEMI_MAJOR_M, SEMI_MINOR_M
+from uavrt.units import wrap_degrees_180
 
 _Floats = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def plane_around(latitude_deg: _Floats, longitude_deg: _Floats) -> TangentPlane:
     """Plane at the middle of some places, also across the 180° meridian."""
     first = float(longitude_deg[0])
     turned = np.remainder(longitude_deg - first + 180.0, 360.0) - 180.0
-    longitude = (first + float(np.mean(turned)) + 180.0) % 360.0 - 180.0
+    longitude = wrap_degrees_180(first + float(np.mean(turned)))
     return TangentPlane(latitude_deg=float(np.mean(latitude_deg)), longitude_deg=longitude)
 
 

@@ -5,6 +5,11 @@ on the wire and on the screen, and are converted here.
 """
 
 import math
+from typing import TYPE_CHECKING, Any, overload
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
@@ -44,14 +49,20 @@ def mhz_from_hz(hertz: float) -> float:
     return hertz / 1e6
 
 
-def wrap_degrees_360(angle_deg: float) -> float:
-    """Wrap an angle to [0, 360)."""
-    wrapped = math.fmod(angle_deg, 360.0)
-    if wrapped < 0.0:
-        wrapped += 360.0
-    return 0.0 if wrapped >= 360.0 else wrapped
+@overload
+def wrap_degrees_360(angle_deg: float) -> float: ...
+@overload
+def wrap_degrees_360(angle_deg: "NDArray[np.float64]") -> "NDArray[np.float64]": ...
+def wrap_degrees_360(angle_deg: Any) -> Any:
+    """Wrap an angle, or each of an array, to [0, 360)."""
+    wrapped = angle_deg % 360.0
+    return wrapped * (wrapped < 360.0)  # a hair below 0 is rounded to 360
 
 
-def wrap_degrees_180(angle_deg: float) -> float:
-    """Wrap an angle to [-180, 180)."""
+@overload
+def wrap_degrees_180(angle_deg: float) -> float: ...
+@overload
+def wrap_degrees_180(angle_deg: "NDArray[np.float64]") -> "NDArray[np.float64]": ...
+def wrap_degrees_180(angle_deg: Any) -> Any:
+    """Wrap an angle, or each of an array, to [-180, 180)."""
     return wrap_degrees_360(angle_deg + 180.0) - 180.0

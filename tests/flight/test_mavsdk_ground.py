@@ -12,11 +12,11 @@ import mavsdk
 import pytest
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 
-THESIS_TAG_G0 = bytes.fromhex(  # reference/control.md §2.2, golden
+THESIS_TAG_G0 = bytes.fromhex(  # golden
     "04000000020000007022dd0814000000e6040000000000003c0000000a00000003000000000000007b14ae47"
     "e17a743f"
 )
-THESIS_TAG_G1 = struct.pack(  # reference/control.md §2.3
+THESIS_TAG_G1 = struct.pack(
     "<9I4xdII4d", 4, 2, 148_710_000, 20, 1254, 0, 60, 10, 3, 0.005, 0, 0, *[float("nan")] * 4
 )
 START_TAGS, END_TAGS = struct.pack("<I", 2), struct.pack("<I", 3)
@@ -64,7 +64,7 @@ class MavsdkGround:
         """Pulses of a struct size, detector heartbeats and search reports left out."""
         status_at = {128: 64, 120: 72}[size]
         pulses = [p for p in self.payloads if p[0] == 7 and len(p) == size]
-        # At frequency 0 it is a detector's heartbeat (reference/control.md §2.3).
+        # At frequency 0 it is a detector's heartbeat.
         return [p for p in pulses if p[status_at] < 3 and p[8:12] != bytes(4)]
 
 

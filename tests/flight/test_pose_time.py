@@ -1,6 +1,6 @@
 """Each pulse gets the yaw that the antenna had: through jitter, skew, reboot and clock steps.
 
-The bar of DESIGN.md §5: 0.5° rms, 1.5° at most, over turns at 30°/s.
+The bar: 0.5° rms, 1.5° at most, over turns at 30°/s.
 """
 
 import asyncio

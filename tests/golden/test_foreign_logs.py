@@ -1,4 +1,4 @@
-"""Lines of other systems' logs, from reference/localization.md §1.8 and control.md §3.4."""
+"""Lines of other systems' logs, as their programs write them."""
 
 import io
 import math

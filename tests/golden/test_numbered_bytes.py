@@ -1,4 +1,4 @@
-"""Layouts of the numbered versions, written here a second time (reference/control.md §2.4)."""
+"""Layouts of the numbered versions, written here a second time."""
 
 import math
 import struct

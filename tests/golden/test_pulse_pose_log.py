@@ -17,7 +17,7 @@ from uavrt.recording.pulse_pose_log import (
     parse_line,
 )
 
-# Thesis, Fig. 5.7, row 1 (reference/control.md §3.3): six digits, and a saturated column 10.
+# Thesis, Fig. 5.7, row 1: six digits, and a saturated column 10.
 THESIS_ROW = (
     "2, 148.71, 1700205419, 230494976, 1700205419, 250494957, 1700205420, 434494972, "
     "1700205420, 4294967295, 69.6484, 0.219541, 1, 69.8253, 1, 1, 47.3978, 8.54561, 488.077, "

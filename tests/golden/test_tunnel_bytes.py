@@ -1,4 +1,4 @@
-"""Bytes of the original system (reference/control.md §2.2; struct layouts of §2.2 and §2.3)."""
+"""Bytes of the original system."""
 
 import struct
 
@@ -84,7 +84,7 @@ def test_pads_full_of_rubbish_change_nothing() -> None:
     assert tunnel.decode(bytes(dirty)).encode() == clean
 
 
-# Offsets of fields as in the tables of reference/control.md §2.3, each packed by hand.
+# Offsets of fields as in the original structs, each packed by hand.
 OFFSETS_PULSE_G1 = {
     "tag_id": ("<I", 4, 7),
     "frequency_hz": ("<I", 8, 148_710_123),

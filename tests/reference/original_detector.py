@@ -1,9 +1,9 @@
 """The original's statistic, for comparisons: written from its description, small and slow.
 
-reference/detector.md §4: half-overlapping rectangular windows one pulse long, a whole-bin and a
+Half-overlapping rectangular windows one pulse long, a whole-bin and a
 half-bin transform, noise of each whole bin with thresholds interpolated to the half bins, the
 best pattern of K columns for each row, and a threshold from Monte Carlo and a Gumbel fit. One
-segment at a time; tracking and confirmation (§5) are left out.
+segment at a time; tracking and confirmation are left out.
 """
 
 import math

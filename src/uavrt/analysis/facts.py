@@ -18,6 +18,7 @@ from pathlib import Path
 from zoneinfo import ZoneInfo
 
 from uavrt.errors import ConfigError
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 NAME = "report.toml"
 MOST_LETTERS = 200
@@ -50,7 +51,7 @@ class Facts:
         """A time as clocks at the place show it; None without a time zone."""
         if self.time_zone is None:
             return None
-        instant = datetime.fromtimestamp(time_ns // 1_000_000_000, tz=UTC)
+        instant = datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC)
         return f"{instant.astimezone(ZoneInfo(self.time_zone)):%Y-%m-%d %H:%M:%S %Z}"
 
 

@@ -12,7 +12,7 @@ from uavrt.analysis.beats import FEWEST, FoundBeat
 from uavrt.analysis.interval_fit import fit_beat
 from uavrt.analysis.measured_tag import MeasuredRate, MeasuredTag
 from uavrt.analysis.pulse_fit import FittedPulse, fit_pulse, without_carriers, without_impulses
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SAME_RATE: Final = 0.004
 """Intervals that differ by less are one rate, in two stretches."""
@@ -58,9 +58,9 @@ def measure_pulses(
         for w in windows
     ]
     start_ns = windows[0].time_ns
-    at_s = np.array([(w.time_ns - start_ns) / 1e9 for w in windows]) + np.array(
-        [fit.start_s + fit.width_s / 2 for fit in fits]
-    )
+    at_s = np.array(
+        [(w.time_ns - start_ns) / NANOSECONDS_PER_SECOND for w in windows]
+    ) + np.array([fit.start_s + fit.width_s / 2 for fit in fits])
     offset_hz = np.array(
         [fit.frequency_hz - w.offset_hz for fit, w in zip(fits, windows, strict=True)]
     )
@@ -154,7 +154,7 @@ def _rate(times_s: NDArray[np.float64], interval_s: float, start_ns: int) -> Mea
         drift_sigma=drift_sigma,
         pulses=times_s.size,
         missing=int(beat.numbers[-1]) + 1 - times_s.size,
-        first_time_ns=start_ns + round(times_s[0] * NANOSECONDS_PER_SECOND),
+        first_time_ns=start_ns + ns_from_s(times_s[0]),
         last_time_ns=start_ns + round(times_s[-1] * NANOSECONDS_PER_SECOND),
     )
 

@@ -29,11 +29,12 @@ from uavrt.localization import (
     strongest_signal,
 )
 from uavrt.messages import Pose, PulsePose, Tag
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 MONOPOLE = "monopole"
 """Name of the antenna that makes a flight a power survey."""
 MISS_THRESHOLD_DB = 13.0
-"""SNR from which a pulse that a detector was following is not missed (DESIGN.md §5)."""
+"""SNR from which a pulse that a detector was following is not missed."""
 _LEAST_HEIGHT_M = 2.0
 """The antenna over the tag: a drone that stands still hears with its feet."""
 
@@ -183,9 +184,11 @@ def _missed_times_ns(
         return missed
     for (before, after), rate in zip(pairwise(times_ns), rates, strict=False):
         number = min(max(rate, 1), len(tag.pulse_intervals_s))
-        interval_ns = tag.pulse_intervals_s[number - 1] * 1e9
+        interval_ns = tag.pulse_intervals_s[number - 1] * NANOSECONDS_PER_SECOND
         count = round((after - before) / interval_ns)
-        tolerance_ns = 1e9 * tag.interval_uncertainty_s * count + 0.1 * interval_ns
+        tolerance_ns = (
+            NANOSECONDS_PER_SECOND * tag.interval_uncertainty_s * count + 0.1 * interval_ns
+        )
         if count > 1 and abs(after - before - count * interval_ns) <= tolerance_ns:
             step = (after - before) / count
             missed += [before + round(step * index) for index in range(1, count)]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from uavrt.analysis.bearings import TagBearing
 from uavrt.analysis.positions import TagPosition
 from uavrt.localization import Position, TangentPlane, region_outlines
+from uavrt.units import wrap_degrees_360
 
 Point = tuple[float, float]
 """Longitude, latitude [deg], as GeoJSON has it."""
@@ -37,7 +38,7 @@ def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
     if bearing.bearing.interval90_deg is None:
         return None
     low, high = bearing.bearing.interval90_deg
-    width = (high - low) % 360.0
+    width = wrap_degrees_360(high - low)
     steps = max(2, math.ceil(width / _STEP_DEG) + 1)
     arc = [_at(bearing, length_m, high - width * step / (steps - 1)) for step in range(steps)]
     start = _at(bearing, 0.0, 0.0)

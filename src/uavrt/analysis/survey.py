@@ -33,6 +33,7 @@ from uavrt.recording import (
 from uavrt.recording.formats import LogKind, read_pulse_log
 from uavrt.recording.formats.recognise import ORIGINAL_POSES
 from uavrt.recording.places import Mark, places_of
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -191,7 +192,10 @@ def _read(
 
 def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
     """Keep the first pose of each step of time; the last one stays too."""
-    first = [next(group) for _, group in groupby(track, lambda p: p.time_ns // (step_s * 1e9))]
+    first = [
+        next(group)
+        for _, group in groupby(track, lambda p: p.time_ns // (step_s * NANOSECONDS_PER_SECOND))
+    ]
     if track and first[-1] is not track[-1]:
         first.append(track[-1])
     return first

@@ -20,6 +20,7 @@ from uavrt.errors import ConfigError
 from uavrt.ground.keys import read_link_keys
 from uavrt.ground.station import Station, StationSettings, json_line
 from uavrt.recording.plain_database import ended as queries_ended
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
     from uavrt.ground.page import PageStation
@@ -217,7 +218,7 @@ def _print_text(event: dict[str, Any]) -> None:
             print(f"The page is at {address} – Ctrl-C ends", flush=True)
         case {"event": "pulse", "tag_id": tag_id, "snr_db": snr, "frequency_hz": frequency}:
             sure = "confirmed" if event["confirmed"] else event["detection_status"]
-            seconds = event["start_time_ns"] / 1e9
+            seconds = event["start_time_ns"] / NANOSECONDS_PER_SECOND
             clock = datetime.fromtimestamp(seconds, tz=UTC)
             text = f"{clock:%H:%M:%S.%f}"[:-3]
             print(f"{text}  tag {tag_id}  {snr:5.1f} dB  {frequency / 1e6:.5f} MHz  {sure}")

@@ -1,12 +1,11 @@
 """Read, explain and write ``uavrt.toml``.
 
-pydantic is imported only inside these functions: it costs 29 MB and 95 ms
-(reference/style.md §B.3), which a process of the drone that is handed its settings never pays.
+pydantic is imported only inside these functions: it costs 29 MB and 95 ms, which a process of
+the drone that is handed its settings never pays.
 """
 
 import json
 import os
-import re
 import textwrap
 import tomllib
 from difflib import get_close_matches
@@ -197,8 +196,7 @@ def _setting_lines(key: str, entry: dict[str, Any]) -> list[str]:
 
 def _plain(text: str) -> str:
     """A docstring without its markup, in lines that fit."""
-    sourceless = re.sub(r"\s*\(reference/[^)]*\)", "", text)
-    joined = " ".join(sourceless.replace("``", "").split())
+    joined = " ".join(text.replace("``", "").split())
     return textwrap.fill(joined, _WIDTH, break_long_words=False, break_on_hyphens=False)
 
 

@@ -16,7 +16,7 @@ STRICT: dict[str, Any] = {
     "use_attribute_docstrings": True,
 }
 """How `uavrt.config.loader` has pydantic read each table; a plain dict, so that this module
-costs the drone nothing (reference/style.md §B.3)."""
+costs the drone nothing."""
 
 
 def is_ros_namespace(text: str) -> bool:
@@ -81,7 +81,7 @@ class MavlinkSettings:
     component_id: Annotated[int, Interval(ge=1, le=255)] = 191
     """Ours in the vehicle's MAVLink system; 191 is the first onboard computer."""
     tunnel_gap_s: Annotated[float, Interval(ge=0.012, le=1.0)] = 0.020
-    """Time between two tunnel messages; never below 0.012 (reference/mavlink.md §1)."""
+    """Time between two tunnel messages; never below 0.012."""
     attitude_rate_hz: Annotated[float, Interval(gt=0.0, le=250.0)] = 50.0
     """Attitudes asked of the autopilot each second."""
     position_rate_hz: Annotated[float, Interval(gt=0.0, le=250.0)] = 10.0

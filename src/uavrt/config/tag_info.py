@@ -1,7 +1,7 @@
 """The thesis's ``TagInfo.txt``: one tag a line, eight numbers separated by commas.
 
 ``# id, freq_hz, ip_msecs, pulse_width_msecs, ip_uncertainty_msecs, ip_jitter_msecs, k,
-false_alarm`` (reference/control.md §3.5). The heading may be missing or stand without its
+false_alarm``. The heading may be missing or stand without its
 ``#``; comments, blank lines, spaces, and tabs or semicolons for commas are taken too.
 
 TagTracker's has ten: a name behind the id, and a second interval behind the first, 0 where the

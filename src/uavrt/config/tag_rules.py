@@ -3,7 +3,7 @@
 Both tag file formats are read into `TagDraft` and judged here, so they have the same rules; and
 so has a tag that came by a wire (`uavrt.config.tag_files.faults_of_tags`).
 Bounds are those of wildlife tags with room to spare: pulses of 15 to 20 ms every 1 to 2 s near
-150 MHz (thesis §1.1; reference/detector.md §2).
+150 MHz (thesis §1.1).
 """
 
 import math
@@ -31,8 +31,8 @@ MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
 SHORTEST_LIKELY_MS = 60.0
 """What is typed below this is a number of seconds, when it does not go with the pulse."""
 MAX_K = 100
-MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's (reference/control.md §6.2)
-MAX_ID = 2**32 - 1  # uint32 on the wire (reference/control.md §2.2)
+MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
+MAX_ID = 2**32 - 1  # uint32 on the wire
 
 _FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
 

@@ -31,6 +31,7 @@ from uavrt.monitor import StatusReader
 from uavrt.recording import read_flight, require_writable
 from uavrt.simulation import World, demo_scenario, write_scenario
 from uavrt.simulation.flight import Flight
+from uavrt.units import ns_from_s
 
 START_LEAD_S = 2.5
 """The world's clock starts this long after the programs: they take about 1.5 s to be ready."""
@@ -107,9 +108,9 @@ class Demo:
 
     def _start(self, paths: DemoPaths) -> None:
         companion_port, ground_port = free_udp_port(), free_udp_port()
-        start_ns = Clock.start().now_ns() + round(START_LEAD_S * 1e9)
+        start_ns = Clock.start().now_ns() + ns_from_s(START_LEAD_S)
         self.scenario = self.scenario.starting_at(start_ns)
-        self._begun_ns = start_ns - round(START_LEAD_S * 1e9)
+        self._begun_ns = start_ns - ns_from_s(START_LEAD_S)
         self._start_ns = start_ns
         write_scenario(self.scenario, paths.scenario)
         # The gateway is part of the demo wherever its extra is installed.
@@ -172,7 +173,7 @@ class Demo:
         """Wait for detection to start, then until the flight's end."""
         clock = Clock.start()
         deadline_s = time.monotonic() + READY_TIMEOUT_S
-        end_ns = self._start_ns + round(self.scenario.duration_s * 1e9)
+        end_ns = self._start_ns + ns_from_s(self.scenario.duration_s)
         while clock.now_ns() < end_ns:
             self._tick(clock)
             if self._flight_directory == "" and time.monotonic() > deadline_s:

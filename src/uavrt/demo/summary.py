@@ -13,6 +13,7 @@ from rich.table import Table
 
 from uavrt.messages import Pulse, Tag
 from uavrt.simulation import TruePulse
+from uavrt.units import ns_from_s
 
 DETECTABLE_ENR_DB = 14.0
 MATCH_TIME_S = 0.02
@@ -147,7 +148,7 @@ def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TrueP
         In order of time.
     """
     times = [pulse.start_time_ns for pulse in found]
-    limit_ns = round(MATCH_TIME_S * 1e9)
+    limit_ns = ns_from_s(MATCH_TIME_S)
     taken: set[int] = set()
     pairs: list[tuple[TruePulse, Pulse]] = []
     for true in sent:

@@ -4,7 +4,7 @@ No track looks for the next pulse; every pulse is in a group that reached the th
 search. What is left to do is to know a pulse again that several groups have, and to number the
 groups: K places of the lattice that the first group began are one group, as in the other modes.
 A group that goes on with the one before, in time and frequency, confirms it (the rule of the
-original, reference/detector.md §5).
+original).
 """
 
 import math

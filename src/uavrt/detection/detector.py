@@ -31,6 +31,7 @@ from uavrt.detection.search import Candidate, RateSearch
 from uavrt.detection.senders import Senders
 from uavrt.detection.tracks import Track
 from uavrt.messages import Pulse, SearchReport, Tag
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 BATCH_S = 0.44
 """Longest that samples are gathered before the search goes on: latency against NumPy's price of
@@ -311,7 +312,7 @@ class PulseDetector:
 
     def time_ns(self, time_s: float) -> float:
         """Absolute time of its tracks' seconds."""
-        return self._follower.epoch_ns + 1e9 * time_s
+        return self._follower.epoch_ns + NANOSECONDS_PER_SECOND * time_s
 
     def report(self, track: Track) -> None:
         """Tell the pulses of a track, if it is not held."""

@@ -14,6 +14,7 @@ from uavrt.detection.refine import TRACK_BAND_HZ, Measured, Refiner
 from uavrt.detection.rivals import become, lags, set_up_rivals, settle_rivalry
 from uavrt.detection.samples import SampleBuffer
 from uavrt.detection.tracks import Slot, Track
+from uavrt.units import ns_from_s
 
 
 class Follower:
@@ -147,7 +148,7 @@ class Follower:
         grid = self._grid
         time_s, half_s = track.expected()
         half = half_s * grid.sample_rate_hz
-        start = self._buffer.index(self.epoch_ns + round(time_s * 1e9))
+        start = self._buffer.index(self.epoch_ns + ns_from_s(time_s))
         if start + half + grid.window + 3 > upto:
             return False
         begin, end = math.floor(start), math.ceil(start) + grid.window

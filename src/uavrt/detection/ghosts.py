@@ -19,6 +19,7 @@ from uavrt.detection.masking import level
 from uavrt.detection.refine import timing_error_s
 from uavrt.detection.tracks import CLOCK_ERROR, Slot, Track
 from uavrt.detection.trains import H
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 STRONGER = 10.0**0.8
 """Power of the original over its ghost's, at least. An image is 25 to 40 dB down. The third
@@ -136,7 +137,7 @@ def _coincidence(one: _Heard[H], other: _Heard[H]) -> _Coincidence:
     pulses = together = 0
     widest_s = 0.0
     for time_ns, near_s in zip(one.times_ns, one.near_s, strict=True):
-        near_ns = 1e9 * near_s
+        near_ns = NANOSECONDS_PER_SECOND * near_s
         if not first_ns - near_ns <= time_ns <= last_ns + near_ns:
             continue
         pulses += 1

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from uavrt.detection.samples import BACKWARD_RESTART_BLOCKS, Counters, SampleBuffer
 from uavrt.messages import Tag
+from uavrt.units import ns_from_s
 
 REORDER_S = 0.1
 """So long the search waits for a block that another has overtaken: one block of a flight, and
@@ -113,7 +114,7 @@ class Intake:
                     counters.restarts += 1
                     return "earlier"
                 samples = samples[overlap:]
-                time_ns += round(overlap / self._rate_hz * 1e9)
+                time_ns += ns_from_s(overlap / self._rate_hz)
         self.stale_blocks = 0
         counters.samples += len(samples)
         buffer.append(samples, time_ns)

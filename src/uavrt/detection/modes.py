@@ -1,13 +1,13 @@
 """What a detector does with the frequency of a tag that it has found.
 
-The four modes and their names are those of the original's configuration file
-(reference/detector.md §2); there they were parsed and ignored, here they act.
+The four modes and their names are those of the original's configuration file; there they were
+parsed and ignored, here they act.
 """
 
 from enum import StrEnum
 
 LOCK_HALF_WIDTH_HZ = 100.0
-"""Half-width of the search once a frequency is locked (reference/detector.md §5)."""
+"""Half-width of the search once a frequency is locked."""
 
 
 class OperatingMode(StrEnum):

@@ -2,7 +2,7 @@
 
 The original estimates noise in whole bins and interpolates to the half bins between; a carrier
 on a whole bin is then seen by the half bins but not by their threshold, and every segment is a
-false alarm (reference/detector.md §8 D1). Here each row looks after itself.
+false alarm. Here each row looks after itself.
 """
 
 import math

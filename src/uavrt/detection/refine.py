@@ -3,7 +3,7 @@
 For a rectangular pulse of unknown phase in white noise the likelihood is the squared magnitude
 of the matched filter; it is evaluated at every sample and, around the best, at a continuous
 frequency (Newton). Cramér–Rao bound of the frequency: sqrt(6 / ENR) / (2 pi tp), 1.95 Hz for
-20 ms at 20 dB (reference/detector.md §10 E7).
+20 ms at 20 dB.
 """
 
 import math

@@ -13,11 +13,11 @@ from uavrt.detection.samples import Counters
 from uavrt.detection.thresholds import decision_interval_s
 from uavrt.detection.tracks import Slot, Track
 from uavrt.messages import DetectionStatus, Pulse, SearchReport, Tag
-from uavrt.units import db_from_power, ns_from_s
+from uavrt.units import NANOSECONDS_PER_SECOND, db_from_power, ns_from_s
 
 SAME_FREQUENCY_HZ = 40.0
 """Tracks closer than this are the same transmitter."""
-_REPORT_EVERY_NS = 1_000_000_000
+_REPORT_EVERY_NS = NANOSECONDS_PER_SECOND
 _ACTIVE_INTERVALS = 5.0
 
 

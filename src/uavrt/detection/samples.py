@@ -213,7 +213,7 @@ def blank_impulses(
     A burst is a stretch whose power over `short` samples is 12 times the floor and 4 times
     that found a `flank` before *and* after it. Inside a pulse at least one flank is as strong
     as the middle, however strong the pulse; impulses of up to two flanks fail it
-    (reference/detector.md §8 D2: 1 ms impulses made a false group in every segment).
+    (1 ms impulses made a false group in every segment).
 
     Parameters
     ----------

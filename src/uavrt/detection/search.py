@@ -5,8 +5,7 @@ Its statistic is the anchor's power plus, for each other place, the largest powe
 jitter around where that pulse should be; all relative to the row's noise and none above a
 limit. By the pigeonhole principle a sum of K terms that reaches T has a term that reaches T/K,
 so only cells above T/K need be anchors: a few in a second of noise at K = 3. Only what an
-anchor looks at is maximised over the jitter; the work is linear in K (reference/perf.md §2c;
-the original enumerates 3 to the power K patterns).
+anchor looks at is maximised over the jitter; the work is linear in K.
 """
 
 import math

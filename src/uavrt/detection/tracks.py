@@ -2,8 +2,7 @@
 
 A track holds the phase and the interval (Kalman filter), the frequency, and the last pulse
 slots of the lattice. Where the next pulse is expected is so small a volume that its threshold
-is far below that of the search: 1.3 dB and more at K = 3 (reference/detector.md §9,
-"Narrowing").
+is far below that of the search: 1.3 dB and more at K = 3.
 """
 
 import math

@@ -15,6 +15,7 @@ from uavrt.detection.report import SAME_FREQUENCY_HZ
 from uavrt.detection.rivals import WINS, evidence, strength
 from uavrt.detection.tracks import Slot, Track
 from uavrt.messages import Tag
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 _LIKELY = -6.0
 """Log odds of a track that is about to be confirmed: it is taken for bursts while another train
@@ -201,9 +202,12 @@ def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
     if max(intervals_s) < _ALIKE * min(intervals_s):
         return pairs
     since_ns = max(track.slots[0].time_ns if track.slots else 0 for _, track in pairs)
-    upto_ns = min(h.time_ns(track.time_s) for h, track in pairs) + 1e9 * min(intervals_s) / 4.0
+    upto_ns = (
+        min(h.time_ns(track.time_s) for h, track in pairs)
+        + NANOSECONDS_PER_SECOND * min(intervals_s) / 4.0
+    )
     level = max(strength(track) for _, track in pairs)
-    width_ns = 1e9 * pairs[0][1].tag.pulse_width_s
+    width_ns = NANOSECONDS_PER_SECOND * pairs[0][1].tag.pulse_width_s
     values = [
         evidence([s for s in track.slots if since_ns - width_ns < s.time_ns < upto_ns], level)
         for _, track in pairs
@@ -234,6 +238,6 @@ def _are_one(one_at: Hearer, one: Track, two_at: Hearer, two: Track) -> bool:
             shared = sum(any(abs(a - b) < near_ns for b in twos) for a in ones)
             return shared >= _SAME_SHARE * fewer
     # Too little in common: compare the places at which they expect their pulses.
-    interval_ns = 1e9 * min(one.interval_s, two.interval_s)
+    interval_ns = NANOSECONDS_PER_SECOND * min(one.interval_s, two.interval_s)
     apart_ns = one_at.time_ns(one.time_s) - two_at.time_ns(two.time_s)
     return abs(math.remainder(apart_ns, interval_ns)) < near_ns / 2.0

@@ -1,9 +1,8 @@
 """Uniform DFT filter bank: a band into channels, only those in use.
 
 ``y_c[n] = sum_m h[m] x[H n - m] exp(-j 2 pi c (H n - m) / M)``: a tone at c times the channel
-spacing lands on 0 Hz of channel c. With H = M (critically sampled) this is the original's bank
-(reference/detector.md §1.3); with H = M / 2 each channel is twice oversampled, so that no
-frequency sits on an edge.
+spacing lands on 0 Hz of channel c. With H = M (critically sampled) this is the original's bank;
+with H = M / 2 each channel is twice oversampled, so that no frequency sits on an edge.
 
 The sum is folded: with ``u = Q M - m`` the window of the last Q M samples is weighted by the
 symmetric prototype, added up modulo M and Fourier transformed. The window starts at

@@ -18,8 +18,7 @@ def compatible_decimator_taps(factor: int) -> NDArray[np.float64]:
     """Taps that csdr derives for ``fir_decimate_cc FACTOR 0.05 HAMMING``.
 
     A windowed sinc of ``int(4 / 0.05)`` taps made odd, cut off at half the output rate
-    (-6 dB *at* the output's Nyquist frequency), Hamming window, unity gain at 0 Hz
-    (reference/detector.md §1.1).
+    (-6 dB *at* the output's Nyquist frequency), Hamming window, unity gain at 0 Hz.
 
     Parameters
     ----------
@@ -64,7 +63,7 @@ def compatible_bank_taps(channels: int) -> NDArray[np.float64]:
     """Prototype of the original's critically sampled filter bank.
 
     ``h[m] = sinc((m - 6 M) / M) / M * kaiser(12 M + 1, 7.857)``, zero at every multiple of M
-    but the centre (reference/detector.md §1.3). The first tap is zero, and so is the dropped
+    but the centre. The first tap is zero, and so is the dropped
     last one.
 
     Parameters

@@ -71,8 +71,7 @@ def channel_center_hz(
     """Absolute frequency of a channel's centre [Hz].
 
     The first half of the channels lies at and above the radio's centre, the rest below it;
-    of an even number, the middle one is the negative Nyquist frequency
-    (reference/detector.md §1.3).
+    of an even number, the middle one is the negative Nyquist frequency.
     """
     signed = channel if 2 * channel < channel_count else channel - channel_count
     return center_frequency_hz + signed * spacing_hz

@@ -3,7 +3,7 @@
 The default keeps every tag within the decimator's clean span and away from the radio's own
 centre, where a zero-IF receiver has its DC spur; then avoids mirror images (an IQ imbalance
 shows a tag at +f also at -f), and sits the tags near channel centres. The compatible mode is
-the original's search (reference/control.md §5.1).
+the original's search.
 """
 
 from collections.abc import Sequence
@@ -132,7 +132,7 @@ def tune(
 def compatible_cost(
     tags_hz: Floats, centers_hz: Floats, *, spacing_hz: float, channel_count: int
 ) -> CompatibleCost:
-    """What the original's tuner thinks of radio frequencies (reference/control.md §5.1).
+    """What the original's tuner thinks of radio frequencies.
 
     With d the distance of a tag from its channel's edge, rounded to 1 Hz, and w half a shoulder
     (7.5 % of the channel), a tag costs ``|w / d - 1|`` where d < w, else nothing.

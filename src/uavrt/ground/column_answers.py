@@ -61,7 +61,7 @@ def chosen_columns(
 
 
 def thinned(cells: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-    """Take every so manieth of (m, n) columns, so that `most` are left, and the last one."""
+    """Take every n-th of (m, n) columns so that `most` are left, and the last one."""
     count = cells.shape[1]
     step = max(1, -(-count // max(1, most)))
     # Backwards, because where the drone is now matters more than where it began.

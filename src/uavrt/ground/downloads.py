@@ -19,6 +19,7 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.recording import FlightLayout
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
     from uavrt.ground.session import GroundSession
@@ -169,7 +170,7 @@ class Downloads:
                     self.current, file=file, done_bytes=before + done, whole_bytes=whole
                 )
                 now_ns = self._session.clock.now_ns()
-                if now_ns - self._shown_ns > REPORT_S * 1e9 or done == size:
+                if now_ns - self._shown_ns > REPORT_S * NANOSECONDS_PER_SECOND or done == size:
                     self._shown_ns = now_ns
                     self._show()
 

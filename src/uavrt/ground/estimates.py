@@ -40,6 +40,7 @@ from uavrt.localization.flight_estimates import (
 from uavrt.localization.headings import yaws_deg
 from uavrt.localization.records import ACCEPTED_EVIDENCE
 from uavrt.messages import LiveBearing, Tag
+from uavrt.units import wrap_degrees_360
 
 SECTORS = 16
 """Wedges of the pulse rose, as the original ground station's finest rotation."""
@@ -367,7 +368,7 @@ def _heat(grid: PositionGrid, plane: TangentPlane) -> Record:
 
 def _rose(yaw: _Floats, snr_db: _Floats) -> list[float | None]:
     """Greatest SNR in each of 16 sectors, the first centred on north."""
-    sectors = np.floor((yaw % 360.0) / (360.0 / SECTORS) + 0.5).astype(int) % SECTORS
+    sectors = np.floor((wrap_degrees_360(yaw)) / (360.0 / SECTORS) + 0.5).astype(int) % SECTORS
     return [
         known(round(float(snr_db[sectors == sector].max()), 2))
         if (sectors == sector).any()

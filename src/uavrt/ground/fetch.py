@@ -19,7 +19,7 @@ from uavrt.clock import monotonic_s
 from uavrt.errors import LinkError, RecordingError
 from uavrt.ground.same_flight import others, place_for
 from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
-from uavrt.units import ns_from_s
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ns
 
 REPLY_NS = ns_from_s(1.5)
 """Longer than a queue of a slow radio holds a reply."""
@@ -295,7 +295,7 @@ class FileClient:
 
     async def _reply(self, wait_ns: int, until_s: float) -> FtpPacket | None:
         """Get the next reply, or None when none came in time, also in a flood of others."""
-        left_s = min(wait_ns / 1e9, until_s - monotonic_s())
+        left_s = min(wait_ns / NANOSECONDS_PER_SECOND, until_s - monotonic_s())
         if left_s <= 0.0:
             return None
         try:
@@ -332,13 +332,14 @@ class _Pace:
             self._from, self._until_s = done, _soon(STALL_NS)
         elif monotonic_s() > self._until_s:
             raise LinkError(
-                f"{self._what} does not get on: {done - self._from} in {STALL_NS / 1e9:.0f} s",
+                f"{self._what} does not get on: {done - self._from} in "
+                f"{s_from_ns(STALL_NS):.0f} s",
                 remedy="Try again nearer to the drone; what has come is kept",
             )
 
 
 def _soon(wait_ns: int) -> float:
-    return monotonic_s() + wait_ns / 1e9
+    return monotonic_s() + wait_ns / NANOSECONDS_PER_SECOND
 
 
 def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:

@@ -25,7 +25,7 @@ log = get_logger()
 
 DRONE_COMPONENT = 191
 DRONE_SILENCE_NS = ns_from_s(6.0)
-"""The original ground station calls the drone lost after this (reference/control.md §2.5)."""
+"""The original ground station calls the drone lost after this."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

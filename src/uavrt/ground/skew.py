@@ -37,5 +37,5 @@ class ClockSkew:
         if self.skew_ns is None or skew_ns < self.skew_ns:
             self.skew_ns = skew_ns
             if first and skew_ns != 0:
-                return f"the drone's clock differs by {-skew_ns / 1e9:.0f} s"
+                return f"the drone's clock differs by {-skew_ns / NANOSECONDS_PER_SECOND:.0f} s"
         return None

@@ -8,6 +8,7 @@ from uavrt.attitude import euler_deg
 from uavrt.ground.actions import action_states
 from uavrt.ground.tag_table import rows_from_tags, table_version
 from uavrt.messages import Pose
+from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 if TYPE_CHECKING:
     from uavrt.ground.session import GroundSession
@@ -36,7 +37,9 @@ def snapshot(session: "GroundSession") -> dict[str, Any]:
             "state": session.state.value if session.state else None,
             "cpu_temperature_c": session.temperature_c,
             "directory": session.drone_directory or None,
-            "clock_skew_s": None if session.skew_ns is None else session.skew_ns / 1e9,
+            "clock_skew_s": None
+            if session.skew_ns is None
+            else session.skew_ns / NANOSECONDS_PER_SECOND,
         },
         "link": link_state(session, now_ns),
         "vehicle": None if pose is None else pose_record(pose, now_ns),
@@ -55,7 +58,8 @@ def snapshot(session: "GroundSession") -> dict[str, Any]:
         },
         "tags_sent": bool(session.sent_tags) and session.sent_tags == session.store.chosen_tags,
         "detectors": {
-            str(tag_id): (now_ns - heard_ns) / 1e9 for tag_id, heard_ns in session.heard.items()
+            str(tag_id): (now_ns - heard_ns) / NANOSECONDS_PER_SECOND
+            for tag_id, heard_ns in session.heard.items()
         },
         "commander": session.commander.present,
         "marks": [asdict(mark) for mark in session.marks],
@@ -96,12 +100,12 @@ def pose_record(pose: Pose, now_ns: int) -> dict[str, Any]:
     yaw_deg, pitch_deg, roll_deg = euler_deg(pose.quaternion_wxyz)
     return {
         "time_ns": pose.time_ns,
-        "age_s": (now_ns - pose.time_ns) / 1e9,
+        "age_s": (now_ns - pose.time_ns) / NANOSECONDS_PER_SECOND,
         "latitude_deg": pose.latitude_deg,
         "longitude_deg": pose.longitude_deg,
         "altitude_amsl_m": pose.altitude_amsl_m,
         "altitude_relative_m": pose.altitude_relative_m,
         "roll_deg": roll_deg,
         "pitch_deg": pitch_deg,
-        "heading_deg": yaw_deg % 360.0,
+        "heading_deg": wrap_degrees_360(yaw_deg),
     }

@@ -2,7 +2,7 @@
 
 TagTracker writes ``TagInfo.db`` (selected, id, name, manufacturer, MHz) and
 ``TagManufacturer.db`` (id, name, two intervals, what each means, pulse width, uncertainty,
-jitter) as CSV without a line of names (reference/control.md §6.2); spreadsheets put semicolons
+jitter) as CSV without a line of names; spreadsheets put semicolons
 or tabs between the cells.
 """
 

@@ -49,7 +49,7 @@ Row = dict[str, Any]
 
 PRESETS: tuple[dict[str, Any], ...] = (
     {
-        # TagTracker's first manufacturer record (reference/control.md §6.2).
+        # TagTracker's first manufacturer record.
         "name": "Two rates: moving 1333 ms, resting 2000 ms",
         "interval_ms": 1333,
         "second_interval_ms": 2000,
@@ -58,7 +58,7 @@ PRESETS: tuple[dict[str, Any], ...] = (
         "interval_jitter_ms": 20,
     },
     {
-        # The thesis's tag (reference/detector.md §2).
+        # The thesis's tag.
         "name": "One rate: 1254 ms, 20 ms pulses",
         "interval_ms": 1254,
         "second_interval_ms": "",
@@ -264,7 +264,7 @@ def _number(written: object) -> float | None:
 def _tracker_row(
     name: str, cells: Mapping[str, str], makers: Mapping[str, Mapping[str, str]]
 ) -> Row:
-    """One tag of TagTracker's ``TagInfo.db`` (reference/control.md §6.2)."""
+    """One tag of TagTracker's ``TagInfo.db``."""
     maker = makers.get(_key(cells["manufacturerid"]))
     if maker is None:
         raise UsageError(

@@ -27,7 +27,7 @@ from uavrt.radio.opening import open_recording
 from uavrt.radio.recording import RecordingSource
 from uavrt.radio.udp_address import listen, parse_udp_address
 from uavrt.recording import FlightLayout
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.units import ns_from_s
 
 log = get_logger()
 
@@ -91,8 +91,8 @@ def recorded_picture(path: Path, tag: Tag, start_s: float, length_s: float) -> P
             frequencies_hz=[tag.frequency_hz],
         )
         waterfall: Waterfall | None = None
-        begin_ns = source.start_time_ns + round(start_s * NANOSECONDS_PER_SECOND)
-        end_ns = begin_ns + round(min(length_s, LONGEST_S) * NANOSECONDS_PER_SECOND)
+        begin_ns = source.start_time_ns + ns_from_s(start_s)
+        end_ns = begin_ns + ns_from_s(min(length_s, LONGEST_S))
         for block in _blocks(source):
             if block.time_ns >= end_ns:
                 break
@@ -288,6 +288,4 @@ def _noise(power: NDArray[np.float32]) -> float:
 
 
 def _end_ns(block: IQBlock) -> int:
-    return block.time_ns + round(
-        block.samples.size / block.sample_rate_hz * NANOSECONDS_PER_SECOND
-    )
+    return block.time_ns + ns_from_s(block.samples.size / block.sample_rate_hz)

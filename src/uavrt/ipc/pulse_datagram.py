@@ -1,6 +1,6 @@
 """Pulses as the original detector sends them to its controller: 96 bytes by UDP.
 
-Twelve float64, little endian, to 127.0.0.1:50000 (reference/detector.md §6.1)::
+Twelve float64, little endian, to 127.0.0.1:50000::
 
     offset  field
     0       tag_id

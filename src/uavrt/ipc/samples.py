@@ -39,6 +39,7 @@ from collections import deque
 import numpy as np
 
 from uavrt.messages import ChannelBlock
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 ENVELOPE = struct.Struct("<HHHH")
 HEADER = struct.Struct("<QqdfHH")
@@ -87,7 +88,7 @@ class ChannelSender:
                 self._enqueue(more=True)
             header = HEADER.pack(
                 block.sample_index + start,
-                block.time_ns + round(start * 1e9 / block.sample_rate_hz),
+                block.time_ns + round(start * NANOSECONDS_PER_SECOND / block.sample_rate_hz),
                 block.center_frequency_hz,
                 block.sample_rate_hz,
                 block.channel,

@@ -1,4 +1,4 @@
-"""The table of topics: every kind of record that crosses a process (DESIGN.md §3).
+"""The table of topics: every kind of record that crosses a process.
 
 Routing, recording, the hub's queues and the documentation derive from this table and from the
 table of processes (`uavrt.supervisor.table`).

@@ -1,8 +1,8 @@
 """Antenna patterns: gain re boresight, by direction in the antenna's frame.
 
 A pattern is a table of decibels from 0° to 180° off boresight, mirrored to the other side. The
-tables are those of reference/localization.md §1.5: the Telonics ones read off the maker's plots
-(±1.5 dB), the Adelaide H antenna as measured and as theory has it.
+Telonics tables are read off the maker's plots (±1.5 dB), the Adelaide H antenna's are as
+measured and as theory has it.
 """
 
 from collections.abc import Sequence
@@ -144,10 +144,7 @@ PATTERNS = Registry("uavrt.antennas", _OWN, AntennaPattern)
 
 
 def monopole_gain_db(elevation_deg: ArrayLike) -> NDArray[np.float64]:
-    """Gain of an upright monopole or dipole re the horizon: 20 log10(cos elevation), ≥ -30 dB.
-
-    The toroid of reference/localization.md §2.3.
-    """
+    """Gain of an upright monopole re the horizon: 20 log10(cos elevation), -30 dB at least."""
     cosine = np.abs(np.cos(np.radians(np.asarray(elevation_deg, np.float64))))
     return np.maximum(20.0 * np.log10(np.maximum(cosine, 1e-9)), NULL_DB)
 

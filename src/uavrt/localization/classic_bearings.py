@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import AntennaPattern
+from uavrt.units import wrap_degrees_360
 
 _SCAN_DEG = np.arange(0.0, 360.0, 0.5)
 
@@ -27,7 +28,7 @@ class PlainBearing:
 def strongest(yaw_deg: NDArray[np.float64], power: NDArray[np.float64]) -> PlainBearing:
     """Heading of the strongest pulse."""
     top = float(yaw_deg[int(np.argmax(power))])
-    return PlainBearing(bearing_deg=top % 360.0, confidence=None)
+    return PlainBearing(bearing_deg=wrap_degrees_360(top), confidence=None)
 
 
 def pca(
@@ -41,8 +42,7 @@ def pca(
     Each pulse is a vector along its heading, as long as its power over the weakest one's. The
     bearing is the first principal axis, on the side of the mean vector; the confidence is
     tau = 1 - S2²/S1². With fewer than four pulses, or headings that span less than 270° from
-    least to greatest, it is the strongest pulse's heading, without a confidence
-    (reference/localization.md §1.2).
+    least to greatest, it is the strongest pulse's heading, without a confidence.
     """
     yaw = np.remainder(yaw_deg, 360.0)
     if len(yaw) < 4 or np.ptp(yaw) < 270.0:
@@ -56,7 +56,7 @@ def pca(
     mean = points.mean(axis=0)
     _, singular, axes = np.linalg.svd(points - mean, full_matrices=False)
     axis = axes[0] if mean @ axes[0] >= 0.0 else -axes[0]
-    bearing = float(np.degrees(np.arctan2(axis[1], axis[0]))) % 360.0
+    bearing = wrap_degrees_360(float(np.degrees(np.arctan2(axis[1], axis[0]))))
     if singular[0] <= 0.0:
         return PlainBearing(bearing_deg=bearing, confidence=None)
     ratio = float(singular[1] / singular[0])
@@ -82,7 +82,7 @@ def pearson(
     gain = pattern.gain_db(np.arange(360.0))
     gain = (gain - gain.min()) / np.ptp(gain)
     candidates = np.arange(360)
-    expected = gain[(which[None, :] - candidates[:, None]) % 360]
+    expected = gain[np.remainder(which[None, :] - candidates[:, None], 360)]
     centred = expected - expected.mean(axis=1, keepdims=True)
     wanted = level - level.mean()
     scale = np.linalg.norm(centred, axis=1) * np.linalg.norm(wanted)
@@ -91,7 +91,7 @@ def pearson(
     plain = float(np.argmax(expected @ level))
     confidence = float(correlation.max())
     if abs(difference_deg(bearing, plain)) > 90.0:
-        bearing = (bearing + 180.0) % 360.0
+        bearing = wrap_degrees_360(bearing + 180.0)
     return PlainBearing(bearing_deg=bearing, confidence=confidence)
 
 
@@ -108,7 +108,7 @@ def ls_db(
     shift = 0.5 * (left - right) / bend if bend > 0.0 else 0.0
     total = float(np.sum((level_db - level_db.mean()) ** 2))
     return PlainBearing(
-        bearing_deg=float(_SCAN_DEG[top] + 0.5 * shift) % 360.0,
+        bearing_deg=wrap_degrees_360(float(_SCAN_DEG[top] + 0.5 * shift)),
         confidence=1.0 - float(middle) / total if total > 0.0 else None,
     )
 
@@ -140,7 +140,7 @@ def ls_linear(
     fill = np.clip((len(power) + len(missed_yaw_deg) - free + 1) / 5.0, 0.0, 1.0)
     confidence = (1.0 - cost.min() / energy) * (1.0 - span / 180.0) * fill
     return PlainBearing(
-        bearing_deg=float(good[0] + span / 2.0) % 360.0, confidence=float(confidence)
+        bearing_deg=wrap_degrees_360(float(good[0] + span / 2.0)), confidence=float(confidence)
     )
 
 

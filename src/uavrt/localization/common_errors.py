@@ -15,6 +15,7 @@ from scipy.special import chdtrc
 
 from uavrt.localization.angles import difference_deg, widest_gap_deg
 from uavrt.localization.records import Caution
+from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
 
@@ -258,7 +259,7 @@ def cautions_of(fit: Fit) -> tuple[Caution, ...]:
         found.append(Caution(name="compass", text=text))
     if fit.explanation == "walk":
         speed = float(np.hypot(*fit.velocity_m_s))
-        towards = float(np.degrees(np.arctan2(*fit.velocity_m_s)) % 360.0)
+        towards = float(wrap_degrees_360(np.degrees(np.arctan2(*fit.velocity_m_s))))
         text = (
             f"the tag seems to have walked at {speed:.1f} m/s towards {towards:.0f}°; "
             "the place is that of the last bearing"

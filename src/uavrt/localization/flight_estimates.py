@@ -20,6 +20,7 @@ from uavrt.localization.position import HEADING_SIGMA_DEG, Stations, estimate_po
 from uavrt.localization.records import Bearing, BearingMethod, Position, PositionMethod
 from uavrt.localization.turns import Turn, find_turns
 from uavrt.messages import Pose, PulsePose, Tag
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 OWN_HEADING_SIGMA_DEG = 1.0
 """Error of a turn's headings that the flight's other turns do not share, at the least."""
@@ -29,7 +30,7 @@ are found with 90 % (docs/reference), the rest is room for losses."""
 LEAST_PULSES = 3
 LEAST_TURN_DEG = 45.0
 """A turn that goes on counts from here on; one that is over, from 270°."""
-EDGE_NS = 1_000_000_000
+EDGE_NS = NANOSECONDS_PER_SECOND
 """Pulses this long before and after a turn belong to it: the same place, the first heading."""
 _ONE_FLIGHT_S = 7200.0
 """Bearings over a longer time are of several flights: the tag is taken to rest."""
@@ -252,10 +253,10 @@ def missed_yaws_deg(
     near = zip(pulses.time_ns[first:last], pulses.rate[first:last], strict=True)
     for (before, rate), (after, _) in pairwise(near):
         number = min(max(int(rate), 1), len(rhythm.intervals_s))
-        interval_ns = rhythm.intervals_s[number - 1] * 1e9
+        interval_ns = rhythm.intervals_s[number - 1] * NANOSECONDS_PER_SECOND
         gap_ns = int(after) - int(before)
         count = round(gap_ns / interval_ns)
-        tolerance_ns = 1e9 * rhythm.uncertainty_s * count + 0.1 * interval_ns
+        tolerance_ns = NANOSECONDS_PER_SECOND * rhythm.uncertainty_s * count + 0.1 * interval_ns
         if count > 1 and abs(gap_ns - count * interval_ns) <= tolerance_ns:
             times += [int(before) + gap_ns * step / count for step in range(1, count)]
     inside = [time for time in times if turn.start_time_ns <= time <= turn.end_time_ns]
@@ -352,7 +353,7 @@ def position_of_bearings(
     used = [number for number, one in enumerate(bearings) if one.accepted]
     if not used:
         raise UsageError("none of its bearings has a direction", remedy="Fly nearer")
-    times_s = [(time_ns[number] - min(time_ns)) / 1e9 for number in used]
+    times_s = [(time_ns[number] - min(time_ns)) / NANOSECONDS_PER_SECOND for number in used]
     stations = Stations.of(
         [latitude_deg[number] for number in used],
         [longitude_deg[number] for number in used],

@@ -2,7 +2,7 @@
 
 Tables are read off a maker's plot; metal nearby changes them. Every turn past a tag shows the
 pattern again, at an unknown bearing and level, so that several turns tell what is common to
-them: a smooth correction of six harmonics (reference/localization.md §1.5).
+them: a smooth correction of six harmonics.
 """
 
 from collections.abc import Sequence

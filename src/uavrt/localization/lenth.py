@@ -1,7 +1,7 @@
 """Positions from bearings after Lenth (1981, Technometrics 23:149), in the local plane.
 
 As the original system computes them, so that its published positions come out again, and beside
-them the definitions corrected where it errs (reference/localization.md §2.1).
+them the definitions corrected where it errs.
 """
 
 from dataclasses import dataclass

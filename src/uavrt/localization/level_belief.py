@@ -2,8 +2,7 @@
 
 Published trackers take the strength as known. Here every place (cell or particle) carries a
 normal belief of it, given that the tag is there; a pulse updates it exactly, a miss by its
-first two moments. So the strength is learnt while the tag is found
-(reference/localization.md §3.2 c).
+first two moments. So the strength is learnt while the tag is found.
 """
 
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ _LOG_ROOT_TWO_PI = 0.918_938_533
 _BY_CHANCE = 0.02
 """Share of pulses that are missed, or are heard at any strength, for no reason of geometry."""
 _ANY_STRENGTH = 1.0 / 120.0
-"""Density of those [1/dB] (reference/localization.md §3.2)."""
+"""Density of those [1/dB]."""
 REFERENCE_M = 100.0
 
 _Floats = NDArray[np.float64]

@@ -14,7 +14,7 @@ class Propagation:
 
     exponent: float = 2.5
     """Mean of the path loss exponent: 2 in free space, 4 for a tag on the ground beyond the
-    break point (reference/localization.md §0.1, no. 8)."""
+    break point."""
     exponent_sigma: float = 0.7
     shadowing_db: float = 3.0
     """Standard deviation of what ground and plants add at a place, the same for a rotation."""

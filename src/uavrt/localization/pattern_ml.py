@@ -1,6 +1,6 @@
 """The default bearing estimator: posterior over bearing from pattern and power law.
 
-Specified in reference/localization.md §1.5. It reads each pulse's power at its known time, asks
+It reads each pulse's power at its known time, asks
 of every bearing how probable these powers are, whatever the tag's strength and fading, and so
 needs no threshold; pulses that were missed count as "below the threshold".
 """

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.pattern_likelihood import GRID_DEG, GRID_STEP_DEG
 from uavrt.localization.records import ArrayMethod, Bearing
+from uavrt.units import wrap_degrees_360
 
 LOBE_DEG = 25.0
 """Half-width of what counts as one lobe."""
@@ -18,7 +19,7 @@ def described(log_density: NDArray[np.float64], *, method: ArrayMethod, pulses: 
     density /= density.sum()
     sigma, second = lobe_moments(density, best_deg)
     return Bearing(
-        bearing_deg=best_deg % 360.0,
+        bearing_deg=wrap_degrees_360(best_deg),
         method=method,
         pulses=pulses,
         sigma_deg=sigma,
@@ -45,7 +46,7 @@ def lobe_mean_deg(density: NDArray[np.float64], best_deg: float) -> float:
     """
     off = difference_deg(GRID_DEG, best_deg)
     weight = np.where(np.abs(off) <= LOBE_DEG, density, 0.0)
-    return float((best_deg + weight @ off / weight.sum()) % 360.0)
+    return float(wrap_degrees_360(best_deg + weight @ off / weight.sum()))
 
 
 def peak_deg(log_density: NDArray[np.float64]) -> float:
@@ -74,7 +75,9 @@ def shortest_arc(density: NDArray[np.float64], share: float) -> tuple[float, flo
     width = after - 1 + np.clip(part, 0.0, 1.0) - np.arange(count)
     start = int(np.argmin(width))
     low = (start - 0.5) * GRID_STEP_DEG
-    return float(low % 360.0), float((low + width[start] * GRID_STEP_DEG) % 360.0)
+    return float(wrap_degrees_360(low)), float(
+        wrap_degrees_360(low + width[start] * GRID_STEP_DEG)
+    )
 
 
 def whole_degrees(density: NDArray[np.float64]) -> NDArray[np.float64]:

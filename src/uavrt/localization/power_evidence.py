@@ -3,7 +3,7 @@
 The model is z = P - 10 n log10(r / 100 m) + G + e, e being fading that lasts along the track
 (first-order autoregressive). For a given place it is linear in P and n, so that both, and the
 fading's size, integrate out in closed form; the correlation is summed over some values. Misses
-enter as "below the threshold" (reference/localization.md §2.3).
+enter as "below the threshold".
 """
 
 from dataclasses import dataclass

@@ -4,7 +4,7 @@ The measured power is the matched filter's output over the noise power, mean S +
 of energy S over the noise density. Without fading it has a noncentral chi-square law with two
 degrees of freedom for each pulse summed; fading in decibel is convolved on a grid of levels.
 Gauss–Hermite quadrature in its place is wrong at high SNR: nine nodes at 4 dB fading gave
-intervals of 13 % coverage instead of 90 % (reference/localization.md §0.1, no. 7).
+intervals of 13 % coverage instead of 90 %.
 """
 
 from dataclasses import dataclass

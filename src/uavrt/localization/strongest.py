@@ -2,7 +2,7 @@
 
 A monopole hears nothing straight below it, so that a tag is loudest on a ring around it: the
 largest ρ² / (ρ² + h²)^((n + 2) / 2) is at ρ = h √(2 / n), 36 m for 40 m above the tag and an
-exponent of 2.5 (reference/localization.md §0.1, no. 4). People fly surveys and walk to the
+exponent of 2.5. People fly surveys and walk to the
 peak; this names it for what it is.
 """
 
@@ -180,7 +180,7 @@ def signal_surface(track: PowerTrack) -> SignalSurface:
     """Interpolate the smoothed SNR linearly between the places where pulses were heard.
 
     The grid's spacing is half of that of the pulses, between a 300th and a 60th of the track's
-    extent, a metre at least (reference/localization.md §4).
+    extent, a metre at least.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Where a tag is, kept up to date while flying: a grid for still tags, particles for all.
 
 Both take bearings and single pulses, and misses as evidence of where the tag is not, which is
-worth half the flight time (reference/localization.md §0.1, no. 5). One tracker for each tag;
+worth half the flight time. One tracker for each tag;
 tags differ in frequency, so that pulses need no association.
 """
 

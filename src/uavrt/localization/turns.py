@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from uavrt.errors import UsageError
 from uavrt.localization.angles import widest_gap_deg
 from uavrt.tangent_plane import plane_around
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
@@ -105,7 +106,7 @@ def find_turns(
         return []
     if np.any(np.diff(time_ns) <= 0):
         raise UsageError("the poses' times do not rise", remedy="Sort the poses by time")
-    seconds = (time_ns - time_ns[0]) / 1e9
+    seconds = (time_ns - time_ns[0]) / NANOSECONDS_PER_SECOND
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     hovering = _speed(seconds, east, north) < speed_m_s

@@ -97,7 +97,7 @@ def two_paths(
         density += np.roll((score[here] * weaker).sum(axis=0), turn)
     return TwoPaths(
         gain=float(0.5 * pulses * np.log(one / many.min())),
-        bearings_deg=(float(place[1]), float((place[1] + apart) % 360)),
+        bearings_deg=(float(place[1]), float(np.remainder(place[1] + apart, 360))),
         density=density / density.sum(),
     )
 

@@ -2,7 +2,7 @@
 
 Feed it frames and the time, give it a function that sends a message; it keeps the heartbeat,
 finds autopilot and ground stations, asks for streams, keeps the clocks in step, answers what a
-component must answer (reference/mavlink.md §4), and hands out samples and tunnel payloads.
+component must answer, and hands out samples and tunnel payloads.
 """
 
 from collections import Counter, OrderedDict

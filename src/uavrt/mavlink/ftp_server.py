@@ -1,7 +1,7 @@
 """A read-only MAVLink FTP server: flights from the drone over whatever link there is.
 
 It gives replies one by one to the paced queue, after pulses, so that a download takes only what
-they leave. How clients differ, and what follows from it (reference/mavlink.md §2):
+they leave. How clients differ, and what follows from it:
 
 - Some choose a random session id and take only replies that echo it (MAVProxy), others use 0
   (QGroundControl, MAVSDK): a file is opened under the id that the client sent, for each client

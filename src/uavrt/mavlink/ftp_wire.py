@@ -13,7 +13,7 @@
     8       u32       offset in the file, or index in the directory
     12      u8[239]   data
 
-Source: the MAVLink FTP service's description at mavlink.io; reference/mavlink.md §2, §4.
+Source: the MAVLink FTP service's description at mavlink.io.
 """
 
 import struct

@@ -1,7 +1,7 @@
 """Sending no faster than an autopilot forwards and a radio carries.
 
 PX4 keeps forwarded messages in a ring of 583 bytes and takes out one per pass of its main
-loop; what does not fit is dropped without a word (reference/mavlink.md §1). Three tunnel
+loop; what does not fit is dropped without a word. Three tunnel
 messages fit, so those meant for the ground leave one at a time, a gap apart. Pure.
 
 What is urgent is queued here. Pulses and files are many and are kept by their own sources,
@@ -22,8 +22,8 @@ from uavrt.units import ns_from_s
 MIN_GAP_S = 0.012
 """A ``-r 1200`` serial link of PX4 has a pass of 8.33 ms; 12 ms lost nothing there."""
 STRAIGHT_GAP_S = 0.001
-"""On a link without an autopilot between; bursts of more than 200 datagrams overran a socket
-(reference/mavlink.md §1)."""
+"""On a link without an autopilot between; bursts of more than 200 datagrams overran a
+socket."""
 HEADER_BYTES = 12
 
 

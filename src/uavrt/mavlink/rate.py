@@ -1,6 +1,6 @@
 """How many bytes a second the way to the ground takes. Pure.
 
-A token bucket whose rate follows what is known of the link (reference/mavlink.md §5):
+A token bucket whose rate follows what is known of the link:
 
 - RADIO_STATUS (PX4 passes it on) tells how much of the radio's buffer is free.
 - Without it (ArduPilot keeps it to itself), acknowledgements do: while their round trip stays
@@ -145,7 +145,7 @@ class LinkRate:
         if lacking <= 0.0:
             return 0
         self._held_back = True
-        return round(lacking / rate * NANOSECONDS_PER_SECOND) + 1
+        return ns_from_s(lacking / rate) + 1
 
     def spend(self, size: int, now_ns: int) -> None:
         """Something of `size` bytes goes."""

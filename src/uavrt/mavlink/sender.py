@@ -193,13 +193,13 @@ class OnLink:
             links = self._group.links_for(place, now_ns)
             for link in links:
                 if link != self._link:
-                    self._views[link]._leave(given)
+                    self._views[link].leave(given)
                     self._group.wake_link(link)
             if self._link in links:
                 return given
         return None
 
-    def _leave(self, given: Payload | Message) -> None:
+    def leave(self, given: Payload | Message) -> None:
         """Take a copy; the oldest makes room."""
         self._group.copies_dropped += len(self._copies) == COPIES
         self._copies.append(given)

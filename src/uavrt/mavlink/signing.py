@@ -6,8 +6,8 @@ A signed frame has the flag 0x01 in its incompatibility byte and ends with 13 by
                             key (32), the frame up to here
 
 Times of one sender's link rise strictly; what does not is somebody's repetition. The first of a
-stream may be at most a minute behind our own time, or behind the newest that was ever taken
-(reference/mavlink.md §4, "Signing"). The newest times outlive the process (`SigningTimes`).
+stream may be at most a minute behind our own time, or behind the newest that was ever taken.
+The newest times outlive the process (`SigningTimes`).
 
 PX4 1.17 breaks the signatures of frames that it forwards; for the way through it there is
 `uavrt.tunnel.seal`.
@@ -26,6 +26,7 @@ from uavrt.config.settings import MavlinkSettings
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavComponent
 from uavrt.mavlink.frame import SIGNATURE_SIZE, Frame
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 Unsigned = Literal["none", "autopilot", "all"]
 """Whose unsigned frames are taken: nobody's, the autopilot's own telemetry, everybody's."""
@@ -127,7 +128,7 @@ class Signing:
 
     def remember(self, times: SigningTimes, *, behind_s: float) -> None:
         """Take what was remembered; it may be `behind_s` behind what was taken."""
-        behind = round(behind_s * 1e9 / TICK_NS)
+        behind = round(behind_s * NANOSECONDS_PER_SECOND / TICK_NS)
         self._last_ticks = max(self._last_ticks, times.newest)
         for system_id, component_id, link_id, ticks in times.streams:
             self._streams[system_id, component_id, link_id] = ticks + behind
@@ -174,7 +175,7 @@ class Signing:
         return None if telemetry and self._unsigned == "autopilot" else "unsigned_refused"
 
     def _now_ticks(self) -> int:
-        wall = max(0, self._clock_ns() - EPOCH_S * 1_000_000_000) // TICK_NS
+        wall = max(0, self._clock_ns() - EPOCH_S * NANOSECONDS_PER_SECOND) // TICK_NS
         return max(wall, self._last_ticks)
 
     def _hash(self, data: bytes) -> bytes:

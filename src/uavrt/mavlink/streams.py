@@ -1,6 +1,6 @@
 """Asking the autopilot for messages at our rates. Pure.
 
-PX4 streams most of them unasked, ArduPilot nothing (reference/mavlink.md §1). One request is on
+PX4 streams most of them unasked, ArduPilot nothing. One request is on
 the way at a time, because the acknowledgement does not say which message it is for. A stream
 that stays away for 3 s is asked for again, so a restarted autopilot needs no special case.
 """

@@ -229,6 +229,6 @@ class TimeSync:
         skew = max(-MAX_SKEW, min(MAX_SKEW, slope / spread))
         errors = [y - mean_y - skew * (x - mean_x) for x, y in zip(xs, ys, strict=True)]
         self.residual_s = math.sqrt(sum(error**2 for error in errors) / len(errors))
-        remote = base.remote_ns + round(mean_x * NANOSECONDS_PER_SECOND)
-        offset = base.local_ns - base.remote_ns + round(mean_y * NANOSECONDS_PER_SECOND)
+        remote = base.remote_ns + ns_from_s(mean_x)
+        offset = base.local_ns - base.remote_ns + ns_from_s(mean_y)
         return remote, remote + offset, skew

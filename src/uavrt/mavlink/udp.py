@@ -15,6 +15,7 @@ from uavrt.errors import LinkError
 from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
 from uavrt.mavlink.link import RETRY_S, FrameHandler, Link
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()
 
@@ -218,6 +219,6 @@ def _age_ns(ancillary: list[tuple[int, int, bytes]]) -> int:
     for level, kind, data in ancillary:
         if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
             seconds, nanoseconds = _TIMESPEC.unpack(data[: _TIMESPEC.size])
-            age_ns = wall_ns() - (int(seconds) * 1_000_000_000 + int(nanoseconds))
+            age_ns = wall_ns() - (int(seconds) * NANOSECONDS_PER_SECOND + int(nanoseconds))
             return age_ns if 0 <= age_ns < OLDEST_NS else 0
     return 0

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from uavrt.messages import ProcessStatus, Pulse, StatusText, SystemStatus
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 RATE_WINDOW_S = 60.0
 FRESH_S = 5.0
@@ -57,7 +58,7 @@ class MonitorView:
         before = self._cpu_before.get(process.process)
         self._cpu_before[process.process] = (time_ns, process.cpu_s)
         if before is not None and time_ns > before[0]:
-            share = (process.cpu_s - before[1]) * 1e9 / (time_ns - before[0])
+            share = (process.cpu_s - before[1]) * NANOSECONDS_PER_SECOND / (time_ns - before[0])
             smooth = self.cpu_percent.get(process.process, 100.0 * share)
             self.cpu_percent[process.process] = 0.7 * smooth + 30.0 * share
 

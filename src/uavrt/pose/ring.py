@@ -2,7 +2,7 @@
 
 The thesis gave each pulse the pose half-way between take-off and now: its search for the
 sample before the pulse always found the first one ever, and its fraction was the constant ½,
-so a turn of 90° was logged as 45° (reference/control.md §3.1). Hence here: integer
+so a turn of 90° was logged as 45°. Hence here: integer
 nanoseconds, a bisection, the true fraction.
 """
 

@@ -61,7 +61,7 @@ from uavrt.tunnel.gate import Gate
 from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
 from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE, SESSION_TYPE
 from uavrt.tunnel.seal import PARAMETER_INSIDE, PLAIN_INSIDE
-from uavrt.units import ns_from_s
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 log = get_logger()
 
@@ -69,7 +69,7 @@ TICK_S = 0.05
 POSE_PERIOD_NS = 50_000_000
 """Recorded poses: 20 a second; the attitude comes 50 times a second, and a slerp over 50 ms
 errs by less than 0.1° when a turn of 60°/s begins."""
-SESSION_NS = 1_000_000_000
+SESSION_NS = NANOSECONDS_PER_SECOND
 POSES_PER_RECORD = ns_from_s(TOPICS["poses"].every_s or 0.5) // POSE_PERIOD_NS
 LINK_RETRY_S = 3.0
 MAVLINK_SOURCE = "mavlink "

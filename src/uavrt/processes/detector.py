@@ -20,6 +20,7 @@ from uavrt.log import get_logger
 from uavrt.messages import ChannelBlock, FlightInfo, Pulse, Tag
 from uavrt.processes.hang_watch import HangWatch
 from uavrt.processes.latencies import Latencies
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()
 
@@ -79,7 +80,7 @@ class DetectorBank:
         self.samples += len(block.samples)
         self.samples_lost += block.lost_before
         self.last_sample_ns = block.time_ns + round(
-            len(block.samples) * 1e9 / block.sample_rate_hz
+            len(block.samples) * NANOSECONDS_PER_SECOND / block.sample_rate_hz
         )
         if block.clipped_ns is not self._clipped_ns:
             self._clipped_ns = block.clipped_ns

@@ -25,7 +25,7 @@ SEARCH_REPORT_NS = ns_from_s(5.0)
 """Between two reports of the same tag; they share the link with its pulses."""
 ALIVE_NS = ns_from_s(3.0)
 """Between two signs of life of a tag's detector: the original's ground station expects one in
-(K + 1) intervals and a second, about 6 s (reference/control.md §2.5)."""
+(K + 1) intervals and a second, about 6 s."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
 """With many tags ever less often: they never take more than 10 small messages a second."""
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")

@@ -24,6 +24,7 @@ from uavrt.radio.channel_output import ChannelOutput
 from uavrt.radio.sanity import SampleCheck
 from uavrt.recording.iq_recorder import IQRecorder
 from uavrt.recording.layout import FlightLayout
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()
 
@@ -152,7 +153,7 @@ class Receiver:
         self.samples_unsure += block.unsure_before
         self.first_sample_ns = self.first_sample_ns or block.time_ns
         self.last_sample_ns = block.time_ns + round(
-            len(block.samples) * 1e9 / block.sample_rate_hz
+            len(block.samples) * NANOSECONDS_PER_SECOND / block.sample_rate_hz
         )
         self._clipping.look(block)
         self._carriers.look(block, self.center_frequency_hz)

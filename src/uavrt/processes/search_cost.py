@@ -16,6 +16,7 @@ from uavrt.clock import cpu_s
 from uavrt.config.settings import DetectionSettings
 from uavrt.detection import DetectorGroup, PulseDetector
 from uavrt.messages import Tag
+from uavrt.units import ns_from_s
 
 CHEAP_PULSES: Final = 150
 """Tag lists with fewer pulses of all groups together (50 tags of K = 3) are not measured."""
@@ -98,7 +99,7 @@ def _measure(tag: Tag, settings: DetectionSettings) -> float:
         if not begun_at and at >= warm_at:
             begun_at, begun_s = at, cpu_s()
         noise = rng.standard_normal((_BLOCK, 2), np.float32).view(np.complex64)[:, 0]
-        group.put(0, noise, round(at / _RATE_HZ * 1e9))
+        group.put(0, noise, ns_from_s(at / _RATE_HZ))
         group.collect()
         at += _BLOCK
     return (cpu_s() - begun_s) / ((at - begun_at) / _RATE_HZ) / _TOGETHER

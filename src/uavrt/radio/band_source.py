@@ -3,7 +3,7 @@
 The thesis pipes ``airspy_rx | csdr fir_decimate_cc 8 … | netcat -u localhost 10000``. netcat
 sends what it happens to read, so the datagrams are pieces of one stream of bytes: of any size,
 ending within a sample as often as not. The original reads fixed 2039 samples of each and throws
-the rest away (reference/detector.md §1.2); here bytes are joined until a sample is whole.
+the rest away; here bytes are joined until a sample is whole.
 
 What the system drops when our buffer is full is told by it (SO_RXQ_OVFL, a count of
 datagrams) and becomes a gap of so many times the last datagram's size. That keeps the

@@ -1,7 +1,7 @@
 """Channel samples as the original channelizer sends them: one UDP datagram for each frame.
 
 A frame of a channel is a datagram of complex64, little endian; the first element is the time
-of the first sample, the others are samples (reference/detector.md §1.4)::
+of the first sample, the others are samples::
 
     byte  0        4        8                16                     8200
           +--------+--------+----------------+-- … --+--------------+

@@ -17,7 +17,7 @@ from uavrt.messages import IQBlock
 from uavrt.radio.channel_datagram import StampStyle, decode_channel_datagram, stamp_style
 from uavrt.radio.live_source import LiveSource
 from uavrt.radio.udp_address import listen, parse_udp_address
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 TOLERANCE_S: Final = 0.005
 """Stamps so far from where they are expected are the next frame all the same: the thesis's are
@@ -151,7 +151,7 @@ class FrameOrder:
 
     def __init__(self, sample_rate_hz: float) -> None:
         self._rate_hz = sample_rate_hz
-        self._tolerance_ns = round(TOLERANCE_S * NANOSECONDS_PER_SECOND)
+        self._tolerance_ns = ns_from_s(TOLERANCE_S)
         self._held: list[tuple[int, NDArray[np.complex64]]] = []
         self._early: list[tuple[int, NDArray[np.complex64]]] = []
         self._expected_ns: int | None = None

@@ -13,6 +13,8 @@ from datetime import UTC, datetime
 from pathlib import PurePath
 from typing import Final
 
+from uavrt.units import NANOSECONDS_PER_SECOND
+
 _DATE: Final = r"(?P<year>\d{4})(?P<month>\d\d)(?P<day>\d\d)"
 _TIME: Final = r"(?P<hour>\d\d)(?P<minute>\d\d)(?P<second>\d\d)"
 _NUMBER: Final = r"\d+(?:\.\d+)?"
@@ -121,4 +123,4 @@ def _start_ns(told: dict[str, str | None], *, utc: bool) -> int | None:
         seconds = int(stamp.timestamp())
     except (ValueError, OverflowError, OSError):
         return None
-    return seconds * 1_000_000_000 if seconds >= 0 else None
+    return seconds * NANOSECONDS_PER_SECOND if seconds >= 0 else None

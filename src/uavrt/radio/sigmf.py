@@ -1,8 +1,8 @@
 """SigMF recordings: a JSON description beside a file of samples.
 
 Fields as in the SigMF specification 1.2 (core namespace). Metadata are read here with the
-standard library: the ``sigmf`` package reads samples five times slower than ``readv``
-(reference/perf.md §5) and brings a JSON-schema validator along.
+standard library: the ``sigmf`` package reads samples five times slower than ``readv`` and
+brings a JSON-schema validator along.
 """
 
 import json

@@ -16,6 +16,7 @@ from uavrt.log import get_logger
 from uavrt.messages import IQBlock
 from uavrt.radio.live_source import LiveSource
 from uavrt.radio.stream import block_length
+from uavrt.units import ns_from_s
 
 _STALL_S: Final = 3.0
 _SLICE_S: Final = 0.25
@@ -146,7 +147,7 @@ class SoapySource(LiveSource):
             ahead = round((time_ns - self._device_ns) * 1e-9 * self._rate_hz)
             if ahead > max(_ROUNDING_S * self._rate_hz, 2):
                 self._placer.tell_lost(ahead, self._filled)
-        self._device_ns = time_ns + round(result.ret / self._rate_hz * 1e9)
+        self._device_ns = time_ns + ns_from_s(result.ret / self._rate_hz)
 
     def _block(self) -> IQBlock:
         self._placer.settle()

@@ -1,6 +1,6 @@
 """Samples from a pipe, as a radio's program writes them.
 
-Measured on the reference machine (reference/perf.md §3): one reader with ``readv`` into a
+Measured on the reference machine: one reader with ``readv`` into a
 preallocated block of 87 ms and a pipe of 1 MiB costs 0.5 % of a core at 24 MB/s; every other
 way (Python bytes, threads, asyncio) costs up to three times that. A pipe of 1 MiB also gives
 44 ms of slack instead of 2.7 ms before the radio's program has to wait.

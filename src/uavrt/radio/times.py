@@ -25,7 +25,7 @@ import math
 import numpy as np
 
 from uavrt.radio.losses import SLOWEST_RATE, Loss, LossFinder
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 _BIN_S = 0.5
 """One lowest arrival is kept for each stretch of this length."""
@@ -307,7 +307,7 @@ class TimeKeeper:
         return (
             self._start_ns
             + _duration_ns(index, self._nominal_hz)
-            + round(self._correction_s * NANOSECONDS_PER_SECOND)
+            + ns_from_s(self._correction_s)
         )
 
     def _model_s(self, nominal_s: float) -> float:

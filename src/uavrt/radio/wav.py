@@ -30,6 +30,7 @@ from uavrt.radio.recording import (
     file_start_ns,
     name_says,
 )
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
@@ -210,4 +211,4 @@ def _system_time_ns(fields: tuple[int, ...]) -> int | None:
         stamp = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
     except ValueError:
         return None
-    return int(stamp.timestamp()) * 1_000_000_000 + millisecond * 1_000_000
+    return int(stamp.timestamp()) * NANOSECONDS_PER_SECOND + millisecond * 1_000_000

@@ -1,9 +1,9 @@
 """``detectorConfig.txt``: a tag as the original detector reads it.
 
 A ``##`` line, then ``key:<TAB>value`` lines without a blank one between them (the original
-crashes on that); the last record of a file counts; unknown keys are passed over
-(reference/detector.md §2, control.md §4.3). It lets the original detectors listen to the UDP
-channels that uavrt gives on request, and says to a person what was searched.
+crashes on that); the last record of a file counts; unknown keys are passed over. It lets the
+original detectors listen to the UDP channels that uavrt gives on request, and says to a person
+what was searched.
 """
 
 import math

@@ -16,7 +16,7 @@
     ├── process_log/                          what the other processes said
     └── iq/                                   SigMF recordings, when asked for
 
-Reference: control.md §3.5 (thesis §4.5).
+As in the thesis, §4.5.
 """
 
 import re

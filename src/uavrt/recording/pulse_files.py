@@ -1,4 +1,4 @@
-"""Pulses as JSON lines or CSV, one record each, with the field names of DESIGN.md §7.
+"""Pulses as JSON lines or CSV, one record each, with the field names of `FIELDS`.
 
 What is unknown is ``null`` in JSON and an empty cell in CSV; a number that is not finite is
 unknown too. In CSV the quaternion is one cell with four numbers between spaces, and so are the

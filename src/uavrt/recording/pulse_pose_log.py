@@ -8,7 +8,7 @@
     15 detection_status 16 confirmed_status
     17 latitude         18 longitude      19 altitude AMSL m  20–23 quaternion x, y, z, w
 
-Separator comma and space, no heading (reference/control.md §3.3). The original printed six
+Separator comma and space, no heading. The original printed six
 digits: 11 m in latitude, and 4294967295 for half of all column 10. Here times are whole
 numbers, and what is not known is ``nan``, never zero.
 """

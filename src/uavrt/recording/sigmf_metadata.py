@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import uavrt
-from uavrt.clock import NANOSECONDS, iso_utc
+from uavrt.clock import iso_utc
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 FULL_SCALE = 32_768.0
 """An input of 1.0 is stored as 32 767: readers of ``ci16`` divide by 32 768."""
@@ -73,5 +74,5 @@ def sigmf_metadata(
 
 
 def _nanosecond_stamp(time_ns: int) -> str:
-    seconds = iso_utc(time_ns // NANOSECONDS * NANOSECONDS)[:19]
-    return f"{seconds}.{time_ns % NANOSECONDS:09d}Z"
+    seconds = iso_utc(time_ns // NANOSECONDS_PER_SECOND * NANOSECONDS_PER_SECOND)[:19]
+    return f"{seconds}.{time_ns % NANOSECONDS_PER_SECOND:09d}Z"

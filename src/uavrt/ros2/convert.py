@@ -1,7 +1,6 @@
 """Our records to ROS 2 messages and back, each conversion in one place.
 
-Units differ only here: ROS 2 pulses are in megahertz, tags in hertz and milliseconds
-(reference/control.md §1.4).
+Units differ only here: ROS 2 pulses are in megahertz, tags in hertz and milliseconds.
 """
 
 import math
@@ -22,7 +21,7 @@ from uavrt.ros2.messages import (
     RosTag,
     Time,
 )
-from uavrt.units import NANOSECONDS_PER_SECOND, hz_from_mhz, mhz_from_hz
+from uavrt.units import NANOSECONDS_PER_SECOND, hz_from_mhz, mhz_from_hz, ns_from_s
 
 UNKNOWN_POSE = RosPose(
     position=Point(x=math.nan, y=math.nan, z=math.nan),
@@ -162,7 +161,7 @@ def tag_to_ros(tag: Tag) -> RosTag:
 
 def _ms(seconds: float) -> float:
     """Milliseconds, exact to a nanosecond: 0.0201 s is 20.1 ms."""
-    return round(seconds * 1e9) / 1e6
+    return ns_from_s(seconds) / 1e6
 
 
 _QUANTITIES: dict[str, Quantity] = {

@@ -1,7 +1,7 @@
 """The way onto the network: a DDS participant that ROS 2 takes for our nodes.
 
 How ROS 2 recognises nodes, topics and types of a foreign participant, and what must not be done
-with the binding, was found by experiment against ROS 2 Jazzy (reference/ros2.md §0 and §1.2):
+with the binding, was found by experiment against ROS 2 Jazzy:
 
 - topics have the prefix ``rt/``, types the infix ``::msg::dds_::``, participants the user data
   ``enclave=/;``, endpoints their type hash;
@@ -10,7 +10,7 @@ with the binding, was found by experiment against ROS 2 Jazzy (reference/ros2.md
 - writers keep the last few messages: with "keep all" a stopped subscriber stops the writer.
 
 Samples go in and out as bytes; `uavrt.ros2.cdr` makes and reads them, five times faster than
-the binding (reference/ros2.md §1.4), and what a stranger sends is judged by our own reader.
+the binding, and what a stranger sends is judged by our own reader.
 """
 
 import os
@@ -197,7 +197,7 @@ def cyclone_config(interfaces: tuple[str, ...], reach: Reach = "interfaces") -> 
     """Write Cyclone DDS's configuration: the loopback, and these interfaces.
 
     The loopback is always in it, and named as a peer: else ROS 2 on the same computer, when it
-    is itself bound to the loopback, is not found (reference/ros2.md §1.3). Only who has the
+    is itself bound to the loopback, is not found. Only who has the
     same tag finds another.
     """
     wanted = interfaces if reach == "interfaces" else ()

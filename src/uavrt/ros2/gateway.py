@@ -45,6 +45,7 @@ from uavrt.ros2.parameters import ParameterServices
 from uavrt.ros2.senders import UNKNOWN, Arrival
 from uavrt.ros2.status import STALE_AFTER_S, component_status
 from uavrt.ros2.upload import Upload
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SOURCE = "ros2"
 STATUS_PERIOD_S = 0.5
@@ -289,7 +290,7 @@ class Gateway:
         if status is None or status.state is not SystemState.DETECTING:
             self._next_heartbeat_ns.clear()
             return
-        if now_ns - self._status_heard_ns > STALE_AFTER_S * 1e9:
+        if now_ns - self._status_heard_ns > STALE_AFTER_S * NANOSECONDS_PER_SECOND:
             return
         workers = [p for p in status.processes if p.process.startswith("detector-")]
         for index, tag in enumerate(status.tags):
@@ -489,5 +490,5 @@ class Gateway:
 
 def _next_due(due_ns: int, now_ns: int, period_s: float) -> int:
     """Keep the beat, unless so late that it is lost."""
-    period_ns = round(period_s * 1e9)
+    period_ns = ns_from_s(period_s)
     return due_ns + period_ns if now_ns - due_ns < period_ns else now_ns + period_ns

@@ -1,6 +1,6 @@
 """The ROS 2 graph as two tables: the nodes, and the topics between them.
 
-It is the original system's graph (thesis Fig. 2.1; reference/control.md §1.1 and §1.2), so that
+It is the original system's graph (thesis Fig. 2.1), so that
 its tools and habits go on working. The endpoints, the type hashes and the documentation derive
 from here.
 """

@@ -2,7 +2,7 @@
 
 The annotations are the definitions: the .msg text, the type hash, the bytes and the DDS type
 derive from them (`uavrt.ros2.interface`, `uavrt.ros2.cdr`). Field names, order and units are
-the original system's (reference/control.md §1.4), so that its nodes interoperate; the standard
+the original system's, so that its nodes interoperate; the standard
 types are those of ROS 2 Humble to Kilted. An absent number is NaN, an absent time is zero.
 """
 

@@ -2,8 +2,7 @@
 
 The radio's program and the channelizer are one process here, the receiver; a detector process
 serves several tags. Each component speaks of its own things: the radio by its kind and serial
-number, the receiver, and each tag (reference/control.md §1.3, where the levels were characters
-and the hardware ids all the same).
+number, the receiver, and each tag.
 """
 
 from collections.abc import Iterator

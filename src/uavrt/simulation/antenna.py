@@ -1,7 +1,7 @@
 """Antenna patterns: how much of a wave from some direction reaches the receiver.
 
-The tables of the Telonics RA-2A and RA-23K are those of reference/localization.md §1.5: decibel
-re boresight from 0° to 180° in steps of 10°, read off the maker's plots (±1.5 dB).
+The tables of the Telonics RA-2A and RA-23K: decibel re boresight from 0° to 180° in steps of
+10°, read off the maker's plots (±1.5 dB).
 """
 
 import math
@@ -64,7 +64,7 @@ def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
 
     Directional patterns are taken as rotationally symmetric about the boresight: the tables
     are cuts in azimuth, and at low elevation the angle off boresight is what counts. A
-    monopole's is 20 log10(cos elevation) about the down axis (reference/localization.md §2.3),
+    monopole's is 20 log10(cos elevation) about the down axis,
     tilting with the drone.
     """
     if antenna.pattern == "isotropic":

@@ -1,7 +1,7 @@
 """A simulated autopilot that speaks MAVLink to a companion and to a ground station.
 
 It streams the vehicle's pose, answers what a real one answers, and passes messages on between
-its two links as PX4 v1.17 or ArduCopter 4.7 do (reference/mavlink.md §1). Run it alone, with
+its two links as PX4 v1.17 or ArduCopter 4.7 do. Run it alone, with
 ``--ground HOST:PORT`` as well for the way to a ground station::
 
     python -m uavrt.simulation.autopilot --scenario FILE --companion HOST:PORT

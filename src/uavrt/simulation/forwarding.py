@@ -3,7 +3,7 @@
 PX4 v1.17 puts forwarded messages in a ring of 2 × sizeof(mavlink_message_t) + 1 = 583 bytes for
 each outgoing link and takes one out per pass of that link's main loop, 4 ms in simulation; what
 does not fit is dropped without a word. This is the only loss on its way and explains the
-thesis's Tables 5.10 to 5.13 (reference/mavlink.md §1).
+thesis's Tables 5.10 to 5.13.
 """
 
 import random

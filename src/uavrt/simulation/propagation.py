@@ -83,7 +83,7 @@ class Link:
 def ground_reflection(
     propagation: Propagation, grazing_rad: float, frequency_hz: float, *, horizontal: bool
 ) -> complex:
-    """Fresnel coefficient of the ground (reference/localization.md §3.1).
+    """Fresnel coefficient of the ground.
 
     The complex permittivity is ε - j·18·10⁹·σ/f.
     """

@@ -1,6 +1,6 @@
 """A pair of SiK telemetry radios in virtual time.
 
-Numbers are of the ArduPilot/SiK firmware with its defaults (reference/mavlink.md §5): serial
+Numbers are of the ArduPilot/SiK firmware with its defaults: serial
 port at 57 600 baud, AIR_SPEED 64, no error correction. The radios take turns: in its turn of
 114 ms one sends packets of at most 250 bytes, each of whole MAVLink frames, at 144 µs a byte;
 that makes 3167 B/s each way when both are busy, and twice that when the other has nothing to

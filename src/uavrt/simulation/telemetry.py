@@ -8,7 +8,7 @@ from uavrt.messages import Pose
 
 
 def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
-    """What is streamed unasked [ns between messages] (reference/mavlink.md §1).
+    """What is streamed unasked [ns between messages].
 
     ArduPilot streams nothing but heartbeats until it is asked.
     """

@@ -43,7 +43,7 @@ class TruePulse:
     """Carrier as received, with the crystal's error, drift and Doppler shift."""
     received_power_dbm: float
     enr_db: float
-    """Pulse energy over noise power density (reference/detector.md §0)."""
+    """Pulse energy over noise power density."""
     amplitude: float
     """Of the complex samples at the radio's gain [full scale]."""
     phase_rad: float

@@ -1,4 +1,4 @@
-"""Does a process stay within its row's CPU and memory? (DESIGN.md §3: "watched at run time")"""
+"""Does a process stay within its row's CPU and memory? ("watched at run time")"""
 
 from collections import deque
 

@@ -100,7 +100,7 @@ class Fleet:
     # ------------------------------------------------------------------ running
 
     def ensure(self) -> None:
-        """Start what should run and does not; end what is silent, or nobody's."""
+        """Start what should run and does not; kill silent or orphaned processes."""
         self._tend_nursery()
         self._end_orphans()
         if self._launcher.worth_waiting:

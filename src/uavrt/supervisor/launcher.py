@@ -35,7 +35,7 @@ ENVIRONMENT = {
     "PYTHONUNBUFFERED": "1",
 }
 """BLAS is held to one thread, whatever the caller's environment says: several detectors with
-several threads each on a few cores fight (reference/style.md B.4)."""
+several threads each on a few cores fight."""
 
 
 class Launcher:

@@ -30,6 +30,7 @@ from uavrt.supervisor.memory import SavedState, StateStore, boot_id
 from uavrt.supervisor.operations import Operations
 from uavrt.supervisor.tuning import Tuning, ask_tuner
 from uavrt.tunnel.tag_lists import searched_text
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()
 
@@ -447,7 +448,10 @@ def _check_tag(tag: Tag) -> None:
 def _recent(directory: str) -> bool:
     written_ns = last_written_ns(Path(directory))
     # A computer without a battery-backed clock may wake up in the past: that is recent too.
-    return written_ns is not None and wall_ns() - written_ns < RESUME_WITHIN_S * 1e9
+    return (
+        written_ns is not None
+        and wall_ns() - written_ns < RESUME_WITHIN_S * NANOSECONDS_PER_SECOND
+    )
 
 
 def _reply(command: Command, accepted: bool, message: str) -> CommandReply:

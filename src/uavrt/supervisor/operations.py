@@ -1,7 +1,7 @@
 """What takes longer than a command: copying flights to a drive, removing them.
 
 One at a time, in a thread; what goes on is told as `Operation` records and as texts. A text
-that begins with ``#`` is spoken by the original's ground station (reference/control.md §2.5).
+that begins with ``#`` is spoken by the original's ground station.
 """
 
 import asyncio

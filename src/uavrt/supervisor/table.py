@@ -1,4 +1,4 @@
-"""The table of processes: the shape of the drone side (DESIGN.md §3).
+"""The table of processes: the shape of the drone side.
 
 One row a process. Start order, stop order (reverse), routing of records, silence limits and
 budgets derive from here; rows stand in start order, consumers before their producers, so that

@@ -1,5 +1,7 @@
 """Notes when the wall clock is corrected in a flight, which keeps its own time."""
 
+from uavrt.units import NANOSECONDS_PER_SECOND
+
 NOTED_S = 0.5
 """NTP slews by 500 ppm at most, half a second in 17 minutes; a step is usually more."""
 
@@ -16,7 +18,7 @@ class WallClockWatch:
 
     def check(self, correction_ns: int) -> str | None:
         """Take how far the wall clock has moved from the flight's; give a text if it is new."""
-        correction_s = correction_ns / 1e9
+        correction_s = correction_ns / NANOSECONDS_PER_SECOND
         moved_s = correction_s - self._noted_s
         if abs(moved_s) < NOTED_S:
             return None

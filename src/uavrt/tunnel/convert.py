@@ -215,7 +215,7 @@ def _pulse_without_detection(
     noise_psd: float,
     status: int,
 ) -> PulseG1:
-    """Fill what such a message holds; the rest is 0 on the wire (reference/control.md §2.3)."""
+    """Fill what such a message holds; the rest is 0 on the wire."""
     return PulseG1(
         tag_id=tag_id,
         frequency_hz=frequency_hz,

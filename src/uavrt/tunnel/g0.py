@@ -1,4 +1,4 @@
-"""G0: the messages of the thesis (February 2023; reference/control.md §2.2).
+"""G0: the messages of the thesis (February 2023).
 
 A command without fields is its number, u32, alone: START_TAGS 2, END_TAGS 3, START_DETECTION 5,
 STOP_DETECTION 6. G1 kept that for others and gave START_DETECTION fields.

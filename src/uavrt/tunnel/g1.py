@@ -1,4 +1,4 @@
-"""G1: the newest messages without a version number (April 2026; reference/control.md §2.3).
+"""G1: the newest messages without a version number (April 2026).
 
 What it did not change is as in `uavrt.tunnel.g0`; SAVE_LOGS 12, CLEAN_LOGS 13 and
 AIRSPY_STATUS 14 are new commands without fields.

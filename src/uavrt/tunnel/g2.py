@@ -23,7 +23,7 @@ SET_LOG_LEVEL 22 *      12    level 8
 ======================  ====  ==============================================================
 
 Those with a star were computed from the order of their fields and never seen, and so were the
-numbers of the operation's states (reference/control.md §2.4): they are used only where
+numbers of the operation's states: they are used only where
 ``mavlink.tunnel_experimental`` says so.
 """
 

@@ -26,6 +26,7 @@ import struct
 
 from uavrt.errors import TunnelError
 from uavrt.messages import LiveBearing
+from uavrt.units import wrap_degrees_360
 
 BEARING_TYPE = 60_003
 _LAYOUT = struct.Struct("<BBHIqqdd6f")
@@ -78,9 +79,9 @@ def decode_bearing(payload: bytes) -> LiveBearing:
         turned_deg=turned,
         latitude_deg=latitude,
         longitude_deg=longitude,
-        bearing_deg=bearing % 360.0,
+        bearing_deg=wrap_degrees_360(bearing),
         sigma_deg=sigma,
-        interval90_deg=(low % 360.0, high % 360.0),
+        interval90_deg=(wrap_degrees_360(low), wrap_degrees_360(high)),
         level_db=level if math.isfinite(level) else None,
         pulses=pulses,
         accepted=bool(flags & _ACCEPTED),

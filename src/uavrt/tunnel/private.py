@@ -16,7 +16,7 @@ A receipt without hashes says only "I am here, and I acknowledge". A ground stat
 with an empty store has a new number, which tells the drone to send the whole flight again.
 
 A pulse is known by the 64-bit BLAKE2b hash of its payload: nothing is added to the message that
-every ground station reads (reference/mavlink.md §5).
+every ground station reads.
 """
 
 import hashlib

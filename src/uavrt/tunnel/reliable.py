@@ -2,8 +2,7 @@
 
 A ground station that acknowledges (`uavrt.tunnel.private`) gets every pulse: what is not
 acknowledged is sent again. A plain one gets each pulse once. What does not fit in memory stays
-where it is recorded, the flight's database, and is asked for again when there is room
-(reference/mavlink.md §5).
+where it is recorded, the flight's database, and is asked for again when there is room.
 
 Lost is what three later messages overtook, when the round trip has passed as well; or what is
 not acknowledged within the retransmission time-out of RFC 6298 with a floor of 0.4 s.

@@ -1,6 +1,6 @@
 """What the numbered versions add to a command: requests that may be repeated, uploads as sets.
 
-Rules of version 4 and later (reference/control.md §2.4): a ground station repeats the same
+Rules of version 4 and later: a ground station repeats the same
 bytes until it is acknowledged; the drone keeps its last 16 acknowledgements for 120 s and gives
 them again, good and bad alike.
 """

@@ -1,6 +1,6 @@
 """Commands that nobody else can have sent, through an autopilot that breaks signatures.
 
-PX4 1.17 garbles the 13 signature bytes of frames that it forwards (reference/mavlink.md §1), so
+PX4 1.17 garbles the 13 signature bytes of frames that it forwards, so
 the proof is inside the payload, in our own payload type 60002::
 
     offset  type   field

@@ -1,10 +1,9 @@
 """What all tunnel messages share: numbers, strict packing and unpacking.
 
 A payload is a C struct with natural alignment, little-endian, whose first member is the
-command as u32; ``payload_type`` of the MAVLink message is 0 in every version
-(reference/control.md §2.1). Pads are written as zeros and never looked at, because the original
-senders never cleared theirs. Formats are explicit (``<`` and ``x``), so they are the same on
-every machine.
+command as u32; ``payload_type`` of the MAVLink message is 0 in every version. Pads are written
+as zeros and never looked at, because the original senders never cleared theirs. Formats are
+explicit (``<`` and ``x``), so they are the same on every machine.
 """
 
 import struct

@@ -169,7 +169,7 @@ def test_the_pipe_of_the_thesis_ends_in_the_channels_of_the_original(
     for number, tone_hz, level in ((1, 100.0, 0.1), (46, 300.0, 0.2), (100, -500.0, 0.3)):
         samples = np.concatenate([samples for _, samples in frames[number]])[20:]
         assert abs(frequency_hz(samples, 3750.0) - tone_hz) < 0.2
-        # csdr's own filter takes 2.5 dB at 169 kHz (reference/detector.md §1.1).
+        # csdr's own filter takes 2.5 dB at 169 kHz.
         taken = 0.7475 if number == 46 else 1.0
         assert abs(np.abs(samples).mean() - level * taken) < 0.02 * level
         times = [time_ns for time_ns, _ in frames[number]]
@@ -230,7 +230,7 @@ def test_a_file_gives_the_samples_of_the_originals_formula(
         timeout=60,
     )
     ((_, samples),) = frames_at(listeners[52])
-    # y_c[n] = Σ h[m] exp(2πj c m / 100) x[100 n - m], channel 52: c = 51 (detector.md §1.3).
+    # y_c[n] = Σ h[m] exp(2πj c m / 100) x[100 n - m], channel 52: c = 51.
     taps = compatible_bank_taps(100) * np.exp(2j * np.pi * 51 * np.arange(1200) / 100)
     for n in (0, 5, 12, 13, 500, 1023):
         last = band[max(0, 100 * n - 1199) : 100 * n + 1][::-1]

@@ -23,7 +23,7 @@ def tone(cycles_per_sample: float, count: int) -> Complex:
 
 @pytest.mark.parametrize("in_use", [None, (0, 1, 6, 50, 99)])
 def test_the_compatible_bank_is_the_originals_formula(in_use: tuple[int, ...] | None) -> None:
-    # reference/detector.md §1.3, evaluated term by term in float64.
+    # The original's bank, evaluated term by term in float64.
     samples = noise(6_000)
     m = np.arange(1201)
     h = np.sinc((m - 600) / 100) / 100 * np.kaiser(1201, 0.1102 * (80 - 8.7))

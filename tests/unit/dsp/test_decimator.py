@@ -29,7 +29,7 @@ def test_the_output_is_the_convolution_at_every_dth_sample(factor: int, mode: st
 
 
 def test_the_compatible_response_is_the_one_measured_on_the_original() -> None:
-    # reference/detector.md §1.1
+    # The original's filters, from its description.
     taps = compatible_decimator_taps(8)
     at = np.array([126e3, 140e3, 150e3, 160e3, 170e3, 187.5e3])
     response = response_db(taps, at, 3e6)

@@ -5,7 +5,8 @@ from uavrt.errors import TunerError, UsageError
 
 Golden = tuple[list[float], list[tuple[float, list[int], list[float]]]]
 
-# reference/control.md §5.2: tags [MHz]; centre [MHz], channels from 1, offsets [Hz] of tuner.py
+# What the original's programs answered: tags [MHz]; centre [MHz], channels from 1, offsets [Hz]
+# of tuner.py
 # and of updated_tuner.py.
 GOLDEN: list[Golden] = [
     ([148.709], [(148.709, [1], [0])] * 2),
@@ -50,7 +51,6 @@ def test_the_compatible_mode_answers_as_the_original_did(
 
 
 def test_the_compatible_mode_finds_the_three_tags_of_the_thesis_check() -> None:
-    # reference/detector.md §7.3
     plan = tune([148.710e6, 148.731e6, 148.802e6], mode="compatible")
     assert plan.center_frequency_hz == 148_747_300
     assert plan.channels == (90, 96, 15)

@@ -62,7 +62,7 @@ def test_the_default_is_better_than_the_original_by_far() -> None:
     ],
 )
 def test_the_bound_is_that_of_the_reference(case: RotationCase, published: float) -> None:
-    """reference/localization.md §1.6; ours averages over the phase of the headings."""
+    """Ours averages over the phase of the headings."""
     assert bound_deg(case) == pytest.approx(published, rel=0.04)
 
 

@@ -1,4 +1,4 @@
-"""The bars of delivery (issue 4; reference/mavlink.md §5), in virtual time."""
+"""The bars of delivery, in virtual time."""
 
 from itertools import pairwise
 

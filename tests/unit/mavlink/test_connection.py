@@ -186,7 +186,7 @@ def test_attitudes_have_the_right_time_through_jitter_skew_and_a_reboot(
             assert drone.connection.component.counters["autopilot_reboots"] == 1
         errors = yaw_errors_deg(world, drone.attitudes)
         rms = math.sqrt(sum(error**2 for error in errors) / len(errors))
-        # The bar is 0.5° rms and 1.5° at most at 30°/s (DESIGN.md §5): 17 ms and 50 ms.
+        # The bar is 0.5° rms and 1.5° at most at 30°/s: 17 ms and 50 ms.
         assert rms < 0.5
         assert max(map(abs, errors)) < 1.5
 

@@ -23,7 +23,7 @@ TIME_NS = 1_700_205_419_230_494_976
 
 
 def original_reader(text: str) -> dict[str, str]:
-    """Read as reference/detector.md §2 describes the original: no blank lines, last record."""
+    """Read as the original does: no blank lines, last record."""
     record: dict[str, str] = {}
     for line in text.rstrip("\n").split("\n"):
         assert line, "the original crashes on an empty line"
@@ -41,7 +41,7 @@ def test_the_original_finds_what_it_needs(tmp_path: Path) -> None:
     assert text.startswith("##")
     values = original_reader(text)
     assert values["ID"] == "2"
-    # 10 kHz above the centre: 2.67 channels, so channel 3 (control.md §5.2 counts it as 4).
+    # 10 kHz above the centre: 2.67 channels, so channel 3.
     assert float(values["channelCenterFreqMHz"]) == 148.71125
     assert values["portData"] == "20003"
     assert values["portCntrl"] == "30003"

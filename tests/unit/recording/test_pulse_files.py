@@ -1,4 +1,4 @@
-"""Pulses as JSON lines and CSV: the fields of DESIGN.md §7, and back."""
+"""Pulses as JSON lines and CSV: their fields, and back."""
 
 import csv
 import io
@@ -16,7 +16,7 @@ from uavrt.recording import PulseFormat, PulseWriter, pulse_format, read_pulse_f
 
 MakePulsePose = Callable[..., PulsePose]
 
-# Copied from DESIGN.md §7, "JSON-lines pulse record"; programs outside rely on it, also on the
+# Written a second time: programs outside rely on it, also on the
 # order: what came later is at the end.
 FIELDS = """tag_id, frequency_hz, start_time_ns, end_time_ns, snr_db, group_snr_db, score,
 group_index, group_sequence, noise_psd, detection_status, confirmed, rate,

@@ -49,7 +49,7 @@ def test_a_tag_comes_back_as_it_was_sent(message: RosTag) -> None:
 
 @given(st.integers(1, 2**31 * 10**9 - 1))
 def test_a_time_keeps_every_nanosecond(time_ns: int) -> None:
-    # The original lost the zeros between seconds and nanoseconds (reference/control.md §3.1).
+    # The original lost the zeros between seconds and nanoseconds.
     assert convert.time_from_ros(convert.time_to_ros(time_ns)) == time_ns
 
 

@@ -78,7 +78,7 @@ def test_every_component_has_its_control_and_status_topics() -> None:
 
 
 def test_the_graph_is_that_of_the_thesis() -> None:
-    # Fig. 2.1 of the thesis, as topics between nodes (reference/control.md §1.2).
+    # Fig. 2.1 of the thesis, as topics between nodes.
     edges = {
         (topic.publisher.removesuffix("Component"), name, subscriber.removesuffix("Component"))
         for name, topic in graph.TOPICS.items()

@@ -1,4 +1,4 @@
-"""The autopilot's queue against what was measured of a real one (reference/mavlink.md §1)."""
+"""The autopilot's queue against what was measured of a real one."""
 
 import itertools
 

@@ -51,7 +51,7 @@ def test_the_exponent_sets_the_slope() -> None:
 
 
 def test_far_from_the_ground_tag_two_rays_fall_by_40_db_a_decade() -> None:
-    # Beyond 4·h·h/λ = 60 m here there are no fringes (reference/localization.md §0.1, 8).
+    # Beyond 4·h·h/λ = 60 m here there are no fringes.
     world = Propagation(model="two_ray")
     near, far = (
         link_over(world, distance, tag_height_m=1.0).gain_db for distance in (3000.0, 30000.0)

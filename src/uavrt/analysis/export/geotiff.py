@@ -14,6 +14,7 @@ import numpy as np
 
 from uavrt.analysis.export.kmz import bounds
 from uavrt.localization import PositionGrid
+from uavrt.units import wrap_degrees_360
 
 _SHORT, _LONG, _ASCII, _DOUBLE = 3, 4, 2, 12
 _SIZES = {_SHORT: 2, _LONG: 4, _ASCII: 1, _DOUBLE: 8}
@@ -44,7 +45,7 @@ def geotiff_bytes(grid: PositionGrid, description: str) -> bytes:
     pixels = np.ascontiguousarray(pixels[::-1] if rising else pixels)
     rows, columns = pixels.shape
     west, south, east, north = bounds(grid)
-    scale = ((east - west) % 360.0 / columns, (north - south) / rows, 0.0)
+    scale = (wrap_degrees_360(east - west) / columns, (north - south) / rows, 0.0)
     entries: list[tuple[int, int, tuple[float, ...] | bytes]] = [
         (256, _LONG, (columns,)),
         (257, _LONG, (rows,)),

@@ -7,6 +7,7 @@ import uavrt
 from uavrt.analysis.export.xml_text import printable
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
+from uavrt.units import wrap_degrees_180
 
 NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
@@ -56,7 +57,7 @@ def _point(
     parent: ET.Element, name: str, latitude_deg: float, longitude_deg: float
 ) -> ET.Element:
     # GPX wants longitudes in [-180, 180).
-    east = (longitude_deg + 180.0) % 360.0 - 180.0
+    east = wrap_degrees_180(longitude_deg)
     point = ET.SubElement(parent, name)
     point.set("lat", f"{latitude_deg:.8f}")
     point.set("lon", f"{east:.8f}")

@@ -14,6 +14,7 @@ from uavrt.clock import iso_utc
 from uavrt.localization import PositionMethod
 from uavrt.recording import PulseWriter
 from uavrt.recording.formats import BearingRow, PositionRow, write_tagtracker
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 MOVEBANK_COLUMNS = (
     *("event-id", "timestamp", "location-long", "location-lat", "sensor-type"),
@@ -192,14 +193,14 @@ def _bearing_row(one: TagBearing, survey: Survey, parent_file: str) -> BearingRo
         longitude_deg=one.longitude_deg,
         altitude_relative_m=heights[len(heights) // 2] if heights else None,
         altitude_amsl_m=amsl if math.isfinite(amsl) else None,
-        start_time_s=one.start_time_ns / 1e9,
-        end_time_s=one.end_time_ns / 1e9,
+        start_time_s=one.start_time_ns / NANOSECONDS_PER_SECOND,
+        end_time_s=one.end_time_ns / NANOSECONDS_PER_SECOND,
         sigma_deg=one.bearing.sigma_deg,
     )
 
 
 def _movebank_time(time_ns: int) -> str:
-    stamp = datetime.fromtimestamp(time_ns // 1_000_000_000, tz=UTC)
+    stamp = datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC)
     return f"{stamp:%Y-%m-%d %H:%M:%S}.{time_ns // 1_000_000 % 1000:03d}"
 
 

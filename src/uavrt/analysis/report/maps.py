@@ -18,6 +18,7 @@ from uavrt.localization import (
     TangentPlane,
     region_outlines,
 )
+from uavrt.units import wrap_degrees_360
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,7 +66,7 @@ class LocalMap:
         (left, right), (low, high) = self.axes.get_xlim(), self.axes.get_ylim()
         south, west = (float(value) for value in self._degrees(left, low))
         north, east = (float(value) for value in self._degrees(right, high))
-        east = west + (east - west) % 360.0
+        east = west + wrap_degrees_360(east - west)
         longitudes, latitudes = _round_values(west, east), _round_values(south, north)
         xs = [float(self.plane.to_local((south + north) / 2, lon)[0]) for lon in longitudes]
         ys = [float(self.plane.to_local(lat, (west + east) / 2)[1]) for lat in latitudes]

@@ -10,6 +10,7 @@ from uavrt.analysis.report.style import INK, SOFT, message, tag_color
 from uavrt.analysis.survey import Survey
 from uavrt.attitude import yaw_deg
 from uavrt.localization import PATTERNS
+from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,7 +76,7 @@ def _rose(
     floor = min(float(snr.min(initial=top)), top - 20.0) - 3.0
     if bearing.interval90_deg is not None:
         low, high = bearing.interval90_deg
-        width = np.radians((high - low) % 360.0)
+        width = np.radians(wrap_degrees_360(high - low))
         axes.bar(
             np.radians(low) + width / 2,
             top - floor,
@@ -109,7 +110,7 @@ def _residuals(
     bearing = one.bearing
     axes.axhline(0.0, color=SOFT, lw=0.8)
     axes.axvline(0.0, color=color, lw=1.2)
-    off = (yaw - bearing.bearing_deg + 180.0) % 360.0 - 180.0
+    off = wrap_degrees_180(yaw - bearing.bearing_deg)
     level = float(np.median(snr)) if bearing.level_db is None else bearing.level_db
     rest = snr - level - PATTERNS[survey.antenna].gain_db(off)
     axes.plot(off, rest, "o", color=INK, ms=2.2, alpha=0.8, mew=0)

@@ -10,6 +10,7 @@ import numpy as np
 from uavrt.analysis.report.style import FAINT, INK, SOFT, message, tag_color
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.attitude import yaw_deg
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,4 +104,4 @@ def _minutes(time_ns: int, start_ns: int) -> float:
 
 
 def _clock(time_ns: int) -> str:
-    return f"{datetime.fromtimestamp(time_ns // 1_000_000_000, tz=UTC):%H:%M:%S}"
+    return f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%H:%M:%S}"

@@ -11,6 +11,7 @@ import uavrt
 from uavrt.analysis.report.roses import verdict
 from uavrt.analysis.survey import Survey
 from uavrt.localization import TangentPlane
+from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 Table = tuple[list[str], list[list[str]]]
 """Names of the columns, rows."""
@@ -77,7 +78,7 @@ def heading_line(survey: Survey) -> str:
     span = survey.span_ns
     if span is None:
         return "Empty recording."
-    start = datetime.fromtimestamp(span[0] // 1_000_000_000, tz=UTC)
+    start = datetime.fromtimestamp(span[0] // NANOSECONDS_PER_SECOND, tz=UTC)
     minutes = (span[1] - span[0]) / 60e9
     heard = len({one.pulse.tag_id for one in survey.pulse_poses})
     local = survey.facts.local_time(span[0])
@@ -180,7 +181,7 @@ def title_of(survey: Survey, tag_id: int) -> str:
 
 def clock(time_ns: int) -> str:
     """UTC time of day."""
-    return f"{datetime.fromtimestamp(time_ns // 1_000_000_000, tz=UTC):%H:%M:%S}"
+    return f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%H:%M:%S}"
 
 
 def _finding(survey: Survey, tag_id: int) -> Finding:
@@ -201,7 +202,7 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
         start = survey.track[0]
         plane = TangentPlane(latitude_deg=start.latitude_deg, longitude_deg=start.longitude_deg)
         east, north = plane.to_local(position.latitude_deg, position.longitude_deg)
-        direction = math.degrees(math.atan2(float(east), float(north))) % 360.0
+        direction = wrap_degrees_360(math.degrees(math.atan2(float(east), float(north))))
         point = _POINTS[round(direction / 45.0) % 8]
         distance = math.hypot(float(east), float(north))
         parts.append(f"{distance:.0f} m from the start of the track towards {point}")
@@ -249,7 +250,7 @@ def _why_no_position(survey: Survey, tag_id: int) -> str:
         reports = [r for r in survey.search_reports if r.tag_id == tag_id]
         if not reports:
             return "Not heard."
-        seconds = (reports[-1].time_ns - reports[0].time_ns) / 1e9
+        seconds = (reports[-1].time_ns - reports[0].time_ns) / NANOSECONDS_PER_SECOND
         best = max((r.best_score for r in reports if math.isfinite(r.best_score)), default=0.0)
         return (
             f"Not heard in {seconds:.0f} s of search; the strongest trace had "

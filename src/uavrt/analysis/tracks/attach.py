@@ -14,6 +14,7 @@ from uavrt.errors import UsageError
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.messages import PulsePose
 from uavrt.pose import PoseAttacher, PoseRing
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SEARCH_S = 120.0
 STEP_S = 1.0
@@ -67,7 +68,7 @@ def attach_poses(
         How the antenna sits on the vehicle.
     """
     ring = PoseRing(antenna, capacity=max(1, len(track.attitudes), len(track.positions)))
-    shifted = track.shifted(round(offset_s * 1e9))
+    shifted = track.shifted(ns_from_s(offset_s))
     for attitude in shifted.attitudes:
         ring.add_attitude(attitude)
     for position in shifted.positions:
@@ -169,7 +170,7 @@ class _Common:
         base_ns = known[0].pulse.start_time_ns if known else 0
 
         def seconds(times_ns: Sequence[int]) -> _Floats:
-            return np.array([(time - base_ns) / 1e9 for time in times_ns])
+            return np.array([(time - base_ns) / NANOSECONDS_PER_SECOND for time in times_ns])
 
         self.time_s = seconds([one.pulse.start_time_ns for one in known])
         self.snr_db = np.array([one.pulse.snr_db for one in known])

@@ -25,6 +25,7 @@ from uavrt.analysis.tracks.track import (
 from uavrt.attitude import from_euler_deg
 from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 MARK = b"\xa3\x95"
 _FMT = 128
@@ -120,7 +121,7 @@ def _utc_of_boot_ns(rows: list[_Row]) -> int | None:
     """UTC at boot: the least of GPS time minus boot time, which waited least."""
     found = [
         round(
-            (_GPS_EPOCH_S + row["GWk"] * 604_800 - _LEAP_S) * 1e9
+            (_GPS_EPOCH_S + row["GWk"] * 604_800 - _LEAP_S) * NANOSECONDS_PER_SECOND
             + row["GMS"] * 1e6
             - row["TimeUS"] * 1e3
         )

@@ -25,6 +25,7 @@ from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
 from uavrt.recording.formats.text import read_lines
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 MAGNETIC = (
     "The headings of this track are magnetic; the declination was added, from the sentences or "
@@ -51,7 +52,7 @@ def read_nmea(path: Path) -> VehicleTrack:
         try:
             if fields[0].endswith("RMC") and fields[2] == "A":
                 stamp = datetime.strptime(fields[9], "%d%m%y").replace(tzinfo=UTC)
-                day_ns = round(stamp.timestamp()) * 1_000_000_000
+                day_ns = round(stamp.timestamp()) * NANOSECONDS_PER_SECOND
                 time_ns = day_ns + _clock_ns(fields[1])
                 found = position(time_ns, *_place(fields[3:7]), math.nan)
                 if found is not None:
@@ -167,7 +168,7 @@ def _sentence(line: str) -> list[str]:
 
 def _clock_ns(text: str) -> int:
     hours, minutes, seconds = int(text[:2]), int(text[2:4]), float(text[4:])
-    return (hours * 3600 + minutes * 60) * 1_000_000_000 + round(seconds * 1e9)
+    return (hours * 3600 + minutes * 60) * NANOSECONDS_PER_SECOND + ns_from_s(seconds)
 
 
 def _place(fields: list[str]) -> tuple[float, float]:

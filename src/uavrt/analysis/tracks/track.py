@@ -8,12 +8,13 @@ from typing import TypeVar
 
 from uavrt.attitude import from_euler_deg, normalised, slerp
 from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 COURSE = (
     "This track has no attitude: the heading is taken as the course over ground, level, and "
     "held while the vehicle is slower than 0.5 m/s. Bearings need a real heading."
 )
-_STEP_NS = 1_000_000_000
+_STEP_NS = NANOSECONDS_PER_SECOND
 _LONGEST_GAP_S = 15.0
 _SLOWEST_M_S = 0.5
 
@@ -89,7 +90,7 @@ def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSamp
     found: list[AttitudeSample] = []
     heading = None
     for before, after in pairwise(positions):
-        seconds = (after.time_ns - before.time_ns) / 1e9
+        seconds = (after.time_ns - before.time_ns) / NANOSECONDS_PER_SECOND
         north = math.radians(after.latitude_deg - before.latitude_deg) * 6.371e6
         turn = math.remainder(after.longitude_deg - before.longitude_deg, 360.0)
         east = math.radians(turn) * 6.371e6 * math.cos(math.radians(before.latitude_deg))
@@ -120,7 +121,7 @@ def _filled(samples: Sequence[S], between: Callable[[S, S, float], S]) -> list[S
     found: list[S] = list(samples[:1])
     for before, after in pairwise(samples):
         gap_ns = after.time_ns - before.time_ns
-        steps = gap_ns // _STEP_NS if gap_ns <= _LONGEST_GAP_S * 1e9 else 0
+        steps = gap_ns // _STEP_NS if gap_ns <= _LONGEST_GAP_S * NANOSECONDS_PER_SECOND else 0
         found += [between(before, after, step / steps) for step in range(1, steps)]
         found.append(after)
     return found

@@ -15,6 +15,7 @@ from uavrt.mavlink.frame import Frame, FrameWriter
 from uavrt.mavlink.link import Link
 from uavrt.mavlink.pacing import PacedQueue, Priority
 from uavrt.mavlink.transport import open_link
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 PAYLOAD_TYPE = 60_010
 GROUND = (255, 190)
@@ -110,7 +111,7 @@ async def _series(
         if paced is not None:
             paced.put(message, Priority.STATUS)
             while (wait_ns := paced.wait_ns(time.monotonic_ns())) != 0:  # noqa: ASYNC110
-                await asyncio.sleep((wait_ns or 0) / 1e9)
+                await asyncio.sleep((wait_ns or 0) / NANOSECONDS_PER_SECOND)
             paced.take(time.monotonic_ns())
         up.send(writer.encode(message))
         wait_s = start_s + (number + 1) * gap_ms / 1e3 - loop.time()

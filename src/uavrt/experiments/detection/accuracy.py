@@ -24,6 +24,7 @@ from uavrt.experiments.detection.trials import (
     Flight,
     detect,
 )
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 _STRONG_PULSE_DB = 60.0
 
@@ -209,12 +210,16 @@ def _prediction() -> Case:
             if not pulse.confirmed or pulse.predicted_next_start_ns is None:
                 continue
             assert pulse.predicted_next_end_ns is not None
-            later = [t.start_s for t in truth if t.start_s * 1e9 + START_NS > pulse.end_time_ns]
+            later = [
+                t.start_s
+                for t in truth
+                if t.start_s * NANOSECONDS_PER_SECOND + START_NS > pulse.end_time_ns
+            ]
             if not later:
                 continue
-            start_ns = START_NS + round(min(later) * 1e9)
+            start_ns = START_NS + ns_from_s(min(later))
             asked += 1
-            end_ns = start_ns + round(flight.tag.pulse_width_s * 1e9)
+            end_ns = start_ns + ns_from_s(flight.tag.pulse_width_s)
             inside += (
                 pulse.predicted_next_start_ns <= start_ns
                 and end_ns <= pulse.predicted_next_end_ns

@@ -18,6 +18,7 @@ from uavrt.experiments.detection.signals import (
 )
 from uavrt.experiments.detection.trials import Comparison, compare
 from uavrt.messages import IQBlock, Pulse
+from uavrt.units import ns_from_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +65,7 @@ class AntennaFlight:
                 IQBlock(
                     samples=samples,
                     sample_index=first,
-                    time_ns=START_NS + round(first / self.sample_rate_hz * 1e9),
+                    time_ns=START_NS + ns_from_s(first / self.sample_rate_hz),
                     sample_rate_hz=self.sample_rate_hz,
                 )
             )

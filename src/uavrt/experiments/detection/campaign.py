@@ -198,7 +198,7 @@ def _in_processes(
             for future in as_completed(pending):
                 take(pending[future], future.result())
         except BaseException:
-            working = list(pool._processes.values())
+            working = multiprocessing.active_children()
             pool.shutdown(wait=False, cancel_futures=True)
             for worker in working:  # a chunk takes minutes
                 worker.terminate()

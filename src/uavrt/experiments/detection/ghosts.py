@@ -20,6 +20,7 @@ from uavrt.experiments.detection.signals import (
 from uavrt.experiments.detection.statistics import share_by_flight
 from uavrt.experiments.detection.tracking import count_row
 from uavrt.messages import IQBlock, Pulse, Tag
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 RATE_HZ = 96_000.0
 CENTER_HZ = 148_700_000.0
@@ -173,7 +174,7 @@ def _detect(samples: NDArray[np.complex64], tags: Sequence[Tag]) -> list[Pulse]:
         block = IQBlock(
             samples=samples[start : start + _BLOCK],
             sample_index=start,
-            time_ns=START_NS + round(start * 1e9 / RATE_HZ),
+            time_ns=START_NS + round(start * NANOSECONDS_PER_SECOND / RATE_HZ),
             sample_rate_hz=RATE_HZ,
         )
         pulses += chain.process(block)

@@ -24,6 +24,7 @@ from uavrt.experiments.detection.trials import (
     detect_blocks,
 )
 from uavrt.experiments.detection.unsaid import UNSAID_CASES
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 Frames = list[tuple[Samples, int]]
 Disturb = Callable[[np.random.Generator, Frames], Frames]
@@ -69,8 +70,8 @@ def reorder(share: float) -> Disturb:
 
 def hole(rng: np.random.Generator, frames: Frames) -> Frames:
     """Three seconds missing in the middle."""
-    low = START_NS + round(_HOLE_AT_S * 1e9)
-    return [f for f in frames if not low <= f[1] < low + round(_HOLE_S * 1e9)]
+    low = START_NS + ns_from_s(_HOLE_AT_S)
+    return [f for f in frames if not low <= f[1] < low + ns_from_s(_HOLE_S)]
 
 
 def stamp_backwards(rng: np.random.Generator, frames: Frames) -> Frames:
@@ -82,8 +83,8 @@ def stamp_backwards(rng: np.random.Generator, frames: Frames) -> Frames:
 
 def stamp_jump(rng: np.random.Generator, frames: Frames) -> Frames:
     """The clock is set 1000 s forward in the middle."""
-    at = START_NS + round(_HOLE_AT_S * 1e9)
-    return [(s, t + round(_JUMP_S * 1e9) if t >= at else t) for s, t in frames]
+    at = START_NS + ns_from_s(_HOLE_AT_S)
+    return [(s, t + ns_from_s(_JUMP_S) if t >= at else t) for s, t in frames]
 
 
 def slew(rng: np.random.Generator, frames: Frames) -> Frames:
@@ -142,7 +143,7 @@ def _after_a_hole() -> Case:
         samples, _truth = flight.samples(rng)
         frames = hole(rng, list(blocks_of(samples, block=FRAME)))
         pulses, _detector = detect_blocks(frames, tag)
-        end_ns = START_NS + round((_HOLE_AT_S + _HOLE_S) * 1e9)
+        end_ns = START_NS + round((_HOLE_AT_S + _HOLE_S) * NANOSECONDS_PER_SECOND)
         after = [p.start_time_ns - end_ns for p in pulses if p.confirmed]
         return min((ns * 1e-9 for ns in after if ns >= 0), default=30.0)
 

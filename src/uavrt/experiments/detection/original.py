@@ -1,4 +1,4 @@
-"""What the original reached: measured on its own program (reference/detector.md §9)."""
+"""What the original reached: measured on its own program."""
 
 PD = {6.0: 0.018, 7.0: 0.068, 8.0: 0.138, 9.0: 0.333, 10.0: 0.590, 11.0: 0.843, 12.0: 0.965}
 """Pd by ENR [dB]: thesis's tag, K = 3, pf 1 %, n = 400."""

@@ -22,6 +22,7 @@ from uavrt.experiments.detection.signals import (
 from uavrt.experiments.detection.statistics import quantile, wilson_interval
 from uavrt.experiments.detection.trials import BLOCK_SAMPLES, Emission, emissions
 from uavrt.messages import Tag
+from uavrt.units import ns_from_s
 
 _RATE_HZ = 7500.0
 """Of a channel in flight."""
@@ -153,7 +154,7 @@ def _cost_case(
         spent = 0.0
         for first in range(0, len(samples), BLOCK_SAMPLES):
             block = samples[first : first + BLOCK_SAMPLES]
-            time_ns = START_NS + round(first / _RATE_HZ * 1e9)
+            time_ns = START_NS + ns_from_s(first / _RATE_HZ)
             begun = time.process_time()
             for detector in detectors:
                 detector.process(block, time_ns)

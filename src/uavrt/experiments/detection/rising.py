@@ -22,6 +22,7 @@ from uavrt.experiments.detection.signals import (
 from uavrt.experiments.detection.statistics import count_interval, share_by_flight
 from uavrt.experiments.detection.trials import RATE_HZ, WHOLE_CHANNEL_HZ, compare, detect
 from uavrt.messages import IQBlock, Pulse, Tag
+from uavrt.units import ns_from_s
 
 Samples = NDArray[np.complex64]
 Rows = Literal["all", "half"]
@@ -391,7 +392,7 @@ def search_radio(rng: np.random.Generator, rise: Rise) -> Alarms:
             IQBlock(
                 samples=samples,
                 sample_index=first,
-                time_ns=START_NS + round(first / _RADIO_HZ * 1e9),
+                time_ns=START_NS + ns_from_s(first / _RADIO_HZ),
                 sample_rate_hz=_RADIO_HZ,
             )
         )

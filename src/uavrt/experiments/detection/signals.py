@@ -30,7 +30,7 @@ TRACKER_TAG = Tag(
     k=3,
     false_alarm_probability=0.01,
 )
-"""The tag that the original's ground station starts with (reference/detector.md §2)."""
+"""The tag that the original's ground station starts with."""
 START_NS = 1_700_000_000_000_000_000
 
 

@@ -1,6 +1,6 @@
 """Bounds that a detector of K pulses cannot pass.
 
-All by reference/detector.md §9: noncoherent square law, Pd = Q_K(sqrt(2 K ENR), sqrt(2 x)) with
+Noncoherent square law, Pd = Q_K(sqrt(2 K ENR), sqrt(2 x)) with
 x the threshold of a sum of K unit exponentials.
 """
 

@@ -18,6 +18,7 @@ from uavrt.experiments.detection.signals import (
     pulse_train,
 )
 from uavrt.messages import Pulse, Tag
+from uavrt.units import ns_from_s
 
 Samples = NDArray[np.complex64]
 BLOCK_SAMPLES = 653
@@ -26,7 +27,7 @@ RATE_HZ = 3750.0
 """Rate of the original's channels, of all trials unless said."""
 WHOLE_CHANNEL_HZ = 1e6
 _RICIAN = 10.0**0.6
-"""Power of the steady part over that of the fading one: 6 dB (reference/detector.md §10 E2)."""
+"""Power of the steady part over that of the fading one: 6 dB."""
 _RAMP_DB_PER_PULSE = 3.0
 
 
@@ -39,7 +40,10 @@ def blocks_of(
 ) -> Iterator[tuple[Samples, int]]:
     """Cut samples into blocks with the times of their first samples."""
     for first in range(0, len(samples), block):
-        yield samples[first : first + block], start_ns + round(first / sample_rate_hz * 1e9)
+        yield (
+            samples[first : first + block],
+            start_ns + ns_from_s(first / sample_rate_hz),
+        )
 
 
 def detect_blocks(
@@ -182,7 +186,7 @@ def compare(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """Stretches in which one decision is taken, as those of reference/detector.md §9."""
+    """Stretches in which one decision is taken, as the original's segments."""
 
     tag: Tag = THESIS_TAG
     frequency_window_hz: float = WHOLE_CHANNEL_HZ

@@ -23,6 +23,7 @@ from uavrt.messages import IQBlock
 from uavrt.radio.placing import HOLD_S, Placer
 from uavrt.radio.stream import block_length
 from uavrt.simulation.arrivals import DeliveredStream, Delivery
+from uavrt.units import ns_from_s
 
 _TRANSFER_S = 65_536 / 3_000_000
 """What airspy_rx writes at once."""
@@ -52,7 +53,7 @@ def place(stream: DeliveredStream, samples: Samples | None = None) -> Iterator[I
     wanted, hold = block_length(rate_hz), round(HOLD_S * rate_hz)
     first = held = 0
     for transfer in stream.transfers():
-        now_ns = START_NS + round(transfer.arrival_s * 1e9)
+        now_ns = START_NS + ns_from_s(transfer.arrival_s)
         left = transfer.count
         while left:
             full = held >= wanted and placer.settle()
@@ -143,7 +144,7 @@ def _told(stream: DeliveredStream, came: Samples) -> Iterator[tuple[Samples, int
     edges = [0, *stream.losses.tolist(), stream.samples]
     for begin, end in pairwise(edges):
         for first in range(begin, end, size):
-            time_ns = START_NS + round(stream.true_s(first) * 1e9)
+            time_ns = START_NS + ns_from_s(stream.true_s(first))
             yield came[first : min(first + size, end)], time_ns
 
 

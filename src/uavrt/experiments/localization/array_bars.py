@@ -20,6 +20,7 @@ from uavrt.localization import (
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.array_bearings import Steering, switched_bound_deg
 from uavrt.simulation.antenna_switch import AntennaSwitch, gate, position_weights
+from uavrt.units import wrap_degrees_360
 
 _RATE_HZ = 48_000.0
 _WAVELENGTH_M = 2.0
@@ -60,7 +61,7 @@ def _lines(
         found = _heard(rng, switch, steering, method, enr_db, truth, headings)
         errors.append(difference_deg(found[0], truth))
         low, high = found[1]
-        covered.append(float((truth - low) % 360.0 <= (high - low) % 360.0))
+        covered.append(float(wrap_degrees_360(truth - low) <= wrap_degrees_360(high - low)))
         bounds.append(_bound_deg(switch, steering, enr_db, truth - headings))
     count = len(headings)
     condition = f"{method}, {count} pulse{'s' if count > 1 else ''}, {enr_db:g} dB"

@@ -1,4 +1,4 @@
-"""Experiments B1–B6: what a bearing is worth (reference/localization.md §7)."""
+"""Experiments B1–B6: what a bearing is worth."""
 
 from collections.abc import Callable
 from functools import partial

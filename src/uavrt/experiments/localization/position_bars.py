@@ -1,4 +1,4 @@
-"""Experiments L2–L5: what a position is worth (reference/localization.md §7)."""
+"""Experiments L2–L5: what a position is worth."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -14,7 +14,7 @@ class Result:
     """A measured figure beside its bar and its bound."""
 
     experiment: str
-    """As in reference/localization.md §7: B1, L2 …"""
+    """B1, L2 …: docs/reference/localization-bars.md."""
     condition: str
     quantity: str
     """With its unit."""

@@ -14,6 +14,7 @@ from uavrt.localization import (
     estimate_bearing,
 )
 from uavrt.localization.angles import difference_deg
+from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ class Trial:
             return False
         low, high = self.bearing.interval90_deg
         truth = self.bearing.bearing_deg - self.error_deg
-        return (truth - low) % 360.0 <= (high - low) % 360.0
+        return wrap_degrees_360(truth - low) <= wrap_degrees_360(high - low)
 
 
 def matched_power(rng: Generator, level_db: _Floats) -> _Floats:

@@ -17,6 +17,7 @@ from uavrt.errors import UavrtError
 from uavrt.experiments.packets.matching import Match, match_logs
 from uavrt.ground.records import PULSES_NAME
 from uavrt.simulation import demo_scenario, write_scenario
+from uavrt.units import ns_from_s
 
 LEAD_S = 2.5
 END_TIMEOUT_S = 40.0
@@ -89,7 +90,7 @@ def _start(
     companion_port, ground_port = free_udp_port(), free_udp_port()
     scenario = demo_scenario(duration_s + 60.0, seed)
     write_tags(paths.tags, scenario.tags)
-    scenario = scenario.starting_at(Clock.start().now_ns() + round(LEAD_S * 1e9))
+    scenario = scenario.starting_at(Clock.start().now_ns() + ns_from_s(LEAD_S))
     write_scenario(scenario, paths.scenario)
     settings = drone_settings(scenario, paths, companion_port)
     settings = replace(settings, mavlink=replace(settings.mavlink, tunnel_gap_s=gap_s))

@@ -17,6 +17,7 @@ from uavrt.messages import PulsePose
 from uavrt.recording import read_flight
 from uavrt.recording.pulse_files import read_pulse_file
 from uavrt.recording.pulse_pose_log import read_pulse_pose_log
+from uavrt.units import ns_from_s
 
 QGC_LINE = re.compile(
     r"PULSE tag_id:frequency_hz:time:snr:confirmed (\d+) (\d+) (\d+\.\d+) (-?[\d.]+) (\d)"
@@ -61,7 +62,7 @@ def read_log(path: Path) -> tuple[list[Seen], int]:
     text = _text(path)
     lines = QGC_LINE.findall(text)
     if lines:
-        seen = [Seen(int(line[0]), round(float(line[2]) * 1e9)) for line in lines]
+        seen = [Seen(int(line[0]), ns_from_s(float(line[2]))) for line in lines]
         return seen, ROUNDED_NS
     if path.suffix in (".jsonl", ".csv"):
         return _seen(read_pulse_file(path)), EXACT_NS

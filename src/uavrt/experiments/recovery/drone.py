@@ -23,6 +23,7 @@ from uavrt.monitor import StatusReader
 from uavrt.recording import read_pulse_file
 from uavrt.simulation import Scenario, write_scenario
 from uavrt.supervisor.usage import descendants_of
+from uavrt.units import ns_from_s
 
 START_LEAD_S = 1.0
 READY_S = 30.0
@@ -75,7 +76,7 @@ class ServedDrone:
         )
         paths = DemoPaths(directory=work, flights=self._flights)
         self.scenario = self.scenario.starting_at(
-            Clock.start().now_ns() + round(START_LEAD_S * 1e9)
+            Clock.start().now_ns() + ns_from_s(START_LEAD_S)
         )
         write_scenario(self.scenario, paths.scenario)
         companion_port, ground_port = free_udp_port(), free_udp_port()

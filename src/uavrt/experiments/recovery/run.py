@@ -35,6 +35,7 @@ from uavrt.supervisor.restarts import SOON
 from uavrt.supervisor.shapes import rows_for
 from uavrt.supervisor.table import PROCESSES
 from uavrt.supervisor.usage import descendants_of, is_alive
+from uavrt.units import ns_from_s
 
 SIGKILL_LIMIT_S = 2.0
 STOP_SPARE_S = 2.0
@@ -210,7 +211,7 @@ class Recovery:
         waited_s: float = 0.0,
     ) -> None:
         """Wait until `back`; note the time since the kill, which was `waited_s` ago."""
-        kill_ns = self._clock.now_ns() - round(waited_s * 1e9)
+        kill_ns = self._clock.now_ns() - ns_from_s(waited_s)
         took_s = waited_s + self._drone.wait(
             lambda: back(kill_ns), GIVE_UP_S, f"{name} after {how}"
         )

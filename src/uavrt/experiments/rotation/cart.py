@@ -20,12 +20,13 @@ from uavrt.simulation.geometry import from_euler_deg
 from uavrt.simulation.scenario import Home
 from uavrt.simulation.source import SimulatedSource
 from uavrt.simulation.telemetry import telemetry_message
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, wrap_degrees_360
 
 MAGNETIC_HEADING_DEG = 351.0
 """Of the tag, as the thesis gives it."""
 DECLINATION_DEG = 10.0
 """At Flagstaff in 2023, rounded; the autopilot's headings are true."""
-BEARING_DEG = (MAGNETIC_HEADING_DEG + DECLINATION_DEG) % 360.0
+BEARING_DEG = wrap_degrees_360(MAGNETIC_HEADING_DEG + DECLINATION_DEG)
 STILL_S, TURN_S = 8.0, 60.0
 DISTANCE_M = 60.0
 LEAD_S = 120.0
@@ -89,7 +90,7 @@ class Cart:
 def building(bearing_deg: float, distance_m: float, reflection: float) -> Wall:
     """Make a wall so far away in that direction, facing the cart."""
     north, east, _ = _towards(bearing_deg, distance_m)
-    facing = (bearing_deg + 180.0) % 360.0
+    facing = wrap_degrees_360(bearing_deg + 180.0)
     return Wall(north_m=north, east_m=east, facing_deg=facing, reflection=reflection)
 
 
@@ -118,7 +119,7 @@ def with_poses(scenario: Scenario, pulses: Sequence[Pulse]) -> list[PulsePose]:
     """Poses as our chain attaches them: from MAVLink bytes, interpolated at the pulse."""
     ring = PoseRing()
     writer, parser = FrameWriter(1, 1), FrameParser()
-    step_ns = 1_000_000_000 // _POSE_HZ
+    step_ns = NANOSECONDS_PER_SECOND // _POSE_HZ
     steps = int((scenario.duration_s + 1.0) * _POSE_HZ)
     for step in range(steps):
         time_ns = scenario.start_time_ns + step * step_ns
@@ -145,7 +146,7 @@ def original_samples(scenario: Scenario, first_heading_deg: float) -> list[Pose]
     found = []
     for number in range(count):
         elapsed_s = number * 0.5 - LEAD_S
-        time_ns = scenario.start_time_ns + round(elapsed_s * 1e9) + 130_000_000
+        time_ns = scenario.start_time_ns + ns_from_s(elapsed_s) + 130_000_000
         pose = scenario.vehicle_pose(max(time_ns, scenario.start_time_ns))
         if elapsed_s < 30.0 - LEAD_S:
             attitude = from_euler_deg(0.0, 0.0, first_heading_deg)

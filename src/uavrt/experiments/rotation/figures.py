@@ -7,6 +7,7 @@ import numpy as np
 
 from uavrt.analysis.report.style import FAINT, INK, TAG_COLORS, new_figure, styled, svg_data
 from uavrt.experiments.rotation.reading import Reading
+from uavrt.units import wrap_degrees_180
 
 Row = tuple[str, Reading, float | None]
 """Name, reading, true bearing of the tag [deg]."""
@@ -45,7 +46,7 @@ def _picture(name: str, reading: Reading, bearing_deg: float | None) -> str:
     left, right = figure.subplots(1, 2)
     # About the tag's bearing, so that no line is cut at north.
     middle = reading.bearing.bearing_deg if bearing_deg is None else bearing_deg
-    yaw = (reading.yaw_deg - middle + 180.0) % 360.0 - 180.0
+    yaw = wrap_degrees_180(reading.yaw_deg - middle)
     left.plot(reading.time_s, yaw, "o", ms=3, mew=0, color=INK)
     left.axhline(0.0, color=TAG_COLORS[1], lw=1.2)
     left.set_ylim(-180, 180)
@@ -53,7 +54,7 @@ def _picture(name: str, reading: Reading, bearing_deg: float | None) -> str:
     left.set_xlabel("time [s]")
     left.set_ylabel("logged yaw from the tag [°]")
     right.axvline(0.0, color=TAG_COLORS[1], lw=1.2)
-    peak = (reading.peak_deg - middle + 180.0) % 360.0 - 180.0
+    peak = wrap_degrees_180(reading.peak_deg - middle)
     right.axvline(peak, color=TAG_COLORS[0], lw=1.2, ls="--")
     order = np.argsort(yaw)
     right.plot(yaw[order], reading.snr_db[order], "o", ms=3, mew=0, color=INK)

@@ -1,7 +1,6 @@
 """Poses as the original's uavrt_connection attached them, defects and all.
 
-For the experiment only: to show what a log looks like that it wrote. The four defects, by their
-number in reference/control.md §3.1:
+For the experiment only: to show what a log looks like that it wrote. The four defects:
 
 1. Times go through text as seconds, a point and nanoseconds without leading zeros.
 2. The sample before a pulse is sought with the comparison the wrong way round in a rising list,
@@ -19,11 +18,12 @@ from dataclasses import replace
 
 from uavrt.attitude import slerp
 from uavrt.messages import Pose, Pulse, PulsePose
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SAMPLE_PERIOD_S = 0.5
 REPORT_DELAY_S = 5.0
 """From a pulse's end to the moment its pose is sought: the original's detector reports the
-thesis's tag up to 5.0 s after a group's first pulse (reference/detector.md, D15)."""
+thesis's tag up to 5.0 s after a group's first pulse."""
 
 
 def original_poses(pulses: Sequence[Pulse], samples: Sequence[Pose]) -> list[PulsePose]:
@@ -38,7 +38,7 @@ def original_poses(pulses: Sequence[Pulse], samples: Sequence[Pose]) -> list[Pul
     """
     found = []
     for pulse in pulses:
-        known_ns = pulse.end_time_ns + round(REPORT_DELAY_S * 1e9)
+        known_ns = pulse.end_time_ns + ns_from_s(REPORT_DELAY_S)
         history = [pose for pose in samples if pose.time_ns <= known_ns]
         found.append(PulsePose(pulse=pulse, pose=_pose(pulse, history)))
     return found
@@ -50,7 +50,7 @@ def text_time_s(time_ns: int) -> float:
     >>> text_time_s(1_019_828_320)
     1.1982832
     """
-    seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
+    seconds, nanoseconds = divmod(time_ns, NANOSECONDS_PER_SECOND)
     return float(f"{seconds}.{nanoseconds}")
 
 

@@ -11,6 +11,7 @@ from uavrt.errors import UsageError
 from uavrt.localization import Bearing, estimate_bearing
 from uavrt.localization.angles import widest_gap_deg
 from uavrt.messages import PulsePose
+from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_180, wrap_degrees_360
 
 _Floats = NDArray[np.float64]
 _PEAK_DB = 1.0
@@ -57,7 +58,7 @@ def read_turn(pulse_poses: Sequence[PulsePose], *, antenna: str = "RA-23K") -> R
     snr = np.array([one.pulse.snr_db for one in used])
     bearing = estimate_bearing(yaw, snr, antenna=antenna)
     return Reading(
-        time_s=(times - times[0]) / 1e9,
+        time_s=(times - times[0]) / NANOSECONDS_PER_SECOND,
         yaw_deg=yaw,
         snr_db=snr,
         peak_deg=_peak_deg(yaw, snr),
@@ -74,13 +75,13 @@ def doubled(reading: Reading, first_heading_deg: float, *, antenna: str = "RA-23
     sides; twice its change is the true change whatever the first pose was.
     """
     change = 2.0 * (reading.yaw_deg - reading.yaw_deg[0])
-    yaw = (first_heading_deg + change) % 360.0
+    yaw = wrap_degrees_360(first_heading_deg + change)
     return estimate_bearing(yaw, reading.snr_db, antenna=antenna)
 
 
 def wrapped(angle_deg: float) -> float:
     """Wrap to [-180, 180)."""
-    return (angle_deg + 180.0) % 360.0 - 180.0
+    return wrap_degrees_180(angle_deg)
 
 
 def _peak_deg(yaw_deg: _Floats, snr_db: _Floats) -> float:
@@ -92,4 +93,6 @@ def _peak_deg(yaw_deg: _Floats, snr_db: _Floats) -> float:
 
 
 def _mean_deg(angles_deg: _Floats) -> float:
-    return float(np.angle(np.mean(np.exp(1j * np.radians(angles_deg))), deg=True)) % 360.0
+    return wrap_degrees_360(
+        float(np.angle(np.mean(np.exp(1j * np.radians(angles_deg))), deg=True))
+    )

@@ -12,6 +12,7 @@ from uavrt.errors import UsageError
 from uavrt.experiments.rotation.reading import Reading, doubled, read_turn, wrapped
 from uavrt.localization import Bearing
 from uavrt.recording.formats.recognise import ORIGINAL_POSES
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 HALF_CIRCLE_DEG = 200.0
 
@@ -134,7 +135,7 @@ def _rotation(
     result = RealRotation(
         tag_id=tag_id,
         reading=reading,
-        start_time_s=first_ns / 1e9,
+        start_time_s=first_ns / NANOSECONDS_PER_SECOND,
         turned_deg=turned,
         pose_error_deg=sound,
         half_error_deg=half,
@@ -154,7 +155,9 @@ def _against_vehicle(
     """Turn of the vehicle, and how pulse headings fit it and half of it."""
     if survey.kind != "flight" or len(survey.track) < 10:
         return None, None, None
-    times = np.array([(pose.time_ns - first_ns) / 1e9 for pose in survey.track])
+    times = np.array(
+        [(pose.time_ns - first_ns) / NANOSECONDS_PER_SECOND for pose in survey.track]
+    )
     yaw = np.unwrap([yaw_deg(pose.quaternion_wxyz) for pose in survey.track], period=360.0)
     true = np.interp(reading.time_s, times, yaw)
     return (

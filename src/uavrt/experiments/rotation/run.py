@@ -17,6 +17,7 @@ from uavrt.experiments.rotation.original_pose import original_poses
 from uavrt.experiments.rotation.reading import Reading, read_turn, wrapped
 from uavrt.messages import Pulse, PulsePose
 from uavrt.simulation import Scenario, Wall, World
+from uavrt.units import ns_from_s
 
 THESIS_SHIFT_DEG = 50.0
 SHIFT_TOLERANCE_DEG = 15.0
@@ -168,7 +169,7 @@ def polarization_table(
 
 def true_pulses(scenario: Scenario, rng: np.random.Generator) -> list[Pulse]:
     """Pulses as they are, their power measured in noise: |√(E/N₀) + noise|² - 1."""
-    end_ns = scenario.start_time_ns + round(scenario.duration_s * 1e9)
+    end_ns = scenario.start_time_ns + ns_from_s(scenario.duration_s)
     found = []
     for truth in World(scenario).truth(scenario.start_time_ns, end_ns):
         noise = complex(*rng.normal(0.0, np.sqrt(0.5), 2))

@@ -1,6 +1,6 @@
 """``positions.csv`` as the original's uavrt_localize writes it.
 
-No heading, one line for each tag and each bearings file (reference/localization.md §1.8), with
+No heading, one line for each tag and each bearings file, with
 a comma at its end::
 
     tag_id,bearing_file,latMLE,lonMLE,latRMR,lonRMR,latMEST,lonMEST,

@@ -1,6 +1,6 @@
 """Signal CSV of pyradiotracking, semicolons between the cells.
 
-A heading, then one row for each signal (reference/localization.md §1.8)::
+A heading, then one row for each signal::
 
     Device; Time; Frequency; Duration; max (dBW); avg (dBW); std (dB); noise (dBW); snr (dB)
 

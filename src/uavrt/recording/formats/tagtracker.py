@@ -30,7 +30,7 @@ A row ``20`` (since September 2026, 23 columns) comes from the detector in Pytho
         candidate_id, latitude, longitude, altitude_rel, roll, pitch, yaw, antenna_offset
 
 and ``10`` / ``11``, latitude, longitude, altitude AMSL mark where a rotation starts / stops.
-References: control.md §3.4, localization.md §1.8. The antenna's offset is applied here, once.
+The antenna's offset is applied here, once.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Ping and estimate CSV of UCSD's Radio Telemetry Tracker.
 
-A heading, then one row for each ping or estimate (reference/localization.md §1.8)::
+A heading, then one row for each ping or estimate::
 
     Run, Timestamp, Frequency, Amplitude, Easting, Northing, Altitude, Heading, EPSG Code
     Run, Timestamp, Frequency, Easting, Northing, EPSG Code
