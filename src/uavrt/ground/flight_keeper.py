@@ -12,7 +12,7 @@ import numpy as np
 
 from uavrt.clock import Clock
 from uavrt.errors import RecordingError
-from uavrt.ground.flights import GROUND_NOTE, PULSE_COLUMNS, STATUSES, Columns
+from uavrt.ground.flights import GROUND_NOTE, PULSE_COLUMNS, Columns, pulse_cells
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, Pose, Poses, PulsePose, SearchReport, StatusText, Tag
 from uavrt.recording import FlightLayout, FlightRecorder, new_flight_directory
@@ -102,12 +102,12 @@ class FlightKeeper:
 
     def add_pulse(self, item: PulsePose) -> bool:
         """Take a pulse; False when it was here before."""
-        key = (item.pulse.tag_id, item.pulse.start_time_ns)
+        key = item.pulse.key
         if self._recorder is None or key in self._keys:
             return False
         self._keys.add(key)
         self._recorder.write_pulse_poses([item])
-        self._pulses.extend(pulse_row(item))
+        self._pulses.extend(pulse_cells(item))
         return True
 
     def add_pose(self, pose: Pose) -> None:
@@ -177,32 +177,3 @@ class FlightKeeper:
         self._keys.clear()
         self._pulses, self._poses = array("d"), array("d")
         self._last_pose_ns = 0
-
-
-def pulse_row(item: PulsePose) -> tuple[float, ...]:
-    """One pulse in the order of `PULSE_COLUMNS`."""
-    pulse, pose = item.pulse, item.pose
-    placed = (
-        (math.nan,) * 7
-        if pose is None
-        else (
-            pose.latitude_deg,
-            pose.longitude_deg,
-            pose.altitude_relative_m,
-            *pose.quaternion_wxyz,
-        )
-    )
-    return (
-        pulse.tag_id,
-        pulse.start_time_ns,
-        pulse.frequency_hz,
-        pulse.snr_db,
-        pulse.group_snr_db,
-        pulse.noise_psd,
-        STATUSES.index(pulse.detection_status),
-        pulse.rate,
-        *placed,
-        next(iter(pulse.also_possible_tag_ids), math.nan),
-        math.nan if pulse.ghost_of_tag_id is None else pulse.ghost_of_tag_id,
-        pulse.clipped,
-    )

@@ -6,24 +6,24 @@ A flight of 100 000 pulses is read in columns, never as objects: 10 MB in place 
 import math
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.ground.prepared import PreparedColumns
-from uavrt.messages import Tag
+from uavrt.messages import DetectionStatus, Pulse, PulsePose, Tag
 from uavrt.recording import FlightLayout, schema
 from uavrt.recording.places import Places, places_of
 from uavrt.recording.plain_database import open_plain
 
 CHUNK = 4000
-STATUSES = ("subthreshold", "detected", "confirmed")
+STATUSES: tuple[DetectionStatus, ...] = get_args(DetectionStatus)
 
 PULSE_COLUMNS = (
     "tag_id",
@@ -45,17 +45,29 @@ PULSE_COLUMNS = (
     "ghost_of_tag_id",
     "clipped",
 )
-"""What `FlightLibrary.pulses` reads; the status as its place in `STATUSES`, and of the other
-tags that a pulse may be of the first."""
+"""What `FlightLibrary.pulses` reads of a pulse and its pose, by the names of their fields."""
 
+_CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
+    "detection_status": (
+        "CASE p.detection_status WHEN 'confirmed' THEN 2 WHEN 'detected' THEN 1 ELSE 0 END",
+        lambda pulse: STATUSES.index(pulse.detection_status),
+    ),
+    "also_possible_tag_id": (
+        # As a number a text between spaces is its first.
+        "CAST(p.also_possible_tag_ids AS INTEGER)",
+        lambda pulse: next(iter(pulse.also_possible_tag_ids), math.nan),
+    ),
+    "clipped": ("coalesce(p.clipped, 0)", lambda pulse: pulse.clipped),
+}
+"""How a field becomes one number, in SQL and here, where it is not one already."""
+_OF_POSE = schema.POSE_COLUMNS.split(", ")
 _SELECT_PULSES = (
-    "SELECT p.tag_id, p.start_time_ns, p.frequency_hz, p.snr_db, p.group_snr_db, p.noise_psd, "
-    "CASE p.detection_status WHEN 'confirmed' THEN 2 WHEN 'detected' THEN 1 ELSE 0 END, "
-    "p.rate, q.latitude_deg, q.longitude_deg, q.altitude_relative_m, "
-    "q.quaternion_w, q.quaternion_x, q.quaternion_y, q.quaternion_z, "
-    # As a number a text between spaces is its first.
-    "CAST(p.also_possible_tag_ids AS INTEGER), p.ghost_of_tag_id, coalesce(p.clipped, 0){more} "
-    "FROM pulses p LEFT JOIN pulse_poses q USING (pulse_id) ORDER BY p.pulse_id"
+    "SELECT "
+    + ", ".join(
+        _CELLS[name][0] if name in _CELLS else f"{'q' if name in _OF_POSE else 'p'}.{name}"
+        for name in PULSE_COLUMNS
+    )
+    + "{more} FROM pulses p LEFT JOIN pulse_poses q USING (pulse_id) ORDER BY p.pulse_id"
 )
 _SELECT_CELLS = _SELECT_PULSES.format(more="")
 _SELECT_RECORDS = _SELECT_PULSES.format(more=", p.also_possible_tag_ids")
@@ -320,6 +332,19 @@ class FlightLibrary:
                 yield database
         except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
             raise FormatError(f"{path} cannot be read: {error}") from error
+
+
+def pulse_cells(item: PulsePose) -> tuple[float, ...]:
+    """One pulse in the order of `PULSE_COLUMNS`."""
+    pose = dict(zip(_OF_POSE, schema.pose_row(item.pose), strict=True))
+    cells = []
+    for name in PULSE_COLUMNS:
+        if name in _CELLS:
+            cell = _CELLS[name][1](item.pulse)
+        else:
+            cell = pose[name] if name in pose else getattr(item.pulse, name)
+        cells.append(math.nan if cell is None else cell)
+    return tuple(cells)
 
 
 GROUND_NOTE = "recorded by the ground station"

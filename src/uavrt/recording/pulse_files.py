@@ -11,42 +11,26 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Literal, TextIO, get_args
+from typing import Any, Literal, TextIO
 
 from uavrt.errors import FormatError
-from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
+from uavrt.messages import Pose, Pulse, PulsePose
 from uavrt.recording.csv_line import csv_cells
 from uavrt.recording.damaged_lines import DamagedLines
+from uavrt.recording.fields import RecordField, fields_of
 
 PulseFormat = Literal["csv", "jsonl"]
 
-PULSE_FIELDS = (
-    "tag_id",
-    "frequency_hz",
-    "start_time_ns",
-    "end_time_ns",
-    "snr_db",
-    "group_snr_db",
-    "score",
-    "group_index",
-    "group_sequence",
-    "noise_psd",
-    "detection_status",
-    "confirmed",
-    "rate",
-    "predicted_next_start_ns",
-    "predicted_next_end_ns",
-)
-POSE_FIELDS = (
-    "latitude_deg",
-    "longitude_deg",
-    "altitude_amsl_m",
-    "altitude_relative_m",
-    "quaternion_wxyz",
-)
-DOUBT_FIELDS = ("also_possible_tag_ids", "ghost_of_tag_id", "clipped")
+_PULSE = {one.name: one for one in fields_of(Pulse)}
+_POSE = {
+    one.name: one for one in fields_of(Pose) if one.name != "time_ns" and not one.defaulted
+}
+PULSE_FIELDS = tuple(name for name, one in _PULSE.items() if not one.defaulted)
+POSE_FIELDS = tuple(_POSE)
+DOUBT_FIELDS = tuple(name for name, one in _PULSE.items() if one.defaulted)
 """Last, for programs that go by the place of a column; files of older versions have none."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
+_KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 
 
 def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
@@ -68,40 +52,25 @@ def pulse_from_record(record: dict[str, Any]) -> PulsePose:
     ValueError, KeyError, TypeError
         A field is missing or of the wrong kind.
     """
-    optional = {"predicted_next_start_ns", "predicted_next_end_ns"}
-    values: dict[str, Any] = {}
-    for name in PULSE_FIELDS:
-        value = record[name]
-        if name == "detection_status":
-            if value not in get_args(DetectionStatus):
-                raise ValueError(f"detection_status {value!r} is unknown")
-        elif name == "confirmed":
-            if not isinstance(value, bool):
-                raise ValueError("confirmed must be true or false")
-        elif name in ("frequency_hz", "snr_db", "group_snr_db", "score", "noise_psd"):
-            value = _float(value)
-        elif value is not None or name not in optional:
-            value = int(value)
-        values[name] = value
-    original = record.get("ghost_of_tag_id")
     pulse = Pulse(
-        **values,
-        also_possible_tag_ids=tuple(map(int, record.get("also_possible_tag_ids") or ())),
-        ghost_of_tag_id=None if original is None else int(original),
-        clipped=bool(record.get("clipped")),
+        **{
+            name: one.from_record(record[name])
+            for name, one in _PULSE.items()
+            if _has(record, one)
+        }
     )
     if record["latitude_deg"] is None or record["quaternion_wxyz"] is None:
         return PulsePose(pulse=pulse, pose=None)
-    w, x, y, z = map(float, record["quaternion_wxyz"])
     pose = Pose(
         time_ns=(pulse.start_time_ns + pulse.end_time_ns) // 2,
-        latitude_deg=float(record["latitude_deg"]),
-        longitude_deg=_float(record["longitude_deg"]),
-        altitude_amsl_m=_float(record["altitude_amsl_m"]),
-        altitude_relative_m=_float(record["altitude_relative_m"]),
-        quaternion_wxyz=(w, x, y, z),
+        **{name: one.from_record(record[name]) for name, one in _POSE.items()},
     )
     return PulsePose(pulse=pulse, pose=pose)
+
+
+def _has(record: dict[str, Any], one: RecordField) -> bool:
+    """Whether a record tells a field; what may be left out may be unknown, too."""
+    return not one.defaulted or record.get(one.name) is not None
 
 
 class PulseWriter:
@@ -193,17 +162,14 @@ def _from_line(heading: str, line: str) -> dict[str, Any]:
 def _from_cells(names: list[str], cells: list[str]) -> dict[str, Any]:
     record: dict[str, Any] = {}
     for name, cell in zip(names, cells, strict=True):
-        if name in ("confirmed", "clipped"):
+        kind = _KINDS.get(name)
+        if kind == "switch":
             record[name] = {"true": True, "false": False}.get(cell)
-        elif name in ("quaternion_wxyz", "also_possible_tag_ids") and cell:
+        elif kind in ("wholes", "reals") and cell:
             record[name] = cell.split()
         else:
             record[name] = cell or None
     return record
-
-
-def _float(value: Any) -> float:
-    return math.nan if value is None else float(value)
 
 
 def _known(value: Any) -> Any:

@@ -7,14 +7,34 @@ where a float may be NaN (SQLite stores NaN as NULL): one odd record must not ba
 import json
 import math
 import sqlite3
+from operator import attrgetter
 from typing import Any
 
 from uavrt.messages import Command, CommandReply, Health, Pose, Pulse, SearchReport, Tag
+from uavrt.recording.fields import SQL_TYPES, fields_of
 
 VERSION = 2
-"""2: pulses say what is in doubt about them (`_SINCE_2`)."""
+"""2: pulses say what is in doubt about them."""
 
-TABLES = """
+_PULSE_FIELDS = fields_of(Pulse)
+_PULSE_TYPES = {one.name: SQL_TYPES[one.kind] for one in _PULSE_FIELDS}
+PULSE_COLUMNS = ", ".join(_PULSE_TYPES)
+"""The fields of a pulse; what older flights lack of them is NULL."""
+POSE_COLUMNS = (
+    "time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, "
+    "quaternion_w, quaternion_x, quaternion_y, quaternion_z, extrapolated"
+)
+POSE_DECLARED = ", ".join(
+    f"{name} {'INTEGER' if name in ('time_ns', 'extrapolated') else 'REAL'}"
+    for name in POSE_COLUMNS.split(", ")
+)
+
+
+def _declared(types: dict[str, str]) -> str:
+    return ", ".join(f"{name} {kind}" for name, kind in types.items())
+
+
+TABLES = f"""
 CREATE TABLE IF NOT EXISTS flight (
     start_time_ns INTEGER, clock_offset_ns INTEGER, center_frequency_hz REAL,
     sample_rate_hz REAL, settings TEXT, uavrt_version TEXT
@@ -25,22 +45,14 @@ CREATE TABLE IF NOT EXISTS tags (
     false_alarm_probability REAL
 );
 CREATE TABLE IF NOT EXISTS pulses (
-    pulse_id INTEGER PRIMARY KEY, tag_id INTEGER, frequency_hz REAL, start_time_ns INTEGER,
-    end_time_ns INTEGER, snr_db REAL, group_snr_db REAL, score REAL, group_index INTEGER,
-    group_sequence INTEGER, noise_psd REAL, detection_status TEXT, confirmed INTEGER,
-    rate INTEGER, predicted_next_start_ns INTEGER, predicted_next_end_ns INTEGER,
-    also_possible_tag_ids TEXT, ghost_of_tag_id INTEGER, clipped INTEGER,
+    pulse_id INTEGER PRIMARY KEY, {_declared(_PULSE_TYPES)},
     UNIQUE (tag_id, start_time_ns)
 );
 CREATE TABLE IF NOT EXISTS pulse_poses (
-    pulse_id INTEGER PRIMARY KEY REFERENCES pulses, time_ns INTEGER, latitude_deg REAL,
-    longitude_deg REAL, altitude_amsl_m REAL, altitude_relative_m REAL, quaternion_w REAL,
-    quaternion_x REAL, quaternion_y REAL, quaternion_z REAL, extrapolated INTEGER
+    pulse_id INTEGER PRIMARY KEY REFERENCES pulses, {POSE_DECLARED}
 );
 CREATE TABLE IF NOT EXISTS poses (
-    time_ns INTEGER PRIMARY KEY, latitude_deg REAL, longitude_deg REAL, altitude_amsl_m REAL,
-    altitude_relative_m REAL, quaternion_w REAL, quaternion_x REAL, quaternion_y REAL,
-    quaternion_z REAL, extrapolated INTEGER
+    {POSE_DECLARED.replace("INTEGER", "INTEGER PRIMARY KEY", 1)}
 );
 CREATE TABLE IF NOT EXISTS health (
     time_ns INTEGER, process TEXT, status TEXT, ok INTEGER, counters TEXT
@@ -59,22 +71,6 @@ CREATE TABLE IF NOT EXISTS deliveries (
 CREATE TABLE IF NOT EXISTS notes (time_ns INTEGER, text TEXT);
 """
 
-PULSE_COLUMNS = (
-    "tag_id, frequency_hz, start_time_ns, end_time_ns, snr_db, group_snr_db, score, "
-    "group_index, group_sequence, noise_psd, detection_status, confirmed, rate, "
-    "predicted_next_start_ns, predicted_next_end_ns, also_possible_tag_ids, ghost_of_tag_id, "
-    "clipped"
-)
-_SINCE_2 = {
-    "also_possible_tag_ids": "TEXT",
-    "ghost_of_tag_id": "INTEGER",
-    "clipped": "INTEGER",
-}
-"""Columns of `pulses` that flights of version 1 lack."""
-POSE_COLUMNS = (
-    "time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, "
-    "quaternion_w, quaternion_x, quaternion_y, quaternion_z, extrapolated"
-)
 TAG_COLUMNS = (
     "tag_id, name, frequency_hz, pulse_width_s, pulse_intervals_s, interval_uncertainty_s, "
     "interval_jitter_s, k, false_alarm_probability"
@@ -125,7 +121,7 @@ def bring_up_to_date(database: sqlite3.Connection) -> None:
     """
     database.executescript(TABLES)
     for column in _lacking(database):
-        database.execute(f"ALTER TABLE pulses ADD COLUMN {column} {_SINCE_2[column]}")
+        database.execute(f"ALTER TABLE pulses ADD COLUMN {column} {_PULSE_TYPES[column]}")
     database.execute(f"PRAGMA user_version={VERSION}")
 
 
@@ -148,55 +144,28 @@ def _lacking(database: sqlite3.Connection) -> list[str]:
     """Columns that the table of pulses lacks; none when there is no table either."""
     rows = database.execute("SELECT name FROM pragma_table_info('pulses', 'main')")
     present = {name for (name,) in rows}
-    return [column for column in _SINCE_2 if present and column not in present]
+    return [column for column in _PULSE_TYPES if present and column not in present]
+
+
+_pulse_values = attrgetter(*_PULSE_TYPES)
+_TO_SQL = [(i, one.to_sql) for i, one in enumerate(_PULSE_FIELDS) if one.to_sql]
+_FROM_SQL = [(i, one.from_sql) for i, one in enumerate(_PULSE_FIELDS) if one.from_sql]
 
 
 def pulse_row(pulse: Pulse) -> Row:
     """Row of a pulse, in the order of `PULSE_COLUMNS`."""
-    return (
-        pulse.tag_id,
-        pulse.frequency_hz,
-        pulse.start_time_ns,
-        pulse.end_time_ns,
-        pulse.snr_db,
-        pulse.group_snr_db,
-        pulse.score,
-        pulse.group_index,
-        pulse.group_sequence,
-        pulse.noise_psd,
-        pulse.detection_status,
-        int(pulse.confirmed),
-        pulse.rate,
-        pulse.predicted_next_start_ns,
-        pulse.predicted_next_end_ns,
-        " ".join(map(str, pulse.also_possible_tag_ids)) or None,
-        pulse.ghost_of_tag_id,
-        int(pulse.clipped),
-    )
+    row = list(_pulse_values(pulse))
+    for place, converted in _TO_SQL:
+        row[place] = converted(row[place])
+    return tuple(row)
 
 
 def pulse_from_row(row: Row) -> Pulse:
     """Pulse of a row; a number that was NaN is NaN again."""
-    return Pulse(
-        tag_id=row[0],
-        frequency_hz=_number(row[1]),
-        start_time_ns=row[2],
-        end_time_ns=row[3],
-        snr_db=_number(row[4]),
-        group_snr_db=_number(row[5]),
-        score=_number(row[6]),
-        group_index=row[7],
-        group_sequence=row[8],
-        noise_psd=_number(row[9]),
-        detection_status=row[10],
-        confirmed=bool(row[11]),
-        rate=row[12],
-        predicted_next_start_ns=row[13],
-        predicted_next_end_ns=row[14],
-        also_possible_tag_ids=tuple(map(int, str(row[15] or "").split())),
-        ghost_of_tag_id=row[16],
-        clipped=bool(row[17]),
-    )
+    values = list(row)
+    for place, converted in _FROM_SQL:
+        values[place] = converted(values[place])
+    return Pulse(**dict(zip(_PULSE_TYPES, values, strict=True)))
 
 
 def pose_row(pose: Pose | None) -> Row:

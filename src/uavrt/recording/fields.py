@@ -1,0 +1,140 @@
+"""Fields of a record as the tables and files write them: they derive from the dataclass.
+
+A new field of `uavrt.messages.Pulse` is a new column of the flight's database, of the files of
+``uavrt detect`` and of the page's records, without a second list of names.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, fields
+from types import NoneType, UnionType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+Kind = Literal["whole", "real", "switch", "word", "wholes", "reals"]
+
+_KINDS: dict[Any, Kind] = {int: "whole", float: "real", bool: "switch", str: "word"}
+SQL_TYPES: dict[Kind, str] = {
+    "whole": "INTEGER",
+    "real": "REAL",
+    "switch": "INTEGER",
+    "word": "TEXT",
+    "wholes": "TEXT",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordField:
+    """One field of a record."""
+
+    name: str
+    kind: Kind
+    optional: bool
+    """It may be None."""
+    defaulted: bool
+    """It may be left out: older files lack it."""
+    choices: tuple[str, ...] = ()
+    """Of a word: what it may be; empty: anything."""
+    length: int | None = None
+    """Of reals: how many."""
+
+    def from_record(self, value: Any) -> Any:
+        """Read a value of JSON or of a CSV cell.
+
+        Raises
+        ------
+        ValueError, TypeError
+            It is of the wrong kind.
+        """
+        if value is None and self.optional:
+            return None
+        match self.kind:
+            case "whole":
+                return int(value)
+            case "real":
+                return math.nan if value is None else float(value)
+            case "switch":
+                if not isinstance(value, bool):
+                    raise ValueError(f"{self.name} must be true or false")
+                return value
+            case "wholes":
+                return tuple(map(int, value or ()))
+            case "reals":
+                numbers = tuple(map(float, value))
+                if len(numbers) != self.length:
+                    raise ValueError(f"{self.name} has {self.length} numbers")
+                return numbers
+        if self.choices and value not in self.choices:
+            raise ValueError(f"{self.name} {value!r} is unknown")
+        return value
+
+    @property
+    def to_sql(self) -> Callable[[Any], Any] | None:
+        """What turns a value into a cell of the database; None where nothing does."""
+        if self.kind == "switch":
+            return int
+        return _joined if self.kind == "wholes" else None
+
+    @property
+    def from_sql(self) -> Callable[[Any], Any] | None:
+        """What turns a cell of the database into a value; None where nothing does."""
+        match self.kind:
+            case "switch":
+                return bool
+            case "wholes":
+                return _parted
+            case "real" if not self.optional:
+                return _number
+        return None
+
+
+def fields_of(record: type) -> tuple[RecordField, ...]:
+    """List the fields of a dataclass of plain values.
+
+    Raises
+    ------
+    TypeError
+        A field is of a type that no table has; a fault of the program.
+    """
+    hints = get_type_hints(record)
+    return tuple(
+        _field(item.name, hints[item.name], defaulted=item.default is not MISSING)
+        for item in fields(record)
+    )
+
+
+def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
+    optional = get_origin(hint) is UnionType and NoneType in get_args(hint)
+    if optional:
+        (hint,) = (one for one in get_args(hint) if one is not NoneType)
+    choices: tuple[str, ...] = ()
+    length: int | None = None
+    if get_origin(hint) is Literal:
+        kind: Kind = "word"
+        choices = get_args(hint)
+    elif get_origin(hint) is tuple:
+        kind = "reals" if get_args(hint)[0] is float else "wholes"
+        length = len(get_args(hint))
+    elif hint in _KINDS:
+        kind = _KINDS[hint]
+    else:
+        raise TypeError(f"{name} is {hint}: no column holds that")
+    return RecordField(
+        name=name,
+        kind=kind,
+        optional=optional,
+        defaulted=defaulted,
+        choices=choices,
+        length=length,
+    )
+
+
+def _joined(numbers: tuple[int, ...]) -> str | None:
+    return " ".join(map(str, numbers)) or None
+
+
+def _parted(text: str | None) -> tuple[int, ...]:
+    return tuple(map(int, str(text or "").split()))
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
