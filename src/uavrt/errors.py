@@ -7,6 +7,7 @@
     │   ├── ConfigError            uavrt.toml or a command-line option
     │   ├── TagFileError           a tag file; lists all faults, each with its line
     │   ├── FormatError            a recording or log that is not what it is said to be
+    │   ├── PlanError              a search that cannot be flown: area, fence, battery, tags
     │   └── TunerError             no radio frequency serves all the tags
     ├── RadioError                 the receiver hardware or its program
     │   ├── RadioMissing           no such program or no device
@@ -65,6 +66,10 @@ class TagFileError(UsageError):
 
 class FormatError(UsageError):
     """A recording or a log is not what it is said to be."""
+
+
+class PlanError(UsageError):
+    """A search that cannot be flown: its area, its fence, its battery, its tags."""
 
 
 class TunerError(UsageError):

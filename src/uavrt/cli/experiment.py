@@ -12,6 +12,7 @@ EXPERIMENTS = {
     "recovery": "Every process killed: how fast it is back, whether a pulse is lost.",
     "resources": "CPU and memory of each process in a long flight (thesis §5.2).",
     "rotation": "The antenna turned on the spot: where 50 degrees came from (thesis §5.5).",
+    "search": "Planners that find animals by themselves, against the published tables.",
 }
 """The module of each is imported when it is called; its own text then stands for the line."""
 

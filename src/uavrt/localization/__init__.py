@@ -39,7 +39,15 @@ from uavrt.localization.switched_pulse import (
     SwitchSchedule,
     measure_switched_pulse,
 )
-from uavrt.localization.trackers import GridTracker, ParticleTracker, TagPrior, TrackEstimate
+from uavrt.localization.trackers import (
+    Expectation,
+    GridTracker,
+    Hypotheses,
+    ParticleTracker,
+    Spread,
+    TagPrior,
+    TrackEstimate,
+)
 from uavrt.localization.turns import Turn, find_turns
 from uavrt.tangent_plane import TangentPlane
 
@@ -51,7 +59,9 @@ __all__ = [
     "BearingData",
     "BearingMethod",
     "Ellipse",
+    "Expectation",
     "GridTracker",
+    "Hypotheses",
     "Listening",
     "ParticleTracker",
     "Position",
@@ -61,6 +71,7 @@ __all__ = [
     "Propagation",
     "SignalSection",
     "SignalSurface",
+    "Spread",
     "Stations",
     "StrongestSignal",
     "SwitchSchedule",

@@ -5,7 +5,9 @@ worth half the flight time. One tracker for each tag;
 tags differ in frequency, so that pulses need no association.
 """
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -14,11 +16,18 @@ from numpy.typing import NDArray
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bayes_fix import Area
 from uavrt.localization.bearing_evidence import BearingEvidence
-from uavrt.localization.level_belief import LevelBelief, Listening
+from uavrt.localization.level_belief import BY_CHANCE, LevelBelief, Listening
 
-_Floats = NDArray[np.float64]
+_Floats = NDArray[np.floating[Any]]
+_Singles = NDArray[np.float32]
+PathGain = Callable[[_Floats, _Floats, _Floats | float], _Floats]
+"""Level [dB] over that of plain spreading: a reflection, a hill between.
+
+Of ways east and north from the drone to the tag, and the drone's height above it.
+"""
 
 _EXPONENTS = (2.0, 2.7, 3.4)
+_SETTLED_M = 0.02
 RESTING, BROWSING, TRAVELLING = range(3)
 
 
@@ -54,6 +63,18 @@ class TagPrior:
     """A browsing animal's random walk in each direction, after a second."""
     travelling_m_s: float = 1.0
     """Usual speed of an animal that goes somewhere; 0: it never does."""
+    motion: tuple[float, float, float] = (0.5, 0.25, 0.25)
+    """Shares of the time that such an animal rests, browses, travels."""
+    exponent: float = 2.5
+    """Of the path loss."""
+    exponent_sigma: float = 0.5
+    """0: it is known, as is the strength with a `level_sigma_db` of 0."""
+    missed_share: float = BY_CHANCE
+    """Pulses that are missed however strong they are."""
+    chance_share: float = BY_CHANCE
+    """Pulses heard at any strength that are not the tag's: false alarms, interferers."""
+    path_gain: PathGain | None = None
+    """Level over plain spreading, where more is known of the ground."""
 
 
 def _estimate(
@@ -62,9 +83,12 @@ def _estimate(
     """Summarise weighted places; the point is the one with the least expected error."""
     x, y = float(weight @ east_m), float(weight @ north_m)
     for _ in range(20):
-        pull = weight / np.maximum(np.hypot(east_m - x, north_m - y), 1.0)
-        x, y = float(pull @ east_m / pull.sum()), float(pull @ north_m / pull.sum())
-    distance = np.hypot(east_m - x, north_m - y)
+        pull = weight / np.maximum(np.sqrt((east_m - x) ** 2 + (north_m - y) ** 2), 1.0)
+        whole = float(pull.sum())
+        was, x, y = (x, y), float(pull @ east_m) / whole, float(pull @ north_m) / whole
+        if abs(x - was[0]) + abs(y - was[1]) < _SETTLED_M:
+            break
+    distance = np.sqrt((east_m - x) ** 2 + (north_m - y) ** 2)
     order = np.argsort(distance)
     held = np.cumsum(weight[order])
     half, most = np.interp([0.5, 0.95], held, distance[order])
@@ -98,9 +122,10 @@ class GridTracker:
         north = area.south_m + (np.arange(along) + 0.5) * height / along
         places_north, places_east = np.meshgrid(north, east, indexing="ij")
         self._east_m, self._north_m = places_east.ravel(), places_north.ravel()
-        shape = (len(_EXPONENTS), len(self._east_m))
+        exponents = _EXPONENTS if prior.exponent_sigma > 0.0 else (prior.exponent,)
+        shape = (len(exponents), len(self._east_m))
         self._log_weight = np.zeros(shape)
-        self._exponent = np.array(_EXPONENTS)[:, None]
+        self._exponent = np.array(exponents)[:, None]
         self._level = LevelBelief(
             mean_db=np.full(shape, prior.level_db),
             variance_db2=np.full(shape, prior.level_sigma_db**2),
@@ -108,12 +133,25 @@ class GridTracker:
 
     def listen(self, heard: Listening) -> None:
         """Take in a pulse, or that none was heard."""
+        prior = self._prior
         expected = self._level.expected_db(
-            heard, self._east_m, self._north_m, self._exponent, self._prior.pattern
+            heard, self._east_m, self._north_m, self._exponent, prior.pattern
         )
-        self._log_weight += self._level.update(heard, expected, self._prior.fading_db)
+        if prior.path_gain is not None:
+            expected = expected + prior.path_gain(
+                self._east_m - heard.east_m, self._north_m - heard.north_m, heard.height_m
+            )
+        self._log_weight += self._level.update(
+            heard,
+            expected,
+            prior.fading_db,
+            missed_share=prior.missed_share,
+            chance_share=prior.chance_share,
+        )
 
-    def take_bearing(self, east_m: float, north_m: float, posterior: _Floats) -> None:
+    def take_bearing(
+        self, east_m: float, north_m: float, posterior: NDArray[np.float64]
+    ) -> None:
         """Take in a bearing's (360,) posterior; its pulses must not be listened to as well."""
         evidence = BearingEvidence(
             np.array([east_m]), np.array([north_m]), posterior[None, :], outlier_share=0.05
@@ -134,32 +172,86 @@ class GridTracker:
         return _estimate(self._east_m, self._north_m, level, weight)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hypotheses:
+    """Where a tag may be and how strong it is: equally probable ones, drawn from a tracker."""
+
+    east_m: _Singles
+    north_m: _Singles
+    level_db: _Singles
+    """SNR at 100 m."""
+    level_variance_db2: _Singles
+    exponent: _Singles
+    east_m_s: _Singles
+    north_m_s: _Singles
+    wandering_m_per_root_s: _Singles
+    """Random walk in each direction, after a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expectation:
+    """What a tracker expected of a pulse, before it took it in."""
+
+    level_db: float
+    """Mean over all hypotheses."""
+    variance_db2: float
+    """Of the level, fading included."""
+    log_probability: float
+    """Of what came then, the tag being there: a density per decibel for a pulse."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """First two moments of where a tag is; quick to make."""
+
+    east_m: float
+    north_m: float
+    east_m2: float
+    """Variance."""
+    north_m2: float
+    product_m2: float
+
+    @property
+    def determinant_m4(self) -> float:
+        """Of the covariance."""
+        return max(0.0, self.east_m2 * self.north_m2 - self.product_m2**2)
+
+    @property
+    def major_sigma_m(self) -> float:
+        """Standard deviation along the longer axis."""
+        middle = 0.5 * (self.east_m2 + self.north_m2)
+        off = np.hypot(0.5 * (self.east_m2 - self.north_m2), self.product_m2)
+        return float(np.sqrt(middle + off))
+
+    @property
+    def rms_m(self) -> float:
+        """Root of the mean squared distance from the mean."""
+        return float(np.sqrt(self.east_m2 + self.north_m2))
+
+
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Particles:
     """Hypotheses of where the tag is, how it moves and how strong it is."""
 
-    east_m: _Floats
-    north_m: _Floats
-    east_m_s: _Floats
+    east_m: _Singles
+    north_m: _Singles
+    east_m_s: _Singles
     """Velocity of those that travel, 0 for the others."""
-    north_m_s: _Floats
+    north_m_s: _Singles
     mode: NDArray[np.int8]
-    exponent: _Floats
-    level: LevelBelief
-    log_weight: _Floats = field(default_factory=lambda: np.zeros(0))
+    exponent: _Singles
+    mean_db: _Singles
+    variance_db2: _Singles
 
     def chosen(self, index: NDArray[np.intp]) -> "_Particles":
+        return _Particles(**{one.name: getattr(self, one.name)[index] for one in fields(self)})
+
+    def joined(self, other: "_Particles") -> "_Particles":
         return _Particles(
-            east_m=self.east_m[index],
-            north_m=self.north_m[index],
-            east_m_s=self.east_m_s[index],
-            north_m_s=self.north_m_s[index],
-            mode=self.mode[index],
-            exponent=self.exponent[index],
-            level=LevelBelief(
-                mean_db=self.level.mean_db[index], variance_db2=self.level.variance_db2[index]
-            ),
-            log_weight=np.zeros(len(index)),
+            **{
+                one.name: np.concatenate([getattr(self, one.name), getattr(other, one.name)])
+                for one in fields(self)
+            }
         )
 
 
@@ -167,7 +259,7 @@ class ParticleTracker:
     """Ten thousand hypotheses of a tag that rests, browses or travels, each with its strength.
 
     Three motions that go over into each other (interacting multiple models): resting, a random
-    walk, and a nearly constant velocity.
+    walk, and a nearly constant velocity. Single precision: 0.5 ms for each pulse.
 
     Parameters
     ----------
@@ -189,38 +281,61 @@ class ParticleTracker:
     def __init__(self, prior: TagPrior, rng: Generator, *, particles: int = 10_000) -> None:
         self._prior, self._rng, self._count = prior, rng, particles
         self._state = self._fresh(particles)
+        self._weight: _Singles = np.full(particles, 1.0 / particles, np.float32)
         self._time_s: float | None = None
         self._surprise = 0.0
 
+    @property
+    def prior(self) -> TagPrior:
+        """What was believed before the flight."""
+        return self._prior
+
+    def _normal(self, count: int) -> _Singles:
+        return self._rng.standard_normal(count, dtype=np.float32)
+
     def _fresh(self, count: int) -> _Particles:
-        area, rng = self._prior.area, self._rng
+        prior, rng = self._prior, self._rng
+        area = prior.area
         mode = self._modes(count)
         velocity = self._velocities(mode)
+        exponent = prior.exponent + prior.exponent_sigma * self._normal(count)
+        level, variance = prior.level_db, prior.level_sigma_db**2
         return _Particles(
-            east_m=rng.uniform(area.west_m, area.east_m, count),
-            north_m=rng.uniform(area.south_m, area.north_m, count),
+            east_m=rng.uniform(area.west_m, area.east_m, count).astype(np.float32),
+            north_m=rng.uniform(area.south_m, area.north_m, count).astype(np.float32),
             east_m_s=velocity[0],
             north_m_s=velocity[1],
             mode=mode,
-            exponent=np.clip(rng.normal(2.5, 0.5, count), 1.8, 4.0),
-            level=LevelBelief(
-                mean_db=np.full(count, self._prior.level_db),
-                variance_db2=np.full(count, self._prior.level_sigma_db**2),
-            ),
-            log_weight=np.zeros(count),
+            exponent=self._plausible(exponent),
+            mean_db=np.full(count, level, np.float32),
+            variance_db2=np.full(count, variance, np.float32),
         )
 
-    def _modes(self, count: int) -> NDArray[np.int8]:
-        """Half rest; the others browse or travel."""
-        drawn = self._rng.random(count)
-        straight = 0.75 if self._prior.travelling_m_s > 0.0 else 2.0
-        mode = np.where(drawn < 0.5, RESTING, np.where(drawn < straight, BROWSING, TRAVELLING))
-        return mode.astype(np.int8)
+    def _plausible(self, exponent: _Singles) -> _Singles:
+        """A known exponent is what it is; a learnt one is between those of air and of woods."""
+        if self._prior.exponent_sigma == 0.0:
+            return np.full(len(exponent), self._prior.exponent, np.float32)
+        return np.clip(exponent, 1.8, 4.2)
 
-    def _velocities(self, mode: NDArray[np.int8]) -> _Floats:
+    def _modes(self, count: int) -> NDArray[np.int8]:
+        """Shares of the motions; a tag that never travels browses or rests instead."""
+        rest, browse, travel = self._prior.motion
+        if self._prior.travelling_m_s <= 0.0:
+            browse, travel = browse + travel, 0.0
+        shares = np.cumsum([rest, browse, travel])
+        if max(rest, browse, travel) >= shares[-1]:
+            return np.full(count, int(np.argmax([rest, browse, travel])), np.int8)
+        drawn = self._rng.random(count) * shares[-1]
+        return np.asarray(np.searchsorted(shares[:2], drawn, side="right"), np.int8)
+
+    def _velocities(self, mode: NDArray[np.int8]) -> _Singles:
         """(2, count) any direction for those that travel, speeds about the usual one."""
-        sigma = self._prior.travelling_m_s * np.sqrt(2.0 / np.pi)
-        return np.asarray(self._rng.normal(0.0, sigma, (2, len(mode))) * (mode == TRAVELLING))
+        velocity = np.zeros((2, len(mode)), np.float32)
+        moving = np.flatnonzero(mode == TRAVELLING)
+        sigma = self._prior.travelling_m_s * float(np.sqrt(2.0 / np.pi))
+        for axis in velocity:
+            axis[moving] = sigma * self._normal(len(moving))
+        return velocity
 
     def advance_to(self, time_s: float) -> None:
         """Let the tag rest or walk until a time, which must not go back."""
@@ -228,107 +343,188 @@ class ParticleTracker:
         self._time_s = time_s
         if step == 0.0:
             return
-        state, rng = self._state, self._rng
-        switching = rng.random(self._count) < 1.0 - np.exp(-self._SWITCHING_PER_S * step)
-        if switching.any():
-            mode = self._modes(self._count)
-            velocity = self._velocities(mode)
-            state.mode = np.where(switching, mode, state.mode)
-            state.east_m_s = np.where(switching, velocity[0], state.east_m_s)
-            state.north_m_s = np.where(switching, velocity[1], state.north_m_s)
-        walk = self._prior.walking_m_per_root_s * np.sqrt(step)
-        sigma = np.where(state.mode == BROWSING, walk, 0.0)
-        turning = self._TURNING_M_S_PER_ROOT_S * np.sqrt(step) * (state.mode == TRAVELLING)
-        for place, speed in (("east_m", "east_m_s"), ("north_m", "north_m_s")):
-            velocity = getattr(state, speed)
-            moved = velocity * step + sigma * rng.normal(size=self._count)
-            setattr(state, place, getattr(state, place) + moved)
-            setattr(state, speed, velocity + turning * rng.normal(size=self._count))
-
-    def listen(self, heard: Listening) -> None:
-        """Take in a pulse, or that none was heard."""
         state = self._state
-        expected = state.level.expected_db(
-            heard, state.east_m, state.north_m, state.exponent, self._prior.pattern
-        )
-        self._weigh(state.level.update(heard, expected, self._prior.fading_db))
+        self._switch(step)
+        walk = self._prior.walking_m_per_root_s * float(np.sqrt(step))
+        browsing = state.mode == BROWSING
+        if walk > 0.0 and browsing.any():
+            if browsing.all():
+                state.east_m += walk * self._normal(self._count)
+                state.north_m += walk * self._normal(self._count)
+            else:
+                those = np.flatnonzero(browsing)
+                state.east_m[those] += walk * self._normal(len(those))
+                state.north_m[those] += walk * self._normal(len(those))
+        those = np.flatnonzero(state.mode == TRAVELLING)
+        if len(those):
+            turning = self._TURNING_M_S_PER_ROOT_S * float(np.sqrt(step))
+            for place, speed in (
+                (state.east_m, state.east_m_s),
+                (state.north_m, state.north_m_s),
+            ):
+                place[those] += speed[those] * float(step)
+                speed[those] += turning * self._normal(len(those))
 
-    def take_bearing(self, east_m: float, north_m: float, posterior: _Floats) -> None:
-        """Take in a bearing's (360,) posterior; its pulses must not be listened to as well."""
+    def _switch(self, step: float) -> None:
+        """Some hypotheses change what the animal does."""
+        if max(self._prior.motion) >= sum(self._prior.motion):
+            return
+        state = self._state
+        chance = 1.0 - float(np.exp(-self._SWITCHING_PER_S * step))
+        those = self._rng.choice(self._count, self._rng.binomial(self._count, chance), False)
+        mode = self._modes(len(those))
+        velocity = self._velocities(mode)
+        state.mode[those] = mode
+        state.east_m_s[those], state.north_m_s[those] = velocity
+
+    def listen(self, heard: Listening) -> Expectation:
+        """Take in a pulse, or that none was heard; what was expected before."""
+        state, prior = self._state, self._prior
+        level = LevelBelief(
+            mean_db=state.mean_db,
+            variance_db2=state.variance_db2,
+            known=prior.level_sigma_db == 0.0,
+        )
+        expected = level.expected_db(
+            heard, state.east_m, state.north_m, state.exponent, prior.pattern
+        )
+        if prior.path_gain is not None:
+            expected = expected + prior.path_gain(
+                state.east_m - float(heard.east_m),
+                state.north_m - float(heard.north_m),
+                float(heard.height_m),
+            )
+        mean = float(self._weight @ expected)
+        variance = float(self._weight @ (expected - mean) ** 2) + prior.fading_db**2
+        if not level.known:
+            variance += float(self._weight @ state.variance_db2)
+        likelihood = level.update(
+            heard,
+            expected,
+            prior.fading_db,
+            missed_share=prior.missed_share,
+            chance_share=prior.chance_share,
+        )
+        state.mean_db = np.asarray(level.mean_db, np.float32)
+        state.variance_db2 = np.asarray(level.variance_db2, np.float32)
+        return Expectation(
+            level_db=mean, variance_db2=variance, log_probability=self._weigh(likelihood)
+        )
+
+    def take_bearing(
+        self, east_m: float, north_m: float, posterior: NDArray[np.float64]
+    ) -> float:
+        """Take in a bearing's (360,) posterior; its pulses must not be listened to as well.
+
+        Returns
+        -------
+        float
+            Logarithm of its probability density per degree, the tag being there.
+        """
         evidence = BearingEvidence(
             np.array([east_m]), np.array([north_m]), posterior[None, :], outlier_share=0.05
         )
-        state = self._state
-        self._weigh(evidence.log_likelihood(state.east_m, state.north_m, 1.0))
+        east = self._state.east_m.astype(np.float64)
+        north = self._state.north_m.astype(np.float64)
+        return self._weigh(evidence.log_likelihood(east, north, 1.0))
 
     def estimate(self) -> TrackEstimate:
         """Say where the tag is, as far as is known."""
-        state, weight = self._state, self._weights()
-        found = _estimate(state.east_m, state.north_m, state.level.mean_db, weight)
+        state, weight = self._state, self._weight
+        found = _estimate(state.east_m, state.north_m, state.mean_db, weight)
         return replace(
             found,
             east_m_s=float(weight @ state.east_m_s),
             north_m_s=float(weight @ state.north_m_s),
         )
 
-    def _weights(self) -> _Floats:
-        weight = np.exp(self._state.log_weight - self._state.log_weight.max())
-        return np.asarray(weight / weight.sum())
+    def spread(self) -> Spread:
+        """Say how far apart the hypotheses are."""
+        state, weight = self._state, self._weight
+        east, north = float(weight @ state.east_m), float(weight @ state.north_m)
+        dx, dy = state.east_m - east, state.north_m - north
+        weighted = weight * dx
+        return Spread(
+            east_m=east,
+            north_m=north,
+            east_m2=float(weighted @ dx),
+            north_m2=float((weight * dy) @ dy),
+            product_m2=float(weighted @ dy),
+        )
 
-    def _weigh(self, log_likelihood: _Floats) -> None:
-        before = self._weights()
-        expected = float(before @ np.exp(np.maximum(log_likelihood, -700.0)))
-        self._state.log_weight = self._state.log_weight + log_likelihood
-        weight = self._weights()
-        # Surprise is what the data lose against chance alone; it fades with each good pulse.
-        chance = np.log(0.02 / 120.0)
-        self._surprise = max(0.0, self._surprise + chance + 1.0 - np.log(max(expected, 1e-300)))
-        if self._surprise > self._LOST_NATS:
-            self._renew(weight)
-        elif 1.0 / float(weight @ weight) < self._count / 2:
-            self._state = self._resampled(weight, self._count)
-
-    def _resampled(self, weight: _Floats, count: int) -> _Particles:
-        """Systematic resampling, with Silverman's smoothing so that copies part ways."""
+    def hypotheses(self, count: int) -> Hypotheses:
+        """Draw a few hypotheses evenly from all, without chance."""
         state = self._state
-        comb = (np.arange(count) + self._rng.random()) / count
-        index = np.minimum(np.searchsorted(np.cumsum(weight), comb), self._count - 1)
-        chosen = state.chosen(index)
+        index = self._comb((np.arange(count) + 0.5) / count)
+        walk = self._prior.walking_m_per_root_s
+        return Hypotheses(
+            east_m=state.east_m[index],
+            north_m=state.north_m[index],
+            level_db=state.mean_db[index],
+            level_variance_db2=state.variance_db2[index],
+            exponent=state.exponent[index],
+            east_m_s=state.east_m_s[index],
+            north_m_s=state.north_m_s[index],
+            wandering_m_per_root_s=np.where(state.mode[index] == BROWSING, walk, 0.0).astype(
+                np.float32
+            ),
+        )
+
+    def replace_at_random(self, share: float) -> None:
+        """Put a share of the hypotheses anywhere in the area (TrackerBots' remedy)."""
+        count = round(share * self._count)
+        those = self._rng.choice(self._count, count, replace=False)
+        kept = np.setdiff1d(np.arange(self._count), those)
+        whole = self._resampled(self._count)
+        fresh = self._fresh(count)
+        self._state = whole.chosen(kept).joined(fresh)
+        self._even()
+
+    def _comb(self, places: _Floats) -> NDArray[np.intp]:
+        return np.minimum(np.searchsorted(np.cumsum(self._weight), places), self._count - 1)
+
+    def _even(self) -> None:
+        self._weight = np.full(self._count, 1.0 / self._count, np.float32)
+
+    def _weigh(self, log_likelihood: _Floats) -> float:
+        top = float(log_likelihood.max())
+        gained = self._weight * np.exp(log_likelihood - top)
+        whole = float(gained.sum())
+        evidence = top + float(np.log(max(whole, 1e-37)))
+        self._weight = (gained / max(whole, 1e-37)).astype(np.float32)
+        # Surprise is what the data lose against chance alone; it fades with each good pulse.
+        chance = float(np.log(0.02 / 120.0))
+        self._surprise = max(0.0, self._surprise + chance + 1.0 - evidence)
+        if self._surprise > self._LOST_NATS:
+            self._renew()
+        elif 1.0 / float(self._weight @ self._weight) < self._count / 2:
+            self._state = self._resampled(self._count)
+            self._even()
+        return evidence
+
+    def _resampled(self, count: int) -> _Particles:
+        """Systematic resampling, with Silverman's smoothing so that copies part ways."""
+        state, weight = self._state, self._weight
+        chosen = state.chosen(self._comb((np.arange(count) + self._rng.random()) / count))
         bandwidth = 0.5 * count ** (-1.0 / 6.0)
+        # Shrunk towards the mean by as much as the smoothing widens.
+        shrink = float(np.sqrt(1.0 - bandwidth**2 * 0.25))
         for axis in ("east_m", "north_m"):
             value = getattr(state, axis)
             mean = float(weight @ value)
             sigma = float(np.sqrt(weight @ (value - mean) ** 2))
-            # Shrunk towards the mean by as much as the smoothing widens.
-            shrink = np.sqrt(1.0 - bandwidth**2 * 0.25)
-            smooth = self._rng.normal(0.0, 0.5 * bandwidth * sigma, count)
+            smooth = (0.5 * bandwidth * sigma) * self._normal(count)
             setattr(chosen, axis, mean + shrink * (getattr(chosen, axis) - mean) + smooth)
-        moving = chosen.mode == TRAVELLING
-        for axis in ("east_m_s", "north_m_s"):
-            jitter = self._rng.normal(0.0, 0.02, count) * moving
-            setattr(chosen, axis, getattr(chosen, axis) + jitter)
-        chosen.exponent = np.clip(
-            chosen.exponent + self._rng.normal(0.0, 0.03, count), 1.8, 4.0
-        )
+        moving = np.flatnonzero(chosen.mode == TRAVELLING)
+        for velocity in (chosen.east_m_s, chosen.north_m_s):
+            velocity[moving] += 0.02 * self._normal(len(moving))
+        if self._prior.exponent_sigma > 0.0:
+            chosen.exponent = self._plausible(chosen.exponent + 0.03 * self._normal(count))
         return chosen
 
-    def _renew(self, weight: _Floats) -> None:
+    def _renew(self) -> None:
         """Half of the hypotheses start anew: the tag is not where they were."""
         half = self._count // 2
-        kept, fresh = self._resampled(weight, self._count - half), self._fresh(half)
+        self._state = self._resampled(self._count - half).joined(self._fresh(half))
         self._surprise = 0.0
-        self._state = _Particles(
-            east_m=np.concatenate([kept.east_m, fresh.east_m]),
-            north_m=np.concatenate([kept.north_m, fresh.north_m]),
-            east_m_s=np.concatenate([kept.east_m_s, fresh.east_m_s]),
-            north_m_s=np.concatenate([kept.north_m_s, fresh.north_m_s]),
-            mode=np.concatenate([kept.mode, fresh.mode]),
-            exponent=np.concatenate([kept.exponent, fresh.exponent]),
-            level=LevelBelief(
-                mean_db=np.concatenate([kept.level.mean_db, fresh.level.mean_db]),
-                variance_db2=np.concatenate(
-                    [kept.level.variance_db2, fresh.level.variance_db2]
-                ),
-            ),
-            log_weight=np.zeros(self._count),
-        )
+        self._even()

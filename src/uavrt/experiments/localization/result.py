@@ -102,6 +102,11 @@ def median(values: NDArray[np.float64]) -> float:
     return float(np.median(values))
 
 
+def mean(values: NDArray[np.float64]) -> float:
+    """Arithmetic mean."""
+    return float(np.mean(values))
+
+
 def tenth_worst(values: NDArray[np.float64]) -> float:
     """Value that a tenth of the runs exceed."""
     return float(np.quantile(values, 0.9))

@@ -1,0 +1,115 @@
+"""The rows T1 to T10: scenarios, contenders, bars."""
+
+import numpy as np
+
+from uavrt.experiments.search.scenario import Bar, Contender, Known, Scenario, Truth
+from uavrt.planning import (
+    DeterminantStop,
+    HonestStop,
+    KeepAway,
+    LongestAxisStop,
+    Multirotor,
+)
+
+_BASELINES = ("closest", "shannon", "renyi", "lawnmower", "rotation_points")
+
+
+def _all(*planners: str) -> tuple[Contender, ...]:
+    """Ours with both stop rules, Rényi with both filters, the others."""
+    return (
+        Contender(planner="mi_rate"),
+        Contender(planner="mi_rate", stop="ours"),
+        *(Contender(planner=name) for name in planners),
+        *((Contender(planner="renyi", filter="TrackerBots"),) if "renyi" in planners else ()),
+    )
+
+
+_TRACKERBOTS = Multirotor(
+    speed_m_s=5.0, acceleration_m_s2=float("inf"), yaw_rate_deg_s=30.0, turns_first=True
+)
+
+
+def _trackerbots(name: str, title: str, threshold_db: float, *bars: Bar) -> Scenario:
+    """The table of TrackerBots (reference/localization.md §3.4)."""
+    return Scenario(
+        name=name,
+        title=title,
+        east_m=500.0,
+        north_m=500.0,
+        tags=10,
+        truth=Truth(
+            level_1m_db=7.7,
+            exponent=3.1,
+            sigma_db=4.22,
+            tag_height_m=1.0,
+            threshold_db=threshold_db,
+            walk_m_per_root_s=2.0,
+        ),
+        vehicle=_TRACKERBOTS,
+        paper_stop=DeterminantStop(limit_m4=1e4),
+        our_stop=HonestStop(radius95_m=24.5),
+        bars=bars,
+        contenders=_all(*_BASELINES),
+    )
+
+
+T1 = _trackerbots(
+    "T1",
+    "TrackerBots, every pulse heard",
+    -1000.0,
+    Bar(quantity="error, mean, m", most=12.5),
+    Bar(quantity="time, mean, s", most=160.0),
+    Bar(quantity="way, mean, km", most=0.75),
+)
+T2 = _trackerbots(
+    "T2",
+    "TrackerBots, heard from -70 dBm",
+    -70.0,
+    Bar(quantity="error, mean, m", most=12.5),
+    Bar(quantity="time, mean, s", most=260.0),
+    Bar(quantity="complete, share", least=1.0),
+    Bar(quantity="time over that of renyi, filter TrackerBots", most=0.6),
+)
+_LAVA_PLACES = (
+    *((700.0, 720.0), (840.0, 520.0), (310.0, 380.0), (160.0, 550.0), (820.0, 330.0)),
+    *((510.0, 410.0), (140.0, 170.0), (250.0, 660.0), (580.0, 270.0), (540.0, 805.0)),
+)
+T4 = Scenario(
+    name="T4",
+    title="LAVAPilot: ten animals not to be disturbed",
+    east_m=1000.0,
+    north_m=1000.0,
+    tags=10,
+    places=_LAVA_PLACES,
+    truth=Truth(
+        level_1m_db=-39.67,
+        exponent=2.0,
+        sigma_db=8.86,
+        two_ray=True,
+        tag_height_m=1.0,
+        walk_m_per_root_s=0.5,
+    ),
+    vehicle=Multirotor(
+        speed_m_s=10.0, acceleration_m_s2=5.0, yaw_rate_deg_s=60.0, turns_first=True
+    ),
+    paper_stop=LongestAxisStop(limit_m=15.0),
+    our_stop=HonestStop(radius95_m=33.0),
+    start_yaw_deg=-90.0,
+    height_m=30.0,
+    first_plan_s=16,
+    cycle_s=8,
+    stops_each_cycle=True,
+    keep_away=KeepAway(radius_m=50.0, probability=0.95, margin=1.25),
+    limit_s=1200,
+    bars=(
+        Bar(quantity="complete, share", least=1.0),
+        Bar(quantity="time, median, s", most=290.0),
+        Bar(quantity="time, p95, s", most=345.0),
+        Bar(quantity="error, mean, m", most=12.0),
+        Bar(quantity="inside the radius, share", most=0.05),
+    ),
+    contenders=_all("lavapilot", "closest", "renyi"),
+)
+_ = (np, Known)
+SCENARIOS: dict[str, Scenario] = {one.name: one for one in (T1, T2, T4)}
+"""By name."""

@@ -1,0 +1,59 @@
+"""What a drone can be told to do next."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlyTo:
+    """Fly straight to a place, in the tracker's plane."""
+
+    east_m: float
+    north_m: float
+
+    def __str__(self) -> str:
+        return f"fly to {self.east_m:.0f} m east, {self.north_m:.0f} m north"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leg:
+    """Fly a line of a survey: first to its start, then along it."""
+
+    start_m: tuple[float, float]
+    """East, north."""
+    end_m: tuple[float, float]
+
+    def __str__(self) -> str:
+        (a, b), (c, d) = self.start_m, self.end_m
+        return f"survey the line from ({a:.0f}, {b:.0f}) to ({c:.0f}, {d:.0f})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rotate:
+    """Turn in place, clockwise; the antenna sees every direction."""
+
+    duration_s: float = 20.0
+    turn_deg: float = 360.0
+
+    def __str__(self) -> str:
+        return f"turn by {self.turn_deg:.0f}° in {self.duration_s:.0f} s"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hold:
+    """Stay; a fixed wing circles."""
+
+    duration_s: float = 5.0
+
+    def __str__(self) -> str:
+        return f"hold for {self.duration_s:.0f} s"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Return:
+    """Fly home and land there."""
+
+    def __str__(self) -> str:
+        return "return"
+
+
+Action = FlyTo | Leg | Rotate | Hold | Return

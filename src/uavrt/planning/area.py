@@ -1,0 +1,360 @@
+"""Where to search, where to fly, and where not."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import PlanError
+from uavrt.localization.bayes_fix import Area
+
+_Floats = NDArray[np.float64]
+_Flags = NDArray[np.bool_]
+Ground = Callable[[_Floats, _Floats], _Floats]
+"""Height of the ground [m] at places in the plane, of any datum."""
+
+_LEAST_AREA_M2 = 100.0
+_SPACING_M = 5.0
+"""Ways are looked at this close."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circle:
+    """A round place to keep away from: a person, a building, a nest."""
+
+    east_m: float
+    north_m: float
+    radius_m: float
+
+    def __post_init__(self) -> None:
+        if not self.radius_m > 0.0:
+            raise PlanError(
+                f"a circle to keep away from has a radius of {self.radius_m:g} m",
+                remedy="Give one above 0, or leave it out",
+            )
+
+    def contains(self, east_m: _Floats, north_m: _Floats) -> _Flags:
+        """Whether places are within it."""
+        off = np.hypot(east_m - self.east_m, north_m - self.north_m)
+        return np.asarray(off < self.radius_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Polygon:
+    """An outline; its sides do not cross each other.
+
+    Raises
+    ------
+    PlanError
+        Fewer than three corners, sides that cross, or next to no area.
+    """
+
+    corners: tuple[tuple[float, float], ...]
+    """East and north of each [m]; the last is joined to the first."""
+    name: str = "polygon"
+    """For what is said of it."""
+
+    def __post_init__(self) -> None:
+        if len(self.corners) < 3 or not np.all(np.isfinite(self.corners)):
+            raise PlanError(
+                f"the {self.name} has {len(self.corners)} corner(s)",
+                remedy="Draw three or more, each with two finite numbers",
+            )
+        crossing = self._crossing()
+        if crossing is not None:
+            first, second = crossing
+            raise PlanError(
+                f"the {self.name} crosses itself: its sides {first + 1} and {second + 1}",
+                remedy="Draw the corners in their order along the outline",
+            )
+        if self.area_m2 < _LEAST_AREA_M2:
+            raise PlanError(
+                f"the {self.name} holds {self.area_m2:.0f} m²",
+                remedy=f"Draw one of {_LEAST_AREA_M2:.0f} m² or more",
+            )
+
+    @classmethod
+    def rectangle(
+        cls, west_m: float, east_m: float, south_m: float, north_m: float, name: str = "polygon"
+    ) -> "Polygon":
+        """Outline of a rectangle."""
+        corners = (
+            (west_m, south_m),
+            (east_m, south_m),
+            (east_m, north_m),
+            (west_m, north_m),
+        )
+        return cls(corners=corners, name=name)
+
+    @property
+    def area_m2(self) -> float:
+        """What it holds."""
+        x, y = np.array(self.corners).T
+        return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0)
+
+    @property
+    def box(self) -> Area:
+        """Rectangle around it."""
+        x, y = np.array(self.corners).T
+        return Area(
+            west_m=float(x.min()),
+            east_m=float(x.max()),
+            south_m=float(y.min()),
+            north_m=float(y.max()),
+        )
+
+    def _crossing(self) -> tuple[int, int] | None:
+        """Two sides that have a point in common and are not neighbours."""
+        points = np.array(self.corners, np.float64)
+        count = len(points)
+        for first in range(count):
+            for second in range(first + 1, count):
+                near = second == first + 1 or (first == 0 and second == count - 1)
+                sides = (
+                    points[first],
+                    points[(first + 1) % count],
+                    points[second],
+                    points[(second + 1) % count],
+                )
+                if (_overlap if near and count > 2 else _meet)(*sides):
+                    return first, second
+        return None
+
+    def contains(self, east_m: _Floats, north_m: _Floats) -> _Flags:
+        """Whether places are within it: sides crossed by a ray to the east are odd."""
+        x, y = np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
+        inside = np.zeros(np.broadcast_shapes(x.shape, y.shape), bool)
+        points = np.array(self.corners, np.float64)
+        for (ax, ay), (bx, by) in zip(points, np.roll(points, -1, axis=0), strict=True):
+            if ay == by:
+                continue
+            between = (ay > y) != (by > y)
+            inside ^= between & (x < ax + (y - ay) / (by - ay) * (bx - ax))
+        return inside
+
+
+def _side(a: _Floats, b: _Floats, c: _Floats) -> float:
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def _meet(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
+    """Whether two segments have a point in common."""
+    one, two = _side(a, b, c), _side(a, b, d)
+    three, four = _side(c, d, a), _side(c, d, b)
+    if one * two < 0.0 and three * four < 0.0:
+        return True
+    return any(
+        turn == 0.0 and bool(np.all(np.minimum(p, q) <= r) and np.all(r <= np.maximum(p, q)))
+        for turn, p, q, r in ((one, a, b, c), (two, a, b, d), (three, c, d, a), (four, c, d, b))
+    )
+
+
+def _overlap(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
+    """Whether neighbouring sides go back over each other, or one has no length."""
+    if np.array_equal(a, b) or np.array_equal(c, d):
+        return True
+    meeting, before, after = (b, a, d) if np.array_equal(b, c) else (a, b, c)
+    straight = _side(before, meeting, after) == 0.0
+    return straight and float((before - meeting) @ (after - meeting)) > 0.0
+
+
+def flat_ground(east_m: _Floats, north_m: _Floats) -> _Floats:
+    """No hills."""
+    return np.zeros(np.broadcast_shapes(np.shape(east_m), np.shape(north_m)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchArea:
+    """Where the animals may be, and where the drone may fly.
+
+    Raises
+    ------
+    PlanError
+        The area reaches beyond the fence, heights are the wrong way round, or home is outside.
+    """
+
+    search: Polygon
+    fence: Polygon | None = None
+    """The drone stays within; None: anywhere."""
+    voids: tuple[Circle | Polygon, ...] = ()
+    """The drone stays outside of these."""
+    lowest_m: float = 20.0
+    """Above the ground beneath."""
+    highest_m: float = 120.0
+    ground: Ground = flat_ground
+    home_m: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.lowest_m < self.highest_m:
+            raise PlanError(
+                f"the heights are {self.lowest_m:g} to {self.highest_m:g} m above ground",
+                remedy="Give a lower and a higher one, both above 0",
+            )
+        if self.fence is None:
+            return
+        corners = np.array(self.search.corners)
+        within = self.fence.contains(*_nudged(corners).T)
+        if not np.all(within):
+            outside = ", ".join(str(n + 1) for n in np.flatnonzero(~within))
+            raise PlanError(
+                f"the {self.search.name} lies beyond the fence at its corner(s) {outside}",
+                remedy="Draw it within the fence, or widen the vehicle's fence",
+            )
+        if not self.fence.contains(*np.array([self.home_m]).T).all():
+            raise PlanError(
+                "home is outside the fence", remedy="Set home or the fence of the vehicle anew"
+            )
+
+    def refusal(
+        self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
+    ) -> str | None:
+        """Why a way may not be flown, None when it may.
+
+        Parameters
+        ----------
+        east_m, north_m : (n,) arrays
+            Points along it; what lies between is looked at, too.
+        height_m : (n,) array or float
+            Above the ground of home.
+        """
+        x, y = _close_points(east_m, north_m)
+        return next((reason for _, reason in self._faults(x[None], y[None], height_m)), None)
+
+    def refusals(
+        self, state_m: tuple[float, float], east_m: _Floats, north_m: _Floats, height_m: float
+    ) -> list[str | None]:
+        """Why the straight ways from a place to some others may not be flown.
+
+        Parameters
+        ----------
+        state_m : tuple
+            East, north of the drone.
+        east_m, north_m : (legs,) arrays
+        height_m : float
+            Above the ground of home.
+        """
+        longest = float(np.max(np.hypot(east_m - state_m[0], north_m - state_m[1]), initial=0))
+        share = np.linspace(0.0, 1.0, max(2, int(np.ceil(longest / _SPACING_M)) + 1))[1:]
+        x = state_m[0] + (east_m - state_m[0])[:, None] * share
+        y = state_m[1] + (north_m - state_m[1])[:, None] * share
+        reasons: list[str | None] = [None] * len(east_m)
+        for leg, reason in self._faults(x, y, height_m):
+            reasons[leg] = reasons[leg] or reason
+        return reasons
+
+    def _faults(
+        self, x: _Floats, y: _Floats, height_m: _Floats | float
+    ) -> list[tuple[int, str]]:
+        """Number of each leg with a fault, and the fault."""
+        found: list[tuple[int, str]] = []
+
+        def add(bad: _Flags, reason: str) -> None:
+            found.extend((int(leg), reason) for leg in np.flatnonzero(bad.any(axis=-1)))
+
+        if self.fence is not None:
+            add(~self.fence.contains(x, y), "leaves the fence")
+        for void in self.voids:
+            add(void.contains(x, y), "enters a place to keep away from")
+        if self.ground is flat_ground:
+            above = np.broadcast_to(height_m, x.shape)
+        else:
+            home = self.ground(*np.array([self.home_m]).T)
+            above = height_m + float(home[0]) - self.ground(x, y)
+        add(above < self.lowest_m - 1e-6, f"comes below {self.lowest_m:g} m above ground")
+        add(above > self.highest_m + 1e-6, f"goes above {self.highest_m:g} m above ground")
+        return found
+
+
+def _nudged(corners: _Floats) -> _Floats:
+    """A corner on the fence counts as inside it: drawn in by a millimetre."""
+    middle = corners.mean(axis=0)
+    off = middle - corners
+    return np.asarray(corners + 1e-3 * off / np.maximum(np.hypot(*off.T)[:, None], 1e-9))
+
+
+def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
+    """Points of a way, no two farther apart than what is looked at."""
+    if len(east_m) < 2:
+        return np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
+    gone = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east_m), np.diff(north_m)))])
+    places = np.linspace(0.0, gone[-1], max(2, int(gone[-1] / _SPACING_M) + 2))
+    places = np.union1d(places, gone)
+    return np.interp(places, gone, east_m), np.interp(places, gone, north_m)
+
+
+def check_reach(area: SearchArea, farthest_m: float, *, home_known: bool = True) -> None:
+    """Refuse a search before anything moves.
+
+    Parameters
+    ----------
+    area : SearchArea
+    farthest_m : float
+        From home, that the battery allows with the way back and the reserve.
+    home_known : bool
+        Whether the autopilot has told its home.
+
+    Raises
+    ------
+    PlanError
+        No home, or the whole area is beyond the battery's reach.
+    """
+    if not home_known:
+        raise PlanError(
+            "the vehicle has no home", remedy="Wait for its position, or set home in the GCS"
+        )
+    corners = np.array(area.search.corners)
+    if area.search.contains(*np.array([area.home_m]).T).all():
+        return
+    nearest = min(
+        _distance_m(np.array(area.home_m), a, b)
+        for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    )
+    if nearest > farthest_m:
+        raise PlanError(
+            f"the {area.search.name} begins {nearest:.0f} m from home; the battery allows "
+            f"{farthest_m:.0f} m and back",
+            remedy="Start nearer to it, or draw a nearer one",
+        )
+
+
+def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
+    along = b - a
+    share = float(np.clip((point - a) @ along / max(float(along @ along), 1e-9), 0.0, 1.0))
+    return float(np.hypot(*(point - a - share * along)))
+
+
+def survey_lines(polygon: Polygon, spacing_m: float) -> list[tuple[float, float]]:
+    """Corners of parallel lines over a polygon, to and fro along its longer side.
+
+    Raises
+    ------
+    PlanError
+        The spacing is not above 0.
+    """
+    if not spacing_m > 0.0:
+        raise PlanError(f"lines {spacing_m:g} m apart", remedy="Give a distance above 0")
+    corners = np.array(polygon.corners)
+    sides = np.roll(corners, -1, axis=0) - corners
+    longest = sides[int(np.argmax(np.hypot(*sides.T)))]
+    along = longest / np.hypot(*longest)
+    across = np.array([-along[1], along[0]])
+    low, high = (corners @ across).min(), (corners @ across).max()
+    count = max(1, int(np.ceil((high - low) / spacing_m)))
+    way: list[tuple[float, float]] = []
+    for number in range(count):
+        offset = low + (number + 0.5) * (high - low) / count
+        ends = _cut(corners, along, across, offset)
+        for end in ends if number % 2 == 0 else ends[::-1]:
+            way.append((float(end[0]), float(end[1])))  # noqa: PERF401
+    return way
+
+
+def _cut(corners: _Floats, along: _Floats, across: _Floats, offset: float) -> Sequence[_Floats]:
+    """First and last point of a line within an outline."""
+    crossings = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        x, y = float(a @ across) - offset, float(b @ across) - offset
+        if (x > 0.0) != (y > 0.0):
+            crossings.append(float((a + (b - a) * x / (x - y)) @ along))
+    return [where * along + offset * across for where in (min(crossings), max(crossings))]

@@ -1,0 +1,186 @@
+"""How much a way would tell of where the tags are, before it is flown.
+
+The pulses along a way are normal about the level that each hypothesis of the tag expects; what
+they tell of the hypotheses is bounded by the distances between those levels (Kolchinsky and
+Tracey 2017). A level below the threshold is heard as silence, so it is put at the threshold:
+two hypotheses under which nothing is heard are not told apart. The strength that is yet to be
+learnt is common to all pulses of the way, and takes from their distances what it could explain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization import Hypotheses, TagPrior
+from uavrt.localization.level_belief import REFERENCE_M, antenna_gain_db
+from uavrt.planning.beliefs import TagBelief
+from uavrt.planning.vehicle import Legs
+
+_Singles = NDArray[np.float32]
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listener:
+    """What of a pulse reaches the drone."""
+
+    above_tags_m: float
+    pulse_s: float
+    threshold_db: float
+
+
+def expected_levels_db(
+    prior: TagPrior,
+    some: Hypotheses,
+    legs: Legs,
+    above_tags_m: float,
+    walked_m: tuple[_Singles, _Singles] | None = None,
+) -> _Singles:
+    """(legs, samples, hypotheses) level at which each would be heard along ways.
+
+    Those that travel go on at their velocity meanwhile; `walked_m`, east and north of each leg
+    and hypothesis (legs, 1, hypotheses), is added.
+    """
+    east, north, yaw, time = (
+        one.astype(np.float32)[:, :, None]
+        for one in (legs.east_m, legs.north_m, legs.yaw_deg, legs.time_s)
+    )
+    dx, dy = some.east_m - east, some.north_m - north
+    if some.east_m_s.any() or some.north_m_s.any():
+        dx, dy = dx + some.east_m_s * time, dy + some.north_m_s * time
+    if walked_m is not None:
+        dx, dy = dx + walked_m[0], dy + walked_m[1]
+    slant2 = dx * dx + dy * dy + above_tags_m**2
+    gain = antenna_gain_db(prior.pattern, yaw, dx, dy, above_tags_m, np.sqrt(slant2))
+    decades = 5.0 * np.log10(slant2) - float(10.0 * np.log10(REFERENCE_M))
+    level = some.level_db - some.exponent * decades + gain
+    if prior.path_gain is not None:
+        level = level + prior.path_gain(dx, dy, above_tags_m)
+    return np.asarray(level, np.float32)
+
+
+def information_nats(
+    beliefs: Sequence[TagBelief], legs: Legs, listener: Listener, *, hypotheses: int = 64
+) -> _Floats:
+    """(tags, legs) information of each way on the place of each tag.
+
+    Parameters
+    ----------
+    beliefs : sequence of TagBelief
+    legs : Legs
+        Their samples stand for equal shares of each way's time.
+    listener : Listener
+    hypotheses : int
+        Drawn of each tag; the information is at most the logarithm of this.
+    """
+    out = np.empty((len(beliefs), len(legs.duration_s)))
+    samples = legs.time_s.shape[1]
+    spans = legs.time_s[:, -1] * samples / max(samples - 0.5, 0.5)
+    for number, belief in enumerate(beliefs):
+        prior = belief.prior
+        some = belief.hypotheses(hypotheses)
+        walked = _walked_m(some, spans)
+        level = expected_levels_db(prior, some, legs, listener.above_tags_m, walked)
+        level = np.maximum(level, np.float32(listener.threshold_db))
+        pulses = spans / samples / listener.pulse_s * (1.0 - prior.missed_share)
+        noise2 = prior.fading_db**2 + _walked_db2(some, legs, spans, listener.above_tags_m)
+        per_pulse = (pulses[:, None] / noise2).astype(np.float32)
+        root = np.sqrt(per_pulse)
+        scaled = level * root[:, :, None]
+        scaled -= scaled.mean(axis=2, keepdims=True)
+        squares = np.einsum("csp,csp->cp", scaled, scaled)
+        off = np.matmul(scaled.transpose(0, 2, 1), scaled)
+        off *= -2.0
+        off += squares[:, :, None]
+        off += squares[:, None, :]
+        spread = float(np.mean(some.level_variance_db2))
+        if spread > 0.0:
+            # Of K pulses with a common unknown level of variance v, the mean counts only as
+            # 1 / (σ² / K + v).
+            whole = np.einsum("csp,cs->cp", scaled, root)
+            common = whole[:, :, None] - whole[:, None, :]
+            share = spread / (1.0 + spread * per_pulse.sum(axis=1))
+            off -= common * common * share[:, None, None]
+        np.multiply(off, -0.25, out=off)
+        np.minimum(off, 0.0, out=off)
+        np.exp(off, out=off)
+        out[number] = -np.mean(np.log(off.mean(axis=1)), axis=1)
+    return np.maximum(out, 0.0)
+
+
+def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
+    """East and north that each hypothesis walks until each way's end, always alike."""
+    if not some.wandering_m_per_root_s.any():
+        return None
+    steps = np.random.default_rng(0).normal(size=(2, 1, 1, len(some.east_m)))
+    walk = np.sqrt(spans_s)[:, None, None] * some.wandering_m_per_root_s * steps
+    return walk[0].astype(np.float32), walk[1].astype(np.float32)
+
+
+def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: float) -> _Floats:
+    """(legs, samples) variance that the walk from then to the way's end adds to a level.
+
+    What counts is where the animal is in the end: early pulses tell less of it.
+    """
+    walk2 = float(np.mean(some.wandering_m_per_root_s**2))
+    if walk2 == 0.0:
+        return np.zeros_like(legs.time_s)
+    dx = some.east_m - legs.east_m[:, :, None]
+    dy = some.north_m - legs.north_m[:, :, None]
+    slope2 = np.mean(1.0 / (dx * dx + dy * dy + above_tags_m**2), axis=2)
+    per_neper = 10.0 / np.log(10.0) * float(np.mean(some.exponent))
+    left = np.maximum(spans_s[:, None] - legs.time_s, 0.0)
+    return np.asarray(per_neper**2 * slope2 * walk2 * left)
+
+
+def renyi_nats(
+    beliefs: Sequence[TagBelief],
+    legs: Legs,
+    listener: Listener,
+    rng: np.random.Generator,
+    *,
+    alpha: float = 0.1,
+    measurements: int = 50,
+    hypotheses: int = 500,
+) -> _Floats:
+    """(tags, legs) expected Rényi divergence of the posterior from the prior (TrackerBots).
+
+    R = log(Σ w^α w'^(1-α)) / (α - 1), the mean over measurements drawn from the hypotheses; in
+    the limit of α = 1 it is Shannon's information.
+
+    Parameters
+    ----------
+    beliefs : sequence of TagBelief
+    legs : Legs
+        A pulse at each sample.
+    listener : Listener
+    rng : Generator
+    alpha : float
+    measurements : int
+        Drawn for each tag and way.
+    hypotheses : int
+    """
+    out = np.empty((len(beliefs), len(legs.duration_s)))
+    for number, belief in enumerate(beliefs):
+        prior = belief.prior
+        some = belief.hypotheses(hypotheses)
+        level = expected_levels_db(prior, some, legs, listener.above_tags_m)
+        true = rng.integers(0, hypotheses, measurements)
+        noise = rng.normal(0.0, prior.fading_db, (*level.shape[:2], measurements))
+        drawn = np.maximum(level[:, :, true] + noise, listener.threshold_db)
+        seen = np.maximum(level, np.float32(listener.threshold_db))
+        off = (drawn[:, :, :, None] - seen[:, :, None, :]) / prior.fading_db
+        log_p = -0.5 * np.einsum("csmp,csmp->cmp", off, off)
+        top = log_p.max(axis=2, keepdims=True)
+        p = np.exp(log_p - top)
+        if abs(1.0 - alpha) < 1e-3:
+            mean = np.maximum(p.mean(axis=2), 1e-300)
+            posterior = p / p.sum(axis=2, keepdims=True)
+            gain = np.einsum("cmp,cmp->cm", posterior, log_p - top) - np.log(mean)
+        else:
+            part = np.log(np.mean(p ** (1.0 - alpha), axis=2))
+            gain = (part - (1.0 - alpha) * np.log(p.mean(axis=2))) / (alpha - 1.0)
+        out[number] = gain.mean(axis=1)
+    return out

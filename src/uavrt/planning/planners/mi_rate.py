@@ -1,0 +1,161 @@
+"""Ours: the way with the most information per second on all tags that are still wanted.
+
+Ways of several lengths in sixteen directions, to each tag, past it on both sides, and a turn
+in place are weighed. What a tag is worth is held at what it still needs until it is found: ways
+that tell more of a tag than is wished for gain nothing by it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.planning.actions import Action, Hold, Rotate
+from uavrt.planning.information import Listener, information_nats
+from uavrt.planning.planners.tangents import tangents
+from uavrt.planning.planners.ways import Ways, checked, headings, sampled, stacked, turning
+from uavrt.planning.situation import Candidate, Decision, Situation, summary
+from uavrt.planning.vehicle import Legs
+
+_Floats = NDArray[np.float64]
+_SAMPLES = 8
+"""Of each way; each stands for the pulses around it."""
+
+
+class MiRate:
+    """Most information per second.
+
+    Parameters
+    ----------
+    directions : int
+        Evenly spread.
+    horizons : tuple of float
+        Lengths of ways, in cycles.
+    hypotheses : int
+        Of each tag.
+    convex : float
+        Power of the share of what a tag needs: above 1, to finish one counts for more than to
+        begin two.
+    linear : float
+        Weight of the share itself beside its power: leads where nothing is near its end.
+    stay_s : float
+        At the end of ways to a tag.
+    rotation_s : float
+        Of a turn in place, which is weighed where the antenna is directional.
+    """
+
+    def __init__(
+        self,
+        *,
+        directions: int = 16,
+        horizons: tuple[float, ...] = (1.0, 3.0),
+        hypotheses: int = 48,
+        convex: float = 4.0,
+        linear: float = 0.02,
+        stay_s: float = 4.0,
+        rotation_s: float = 12.0,
+    ) -> None:
+        self._directions, self._horizons = directions, horizons
+        self._hypotheses, self._convex, self._linear = hypotheses, convex, linear
+        self._stay_s = stay_s
+        self._rotation_s = rotation_s
+
+    def decide(self, situation: Situation) -> Decision:
+        """See `Planner`."""
+        wanted = situation.wanted
+        if not wanted:
+            return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
+        ways, spans, legs = self._ways(situation)
+        listener = Listener(
+            above_tags_m=situation.above_tags_m,
+            pulse_s=situation.pulse_s,
+            threshold_db=situation.threshold_db,
+        )
+        nats = information_nats(wanted, legs, listener, hypotheses=self._hypotheses)
+        worth = self._worth(situation, nats, spans)
+        chance = np.array([one.existence_probability for one in wanted])
+        rate = chance @ worth / spans
+        count = len(ways.east_m)
+        turns = len(spans) > count
+        allowed = np.append(ways.allowed, True) if turns else ways.allowed
+        if turns and not self._may_stay(situation):
+            allowed[-1] = False
+        if not allowed.any():
+            return self._away(ways)
+        best = int(np.argmax(np.where(allowed, rate, -np.inf)))
+        turn = Rotate(duration_s=self._rotation_s)
+        actions: list[Action] = [ways.action(n) for n in range(count)]
+        actions += [turn] if turns else []
+        refused = [*ways.refused, None if allowed[-1] else "too near to an animal to stay"]
+        candidates = tuple(
+            Candidate(
+                action=action, duration_s=float(span), nats_per_s=float(value), refused=why
+            )
+            for action, span, value, why in zip(actions, spans, rate, refused, strict=False)
+        )
+        most = int(np.argmax(chance * worth[:, best]))
+        return Decision(
+            action=actions[best],
+            reason=(
+                f"{rate[best]:.3f} nats/s over {spans[best]:.0f} s, most of it "
+                f"({worth[most, best]:.1f} nats) of tag {wanted[most].tag_id}; "
+                + summary(candidates)
+            ),
+            candidates=candidates,
+        )
+
+    def _worth(self, situation: Situation, nats: _Floats, spans_s: _Floats) -> _Floats:
+        """(tags, ways) share of what each tag still needs that each way gives."""
+        out = np.empty_like(nats)
+        for number, belief in enumerate(situation.wanted):
+            needed = situation.stop.needed_nats(belief)
+            area2 = max(belief.spread().determinant_m4 ** 0.5, 1.0)
+            walk2 = belief.prior.walking_m_per_root_s**2 * belief.prior.motion[1]
+            lost = np.log1p(walk2 * spans_s / area2)
+            share = np.clip((nats[number] - lost) / needed, -1.0, 1.0)
+            out[number] = np.maximum(share, 0.0) ** self._convex + self._linear * share
+        return out
+
+    def _ways(self, situation: Situation) -> tuple[Ways, _Floats, Legs]:
+        """Candidates, their times and their samples; a turn in place comes last."""
+        state, vehicle = situation.state, situation.vehicle
+        here = (state.east_m, state.north_m)
+        reach = vehicle.speed_m_s * situation.cycle_s
+        ends = [headings(situation, self._directions, reach * n) for n in self._horizons]
+        rule = situation.keep_away
+        radius = 0.3 * reach if rule is None else 1.05 * rule.margin * rule.radius_m
+        for belief in situation.wanted:
+            place = belief.spread()
+            ends.append(tangents(here, (place.east_m, place.north_m), radius))
+            if rule is None:
+                ends.append((np.array([place.east_m]), np.array([place.north_m])))
+        east, north = (np.concatenate([one[axis] for one in ends]) for axis in (0, 1))
+        far = np.hypot(east - state.east_m, north - state.north_m)
+        useful = far > 0.2 * reach
+        east, north = east[useful], north[useful]
+        ways = checked(situation, east, north)
+        spans = vehicle.durations(state, east, north, situation.wind)
+        strong = ~np.isfinite(spans)
+        for number in np.flatnonzero(strong):
+            ways.refused[number] = "against too strong a wind"
+        # At a tag it stays for some pulses: the last metres tell most.
+        fixed = self._directions * len(self._horizons)
+        staying = np.where(np.flatnonzero(useful) >= fixed, self._stay_s, 0.0)
+        spans = np.where(strong, 1.0, np.maximum(spans + staying, situation.pulse_s))
+        legs = sampled(situation, east, north, spans, _SAMPLES)
+        directional = any(one.prior.pattern is not None for one in situation.wanted)
+        if vehicle.hovers and directional:
+            legs = stacked(legs, turning(state, 360.0, self._rotation_s, _SAMPLES))
+            spans = np.append(spans, self._rotation_s)
+        return ways, spans, legs
+
+    def _may_stay(self, situation: Situation) -> bool:
+        state = situation.state
+        here = checked(situation, np.array([state.east_m]), np.array([state.north_m]))
+        return here.refused[0] is None
+
+    def _away(self, ways: Ways) -> Decision:
+        """No way is allowed: the one that disturbs least, if the area allows any."""
+        best = int(np.argmax(ways.kept))
+        return Decision(
+            action=ways.action(best),
+            reason=f"away: no way keeps the distance; this one with {ways.kept[best]:.2f}",
+        )

@@ -1,0 +1,113 @@
+"""Ways that planners choose from, and which of them may be flown."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.planning.actions import FlyTo
+from uavrt.planning.situation import Situation
+from uavrt.planning.vehicle import Legs, VehicleState
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ways:
+    """Straight ways from where the drone is."""
+
+    east_m: _Floats
+    """(ways,) where each ends."""
+    north_m: _Floats
+    refused: list[str | None]
+    """Why each may not be flown."""
+    kept: _Floats
+    """(ways,) probability that the animals are kept away from, of the tag in most danger."""
+
+    @property
+    def allowed(self) -> NDArray[np.bool_]:
+        """(ways,) which may be flown."""
+        return np.array([reason is None for reason in self.refused])
+
+    def action(self, number: int) -> FlyTo:
+        """As an order."""
+        return FlyTo(east_m=float(self.east_m[number]), north_m=float(self.north_m[number]))
+
+
+def headings(
+    situation: Situation, count: int, distance_m: float, *, first_deg: float = 0.0
+) -> tuple[_Floats, _Floats]:
+    """Ends of ways of one length in evenly spread directions."""
+    angle = np.radians(first_deg + np.arange(count) * 360.0 / count)
+    state = situation.state
+    return (
+        state.east_m + distance_m * np.sin(angle),
+        state.north_m + distance_m * np.cos(angle),
+    )
+
+
+def checked(situation: Situation, east_m: _Floats, north_m: _Floats) -> Ways:
+    """Look which ways the area and the rule of keeping away allow."""
+    state = situation.state
+    here = (state.east_m, state.north_m)
+    refused = situation.area.refusals(here, east_m, north_m, state.height_m)
+    kept = np.ones(len(east_m))
+    rule = situation.keep_away
+    if rule is not None:
+        kept = rule.kept(situation.beliefs, here, east_m, north_m).min(axis=0)
+        reason = f"within {rule.radius_m * rule.margin:.0f} m of an animal, perhaps"
+        refused = [
+            one or (reason if probability < rule.probability else None)
+            for one, probability in zip(refused, kept, strict=True)
+        ]
+    return Ways(east_m=east_m, north_m=north_m, refused=refused, kept=kept)
+
+
+def sampled(
+    situation: Situation,
+    east_m: _Floats,
+    north_m: _Floats,
+    spans_s: _Floats,
+    samples: int,
+) -> Legs:
+    """Ways at the middles of equal shares of their times (ways,)."""
+    shares = (np.arange(samples) + 0.5) / samples
+    return situation.vehicle.along(
+        situation.state, east_m, north_m, situation.wind, spans_s[:, None] * shares
+    )
+
+
+def pulses_along(
+    situation: Situation, east_m: _Floats, north_m: _Floats, span_s: float
+) -> Legs:
+    """Ways at the times of the pulses in a span."""
+    time = np.arange(1, max(1, round(span_s / situation.pulse_s)) + 1) * situation.pulse_s
+    times = np.broadcast_to(time, (len(east_m), len(time)))
+    return situation.vehicle.along(situation.state, east_m, north_m, situation.wind, times)
+
+
+def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: int) -> Legs:
+    """A turn in place, sampled like ways."""
+    shares = (np.arange(samples) + 0.5) / samples
+    return Legs(
+        duration_s=np.array([duration_s]),
+        time_s=(duration_s * shares)[None],
+        east_m=np.full((1, samples), state.east_m),
+        north_m=np.full((1, samples), state.north_m),
+        yaw_deg=(state.yaw_deg + turn_deg * shares)[None],
+    )
+
+
+def stacked(*legs: Legs) -> Legs:
+    """Several sets of ways of equally many samples as one."""
+
+    def joined(name: str) -> _Floats:
+        return np.concatenate([getattr(one, name) for one in legs])
+
+    return Legs(
+        duration_s=joined("duration_s"),
+        time_s=joined("time_s"),
+        east_m=joined("east_m"),
+        north_m=joined("north_m"),
+        yaw_deg=joined("yaw_deg"),
+    )

@@ -1,0 +1,215 @@
+"""A search from its first pulse to the way home: what a process or an experiment drives."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from uavrt.errors import PlanError
+from uavrt.localization import Listening, TrackEstimate
+from uavrt.planning.actions import FlyTo, Leg, Return
+from uavrt.planning.area import SearchArea, check_reach
+from uavrt.planning.beliefs import Beliefs
+from uavrt.planning.energy import Battery, EnergyModel
+from uavrt.planning.keep_away import KeepAway
+from uavrt.planning.situation import Decision, Planner, Situation
+from uavrt.planning.stopping import StopRule
+from uavrt.planning.vehicle import Vehicle, VehicleState, Wind, flown
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """A tag that counts as found, as it was then."""
+
+    time_s: float
+    estimate: TrackEstimate
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchSettings:
+    """What does not change during a search."""
+
+    vehicle: Vehicle
+    area: SearchArea
+    stop: StopRule
+    keep_away: KeepAway | None = None
+    energy: EnergyModel | None = None
+    """None: the battery is not looked at (experiments that have none)."""
+    cycle_s: float = 5.0
+    pulse_s: float = 1.0
+    threshold_db: float = 10.0
+    tag_height_m: float = 0.0
+
+
+class Search:
+    """Beliefs, planner, stop rule and the way home in one.
+
+    Parameters
+    ----------
+    settings : SearchSettings
+    beliefs : Beliefs
+    planner : Planner
+    rng : Generator
+        Randomness of the planner.
+    """
+
+    def __init__(
+        self, settings: SearchSettings, beliefs: Beliefs, planner: Planner, rng: Generator
+    ) -> None:
+        self.settings, self.beliefs = settings, beliefs
+        self._planner, self._rng = planner, rng
+        self.found: dict[int, Found] = {}
+        self.decisions: list[tuple[float, Decision]] = []
+
+    def check(self, state: VehicleState, battery: Battery | None = None) -> None:
+        """Refuse what cannot be flown, before anything moves.
+
+        Raises
+        ------
+        PlanError
+            A tag without any strength, a start outside the fence or the heights, or an area
+            beyond the battery's reach.
+        """
+        for belief in self.beliefs.values():
+            prior = belief.prior
+            if not (np.isfinite(prior.level_db) and np.isfinite(prior.level_sigma_db)):
+                raise PlanError(
+                    f"tag {belief.tag_id} has no strength",
+                    remedy="Give level_db and level_sigma_db of it, wide if it is not known",
+                )
+        area = self.settings.area
+        here = np.array([state.east_m]), np.array([state.north_m])
+        reason = area.refusal(*here, state.height_m)
+        if reason is not None:
+            raise PlanError(
+                f"the search would begin where it {reason}",
+                remedy="Fly to a place within the fence and the heights first",
+            )
+        if battery is not None and self.settings.energy is not None:
+            vehicle, energy = self.settings.vehicle, self.settings.energy
+            usable = battery.remaining_wh - battery.reserve_wh
+            per_m = energy.used_wh(1.0 / vehicle.speed_m_s, vehicle.speed_m_s)
+            check_reach(area, max(0.0, usable) / (2.0 * per_m))
+
+    def listen(self, tag_id: int, time_s: float, heard: Listening) -> None:
+        """Take in a pulse of a tag, or that none was heard when one was due."""
+        belief = self.beliefs[tag_id]
+        belief.advance_to(time_s)
+        belief.listen(heard)
+
+    def take_bearing(
+        self, tag_id: int, time_s: float, east_m: float, north_m: float, posterior: _Floats
+    ) -> None:
+        """Take in a rotation's whole posterior; its pulses must not be listened to as well."""
+        belief = self.beliefs[tag_id]
+        belief.advance_to(time_s)
+        belief.take_bearing(east_m, north_m, posterior)
+
+    def judge(self, time_s: float) -> list[int]:
+        """Tags that have just been found."""
+        new = []
+        for tag_id, belief in self.beliefs.items():
+            if tag_id in self.found:
+                continue
+            verdict = self.settings.stop.verdict(belief)
+            if verdict.found:
+                self.found[tag_id] = Found(
+                    time_s=time_s, estimate=belief.estimate(), reason=verdict.reason
+                )
+                new.append(tag_id)
+        return new
+
+    @property
+    def finished(self) -> bool:
+        """Whether every tag is found."""
+        return len(self.found) == len(self.beliefs)
+
+    def decide(
+        self, state: VehicleState, *, wind: Wind | None = None, battery: Battery | None = None
+    ) -> Decision:
+        """What to do now: home when it is time, else what the planner says."""
+        air = wind or Wind()
+        decision = self._home(state, air, battery)
+        if decision is None:
+            situation = self.situation(state, air)
+            decision = self._planner.decide(situation)
+            decision = self._affordable(decision, situation, battery) or decision
+        self.decisions.append((state.time_s, decision))
+        return decision
+
+    def situation(self, state: VehicleState, wind: Wind) -> Situation:
+        """What the planner is told."""
+        settings = self.settings
+        return Situation(
+            state=state,
+            vehicle=settings.vehicle,
+            area=settings.area,
+            beliefs=self.beliefs,
+            found=frozenset(self.found),
+            stop=settings.stop,
+            rng=self._rng,
+            wind=wind,
+            keep_away=settings.keep_away,
+            cycle_s=settings.cycle_s,
+            pulse_s=settings.pulse_s,
+            threshold_db=settings.threshold_db,
+            tag_height_m=settings.tag_height_m,
+        )
+
+    def _home(
+        self, state: VehicleState, wind: Wind, battery: Battery | None
+    ) -> Decision | None:
+        if self.finished:
+            return Decision(action=Return(), reason="every tag is found")
+        energy = self.settings.energy
+        if battery is None or energy is None:
+            return None
+        needed = energy.way_home_wh(
+            self.settings.vehicle, state, self.settings.area.home_m, wind
+        )
+        if not battery.must_return(needed):
+            return None
+        return Decision(
+            action=Return(),
+            reason=(
+                f"{battery.remaining_wh:.1f} Wh left; the way home takes {needed:.1f} Wh, "
+                f"the reserve is {battery.reserve_wh:.1f} Wh"
+            ),
+        )
+
+    def _affordable(
+        self, decision: Decision, situation: Situation, battery: Battery | None
+    ) -> Decision | None:
+        """Home instead, where a cycle of the action would use what the way home needs."""
+        energy = self.settings.energy
+        if battery is None or energy is None or isinstance(decision.action, Return):
+            return None
+        vehicle = self.settings.vehicle
+        path = flown(vehicle, situation.state, decision.action, wind=situation.wind)
+        last = min(len(path.time_s), max(1, int(np.ceil(self.settings.cycle_s)))) - 1
+        end = path.state(last)
+        moves = isinstance(decision.action, FlyTo | Leg)
+        used = energy.used_wh(
+            end.time_s - situation.state.time_s, vehicle.speed_m_s if moves else 0.0
+        )
+        home = energy.way_home_wh(vehicle, end, self.settings.area.home_m, situation.wind)
+        if not battery.must_return(home, used):
+            return None
+        return Decision(
+            action=Return(),
+            reason=(
+                f"{battery.remaining_wh:.1f} Wh left; {decision.action} takes {used:.1f} Wh "
+                f"and the way home from there {home:.1f} Wh"
+            ),
+        )
+
+    def learn_energy(self, predicted_wh: float, used_wh: float, sigma_wh: float = 0.5) -> None:
+        """Take in what the battery gave over a stretch of the flight."""
+        energy = self.settings.energy
+        if energy is not None:
+            learnt = energy.learnt(predicted_wh, used_wh, sigma_wh)
+            self.settings = replace(self.settings, energy=learnt)

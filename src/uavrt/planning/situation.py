@@ -1,0 +1,98 @@
+"""What a planner is told, and what it answers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from numpy.random import Generator
+
+from uavrt.planning.actions import Action
+from uavrt.planning.area import SearchArea
+from uavrt.planning.beliefs import Beliefs, TagBelief
+from uavrt.planning.keep_away import KeepAway
+from uavrt.planning.stopping import StopRule
+from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Situation:
+    """Everything that a decision may depend on."""
+
+    state: VehicleState
+    vehicle: Vehicle
+    area: SearchArea
+    beliefs: Beliefs
+    found: frozenset[int]
+    """Tags that need no more searching."""
+    stop: StopRule
+    rng: Generator
+    wind: Wind = field(default_factory=Wind)
+    keep_away: KeepAway | None = None
+    cycle_s: float = 5.0
+    """Time until the next decision, unless the action ends before."""
+    pulse_s: float = 1.0
+    """Between a tag's pulses."""
+    threshold_db: float = 10.0
+    """SNR from which a pulse is heard."""
+    tag_height_m: float = 0.0
+    """Above ground."""
+
+    @property
+    def wanted(self) -> list[TagBelief]:
+        """Tags that are still to be found."""
+        return [one for tag_id, one in self.beliefs.items() if tag_id not in self.found]
+
+    @property
+    def above_tags_m(self) -> float:
+        """Height of the drone above the tags."""
+        return max(1.0, self.state.height_m - self.tag_height_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One of the actions that were weighed."""
+
+    action: Action
+    duration_s: float
+    nats_per_s: float | None = None
+    """Information that it promises; None: not worked out."""
+    refused: str | None = None
+    """Why it may not be flown."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision:
+    """What to do next, and why."""
+
+    action: Action
+    reason: str
+    """For the operator, with figures."""
+    candidates: tuple[Candidate, ...] = ()
+
+
+class Planner(Protocol):
+    """Decides where to fly next.
+
+    A planner may remember (a survey its line); all randomness is from the situation's
+    generator, so that the same flight gives the same decisions.
+    """
+
+    def decide(self, situation: Situation) -> Decision:
+        """Choose the next action; called when the last has ended or a cycle is over."""
+
+
+def summary(candidates: Sequence[Candidate]) -> str:
+    """How many candidates there were, the runner-up, and why others were refused."""
+    refused: dict[str, int] = {}
+    for one in candidates:
+        if one.refused is not None:
+            refused[one.refused] = refused.get(one.refused, 0) + 1
+    rates = sorted(
+        (c.nats_per_s for c in candidates if c.nats_per_s is not None and c.refused is None),
+        reverse=True,
+    )
+    words = [f"{len(candidates)} candidates"]
+    if len(rates) > 1:
+        words.append(f"next best {rates[1]:.3f} nats/s")
+    words += [f"{count} refused: {reason}" for reason, count in refused.items()]
+    return "; ".join(words)

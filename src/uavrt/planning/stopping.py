@@ -1,0 +1,109 @@
+"""When a tag counts as found."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from uavrt.errors import ConfigError
+from uavrt.planning.beliefs import TagBelief
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """Whether a tag is found, and why."""
+
+    found: bool
+    reason: str
+
+
+class StopRule(Protocol):
+    """Tells a found tag from one that is to be searched for."""
+
+    def verdict(self, belief: TagBelief) -> Verdict:
+        """Judge a tag."""
+
+    def needed_nats(self, belief: TagBelief) -> float:
+        """Information on the place that is missing, roughly; 0 when it is found."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HonestStop:
+    """The 95 % circle is as small as wished, the tag exists, and the model holds.
+
+    Parameters
+    ----------
+    radius95_m : float
+        The wish.
+    bayes_factor : float
+        Evidence of existence.
+    """
+
+    radius95_m: float = 25.0
+    bayes_factor: float = 100.0
+
+    def __post_init__(self) -> None:
+        if self.radius95_m <= 0.0 or self.bayes_factor < 1.0:
+            raise ConfigError(
+                f"a search until {self.radius95_m:g} m, with evidence of {self.bayes_factor:g}",
+                remedy="Wish for a radius above 0 and an evidence of 1 or more",
+            )
+
+    def verdict(self, belief: TagBelief) -> Verdict:
+        """See `StopRule`; the cheap questions come first."""
+        rms = belief.spread().rms_m
+        # A circle of 95 % is 1.7 times as wide as the root mean square of round clouds, and of
+        # long ones twice: clouds beyond the wish need no closer look.
+        if rms > self.radius95_m:
+            return Verdict(found=False, reason=f"still ± {rms:.0f} m")
+        if belief.log_bayes_factor < np.log(self.bayes_factor):
+            return Verdict(found=False, reason="may be no tag at all")
+        check = belief.model_check()
+        if not check.passed:
+            return Verdict(found=False, reason=f"pulses are not as expected ({check})")
+        radius = belief.estimate().radius95_m
+        if radius > self.radius95_m:
+            return Verdict(found=False, reason=f"95 % within {radius:.0f} m")
+        return Verdict(
+            found=True, reason=f"95 % within {radius:.0f} m of {self.radius95_m:.0f} m; {check}"
+        )
+
+    def needed_nats(self, belief: TagBelief) -> float:
+        """Halving a radius takes 1.4 nats."""
+        ratio = 1.75 * belief.spread().rms_m / self.radius95_m
+        return float(max(0.3, 2.0 * np.log(ratio)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeterminantStop:
+    """TrackerBots' and ConservationBots' rule: determinant of the covariance."""
+
+    limit_m4: float = 1e4
+
+    def verdict(self, belief: TagBelief) -> Verdict:
+        """See `StopRule`."""
+        got = belief.spread().determinant_m4
+        return Verdict(
+            found=got < self.limit_m4, reason=f"det {got:.3g} m⁴ of {self.limit_m4:.3g}"
+        )
+
+    def needed_nats(self, belief: TagBelief) -> float:
+        """Half the logarithm of what the determinant is too large by."""
+        ratio = belief.spread().determinant_m4 / self.limit_m4
+        return float(max(0.3, 0.5 * np.log(max(ratio, 1e-9))))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LongestAxisStop:
+    """LAVAPilot's rule: standard deviation along the longer axis."""
+
+    limit_m: float = 15.0
+
+    def verdict(self, belief: TagBelief) -> Verdict:
+        """See `StopRule`."""
+        got = belief.spread().major_sigma_m
+        return Verdict(found=got < self.limit_m, reason=f"{got:.0f} m of {self.limit_m:.0f}")
+
+    def needed_nats(self, belief: TagBelief) -> float:
+        """Twice the logarithm of what it is too long by."""
+        return float(max(0.3, 2.0 * np.log(belief.spread().major_sigma_m / self.limit_m)))

@@ -1,0 +1,45 @@
+"""The battery teaches what flying costs, and the drone goes home in time."""
+
+import numpy as np
+import pytest
+
+from uavrt.errors import ConfigError
+from uavrt.planning import Battery, EnergyModel, Multirotor, VehicleState, Wind
+
+DRONE = Multirotor(speed_m_s=10.0)
+
+
+def test_flying_fast_costs_more_than_cruising_and_climbing_costs_on_top() -> None:
+    model = EnergyModel()
+    assert model.power_w(0.0) == pytest.approx(400.0)
+    assert model.power_w(10.0) == pytest.approx(420.0)
+    assert model.power_w(16.0) > model.power_w(10.0)
+    assert model.power_w(4.0) < model.power_w(0.0)
+    level, up = model.used_wh(60.0, 0.0), model.used_wh(60.0, 0.0, climb_m=50.0)
+    assert up - level == pytest.approx(50.0 * 60.0 / 3600.0)
+    assert model.used_wh(60.0, 0.0, climb_m=-50.0) == level
+
+
+def test_a_battery_that_gives_more_than_told_is_believed_bit_by_bit() -> None:
+    rng = np.random.default_rng(1)
+    model = EnergyModel()
+    for _ in range(10):
+        told = model.used_wh(60.0, 8.0)
+        true = 1.35 / model.scale * told
+        model = model.learnt(told, true + rng.normal(0.0, 0.3), 0.3)
+    assert model.scale == pytest.approx(1.35, abs=0.04)
+    assert model.scale_sigma < 0.05
+    with pytest.raises(ConfigError, match="battery"):
+        model.learnt(1.0, float("nan"), 0.3)
+
+
+def test_the_way_home_against_the_wind_needs_more_and_may_be_impossible() -> None:
+    model = EnergyModel()
+    far = VehicleState(time_s=0.0, east_m=0.0, north_m=1000.0, height_m=40.0)
+    calm = model.way_home_wh(DRONE, far, (0.0, 0.0), Wind())
+    against = model.way_home_wh(DRONE, far, (0.0, 0.0), Wind(north_m_s=6.0))
+    assert against > 1.8 * calm
+    assert model.way_home_wh(DRONE, far, (0.0, 0.0), Wind(north_m_s=12.0)) == float("inf")
+    battery = Battery(remaining_wh=calm + 15.1, reserve_wh=15.0)
+    assert not battery.must_return(calm)
+    assert battery.must_return(calm, next_leg_wh=0.2)
