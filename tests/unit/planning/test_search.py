@@ -127,9 +127,10 @@ def test_every_planner_flies_every_drone_within_the_fence(
 ) -> None:
     fence = Polygon.rectangle(-150.0, 550.0, -150.0, 550.0, name="fence")
     area = SearchArea(search=AREA.search, fence=fence)
-    states = fly(search_with(planner, vehicle=vehicle, area=area, particles=400), 60)
+    search = search_with(planner, vehicle=vehicle, area=area, particles=400)
+    states = fly(search, 60)
     places = np.array([(one.east_m, one.north_m) for one in states])
-    assert len(places) >= 60
+    assert search.finished or len(places) >= 60
     assert fence.contains(*places.T).all()
     assert np.hypot(*np.ptp(places, axis=0)) > 30.0
 

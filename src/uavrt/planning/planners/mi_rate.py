@@ -107,9 +107,11 @@ class MiRate:
         out = np.empty_like(nats)
         for number, belief in enumerate(situation.wanted):
             needed = situation.stop.needed_nats(belief)
-            area2 = max(belief.spread().determinant_m4 ** 0.5, 1.0)
-            walk2 = belief.prior.walking_m_per_root_s**2 * belief.prior.motion[1]
-            lost = np.log1p(walk2 * spans_s / area2)
+            cloud = belief.spread()
+            grown = belief.prior.walking_m_per_root_s**2 * belief.prior.motion[1] * spans_s
+            # A long thin cloud loses more by the walk than a round one of its size.
+            after = (cloud.east_m2 + grown) * (cloud.north_m2 + grown) - cloud.product_m2**2
+            lost = 0.5 * np.log(after / max(cloud.determinant_m4, 1.0))
             share = np.clip((nats[number] - lost) / needed, -1.0, 1.0)
             out[number] = np.maximum(share, 0.0) ** self._convex + self._linear * share
         return out

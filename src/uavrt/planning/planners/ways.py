@@ -51,6 +51,8 @@ def checked(situation: Situation, east_m: _Floats, north_m: _Floats) -> Ways:
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)
+    if not situation.vehicle.hovers:
+        refused = _circling(situation, east_m, north_m, refused)
     kept = np.ones(len(east_m))
     rule = situation.keep_away
     if rule is not None:
@@ -61,6 +63,45 @@ def checked(situation: Situation, east_m: _Floats, north_m: _Floats) -> Ways:
             for one, probability in zip(refused, kept, strict=True)
         ]
     return Ways(east_m=east_m, north_m=north_m, refused=refused, kept=kept)
+
+
+def _circling(
+    situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
+) -> list[str | None]:
+    """Refuse ways of a drone that turns on circles by the ways that it would fly.
+
+    After each there must be room for a circle, to either side: else it could not turn back.
+    """
+    state, vehicle = situation.state, situation.vehicle
+    spans = vehicle.durations(state, east_m, north_m, situation.wind)
+    spans = np.where(np.isfinite(spans), np.maximum(spans, 1.0), 1.0)
+    legs = sampled(situation, east_m, north_m, spans, 60)
+    out = list(refused)
+    for number in range(len(east_m)):
+        if out[number] is None:
+            x, y = legs.east_m[number], legs.north_m[number]
+            out[number] = situation.area.refusal(x, y, state.height_m)
+        if out[number] is None:
+            out[number] = _no_room(situation, legs, number)
+    return out
+
+
+def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
+    """Whether no whole circle fits in at the end of a cycle on this way, nor at its end."""
+    radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
+    at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
+    turn = np.linspace(0.0, 2.0 * np.pi, 25)
+    for place in {min(at_cycle, legs.time_s.shape[1] - 1), legs.time_s.shape[1] - 1}:
+        yaw = np.radians(legs.yaw_deg[number, place])
+        fits = False
+        for side in (1.0, -1.0):
+            ahead, right = radius * np.sin(turn), side * radius * (1.0 - np.cos(turn))
+            x = legs.east_m[number, place] + ahead * np.sin(yaw) + right * np.cos(yaw)
+            y = legs.north_m[number, place] + ahead * np.cos(yaw) - right * np.sin(yaw)
+            fits |= situation.area.refusal(x, y, situation.state.height_m) is None
+        if not fits:
+            return "leaves no room to turn back"
+    return None
 
 
 def sampled(
