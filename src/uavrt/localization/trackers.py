@@ -54,7 +54,7 @@ class TagPrior:
     area: Area
     """The tag is somewhere in it."""
     level_db: float = 45.0
-    """SNR at 100 m: a 20 ms collar heard at 9 dB from 3 km (reference §3.7), n = 2.5."""
+    """SNR at 100 m: a 20 ms collar heard at 9 dB from 3 km, n = 2.5."""
     level_sigma_db: float = 12.0
     fading_db: float = 4.0
     pattern: AntennaPattern | None = None

@@ -13,7 +13,7 @@ _LIGHT_M_S = 299_792_458.0
 
 @dataclass(slots=True, kw_only=True)
 class GroundReflection:
-    """The ray from the ground adds to the straight one (reference/localization.md §3.1).
+    """The ray from the ground adds to the straight one.
 
     The reflected ray is as strong as the Fresnel coefficient of a medium ground says; ten
     thousand places are read from a table of the distance over ground.

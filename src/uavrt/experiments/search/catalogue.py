@@ -30,7 +30,7 @@ _TRACKERBOTS = Multirotor(
 
 
 def _trackerbots(name: str, title: str, threshold_db: float, *bars: Bar) -> Scenario:
-    """The table of TrackerBots (reference/localization.md §3.4)."""
+    """The table of TrackerBots (Nguyen and others, Journal of Field Robotics 2019)."""
     return Scenario(
         name=name,
         title=title,

@@ -154,7 +154,7 @@ class World:
     def _edge_db(
         self, state: VehicleState, place_m: _Floats, drone_m: float, tag_m: float
     ) -> float:
-        """Loss over the worst edge between (ITU-R P.526 in the short form of §3.1)."""
+        """Loss over the worst edge between (ITU-R P.526 in short)."""
         worst = 0.0
         flat = math.hypot(place_m[0] - state.east_m, place_m[1] - state.north_m)
         for share in np.linspace(0.04, 0.96, 24):
@@ -181,7 +181,7 @@ def _two_ray_db(flat_m: float, height_m: float, tag_m: float) -> float:
 
 
 def _vegetation_db(flat_m: float, height_m: float, grown_m: float) -> float:
-    """Loss [dB] in plants of that height: 0.25 f^.39 depth^.25 elevation^.05 (P.833, §3.1)."""
+    """Loss [dB] in plants of that height: 0.25 f^.39 depth^.25 elevation^.05 (ITU-R P.833)."""
     elevation = math.atan2(height_m, max(flat_m, 1e-6))
     depth = min(grown_m / max(math.sin(elevation), 1e-3), 400.0)
     return float(0.25 * 150.0**0.39 * depth**0.25 * math.degrees(elevation) ** 0.05)
