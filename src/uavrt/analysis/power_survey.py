@@ -168,7 +168,7 @@ def position_of(track: PowerTrack) -> Position:
     UsageError
         The track has too little.
     """
-    return estimate_position(None, track)
+    return estimate_position(None, track, widenings=True)
 
 
 def _row(pose: Pose, snr_db: float) -> tuple[float, float, float, float]:

@@ -20,9 +20,9 @@ LogLikelihood = Callable[[_Floats, _Floats, _Floats], _Floats]
 """East and north (places,) and the width of each place's cell [m] (places,) to the
 log-likelihood (places,)."""
 
-_FIRST_CELLS = 36
+FIRST_CELLS = 36
 """Along the longer side, before any is quartered."""
-_HELD = 6e-4
+HELD = 6e-4
 """A cell that holds more is quartered …"""
 _HELD_ROUGH = 2e-6
 """… and one in which the density varies by `_ROUGH_NATS` from more than that on: a peak that
@@ -137,7 +137,11 @@ def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
 
 
 def cells_posterior(
-    log_likelihood: LogLikelihood, area: Area, *, first_cells: int = _FIRST_CELLS
+    log_likelihood: LogLikelihood,
+    area: Area,
+    *,
+    first_cells: int = FIRST_CELLS,
+    held: float = HELD,
 ) -> Cells:
     """Evaluate a likelihood on squares, and again on the quarters of those that hold much.
 
@@ -149,10 +153,13 @@ def cells_posterior(
         Uniform prior.
     first_cells : int
         Cells along the longer side at first.
+    held : float
+        A cell that holds more is quartered.
     """
     east, north, width = _squares(area, first_cells)
     density = log_likelihood(east, north, width)
-    return _quartered(log_likelihood, east, north, width, density, np.ones(len(east), bool))
+    rough = np.ones(len(east), bool)
+    return _quartered(log_likelihood, east, north, width, density, rough, held)
 
 
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
@@ -182,12 +189,13 @@ def _quartered(
     width: _Floats,
     density: _Floats,
     rough: NDArray[np.bool_],
+    held: float = HELD,
 ) -> Cells:
     """Quarter cells as long as they hold much, or vary much within."""
     at_edge = _edge_share(east, north, width, density) > _EDGE_SHARE
     for _ in range(_ROUNDS):
         probability, _ = _normalised(density, width)
-        split = (probability > _HELD) | (rough & (probability > _HELD_ROUGH))
+        split = (probability > held) | (rough & (probability > _HELD_ROUGH))
         split &= width > _LEAST_WIDTH_M
         if not split.any():
             break

@@ -48,6 +48,8 @@ def censored_fit(
     limit_db: _Floats,
     miss_weight: float,
     propagation: Propagation,
+    *,
+    lasting: bool = True,
 ) -> CensoredFit:
     """Fit level, exponent and fading at each place.
 
@@ -61,6 +63,8 @@ def censored_fit(
         How many misses each stands for.
     propagation : Propagation
         Prior of the exponent.
+    lasting : bool
+        Fading may last from pulse to pulse.
     """
     places, heard = heard_loss.shape
     exponent = np.full(places, propagation.exponent)
@@ -83,7 +87,7 @@ def censored_fit(
         sigma = np.sqrt((energy + _TYPICAL_FADING_DB**2) / (weight + 1.0))
     u = (limit_db - level[:, None] - exponent[:, None] * missed_loss) / sigma[:, None]
     below = np.logaddexp(log_ndtr(u) + np.log1p(-MISSED_BY_CHANCE), np.log(MISSED_BY_CHANCE))
-    rho = _correlation(of_heard)
+    rho = _correlation(of_heard) if lasting else np.zeros(places)
     score = (
         -heard * np.log(sigma)
         - 0.5 * np.sum(of_heard**2, axis=1) / sigma**2

@@ -111,14 +111,17 @@ class Ellipse:
 class Caution:
     """Something that makes a position less sure than its circles say, by name."""
 
-    name: Literal["compass", "walk", "contradiction", "outlier", "powers", "unchecked"]
+    name: Literal[
+        "compass", "walk", "contradiction", "outlier", "height", "foreign", "unchecked"
+    ]
     text: str
     """For the operator."""
 
 
-SharedError = Literal["heading", "compass", "walk"]
+SharedError = Literal["heading", "compass", "walk", "height", "fading", "foreign"]
 """What all bearings of a flight may have wrong: headings that err a little, as is usual; a
-compass that is far off; an animal that walks."""
+compass that is far off; an animal that walks. And what all powers may: the height that is
+told; fading that lasts; pulses of someone else."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,6 +148,8 @@ class Position:
     """Bearings that went into it."""
     pulses: int = 0
     """Powers that went into it, missed ones included."""
+    foreign_pulses: int = 0
+    """Of these, left out again: they are rather someone else's."""
     radius50_m: float | None = None
     """Circle around the point that holds the tag with 50 % probability; None: not known."""
     radius95_m: float | None = None

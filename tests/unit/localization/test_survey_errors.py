@@ -1,0 +1,77 @@
+"""Errors that all powers of a survey share: a wrong height, lasting fading, others' pulses."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavrt.experiments.localization.position_bars import survey
+from uavrt.localization import Position, PowerTrack, TangentPlane, estimate_position
+
+PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
+SIDE_M = 300.0
+
+
+def flown(
+    rng: np.random.Generator,
+    *,
+    told_m: float = 40.0,
+    correlation: float = 0.0,
+    foreign: float = 0.0,
+) -> tuple[PowerTrack, tuple[float, float]]:
+    """A survey at 40 m with what is wrong in it, and the tag's place."""
+    tag = (float(rng.uniform(0.0, SIDE_M)), float(rng.uniform(0.0, SIDE_M)))
+    track = survey(rng, SIDE_M, 50.0, 4.0, correlation, tag)
+    others = rng.random(len(track.snr_db)) < foreign
+    snr = np.where(others, rng.uniform(5.0, 45.0, len(others)), track.snr_db)
+    return replace(track, snr_db=snr, height_m=np.full(len(snr), told_m)), tag
+
+
+def miss_m(found: Position, tag: tuple[float, float]) -> float:
+    east, north = PLANE.to_local(found.latitude_deg, found.longitude_deg)
+    return float(np.hypot(east - tag[0], north - tag[1]))
+
+
+def test_circles_hold_the_tag_whatever_surveys_have_wrong() -> None:
+    rng = np.random.default_rng(88)
+    wrong = [(32.0, 0.0, 0.0), (48.0, 0.0, 0.0), (20.0, 0.0, 0.0), (40.0, 0.9, 0.0)]
+    held = 0
+    for told_m, correlation, foreign in [*wrong, (40.0, 0.0, 0.05)] * 8:
+        track, tag = flown(rng, told_m=told_m, correlation=correlation, foreign=foreign)
+        found = estimate_position(None, track)
+        assert found.radius95_m is not None
+        held += miss_m(found, tag) <= found.radius95_m
+    assert held >= 35  # .95 of 40 are 38; by chance fewer than 35 once in 70
+
+
+def test_pulses_of_others_are_left_out_counted_and_told() -> None:
+    track, tag = flown(np.random.default_rng(72), foreign=0.08)
+    found = estimate_position(None, track)
+    assert 3 <= found.foreign_pulses <= 0.12 * len(track.snr_db)
+    (caution,) = [one for one in found.cautions if one.name == "foreign"]
+    assert f"{found.foreign_pulses} of {len(track.snr_db)} pulses" in caution.text
+    assert miss_m(found, tag) < 25.0
+
+
+def test_a_clean_survey_loses_no_more_than_a_pulse_in_a_hundred() -> None:
+    rng = np.random.default_rng(73)
+    for _ in range(5):
+        track, _ = flown(rng)
+        assert estimate_position(None, track).foreign_pulses <= 0.01 * len(track.snr_db)
+
+
+def test_a_height_that_is_far_off_is_told() -> None:
+    rng = np.random.default_rng(74)
+    told = [estimate_position(None, flown(rng, told_m=80.0)[0]).cautions for _ in range(6)]
+    texts = [one.text for each in told for one in each if one.name == "height"]
+    assert texts
+    assert all("less than the told one" in text for text in texts)
+
+
+def test_it_is_told_what_each_error_of_a_survey_does_to_the_circle() -> None:
+    track, _ = flown(np.random.default_rng(75), correlation=0.7)
+    found = estimate_position(None, track, widenings=True)
+    by_m = {one.prior: one.by_m for one in found.widenings}
+    assert set(by_m) == {"height", "fading", "foreign"}
+    assert by_m["fading"] > 5.0
+    sure = estimate_position(None, track, height_sigma_m=0.0, widenings=True)
+    assert {one.prior for one in sure.widenings} == {"fading", "foreign"}
