@@ -25,7 +25,7 @@ def localization(
         Also write the table to this CSV file.
     """
     from uavrt.errors import UsageError
-    from uavrt.experiments.localization import COLUMNS, EXPERIMENTS, Result, cells, table
+    from uavrt.experiments.localization import COLUMNS, EXPERIMENTS, Row, cells, table
     from uavrt.experiments.measured import measured_now
 
     if runs < 1:
@@ -40,12 +40,12 @@ def localization(
         raise UsageError(f"there is no experiment {only}", remedy=f"Known are {known}")
     if output is not None:
         check_place(output, overwrite=True)
-    results: list[Result] = []
+    results: list[Row] = []
     for name, experiment in chosen.items():
         print(f"{name} …", file=sys.stderr)
         results += experiment(runs, seed)
     print(table(results))
-    missed = sum(not one.passed for one in results)
+    missed = sum(not one.met for one in results)
     barred = sum(one.least is not None or one.most is not None for one in results)
     print(f"{barred - missed} of {barred} bars kept, {runs} runs each")
     print(measured_now(("localization",)))

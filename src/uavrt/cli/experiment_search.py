@@ -55,8 +55,9 @@ def search(
     from rich.progress import Progress
 
     from uavrt.errors import UsageError
-    from uavrt.experiments.localization.result import COLUMNS, Result, cells, table
+    from uavrt.experiments.figures import COLUMNS, cells, table
     from uavrt.experiments.measured import measured_now
+    from uavrt.experiments.result import Row
     from uavrt.experiments.search import SCENARIOS, fly_all, plan, results
 
     if only is not None and only not in SCENARIOS:
@@ -67,7 +68,7 @@ def search(
         check_place(output, overwrite=True)
     if pictures is not None:
         pictures.mkdir(parents=True, exist_ok=True)
-    rows: list[Result] = []
+    rows: list[Row] = []
     with Progress(console=Console(file=sys.stderr)) as progress:
         for name in [only] if only is not None else list(SCENARIOS):
             planned = plan(name, runs, seed, particles, baselines=baselines)
@@ -81,7 +82,7 @@ def search(
                 draw(SCENARIOS[name], flown, pictures / f"{name}.png")
     print(table(rows))
     barred = [one for one in rows if one.least is not None or one.most is not None]
-    print(f"{sum(one.passed for one in barred)} of {len(barred)} bars kept, {runs} runs")
+    print(f"{sum(one.met for one in barred)} of {len(barred)} bars kept, {runs} runs")
     print(measured_now(("localization", "planning")))
     if output is not None:
         with output.open("w", newline="", encoding="utf-8") as file:

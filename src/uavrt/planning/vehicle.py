@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from uavrt.errors import ConfigError
 from uavrt.planning.actions import Action, FlyTo, Hold, Leg, Return, Rotate
+from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
 
@@ -61,7 +62,7 @@ class Path:
             east_m=float(self.east_m[number]),
             north_m=float(self.north_m[number]),
             height_m=float(self.height_m[number]),
-            yaw_deg=float(self.yaw_deg[number]) % 360.0,
+            yaw_deg=wrap_degrees_360(float(self.yaw_deg[number])),
         )
 
 

@@ -26,7 +26,8 @@ from uavrt.experiments.detection import (
 )
 from uavrt.experiments.detection.campaign import Chunk, Experiment, run_chunk, short_rows
 from uavrt.experiments.detection.false_alarms import FalseAlarms, false_alarm_row
-from uavrt.experiments.detection.statistics import (
+from uavrt.experiments.detection.tables import bars_kept, read_results
+from uavrt.experiments.statistics import (
     count_interval,
     level_for,
     poisson_interval,
@@ -35,7 +36,6 @@ from uavrt.experiments.detection.statistics import (
     share_by_flight,
     wilson_interval,
 )
-from uavrt.experiments.detection.tables import bars_kept, read_results
 from uavrt.messages import Pulse
 
 UNBARRED = {

@@ -11,8 +11,8 @@ import pytest
 
 from uavrt.cli.experiment_localization import localization
 from uavrt.errors import UsageError
-from uavrt.experiments.localization import EXPERIMENTS, Result, table
-from uavrt.experiments.localization.result import measured, median
+from uavrt.experiments.figures import measured, median
+from uavrt.experiments.localization import EXPERIMENTS, Row, table
 from uavrt.experiments.localization.rotations import RotationCase, bound_deg
 
 RUNS = {
@@ -35,8 +35,8 @@ def test_no_bar_is_contradicted(name: str) -> None:
     contradicted = [
         one
         for one in results
-        if (one.most is not None and 2 * one.interval95[0] - one.value > one.most)
-        or (one.least is not None and 2 * one.interval95[1] - one.value < one.least)
+        if (one.most is not None and 2 * one.low - one.figure > one.most)
+        or (one.least is not None and 2 * one.high - one.figure < one.least)
     ]
     assert not contradicted, table(contradicted)
     assert any(one.most is not None for one in results)
@@ -44,7 +44,7 @@ def test_no_bar_is_contradicted(name: str) -> None:
 
 def test_the_default_is_better_than_the_original_by_far() -> None:
     results = {
-        one.condition: one.value
+        one.case: one.figure
         for one in EXPERIMENTS["B1, B2"](8, 12)
         if one.quantity == "rms [°]"
     }
@@ -70,23 +70,24 @@ def test_a_result_knows_its_bar_and_says_so() -> None:
     values = list(np.arange(101.0))
     within = measured("X1", "here", "median [m]", values, median, most=50.0)
     beyond = measured("X1", "here", "median [m]", values, median, least=51.0)
-    assert (within.passed, beyond.passed) == (True, False)
-    assert within.interval95[0] < 50.0 < within.interval95[1]
+    assert (within.met, beyond.met) == (True, False)
+    assert within.low < 50.0 < within.high
     text = table([within, beyond])
     assert "ok" in text
     assert "MISSED" in text
 
 
 def test_a_result_without_a_bar_passes() -> None:
-    free = Result(
+    free = Row(
         experiment="X",
-        condition="",
+        case="",
         quantity="",
-        value=1.0,
-        interval95=(0.0, 2.0),
-        runs=3,
+        figure=1.0,
+        low=0.0,
+        high=2.0,
+        n=3,
     )
-    assert free.passed
+    assert free.met
     assert not table([free]).endswith("ok")
 
 

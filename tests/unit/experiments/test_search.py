@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.experiments.localization.result import table
+from uavrt.experiments.figures import table
 from uavrt.experiments.search import SCENARIOS, fly_all, plan, results
 from uavrt.experiments.search.flight import fly
 from uavrt.experiments.search.scenario import Contender
@@ -46,7 +46,7 @@ def test_rows_hold_every_contender_with_intervals_and_failures() -> None:
     barred = {row.quantity for row in rows if row.most is not None or row.least is not None}
     assert barred == {bar.quantity for bar in SCENARIOS["T2"].bars}
     for row in rows:
-        assert row.interval95[0] <= row.value + 1e-9, row
+        assert row.low <= row.figure + 1e-9, row
     complete = [row for row in rows if row.quantity == "complete, share"]
     assert len(complete) == 2
 

@@ -8,14 +8,12 @@ import numpy as np
 from uavrt.experiments.detection import original, theory
 from uavrt.experiments.detection.antenna import AntennaFlight, antenna_case
 from uavrt.experiments.detection.campaign import Case, Experiment
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     TruePulse,
     add_pulse,
 )
-from uavrt.experiments.detection.statistics import mean_interval, rms, wilson_interval
 from uavrt.experiments.detection.tracking import flight_case, flight_rows
 from uavrt.experiments.detection.trials import (
     RATE_HZ,
@@ -24,6 +22,8 @@ from uavrt.experiments.detection.trials import (
     Flight,
     detect,
 )
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import mean_interval, rms, wilson_interval
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 _STRONG_PULSE_DB = 60.0

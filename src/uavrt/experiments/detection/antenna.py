@@ -8,7 +8,6 @@ import numpy as np
 
 from uavrt.analysis.detect import DetectionChain
 from uavrt.experiments.detection.campaign import Case
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
@@ -17,6 +16,7 @@ from uavrt.experiments.detection.signals import (
     pulse_train,
 )
 from uavrt.experiments.detection.trials import Comparison, compare
+from uavrt.experiments.result import Row
 from uavrt.messages import IQBlock, Pulse
 from uavrt.units import ns_from_s
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from uavrt.experiments.detection.result import Row
+from uavrt.experiments.result import Row
 
 FULL_TRIALS = 600
 """Decisions for each point of a Pd curve that the bars ask for; `Case.trials` refer to it."""

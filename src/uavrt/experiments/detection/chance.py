@@ -8,9 +8,7 @@ import numpy as np
 from uavrt.detection import DetectorGroup, PulseDetector
 from uavrt.experiments.detection.campaign import Case, Experiment
 from uavrt.experiments.detection.on_air import Hopper, Samples, Scene, Slots, Voice
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import THESIS_TAG, TruePulse, noise
-from uavrt.experiments.detection.statistics import count_interval
 from uavrt.experiments.detection.tracking import FALSE_CONFIRMED, count_row, recall_row
 from uavrt.experiments.detection.trials import (
     RATE_HZ,
@@ -21,6 +19,8 @@ from uavrt.experiments.detection.trials import (
     compare,
     detect,
 )
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import count_interval
 from uavrt.messages import Pulse
 
 STRETCH_S = 200.0

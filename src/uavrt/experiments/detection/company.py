@@ -8,7 +8,6 @@ import numpy as np
 
 from uavrt.detection import PulseDetector
 from uavrt.experiments.detection.campaign import Case, Experiment
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
@@ -17,7 +16,6 @@ from uavrt.experiments.detection.signals import (
     make_samples,
     pulse_train,
 )
-from uavrt.experiments.detection.statistics import share_by_flight, wilson_interval
 from uavrt.experiments.detection.tracking import count_row
 from uavrt.experiments.detection.trials import (
     RATE_HZ,
@@ -27,6 +25,8 @@ from uavrt.experiments.detection.trials import (
     compare,
     detect,
 )
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import share_by_flight, wilson_interval
 from uavrt.messages import Pulse
 
 _OWN_HZ = 333.0

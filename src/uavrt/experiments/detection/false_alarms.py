@@ -11,10 +11,10 @@ from uavrt.detection.thresholds import decision_interval_s
 from uavrt.experiments.detection import original
 from uavrt.experiments.detection.campaign import Case, Experiment
 from uavrt.experiments.detection.interference import coloured_noise
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import THESIS_TAG, noise
-from uavrt.experiments.detection.statistics import count_interval
 from uavrt.experiments.detection.trials import RATE_HZ, WHOLE_CHANNEL_HZ, detect
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import count_interval
 from uavrt.messages import Pulse, Tag
 
 Noise = Callable[[np.random.Generator, int], NDArray[np.complex64]]

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.detect import DetectionChain
 from uavrt.experiments.detection.campaign import Case, Experiment
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
@@ -17,8 +16,9 @@ from uavrt.experiments.detection.signals import (
     make_samples,
     pulse_train,
 )
-from uavrt.experiments.detection.statistics import share_by_flight
 from uavrt.experiments.detection.tracking import count_row
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import share_by_flight
 from uavrt.messages import IQBlock, Pulse, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 

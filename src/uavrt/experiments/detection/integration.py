@@ -9,7 +9,6 @@ import numpy as np
 from uavrt.experiments.detection import theory
 from uavrt.experiments.detection.campaign import FULL_TRIALS, Case, Experiment
 from uavrt.experiments.detection.false_alarms import count_false, false_alarm_row
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.sensitivity import (
     Shot,
     clearly_above,
@@ -19,8 +18,9 @@ from uavrt.experiments.detection.sensitivity import (
     points_of,
 )
 from uavrt.experiments.detection.signals import THESIS_TAG
-from uavrt.experiments.detection.statistics import Z95, level_for
 from uavrt.experiments.detection.trials import WHOLE_CHANNEL_HZ, Decision
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import Z95, level_for
 from uavrt.messages import Tag
 
 _COST_S = {1: 0.006, 2: 0.01, 5: 0.035, 8: 0.1, 12: 1.45}

@@ -14,10 +14,10 @@ from uavrt.experiments.detection.false_alarms import (
     false_alarm_row,
 )
 from uavrt.experiments.detection.interference import carrier, impulses
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import THESIS_TAG, noise
 from uavrt.experiments.detection.tracking import count_row, flight_rows
 from uavrt.experiments.detection.trials import Comparison, Flight
+from uavrt.experiments.result import Row
 
 Samples = NDArray[np.complex64]
 Interfere = Callable[[np.random.Generator, int, int], Samples]

@@ -9,9 +9,7 @@ import numpy as np
 from uavrt.detection.thresholds import decision_interval_s
 from uavrt.experiments.detection import original
 from uavrt.experiments.detection.campaign import Case, Experiment
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import START_NS, THESIS_TAG, TruePulse
-from uavrt.experiments.detection.statistics import quantile, wilson_interval
 from uavrt.experiments.detection.tracking import flight_rows
 from uavrt.experiments.detection.trials import (
     RATE_HZ,
@@ -24,6 +22,8 @@ from uavrt.experiments.detection.trials import (
     detect_blocks,
 )
 from uavrt.experiments.detection.unsaid import UNSAID_CASES
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import quantile, wilson_interval
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 Frames = list[tuple[Samples, int]]

@@ -7,16 +7,16 @@ import numpy as np
 
 from uavrt.detection import DetectorGroup, PulseDetector
 from uavrt.experiments.detection.campaign import Case, Experiment
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     make_samples,
     pulse_train,
 )
-from uavrt.experiments.detection.statistics import share_by_flight
 from uavrt.experiments.detection.tracking import count_row
 from uavrt.experiments.detection.trials import RATE_HZ, blocks_of
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import share_by_flight
 from uavrt.messages import Pulse
 
 _COLLISION_S = 0.04

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavrt.errors import ConfigError
 from uavrt.experiments.detection import original, theory
-from uavrt.experiments.detection.result import Row
+from uavrt.experiments.result import Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

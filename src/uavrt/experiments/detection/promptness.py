@@ -11,7 +11,6 @@ from uavrt.detection import PulseDetector
 from uavrt.experiments.detection import original
 from uavrt.experiments.detection.campaign import Case, Experiment
 from uavrt.experiments.detection.integration import long_tag
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
@@ -19,8 +18,9 @@ from uavrt.experiments.detection.signals import (
     noise,
     pulse_train,
 )
-from uavrt.experiments.detection.statistics import quantile, wilson_interval
 from uavrt.experiments.detection.trials import BLOCK_SAMPLES, Emission, emissions
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import quantile, wilson_interval
 from uavrt.messages import Tag
 from uavrt.units import ns_from_s
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from uavrt.analysis.detect import DetectionChain
 from uavrt.detection.thresholds import decision_interval_s
 from uavrt.experiments.detection.campaign import Case, Experiment
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
@@ -19,8 +18,9 @@ from uavrt.experiments.detection.signals import (
     noise,
     pulse_train,
 )
-from uavrt.experiments.detection.statistics import count_interval, share_by_flight
 from uavrt.experiments.detection.trials import RATE_HZ, WHOLE_CHANNEL_HZ, compare, detect
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import count_interval, share_by_flight
 from uavrt.messages import IQBlock, Pulse, Tag
 from uavrt.units import ns_from_s
 

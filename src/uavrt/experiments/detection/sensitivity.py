@@ -7,10 +7,10 @@ import numpy as np
 
 from uavrt.experiments.detection import original, theory
 from uavrt.experiments.detection.campaign import FULL_TRIALS, Case, Experiment
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import THESIS_TAG, TRACKER_TAG
-from uavrt.experiments.detection.statistics import level_for, wilson_interval
 from uavrt.experiments.detection.trials import Decision
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import level_for, wilson_interval
 
 _CLEARLY_DB = 1.5
 _CLEARLY_PD = 0.8

@@ -10,7 +10,7 @@ from typing import Any
 
 from uavrt.errors import ConfigError
 from uavrt.experiments.detection.catalogue import EXPERIMENTS
-from uavrt.experiments.detection.result import Row
+from uavrt.experiments.result import Row
 
 HEADER = ("measured", "95 %", "n", "bar", "", "original", "theory", "remarks")
 RESULTS = "results.json"

@@ -7,16 +7,16 @@ import numpy as np
 
 from uavrt.experiments.detection import original
 from uavrt.experiments.detection.campaign import Case, Experiment
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.sensitivity import points_of
 from uavrt.experiments.detection.signals import THESIS_TAG
-from uavrt.experiments.detection.statistics import (
+from uavrt.experiments.detection.trials import Comparison, Flight, emissions
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import (
     count_interval,
     level_for,
     quantile,
     share_by_flight,
 )
-from uavrt.experiments.detection.trials import Comparison, Flight, emissions
 
 SEEDS = 20
 """Flights of a condition at full size; the bars ask for ten."""

@@ -8,9 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from uavrt.experiments.detection.campaign import Case
-from uavrt.experiments.detection.result import Row
 from uavrt.experiments.detection.signals import START_NS
-from uavrt.experiments.detection.statistics import share_by_flight
 from uavrt.experiments.detection.trials import (
     RATE_HZ,
     Comparison,
@@ -19,6 +17,8 @@ from uavrt.experiments.detection.trials import (
     compare,
     detect_blocks,
 )
+from uavrt.experiments.result import Row
+from uavrt.experiments.statistics import share_by_flight
 from uavrt.messages import IQBlock
 from uavrt.radio.placing import HOLD_S, Placer
 from uavrt.radio.stream import block_length

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from uavrt.experiments.localization.result import Result, measured, rms, share
+from uavrt.experiments.figures import measured, rms, share
+from uavrt.experiments.result import Row
 from uavrt.localization import (
     ArrayMethod,
     SwitchSchedule,
@@ -34,7 +35,7 @@ _HEADINGS_DEG: dict[str, tuple[float, ...]] = {
 }
 
 
-def switched(runs: int, seed: int) -> list[Result]:
+def switched(runs: int, seed: int) -> list[Row]:
     """A1: four monopoles on a circle of 0.2 wavelengths, and a pair half a wavelength apart."""
     circle = AntennaSwitch(kind="circle", size_m=0.2 * _WAVELENGTH_M)
     pair = AntennaSwitch(kind="sum_difference", size_m=0.5 * _WAVELENGTH_M)
@@ -52,7 +53,7 @@ def _lines(
     enr_db: float,
     runs: int,
     seed: int,
-) -> list[Result]:
+) -> list[Row]:
     rng = np.random.default_rng(seed)
     headings = np.array(_HEADINGS_DEG[method])
     errors, covered, bounds = [], [], []

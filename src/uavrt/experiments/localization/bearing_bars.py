@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from numpy.random import Generator
 
-from uavrt.experiments.localization.result import Result, measured, median, rms, share
+from uavrt.experiments.figures import measured, median, rms, share
 from uavrt.experiments.localization.rotations import (
     RotationCase,
     Trial,
@@ -14,6 +14,7 @@ from uavrt.experiments.localization.rotations import (
     matched_power,
     trial,
 )
+from uavrt.experiments.result import Row
 from uavrt.localization import (
     PATTERNS,
     AntennaPattern,
@@ -27,7 +28,7 @@ from uavrt.localization.angles import difference_deg
 _OTHERS: tuple[BearingMethod, ...] = ("pca", "pearson", "ls_linear", "ls_db")
 
 
-def known_phase(runs: int, seed: int) -> list[Result]:
+def known_phase(runs: int, seed: int) -> list[Row]:
     """B1 and B2: powers read at the known time of every pulse; the classic ones beside it."""
     bars = {
         RotationCase(): 2.2,
@@ -48,7 +49,7 @@ def known_phase(runs: int, seed: int) -> list[Result]:
     return results
 
 
-def censored(runs: int, seed: int) -> list[Result]:
+def censored(runs: int, seed: int) -> list[Row]:
     """B3 and B4: few pulses, strong fading; with a threshold, the bar is that for misses."""
     bars = {20: 7.6, 30: 6.2, 60: 4.3}
     results = []
@@ -70,7 +71,7 @@ def censored(runs: int, seed: int) -> list[Result]:
     return results
 
 
-def wrong_pattern(runs: int, seed: int) -> list[Result]:
+def wrong_pattern(runs: int, seed: int) -> list[Row]:
     """B5: the antenna differs from its table by 1.5 dB rms, headings err by 3° and 0.2 s."""
     case = RotationCase()
 
@@ -125,7 +126,7 @@ def disturbed(rng: Generator, pattern: AntennaPattern, sigma_db: float) -> Anten
     )
 
 
-def nothing_there(runs: int, seed: int) -> list[Result]:
+def nothing_there(runs: int, seed: int) -> list[Row]:
     """B6: noise, a steady interferer, and a reflection 50° from the tag."""
     yaw = np.arange(0.0, 360.0, 6.0)
     sources: dict[str, Callable[[Generator], np.ndarray[tuple[int], np.dtype[np.float64]]]] = {
@@ -166,7 +167,7 @@ def _trials(runs: int, seed: int, run: Callable[[Generator], Trial]) -> list[Tri
     return [run(rng) for _ in range(runs)]
 
 
-def _lines(name: str, case: RotationCase, trials: list[Trial], most: float) -> list[Result]:
+def _lines(name: str, case: RotationCase, trials: list[Trial], most: float) -> list[Row]:
     errors = [one.error_deg for one in trials]
     gross = [float(abs(error) > 45.0) for error in errors]
     covered = [float(one.covered) for one in trials]

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from uavrt.experiments.localization.result import Result, measured, share
+from uavrt.experiments.figures import measured, share
 from uavrt.experiments.localization.rotations import matched_power
+from uavrt.experiments.result import Row
 from uavrt.localization import (
     PATTERNS,
     Bearing,
@@ -152,7 +153,7 @@ def _turn(rng: Generator, bearing_deg: float, distance_m: float, errors: Errors)
     return estimate_bearing(yaw, None, matched_power=power, heading_sigma_deg=_OWN_HEADING_DEG)
 
 
-def common_errors(runs: int, seed: int) -> list[Result]:
+def common_errors(runs: int, seed: int) -> list[Row]:
     """L6: the circle of 95 % holds the tag, or a caution says by name why it may not."""
     results = []
     for name, errors in CASES.items():
@@ -183,7 +184,7 @@ def common_errors(runs: int, seed: int) -> list[Result]:
     return results
 
 
-def _held_or_warned(name: str, flights: list[Flight]) -> Result:
+def _held_or_warned(name: str, flights: list[Flight]) -> Row:
     """How many of the missed are warned of: nine tenths, where fewer than .88 hold."""
     failed = [one for one in flights if not one.held]
     enough = len(failed) <= 0.12 * len(flights)

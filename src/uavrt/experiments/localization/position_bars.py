@@ -8,7 +8,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
-from uavrt.experiments.localization.result import Result, measured, median, share, tenth_worst
+from uavrt.experiments.figures import measured, median, share, tenth_worst
+from uavrt.experiments.result import Row
 from uavrt.localization import (
     Position,
     PositionMethod,
@@ -50,7 +51,7 @@ SQUARE = Layout(
 )
 
 
-def crossings(runs: int, seed: int) -> list[Result]:
+def crossings(runs: int, seed: int) -> list[Row]:
     """L2 and L3: bearings that cross, clean and with one gross error; all methods beside.
 
     Headings are true here, and the estimator is told so; for those that err see L6.
@@ -71,7 +72,7 @@ def _crossing(
     seed: int,
     most: float,
     worst: float | None,
-) -> list[Result]:
+) -> list[Row]:
     condition = f"{layout.name}, sd {sigma_deg:g}°{', one gross' if gross else ''}"
     errors, covered, named = [], [], []
     for stations, bad in _bearings(layout, sigma_deg, gross, runs, seed):
@@ -153,7 +154,7 @@ def _inside(found: Position, tag: tuple[float, float], share_held: float) -> boo
     return bool(more < share_held)
 
 
-def surveys(runs: int, seed: int) -> list[Result]:
+def surveys(runs: int, seed: int) -> list[Row]:
     """L4: a monopole flown in lines at 40 m, which is known; nothing is of the tag."""
     cases = (
         (300.0, 50.0, 3.0, 0.0, 5.0, 10.0, 5.1),
@@ -225,7 +226,7 @@ def _strongest_miss_m(track: PowerTrack, tag: tuple[float, float]) -> float:
     return float(np.hypot(east[top] - tag[0], north[top] - tag[1]))
 
 
-def fusion(runs: int, seed: int) -> list[Result]:
+def fusion(runs: int, seed: int) -> list[Row]:
     """L5: three stations 200 m apart, tag 500 m away; bearings alone and with the levels.
 
     The tag's strength is unknown, the path loss exponent known to 0.05, without shadowing: the

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.experiments.localization.result import (
-    Result,
+from uavrt.experiments.figures import (
     mean,
     measured,
     median,
     share,
     tenth_worst,
 )
+from uavrt.experiments.result import Row
 from uavrt.experiments.search.flight import Outcome
 from uavrt.experiments.search.scenario import Bar, Contender, Scenario
 
@@ -33,7 +33,7 @@ def p95(values: _Floats) -> float:
     return float(np.quantile(values, 0.95))
 
 
-def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Result]:
+def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Row]:
     """Rows of a scenario; the bars stand beside those of our planner."""
     rows = [row for one in flown for row in _rows(scenario, one)]
     ours = [one for one in flown if one.contender == Contender(planner="mi_rate")]
@@ -51,7 +51,7 @@ def _bar(scenario: Scenario, one: Flown, quantity: str) -> Bar:
     return Bar(quantity=quantity)
 
 
-def _rows(scenario: Scenario, one: Flown) -> list[Result]:
+def _rows(scenario: Scenario, one: Flown) -> list[Row]:
     runs = one.outcomes
     judged = [j for run in runs for j in run.judged]
     there = [j for j in judged if j.error_m is not None]
@@ -96,7 +96,7 @@ def _rows(scenario: Scenario, one: Flown) -> list[Result]:
     return rows
 
 
-def _ratio(scenario: Scenario, ours: Flown, theirs: Flown) -> Result:
+def _ratio(scenario: Scenario, ours: Flown, theirs: Flown) -> Row:
     """Time of ours over theirs on the same seeds."""
     quantity = "time over that of renyi, filter TrackerBots"
     by_seed = {run.seed: run.time_s for run in theirs.outcomes}

@@ -1,11 +1,13 @@
 """Figures with their 95 % intervals."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 Z95 = 1.96
+_RESAMPLES = 400
 _NEAR_DB = 1.5
 """A Pd curve is a logistic function of the ENR in dB only about the level that is asked for."""
 
@@ -14,21 +16,38 @@ def wilson_interval(hits: float, trials: int) -> tuple[float, float]:
     """95 % interval of a probability (Wilson's score)."""
     if trials == 0:
         return 0.0, 1.0
-    share = hits / trials
-    middle = (share + Z95**2 / (2 * trials)) / (1.0 + Z95**2 / trials)
-    half = Z95 * math.sqrt(share * (1.0 - share) / trials + Z95**2 / (4.0 * trials * trials))
-    half /= 1.0 + Z95**2 / trials
-    return max(0.0, middle - half), min(1.0, middle + half)
+    from scipy.stats import binomtest
+
+    interval = binomtest(round(hits), trials).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def poisson_interval(count: int) -> tuple[float, float]:
-    """95 % interval of the mean of a Poisson count (Wilson and Hilferty's approximation)."""
-    low = 0.0
-    if count:
-        low = count * (1.0 - 1.0 / (9.0 * count) - Z95 / (3.0 * math.sqrt(count))) ** 3
-    more = count + 1
-    high = more * (1.0 - 1.0 / (9.0 * more) + Z95 / (3.0 * math.sqrt(more))) ** 3
-    return max(0.0, low), high
+    """95 % interval of the mean of a Poisson count (Garwood's, by the chi-square law)."""
+    from scipy.stats import chi2
+
+    low = float(chi2.ppf(0.025, 2 * count)) / 2.0 if count else 0.0
+    return low, float(chi2.ppf(0.975, 2 * (count + 1))) / 2.0
+
+
+def bootstrap_interval(
+    values: NDArray[np.float64], figure: Callable[[NDArray[np.float64]], float]
+) -> tuple[float, float]:
+    """95 % interval of a figure over runs, from the percentiles of resampled runs."""
+    if len(values) < 2:
+        return float(figure(values)), float(figure(values))
+    from scipy.stats import bootstrap
+
+    found = bootstrap(
+        (values,),
+        figure,
+        vectorized=False,
+        n_resamples=_RESAMPLES,
+        method="percentile",
+        random_state=np.random.default_rng(len(values)),
+    )
+    low, high = found.confidence_interval
+    return float(low), float(high)
 
 
 def count_interval(counts: Sequence[int]) -> tuple[float, float]:
@@ -91,11 +110,9 @@ def quantile(values: Sequence[float], share: float) -> tuple[float, float, float
     count = len(ordered)
     if not count:
         return math.nan, -math.inf, math.inf
-    number = np.arange(count + 1)
-    log_factorial = np.concatenate(([0.0], np.cumsum(np.log(np.arange(1, count + 1)))))
-    log_weight = log_factorial[-1] - log_factorial - log_factorial[::-1]
-    log_weight += number * math.log(share) + number[::-1] * math.log1p(-share)
-    below = np.cumsum(np.exp(log_weight))
+    from scipy.stats import binom
+
+    below = binom.cdf(np.arange(count + 1), count, share)
     low = int(np.searchsorted(below, 0.025, side="right"))
     high = int(np.searchsorted(below, 0.975))
     return (

@@ -1,4 +1,4 @@
-"""One line of the table: what came out, how sure, what was asked, what is possible."""
+"""One line of an experiment's table: what came out, how sure, what was asked and possible."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ class Row:
     """A measured figure beside its bar, the original's figure and the bounds of theory."""
 
     experiment: str
-    """As in the acceptance experiments: E1, E2 …"""
+    """E1, B2, L3 …"""
     quantity: str
     """With its unit."""
     case: str
@@ -30,6 +30,8 @@ class Row:
     """Bound: perfectly aligned pulses, the whole volume searched."""
     single: float | None = None
     """Bound of an energy detector of single pulses."""
+    bound: float | None = None
+    """Bound: the best that any estimator could do, where it is known."""
     at: float | None = None
     """Where the figure lies on the axis of its plot: ENR in dB, nominal share, K."""
     note: str = ""
