@@ -16,7 +16,17 @@ NOT_NANOSECONDS = {
     "ground/fetch.py",  # gigabytes
     "experiments/detection/rising.py",  # seconds: never
 }
-TYPED = ("detection", "dsp", "ipc", "localization", "pose", "processes", "radio", "tunnel")
+TYPED = (
+    "detection",
+    "dsp",
+    "ipc",
+    "localization",
+    "planning",
+    "pose",
+    "processes",
+    "radio",
+    "tunnel",
+)
 """Packages in which a record is a dataclass."""
 
 
