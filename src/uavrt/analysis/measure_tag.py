@@ -24,9 +24,6 @@ from uavrt.radio import SampleSource
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 WINDOW_HZ: Final = 2000.0
-CHANNEL_HALF_WIDTH_HZ: Final = 2500.0
-"""What a channel holds undamped on either side of a frequency in its middle; a frequency half
-a channel off has 650 Hz on the near side, and is searched in the next one as well."""
 GATHER_HZ: Final = 150.0
 """Bursts so near to each other in frequency may be one tag, warming up."""
 MARGIN_S: Final = 0.100

@@ -89,11 +89,6 @@ class DemoSummary:
         return table
 
 
-def pulse_key(pulse: Pulse) -> tuple[int, int, int, int]:
-    """Identify a pulse on the drone and on the ground alike."""
-    return pulse.tag_id, pulse.rate, pulse.group_sequence, pulse.group_index
-
-
 def summarize_tag(
     tag: Tag,
     truth: Iterable[TruePulse],

@@ -26,7 +26,6 @@ HEADER_V1 = 6
 HEADER_V2 = 10
 SIGNED = 0x01
 SIGNATURE_SIZE = 13
-MAX_FRAME = 280
 
 M = TypeVar("M", bound=Message)
 

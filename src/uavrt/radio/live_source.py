@@ -78,11 +78,6 @@ class LiveSource:
         return self._placer.unsure
 
     @property
-    def measured_rate_hz(self) -> float:
-        """Sample rate against UTC, as the arrivals show it."""
-        return self._placer.sample_rate_hz
-
-    @property
     def sample_rate_hz(self) -> float:
         """Nominal sample rate [Hz]."""
         return self._rate_hz

@@ -12,8 +12,6 @@ ENR_HALF_DB = 9.65
 ENR_NINE_TENTHS_DB = 11.4
 FALSE_ALARMS = {0.05: 1.19, 0.01: 1.04}
 """Found over nominal in white noise, K = 3, by the nominal share."""
-RECALL = {8.0: 0.21, 9.0: 0.46, 10.0: 0.64, 11.0: 0.82, 12.0: 0.93, 14.0: 0.99}
-"""Share of the pulses of 300 s that were reported, by ENR."""
 CONFIRMED_RECALL = {8.0: 0.02, 9.0: 0.17, 10.0: 0.43, 11.0: 0.64, 12.0: 0.87, 14.0: 0.97}
 """Share of the pulses of 300 s that were confirmed, by ENR."""
 FALSE_CONFIRMED_10_DB = 4.0
@@ -25,6 +23,5 @@ SNR_BIAS_DB = -1.4
 RECALL_LOST_FRAMES = {1.0: 0.97, 5.0: 0.83}
 """Recall by the share of lost datagrams [%]."""
 LATENCY_S = 7.5
-DEAF_S = 2.6
 COST_ONE_TAG_PERCENT = 1.2
 """Of one core, the better of the range given."""

@@ -25,23 +25,5 @@ DELL_CPU: dict[str, tuple[float, ...]] = {
     "uavrt_supervisor": (1.3, 1.7, 1.3, 1.3, 2.0, 1.3, 1.3),
     "netcat": (0.7, 0.3, 0.3, 0.7, 0.3, 0.3, 0.3),
 }
-UDOO_MEMORY_PERCENT: dict[str, float] = {
-    "channelizer": 0.2,
-    "airspy_rx": 0.1,
-    "uavrt_detection": 1.6,
-    "csdr": 0.0,
-    "uavrt_connection": 1.0,
-    "uavrt_supervisor": 0.3,
-    "netcat": 0.0,
-}
-DELL_MEMORY_PERCENT: dict[str, float] = {
-    "channelizer": 0.1,
-    "airspy_rx": 0.1,
-    "uavrt_detection": 0.9,
-    "csdr": 0.0,
-    "uavrt_connection": 0.2,
-    "uavrt_supervisor": 0.4,
-    "netcat": 0.0,
-}
 EXTRAPOLATED_TAGS = 10
 """Detectors that the thesis takes as the UDOO's theoretical maximum (end of §5.2)."""

@@ -20,7 +20,6 @@ from uavrt.attitude import slerp
 from uavrt.messages import Pose, Pulse, PulsePose
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
-SAMPLE_PERIOD_S = 0.5
 REPORT_DELAY_S = 5.0
 """From a pulse's end to the moment its pose is sought: the original's detector reports the
 thesis's tag up to 5.0 s after a group's first pulse."""

@@ -2,7 +2,6 @@
 
 import math
 import os
-from datetime import UTC, datetime
 from pathlib import Path
 
 from uavrt.clock import parse_iso_utc
@@ -136,8 +135,3 @@ def seconds_text(time_ns: int) -> str:
     if micro == 1_000_000:
         seconds, micro = seconds + 1, 0
     return f"{seconds}.{micro:06d}"
-
-
-def day_text(time_ns: int) -> str:
-    """UTC to the second, for people."""
-    return f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%F %T}"
