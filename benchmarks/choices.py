@@ -4,7 +4,7 @@ The same stretches (thesis's tag, K = 3, ± 500 Hz, noise of known power) are se
 the ways below. Thresholds come from stretches of noise, so that 1 % pass; the gain is the
 difference of the pulse energy at which half of the groups are found, with a 95 % interval by
 drawing the stretches anew (bootstrap). Nothing of `uavrt.detection` is used: the statistic is
-written out here, as reference/detector.md §4 has it. What following a tag is worth is measured
+written out here. What following a tag is worth is measured
 on the product itself (`--following 10`).
 """
 
