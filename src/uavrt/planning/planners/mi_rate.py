@@ -17,6 +17,7 @@ from uavrt.planning.vehicle import Legs
 
 _Floats = NDArray[np.float64]
 _SAMPLES = 8
+_TURN_S = 2.0
 """Of each way; each stands for the pulses around it."""
 
 
@@ -38,6 +39,10 @@ class MiRate:
         Weight of the share itself beside its power: leads where nothing is near its end.
     stay_s : float
         At the end of ways to a tag.
+    looks_on : bool
+        Count the tag that is best gone on to from each way's end.
+    explore_nats : float
+        All directions and a turn are weighed as long as every tag needs more than this.
     rotation_s : float
         Of a turn in place, which is weighed where the antenna is directional.
     """
@@ -48,14 +53,17 @@ class MiRate:
         directions: int = 16,
         horizons: tuple[float, ...] = (1.0, 3.0),
         hypotheses: int = 48,
-        convex: float = 4.0,
-        linear: float = 0.02,
+        convex: float = 8.0,
+        linear: float = 0.002,
         stay_s: float = 4.0,
         rotation_s: float = 12.0,
+        looks_on: bool = True,
+        explore_nats: float = 2.5,
     ) -> None:
         self._directions, self._horizons = directions, horizons
         self._hypotheses, self._convex, self._linear = hypotheses, convex, linear
-        self._stay_s = stay_s
+        self._stay_s, self._looks_on = stay_s, looks_on
+        self._explore_nats = explore_nats
         self._rotation_s = rotation_s
 
     def decide(self, situation: Situation) -> Decision:
@@ -73,13 +81,15 @@ class MiRate:
         worth = self._worth(situation, nats, spans)
         chance = np.array([one.existence_probability for one in wanted])
         rate = chance @ worth / spans
+        if self._looks_on and len(wanted) > 1:
+            rate = np.maximum(rate, self._with_next(situation, legs, chance, worth, spans))
         count = len(ways.east_m)
         turns = len(spans) > count
         allowed = np.append(ways.allowed, True) if turns else ways.allowed
         if turns and not self._may_stay(situation):
             allowed[-1] = False
         if not allowed.any():
-            return self._away(ways)
+            return self._away(situation)
         best = int(np.argmax(np.where(allowed, rate, -np.inf)))
         turn = Rotate(duration_s=self._rotation_s)
         actions: list[Action] = [ways.action(n) for n in range(count)]
@@ -116,12 +126,37 @@ class MiRate:
             out[number] = np.maximum(share, 0.0) ** self._convex + self._linear * share
         return out
 
+    def _with_next(
+        self,
+        situation: Situation,
+        legs: Legs,
+        chance: _Floats,
+        worth: _Floats,
+        spans_s: _Floats,
+    ) -> _Floats:
+        """(ways,) the same with the best tag to go on to from each way's end."""
+        places = [one.spread() for one in situation.wanted]
+        east, north = legs.east_m[:, -1], legs.north_m[:, -1]
+        best = np.zeros(len(spans_s))
+        gained = chance @ worth
+        rule = situation.keep_away
+        nearer = 0.0 if rule is None else rule.margin * rule.radius_m
+        for number, place in enumerate(places):
+            off = np.hypot(place.east_m - east, place.north_m - north)
+            speed = situation.vehicle.speed_m_s
+            more = np.maximum(off - nearer, 0.0) / speed + self._stay_s + _TURN_S
+            left = chance[number] * (1.0 - np.clip(worth[number], 0.0, 1.0))
+            best = np.maximum(best, (gained + left) / (spans_s + more))
+        return best
+
     def _ways(self, situation: Situation) -> tuple[Ways, _Floats, Legs]:
         """Candidates, their times and their samples; a turn in place comes last."""
         state, vehicle = situation.state, situation.vehicle
         here = (state.east_m, state.north_m)
         reach = vehicle.speed_m_s * situation.cycle_s
-        ends = [headings(situation, self._directions, reach * n) for n in self._horizons]
+        exploring = self._explores(situation)
+        horizons = self._horizons if exploring else ()
+        ends = [headings(situation, self._directions, reach * n) for n in horizons]
         rule = situation.keep_away
         radius = 0.3 * reach if rule is None else 1.05 * rule.margin * rule.radius_m
         for belief in situation.wanted:
@@ -132,6 +167,11 @@ class MiRate:
         east, north = (np.concatenate([one[axis] for one in ends]) for axis in (0, 1))
         far = np.hypot(east - state.east_m, north - state.north_m)
         useful = far > 0.2 * reach
+        if not exploring and not useful.any():
+            # At the only tag: on, in whatever direction.
+            more = headings(situation, self._directions, reach)
+            east, north = np.append(east, more[0]), np.append(north, more[1])
+            useful = np.append(useful, np.ones(len(more[0]), bool))
         east, north = east[useful], north[useful]
         ways = checked(situation, east, north)
         spans = vehicle.durations(state, east, north, situation.wind)
@@ -139,25 +179,44 @@ class MiRate:
         for number in np.flatnonzero(strong):
             ways.refused[number] = "against too strong a wind"
         # At a tag it stays for some pulses: the last metres tell most.
-        fixed = self._directions * len(self._horizons)
+        fixed = self._directions * len(horizons)
         staying = np.where(np.flatnonzero(useful) >= fixed, self._stay_s, 0.0)
         spans = np.where(strong, 1.0, np.maximum(spans + staying, situation.pulse_s))
         legs = sampled(situation, east, north, spans, _SAMPLES)
         directional = any(one.prior.pattern is not None for one in situation.wanted)
-        if vehicle.hovers and directional:
+        if exploring and vehicle.hovers and directional and self._rotation_s > 0.0:
             legs = stacked(legs, turning(state, 360.0, self._rotation_s, _SAMPLES))
             spans = np.append(spans, self._rotation_s)
         return ways, spans, legs
+
+    def _explores(self, situation: Situation) -> bool:
+        """Whether no tag is near its end: then ways in all directions are weighed.
+
+        Else ways to the tags alone are: a way past many tags promises a little of each, time
+        and again, while they walk and none is ever finished.
+        """
+        needed = min(situation.stop.needed_nats(one) for one in situation.wanted)
+        return needed > self._explore_nats
 
     def _may_stay(self, situation: Situation) -> bool:
         state = situation.state
         here = checked(situation, np.array([state.east_m]), np.array([state.north_m]))
         return here.refused[0] is None
 
-    def _away(self, ways: Ways) -> Decision:
-        """No way is allowed: the one that disturbs least, if the area allows any."""
-        best = int(np.argmax(ways.kept))
+    def _away(self, situation: Situation) -> Decision:
+        """No way to a tag is allowed: the one that disturbs least, of all directions."""
+        reach = situation.vehicle.speed_m_s * situation.cycle_s
+        ways = checked(situation, *headings(situation, self._directions, reach))
+        inside = np.array([one is None or "animal" in one for one in ways.refused])
+        best = int(np.argmax(np.where(inside, ways.kept, -1.0)))
+        if not inside.any():
+            return Decision(
+                action=Hold(duration_s=situation.cycle_s), reason="no way is allowed at all"
+            )
         return Decision(
             action=ways.action(best),
-            reason=f"away: no way keeps the distance; this one with {ways.kept[best]:.2f}",
+            reason=(
+                "away: no way to a tag keeps the distance; this one does with "
+                f"{ways.kept[best]:.2f}, of {len(ways.kept)} candidates"
+            ),
         )
