@@ -99,7 +99,7 @@ T4 = Scenario(
     first_plan_s=16,
     cycle_s=8,
     stops_each_cycle=True,
-    keep_away=KeepAway(radius_m=50.0, probability=0.99, margin=1.6),
+    keep_away=KeepAway(radius_m=50.0, probability=0.97, margin=1.5),
     limit_s=1200,
     bars=(
         Bar(quantity="complete, share", least=1.0),

@@ -89,7 +89,7 @@ class MiRate:
         if turns and not self._may_stay(situation):
             allowed[-1] = False
         if not allowed.any():
-            return self._away(situation)
+            return self._away(situation, ways)
         best = int(np.argmax(np.where(allowed, rate, -np.inf)))
         turn = Rotate(duration_s=self._rotation_s)
         actions: list[Action] = [ways.action(n) for n in range(count)]
@@ -203,20 +203,18 @@ class MiRate:
         here = checked(situation, np.array([state.east_m]), np.array([state.north_m]))
         return here.refused[0] is None
 
-    def _away(self, situation: Situation) -> Decision:
-        """No way to a tag is allowed: the one that disturbs least, of all directions."""
-        reach = situation.vehicle.speed_m_s * situation.cycle_s
-        ways = checked(situation, *headings(situation, self._directions, reach))
+    def _away(self, situation: Situation, ways: Ways) -> Decision:
+        """No way is allowed: the one that disturbs least, if the area allows any."""
         inside = np.array([one is None or "animal" in one for one in ways.refused])
-        best = int(np.argmax(np.where(inside, ways.kept, -1.0)))
         if not inside.any():
             return Decision(
                 action=Hold(duration_s=situation.cycle_s), reason="no way is allowed at all"
             )
+        best = int(np.argmax(np.where(inside, ways.kept, -1.0)))
         return Decision(
             action=ways.action(best),
             reason=(
-                "away: no way to a tag keeps the distance; this one does with "
-                f"{ways.kept[best]:.2f}, of {len(ways.kept)} candidates"
+                "no way keeps the distance; this one does with "
+                f"{ways.kept[best]:.2f}, most of {len(ways.kept)} candidates"
             ),
         )
