@@ -225,8 +225,8 @@ def test_a_whole_flight_is_flown_through_the_page(
     with page.expect_download() as download:
         row.locator("text=GEOJSON").click()
     collection = json.loads(Path(download.value.path()).read_text())
-    kinds = {feature["properties"]["kind"] for feature in collection["features"]}
-    assert kinds == {"track", "pulse", "bearing", "position", "region", "mark"}
+    layers = {feature["properties"]["layer"] for feature in collection["features"]}
+    assert {"track", "pulse", "bearing", "position", "region 95 %", "mark"} <= layers
     with watched.cut():
         with page.expect_popup(timeout=4 * WAIT_MS) as popup:
             row.locator(".report").click()

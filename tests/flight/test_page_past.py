@@ -102,11 +102,11 @@ def test_flights_are_fetched_compared_and_exported(
         page.click("#tab-flights")
         row = f'tr[data-flight="{first}"]'
         assert exported(page, row, "CSV").count(b"\n") == 73
-        kinds = {
-            f["properties"]["kind"]
+        layers = {
+            f["properties"]["layer"]
             for f in json.loads(exported(page, row, "GEOJSON"))["features"]
         }
-        assert {"pulse", "bearing", "position"} <= kinds
+        assert {"pulse", "bearing", "position"} <= layers
         with zipfile.ZipFile(io.BytesIO(exported(page, row, "KMZ"))) as archive:
             assert b"lynx" in archive.read(archive.namelist()[0])
         assert b"<gpx" in exported(page, row, "GPX")

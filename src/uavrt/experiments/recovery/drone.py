@@ -18,7 +18,15 @@ from uavrt.clock import Clock, monotonic_s
 from uavrt.config.settings import DetectionSettings
 from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
 from uavrt.errors import UavrtError
-from uavrt.messages import Health, Pulse, PulsePose, StatusText, SystemStatus
+from uavrt.messages import (
+    Health,
+    Pulse,
+    PulseKey,
+    PulsePose,
+    Recorded,
+    StatusText,
+    SystemStatus,
+)
 from uavrt.monitor import StatusReader
 from uavrt.recording import read_pulse_file
 from uavrt.simulation import Scenario, write_scenario
@@ -63,6 +71,8 @@ class ServedDrone:
         """Those since the present supervisor was first heard."""
         self.recorded: set[Pulse] = set()
         """Pulses that the recorder has said to be on disk."""
+        self._on_their_way: dict[PulseKey, Pulse] = {}
+        """The newest pulse of each name: the recorder says no more than names."""
         self.texts: list[str] = []
         self._reader: StatusReader | None = None
 
@@ -145,8 +155,8 @@ class ServedDrone:
             records = []
             self._reader.close()
             self._reader = None
-        for topic, record in records:
-            self._take(topic, record)
+        for _, record in records:
+            self._take(record)
         if self._reader is not None and not self._reader.is_open:
             self._reader.close()
             self._reader = None
@@ -160,19 +170,23 @@ class ServedDrone:
             self._of_this_life.clear()
         return self._reader is not None
 
-    def _take(self, topic: str, record: object) -> None:
+    def _take(self, record: object) -> None:
         match record:
             case Pulse():
                 self.detected.add(record)
                 self._of_this_life.add(record)
-            case PulsePose() if topic == "pulse_pose":
-                pass  # not on disk yet; it comes again when it is
+            case PulsePose():
+                self._on_their_way[record.pulse.key] = record.pulse  # not on disk yet
+            case Recorded():
+                self.recorded |= {
+                    self._on_their_way[key]
+                    for key in record.pulses
+                    if key in self._on_their_way
+                }
             case Health():
                 self.health[record.process] = record
             case SystemStatus():
                 self.status = record
-            case PulsePose():
-                self.recorded.add(record.pulse)
             case StatusText():
                 self.texts.append(record.text)
 
