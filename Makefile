@@ -1,4 +1,4 @@
-# One command each; every target makes its own environment (.venv) when there is none.
+# One command each; every target creates the environment (.venv) if it is missing.
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
@@ -8,23 +8,27 @@ CC_AARCH64 ?= aarch64-linux-gnu-gcc
 LOCK   := --universal --generate-hashes --python-version 3.11 --no-header -q
 PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
 
-# Several processes with several BLAS threads each on a few cores fight.
+# Several processes with several BLAS threads each would compete for few cores.
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: demo test check lint types contracts bench locks licences browser screenshots video docs clean setup wheels
+.PHONY: demo test lint types bench locks licences browser screenshots video docs clean setup wheels
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
 test: $(STAMP) browser  ## lint, types, import contracts, manual, all tests
+	$(MAKE) --no-print-directory -j 2 types lint docs
+	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder -r fEsxR
+
+lint: $(STAMP)          ## style, layers, dead code, licences
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/vulture
-	$(BIN)/sphinx-build -W -q docs docs/_build
 	$(BIN)/python deploy/licences.py --check
-	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -r fEsxR
+
+types: $(STAMP)         ## every annotation
+	$(BIN)/mypy
 
 locks: $(STAMP)         ## pin what the drone installs, with hashes (needs uv)
 	uv pip compile pyproject.toml $(LOCK) -o deploy/locks/drone.txt
@@ -48,18 +52,19 @@ browser:                ## Chromium, which the tests of the page drive
 	  else echo "The tests of the page need Chromium: sudo apt install chromium"; fi; }
 
 screenshots: $(STAMP) browser  ## pictures of the page, by its test, into docs/images
-	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/test_page.py tests/flight/test_page_past.py tests/flight/test_page_strength.py tests/flight/test_page_hands.py
+	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/browser/test_page.py tests/flight/browser/test_page_past.py tests/flight/browser/test_page_strength.py tests/flight/browser/test_page_hands.py tests/flight/browser/test_page_fly.py
 
-video: $(STAMP) browser  ## a captioned film of a flight through the page, uavrt.webm
-	UAVRT_VIDEO=uavrt.webm $(BIN)/pytest tests/flight/test_page.py -k whole_flight
+video: $(STAMP) browser  ## captioned films of a flight and of a search through the page, *.webm
+	UAVRT_VIDEO=uavrt.webm $(BIN)/pytest tests/flight/browser/test_page.py -k whole_flight
+	UAVRT_VIDEO=uavrt-search.webm $(BIN)/pytest tests/flight/browser/test_page_fly.py -k watched_with
 
 setup: $(STAMP)         ## only the environment
 
 $(STAMP): pyproject.toml hatch_build.py $(wildcard native/*) src/uavrt/mavlink/dialect.toml src/uavrt/mavlink/extra.xml $(PAGE)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet -e '.[ground,analysis,ros2,dev]'
-	@# GPL, so only ever run as a program by one test, which is left out without it.
+	$(BIN)/python -m pip install --quiet -e '.[ground,analysis,batch,ros2,dev]'
+	@# GPL: only run as a separate program, by one test, which is skipped without it.
 	-$(BIN)/python -m pip install --quiet --no-deps 'MAVProxy==1.8.75'
 	touch $@
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from benchmarks.harness import Table
-from uavrt.ground.receipts import Receipts
+from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.simulation.link_trial import LinkTrial, TrialResult, TrialSettings
 from uavrt.simulation.radio_link import RadioLinkSettings
 

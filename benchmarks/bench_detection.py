@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from benchmarks.harness import Case, Table, compare
 from uavrt.detection import DetectorGroup, PulseDetector
-from uavrt.experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
 from uavrt.messages import Tag
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
 
 Samples = NDArray[np.complex64]
 RATE_HZ = 7500.0
 BLOCK = 653
-"""As `uavrt.analysis.detect.DetectionChain` feeds them."""
+"""As `uavrt.analysis.measure.recorded_pulses.DetectionChain` feeds them."""
 SIGNAL_S = 20.0
 
 

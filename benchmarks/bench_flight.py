@@ -8,9 +8,9 @@ size, so pages that processes share are counted once in the sum.
 import time
 
 from benchmarks.harness import Table
-from uavrt.experiments.resources import Reading, SteadyFlight, run_shapes
-from uavrt.experiments.resources.report import by_process
-from uavrt.experiments.resources.shapes import HEADER
+from uavrt_experiments.resources import Reading, SteadyFlight, run_shapes
+from uavrt_experiments.resources.report import by_process
+from uavrt_experiments.resources.shapes import HEADER
 
 TAGS = 100
 MINUTES = 5.0

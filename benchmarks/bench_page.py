@@ -23,7 +23,7 @@ import uavrt.ground
 from benchmarks.harness import Table
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
-from uavrt.ground.flight_keeper import FlightKeeper
+from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.localization import TangentPlane
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter

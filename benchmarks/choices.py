@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from uavrt.detection import OperatingMode
-from uavrt.experiments.detection.signals import THESIS_TAG, noise
-from uavrt.experiments.detection.trials import RATE_HZ, Decision, Flight, compare, detect
-from uavrt.experiments.statistics import level_for
+from uavrt_experiments.detection.signals import THESIS_TAG, noise
+from uavrt_experiments.detection.trials import RATE_HZ, Decision, Flight, compare, detect
+from uavrt_experiments.statistics import level_for
 
 BAND_HZ = 500.0
 ENRS_DB = (7.5, 8.5, 9.5, 10.5)

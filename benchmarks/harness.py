@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
-from uavrt.experiments.measured import measured_now
+from uavrt_experiments.measured import measured_now
 
 FOLDERS = ("detection", "dsp", "localization", "tunnel")
 """Of the package: code whose changes may change a figure here."""

@@ -1,4 +1,4 @@
-/* The search for anchors of one tag, and the test of their groups: uavrt.detection.anchors. */
+/* The search for anchors of one tag, and the test of their groups: uavrt.detection.search.anchors. */
 #include "loops.h"
 
 static int by_place(const void *one, const void *two)

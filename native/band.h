@@ -1,4 +1,4 @@
-/* A tag's narrow band and its spectrogram: uavrt.detection.grid. */
+/* A tag's narrow band and its spectrogram: uavrt.detection.search.grid. */
 #include "loops.h"
 
 /* narrow(samples, taps, used, factor, rows, places, out, first): fills `out` from item `first`

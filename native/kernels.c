@@ -10,6 +10,7 @@
 #include "bank.h"
 #include "fir.h"
 #include "levels.h"
+#include "terrain.h"
 
 /* choose(most): take the loops for this processor, or older ones: "plain", "avx2" or "avx512",
    the newest that may be taken. Returns the name of those in use. */
@@ -30,20 +31,22 @@ static PyMethodDef methods[] = {
     {"choose", choose, METH_O, "Take loops for some processor; the name of those in use."},
     {"decimate", (PyCFunction)(void (*)(void))decimate, METH_FASTCALL,
      "Filter and keep every D-th sample: uavrt.dsp.decimator."},
+    {"edges", (PyCFunction)(void (*)(void))edges, METH_FASTCALL,
+     "Profiles of the ground to all cells: uavrt.terrain.viewshed."},
     {"follow", (PyCFunction)(void (*)(void))follow, METH_FASTCALL,
-     "Levels that change: uavrt.detection.levelling."},
+     "Levels that change: uavrt.detection.search.levelling."},
     {"largest", (PyCFunction)(void (*)(void))largest, METH_FASTCALL,
-     "Largest part of any sample: uavrt.detection.samples."},
+     "Largest part of any sample: uavrt.detection.signal.samples."},
     {"level", (PyCFunction)(void (*)(void))level, METH_FASTCALL,
-     "Divide new columns by their level: uavrt.detection.levelling."},
+     "Divide new columns by their level: uavrt.detection.search.levelling."},
     {"narrow", (PyCFunction)(void (*)(void))narrow, METH_FASTCALL,
-     "A tag's narrow band: uavrt.detection.grid."},
+     "A tag's narrow band: uavrt.detection.search.grid."},
     {"powers", (PyCFunction)(void (*)(void))powers, METH_FASTCALL,
-     "Power of the cells of a tag's spectrogram: uavrt.detection.grid."},
+     "Power of the cells of a tag's spectrogram: uavrt.detection.search.grid."},
     {"note", (PyCFunction)(void (*)(void))note, METH_FASTCALL,
-     "Keep new columns and find anchors among them: uavrt.detection.anchors."},
+     "Keep new columns and find anchors among them: uavrt.detection.search.anchors."},
     {"rate", (PyCFunction)(void (*)(void))rate, METH_FASTCALL,
-     "Best sums of anchors: uavrt.detection.anchors."},
+     "Best sums of anchors: uavrt.detection.search.anchors."},
     {NULL, NULL, 0, NULL},
 };
 

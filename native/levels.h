@@ -1,4 +1,4 @@
-/* How loud the noise is at each instant: uavrt.detection.levelling, whose names these are. */
+/* How loud the noise is at each instant: uavrt.detection.search.levelling, whose names these are. */
 #include "loops.h"
 
 /* As in levelling.py, and HOPS_PER_PULSE, ROWS_PER_BIN of grid.py. */

@@ -35,6 +35,15 @@ typedef struct {
     Py_ssize_t interval;
 } sum_t;
 
+/* What a drone sees of the ground; see terrain.h. */
+typedef struct {
+    const float *height, *tables;
+    Py_ssize_t most;
+    int32_t columns;
+    float column, row;
+    double tag, cell, wavelength, bulge;
+} view_t;
+
 /* The loops of one version; what they do stands where they are defined. */
 typedef struct {
     void (*decimate_outputs)(const float *samples, const float *taps, Py_ssize_t length,
@@ -59,6 +68,8 @@ typedef struct {
                       float level, float limit, const Py_ssize_t *lows, const Py_ssize_t *rest,
                       Py_ssize_t others, Py_ssize_t intervals, Py_ssize_t stretch,
                       Py_ssize_t reach, float *work);
+    void (*profile)(const view_t *view, float step_c, float step_r, Py_ssize_t points, float tag,
+                    float bulge, float best[3]);
 } loops_t;
 
 INLINE Py_ssize_t modulo(Py_ssize_t value, Py_ssize_t length)

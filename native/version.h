@@ -12,6 +12,7 @@ typedef float lanes_t __attribute__((vector_size(4 * LANES), aligned(4), may_ali
 #include "fir_loops.h"
 /* After the filters, whose sums it uses. */
 #include "band_loops.h"
+#include "terrain_loops.h"
 
 static const loops_t NAMED(loops) = {
     .decimate_outputs = NAMED(decimate_outputs),
@@ -21,6 +22,7 @@ static const loops_t NAMED(loops) = {
     .cell_powers = NAMED(cell_powers),
     .find_anchors = NAMED(find_anchors),
     .best_sum = NAMED(best_sum),
+    .profile = NAMED(profile),
 };
 
 #undef lanes_t

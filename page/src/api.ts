@@ -2,6 +2,9 @@
 
 import type { FieldFault } from "./types";
 
+/** Where this page's vehicle is served: nothing for the first, /vehicle/2 for another. */
+export const BASE = /^\/vehicle\/\d+/.exec(location.pathname)?.[0] ?? "";
+
 /** This page's own name, kept over a reload: one page commands, others look on. */
 export const PAGE = pageName();
 
@@ -28,7 +31,7 @@ export class ApiError extends Error {
 }
 
 export async function get<T>(path: string): Promise<T> {
-  return answer<T>(await fetch(`/api${path}`));
+  return answer<T>(await fetch(`${BASE}/api${path}`));
 }
 
 export async function send<T>(
@@ -36,8 +39,9 @@ export async function send<T>(
   path: string,
   body: unknown,
   headers: Record<string, string> = {},
+  base = BASE,
 ): Promise<T> {
-  const response = await fetch(`/api${path}`, {
+  const response = await fetch(`${base}/api${path}`, {
     method,
     headers: { "Content-Type": "application/json", "X-Page": PAGE, ...headers },
     body: JSON.stringify(body),
@@ -47,7 +51,7 @@ export async function send<T>(
 
 /** Binary columns in the order of their names, all of one length. */
 export async function columns(path: string, names: readonly string[], more = ""): Promise<Float64Array[]> {
-  const response = await fetch(`/api${path}?names=${names.join(",")}${more}`);
+  const response = await fetch(`${BASE}/api${path}?names=${names.join(",")}${more}`);
   if (!response.ok) throw new ApiError(await reason(response), response.status);
   const cells = new Float64Array(await response.arrayBuffer());
   const count = cells.length / names.length;

@@ -3,7 +3,7 @@
 import { by, fill, h } from "./dom";
 import { dateTime, fixed, metres, span, UNKNOWN } from "./format";
 import { distanceM } from "./geo";
-import { type Stored, store, stored } from "./store";
+import { isPlaced, store, stored, type Stored } from "./store";
 import type { PositionRecord } from "./types";
 
 interface TagFacts {
@@ -94,6 +94,6 @@ function factsOf(flight: Stored, id: number): TagFacts {
     pulses,
     median: values[values.length >> 1] ?? NaN,
     best: values.at(-1) ?? NaN,
-    fix: flight.positions.find((position) => position.tag_id === id && position.stations > 1),
+    fix: flight.positions.find((position) => position.tag_id === id && isPlaced(position)),
   };
 }

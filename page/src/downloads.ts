@@ -107,5 +107,5 @@ function size(bytes: number): string {
 }
 
 function words(error: unknown): string {
-  return error instanceof ApiError ? error.message : "the server is not reached";
+  return error instanceof ApiError ? error.message : "the server cannot be reached";
 }

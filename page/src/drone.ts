@@ -89,7 +89,7 @@ async function ask(name: string, body: unknown): Promise<string> {
     say(by("drone-note"), answer.message);
     return "";
   } catch (error) {
-    const words = error instanceof ApiError ? error.message : "the server is not reached";
+    const words = error instanceof ApiError ? error.message : "the server cannot be reached";
     say(by("drone-note"), words);
     if (!FIRST_STEP.test(words)) toast(words, 4);
     return words;
@@ -105,7 +105,7 @@ async function read(): Promise<void> {
     fill(by("parameters"), ...names.map((name) => row(name, found[name]!)));
     say(note, `${names.length} parameters`);
   } catch (error) {
-    say(note, error instanceof ApiError ? error.message : "the server is not reached");
+    say(note, error instanceof ApiError ? error.message : "the server cannot be reached");
   }
 }
 

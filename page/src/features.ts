@@ -1,15 +1,24 @@
-/** What of a flight is drawn on the map, as GeoJSON. */
+/**
+ * What of a flight is drawn on the map, as GeoJSON.
+ *
+ * Of more than 4000 pulses one is drawn for each cell of the screen, the strongest, as large as
+ * their number: the work is bounded by the screen, not by the flight. MapLibre's own clustering
+ * makes and indexes 100 000 features at every change of a filter.
+ */
 
 import type { LngLatBounds } from "maplibre-gl";
 import { tagColour } from "./colour";
 import { type LonLat, destination, distanceM, wedge } from "./geo";
 import { store } from "./store";
-import type { BearingRecord, PositionRecord } from "./types";
+import type { BearingRecord, PositionRecord, Verdict } from "./types";
+import type { MotionDrawing } from "./view";
 
 export type Feature = GeoJSON.Feature;
 
 const RAY_M = 900;
 const GROWN = 1.15;
+/** Of a way that are drawn; more hide each other. */
+const CIRCLES = 4;
 const COLUMNS = ["lat", "lon", "snr", "tag", "height"] as const;
 type Five = [Float64Array, Float64Array, Float64Array, Float64Array, Float64Array];
 /** Pulses in a row whose mean is the strongest signal, as in the report: one alone is luck. */
@@ -131,14 +140,72 @@ export function regionsOf(one: PositionRecord): Feature[] {
       coordinates: share === 50 ? one.region50 : one.region95,
     },
   }));
+  regions.push(...wayOf(one, colour));
   const now = store.radiusNow(one);
   if (now !== null && one.radius95_m !== null && now > GROWN * one.radius95_m) {
     // Where it may be by now: a circle, dashed.
     const centre: LonLat = [one.longitude_deg, one.latitude_deg];
-    const ring = Array.from({ length: 73 }, (_, step) => destination(centre, step * 5, now));
-    regions.push({ type: "Feature", properties: { colour, share: 0 }, geometry: { type: "MultiLineString", coordinates: [ring] } });
+    regions.push(linesOf({ colour, share: 0 }, [circle(centre, now)]));
   }
   return regions;
+}
+
+/** The way of a tag that moves, and at a few of its times the circle that held it with 95 %. */
+function wayOf(one: PositionRecord, colour: string): Feature[] {
+  if (one.track.length < 2) return [];
+  const places = one.track.map((each): LonLat => [each.longitude_deg, each.latitude_deg]);
+  const step = Math.max(1, Math.floor((places.length - 1) / CIRCLES));
+  const circles = places.filter((_, number) => number % step === 0).map((each, number) => circle(each, one.track[number * step]!.radius95_m));
+  return [linesOf({ colour, share: 50 }, [places]), linesOf({ colour, share: 0 }, circles)];
+}
+
+/** A circle of 95 % that is wider is no position. */
+const POSITION_M = 2000;
+
+/** Whether a whole flight tells one place of a tag. */
+export function isPlace(one: Verdict): boolean {
+  return one.found && one.places === 1 && one.latitude_deg !== null && one.longitude_deg !== null && (one.radius95_m ?? Infinity) <= POSITION_M;
+}
+
+/** Pulses seen in hindsight, and the places that a whole flight tells, with their circles. */
+export function hindsightFeatures(): GeoJSON.FeatureCollection {
+  const told = store.hindsight;
+  if (!told) return collection([]);
+  const features: Feature[] = [];
+  for (const one of told.pulses) {
+    if (store.hidden.has(one.tag_id) || one.time_ns > store.until) continue;
+    features.push(point([one.longitude_deg, one.latitude_deg], { part: "pulse", colour: tagColour(store.tagOrder(one.tag_id)) }));
+  }
+  for (const one of told.tags) {
+    if (!isPlace(one) || store.hidden.has(one.tag_id) || Number.isFinite(store.until)) continue;
+    const colour = tagColour(store.tagOrder(one.tag_id));
+    const at: LonLat = [one.longitude_deg!, one.latitude_deg!];
+    features.push(linesOf({ part: "circle", colour }, [circle(at, one.radius95_m!)]), point(at, { part: "place", colour }));
+  }
+  return collection(features);
+}
+
+/** The area, the way and the keep-away circles of a motion. */
+export function motionFeatures(drawn: MotionDrawing): GeoJSON.FeatureCollection {
+  const features: Feature[] = [];
+  const polygon = (part: string, ring: LonLat[]) =>
+    features.push({ type: "Feature", properties: { part }, geometry: { type: "Polygon", coordinates: [ring] } });
+  for (const one of drawn.keepAway) polygon("keep", circle(one.at, one.radiusM));
+  for (const one of drawn.keepOut) polygon("keep", [...one, one[0]!]);
+  if (drawn.area.length > 2) polygon("area", [...drawn.area, drawn.area[0]!]);
+  if (drawn.area.length === 2) features.push({ type: "Feature", properties: { part: "area" }, geometry: { type: "LineString", coordinates: drawn.area } });
+  for (const corner of drawn.area) features.push(point(corner, { part: "corner" }));
+  if (drawn.way.length > 1) features.push({ type: "Feature", properties: { part: "way" }, geometry: { type: "LineString", coordinates: drawn.way } });
+  if (drawn.way.length > 1) features.push(point(drawn.way.at(-1)!, { part: "end" }));
+  return collection(features);
+}
+
+function circle(centre: LonLat, radius: number): LonLat[] {
+  return Array.from({ length: 73 }, (_, step) => destination(centre, step * 5, radius));
+}
+
+function linesOf(properties: Record<string, unknown>, coordinates: LonLat[][]): Feature {
+  return { type: "Feature", properties, geometry: { type: "MultiLineString", coordinates } };
 }
 
 /** Where a tag was strongest, six pulses in a row averaged, as far as the replay goes. */

@@ -6,14 +6,15 @@
 import { PMTiles } from "pmtiles";
 import { snrColour, tagColour } from "./colour";
 import { h } from "./dom";
-import { collection, pulseFeatures, rayOf, regionsOf, stationOf, wedgeOf } from "./features";
+import { collection, hindsightFeatures, motionFeatures, pulseFeatures, rayOf, regionsOf, stationOf, wedgeOf } from "./features";
 import { destination, type LonLat } from "./geo";
 import { AT_FIRST, type Layers, dark, ground } from "./maplayers";
-import { droneElement, fixElement, markElement, max, meElement, min, onBoardElement, roseElement } from "./markers";
+import { droneElement, fixElement, markElement, max, meElement, min, onBoardElement, otherElement, roseElement } from "./markers";
 import { bearingsShown, frameKey, herePlace, isTelling, paddingIn, placesOf } from "./shown";
-import { store } from "./store";
-import type { FlightMap, Tap } from "./view";
-import type { MapFile } from "./types";
+import { isPlaced, store } from "./store";
+import { nameOf, othersPlaced } from "./vehicles";
+import type { FlightMap, MotionDrawing, Tap } from "./view";
+import type { MapFile, SilenceMap } from "./types";
 
 const TILE = 256;
 const MOST_PULSES = 4000;
@@ -36,7 +37,10 @@ export class FlatMap implements FlightMap {
   private pointers = new Map<number, [number, number]>();
   private moved = 0;
   private me: LonLat | null = null;
+  private silence: SilenceMap | null = null;
+  private picture: HTMLImageElement | null = null;
   private line: LonLat[] = [];
+  private motion: MotionDrawing = { area: [], way: [], keepAway: [], keepOut: [] };
 
   constructor(private container: HTMLElement) {
     const buttons = h(
@@ -83,6 +87,9 @@ export class FlatMap implements FlightMap {
   drawOther(): void {
     this.redraw();
   }
+  drawFleet(): void {
+    // With the track, which is drawn at each state, too.
+  }
   drawMarks(): void {
     this.redraw();
   }
@@ -92,6 +99,24 @@ export class FlatMap implements FlightMap {
   }
   setMeasure(line: LonLat[]): void {
     this.line = line;
+    this.redraw();
+  }
+  setMotion(drawn: MotionDrawing): void {
+    this.motion = drawn;
+    this.redraw();
+  }
+  drawHindsight(): void {
+    this.redraw();
+  }
+  setSilence(map: SilenceMap | null): void {
+    this.silence = map;
+    this.picture = null;
+    if (map) {
+      const picture = new Image();
+      picture.onload = () => this.redraw();
+      picture.src = `data:image/png;base64,${map.picture}`;
+      this.picture = picture;
+    }
     this.redraw();
   }
   setLayer(name: keyof Layers, visible: boolean): void {
@@ -110,7 +135,10 @@ export class FlatMap implements FlightMap {
 
   fit(): void {
     const places = placesOf();
-    if (!places.length) return;
+    if (places.length) this.show(places);
+  }
+
+  show(places: LonLat[]): void {
     const [lons, lats] = [places.map((one) => one[0]), places.map((one) => one[1])];
     const [left, right, low, high] = [min(lons), max(lons), max(lats.map(mercator)), min(lats.map(mercator))];
     const { width, height } = this.size();
@@ -208,8 +236,41 @@ export class FlatMap implements FlightMap {
     pen.fillStyle = ground();
     pen.fillRect(0, 0, width, height);
     this.drawTiles(pen);
+    this.drawSilence(pen);
     this.drawFlight(pen);
     this.drawOver(here);
+  }
+
+  private drawSilence(pen: CanvasRenderingContext2D): void {
+    if (!this.silence || !this.picture?.naturalWidth) return;
+    const [left, top] = this.pixel(this.silence.corners[0]);
+    const [right, bottom] = this.pixel(this.silence.corners[2]);
+    pen.globalAlpha = 0.7;
+    pen.imageSmoothingEnabled = false;
+    pen.drawImage(this.picture, left, top, right - left, bottom - top);
+    pen.globalAlpha = 1;
+  }
+
+  private drawHindsightOn(pen: CanvasRenderingContext2D): void {
+    for (const one of hindsightFeatures().features) {
+      const colour = String(one.properties!.colour);
+      if (one.geometry.type !== "Point") {
+        for (const line of (one.geometry as GeoJSON.MultiLineString).coordinates) {
+          this.path(pen, line as LonLat[]);
+          this.stroke(pen, colour, 2, [8, 4, 2, 4]);
+        }
+        continue;
+      }
+      const place = one.properties!.part === "place";
+      const [x, y] = this.pixel(one.geometry.coordinates as LonLat);
+      pen.beginPath();
+      pen.arc(x, y, place ? 7 : 5, 0, 2 * Math.PI);
+      if (place) {
+        pen.fillStyle = colour;
+        pen.fill();
+      }
+      this.stroke(pen, place ? "#ffffff" : colour, place ? 3 : 1.8);
+    }
   }
 
   private drawTiles(pen: CanvasRenderingContext2D): void {
@@ -304,6 +365,7 @@ export class FlatMap implements FlightMap {
         }
       }
     }
+    if (this.layers.hindsight) this.drawHindsightOn(pen);
     const other = store.other;
     if (other) {
       const line: LonLat[] = [];
@@ -311,13 +373,14 @@ export class FlatMap implements FlightMap {
       for (let place = 0; place < other.track.count; place += step) line.push([other.track.lon[place]!, other.track.lat[place]!]);
       this.path(pen, line);
       this.stroke(pen, "#b5179e", 1.8, [6, 4]);
-      for (const one of other.positions.filter((each) => each.stations > 1)) {
+      for (const one of other.positions.filter(isPlaced)) {
         const [x, y] = this.pixel([one.longitude_deg, one.latitude_deg]);
         pen.beginPath();
         pen.arc(x, y, 6, 0, 2 * Math.PI);
         this.stroke(pen, tagColour(store.tagOrder(one.tag_id)), 3);
       }
     }
+    this.drawMotion(pen);
     if (this.line.length > 1) {
       this.path(pen, this.line);
       this.stroke(pen, "#b5179e", 2.5, [8, 4]);
@@ -331,6 +394,25 @@ export class FlatMap implements FlightMap {
     pen.lineWidth = width;
     pen.stroke();
     pen.setLineDash([]);
+  }
+
+  private drawMotion(pen: CanvasRenderingContext2D): void {
+    for (const one of motionFeatures(this.motion).features) {
+      const part = String(one.properties!.part);
+      const colour = part === "keep" ? "#c62828" : part === "area" || part === "corner" ? "#7b1fa2" : "#00838f";
+      if (one.geometry.type === "Point") {
+        const [x, y] = this.pixel(one.geometry.coordinates as LonLat);
+        pen.beginPath();
+        pen.arc(x, y, 6, 0, 2 * Math.PI);
+        pen.fillStyle = colour;
+        pen.fill();
+        this.stroke(pen, "#ffffff", 2);
+        continue;
+      }
+      const line = one.geometry.type === "Polygon" ? one.geometry.coordinates[0] : (one.geometry as GeoJSON.LineString).coordinates;
+      this.path(pen, line as LonLat[]);
+      this.stroke(pen, colour, part === "way" ? 3 : 2, part === "way" ? [] : [8, 5]);
+    }
   }
 
   /** A bar of a round number of metres. */
@@ -364,6 +446,7 @@ export class FlatMap implements FlightMap {
     }
     if (this.layers.regions) for (const one of positions) boxes.push(put(fixElement(one), [one.longitude_deg, one.latitude_deg], true));
     for (const one of store.marks()) boxes.push(put(markElement(one.text), [one.longitude_deg, one.latitude_deg], true));
+    for (const one of othersPlaced()) boxes.push(put(otherElement(one.pose.heading_deg, nameOf(one)), [one.pose.longitude_deg, one.pose.latitude_deg]));
     if (this.me) boxes.push(put(meElement(), this.me));
     if (here) {
       const drone = droneElement();

@@ -1,6 +1,6 @@
 /** Past flights: the list, and each to be looked at and exported. */
 
-import { ApiError, get, send } from "./api";
+import { ApiError, BASE, get, send } from "./api";
 import { compare } from "./compare";
 import { by, fill, h, say } from "./dom";
 import { downloadSection } from "./downloads";
@@ -49,15 +49,15 @@ export async function refresh(): Promise<void> {
       h("td", { class: "number" }, span((flight.end_time_ns - flight.start_time_ns) / 1e9)),
       h("td", { class: "number" }, flight.pulses.toLocaleString("en")),
       h("td", {}, tags.join(", ")),
-      h("td", {}, flight.source === "ground" ? "received here" : "from the drone"),
+      h("td", {}, `${flight.source === "ground" ? "received here" : "from the drone"}${flight.vehicle ? `, vehicle ${flight.vehicle}` : ""}`),
       h(
         "td",
         { class: "row-actions" },
         starButton(flight),
         h("button", { class: "open-flight", onclick: () => void open(flight.flight_id) }, "Open"),
-        h("a", { class: "export report", href: `/api/flights/${encodeURIComponent(flight.flight_id)}/report`, target: "_blank", rel: "noopener" }, "Report"),
+        h("a", { class: "export report", href: `${BASE}/api/flights/${encodeURIComponent(flight.flight_id)}/report`, target: "_blank", rel: "noopener" }, "Report"),
         ...exports.map((name) =>
-          h("a", { class: "export", href: `/api/flights/${encodeURIComponent(flight.flight_id)}/export/${name}`, download: "" }, name.toUpperCase()),
+          h("a", { class: "export", href: `${BASE}/api/flights/${encodeURIComponent(flight.flight_id)}/export/${name}`, download: "" }, name.toUpperCase()),
         ),
       ),
     );
@@ -89,7 +89,7 @@ function starButton(flight: FlightSummary): HTMLElement {
       flight.starred = answer.starred;
       draw();
     } catch (error) {
-      toast(error instanceof ApiError ? error.message : "the server is not reached", 3);
+      toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);
     }
   };
   draw();
@@ -101,7 +101,7 @@ async function open(id: string): Promise<void> {
     await store.open(id);
     openView("fly");
   } catch (error) {
-    toast(error instanceof ApiError ? error.message : "the server is not reached", 3);
+    toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);
   }
 }
 
@@ -124,6 +124,6 @@ async function compareTicked(): Promise<void> {
     await compare(first, second, openView);
   } catch (error) {
     say(by("compare"), "");
-    toast(error instanceof ApiError ? error.message : "the server is not reached", 3);
+    toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);
   }
 }

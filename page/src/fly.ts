@@ -1,5 +1,6 @@
 /** The view of a flight: buttons, tags, map, and where to walk. */
 
+import { afterPanel, openAfter } from "./after";
 import { ApiError, get, send } from "./api";
 import { snrColour, SNR_HIGH, tagColour } from "./colour";
 import { append, by, fill, h, say } from "./dom";
@@ -7,6 +8,7 @@ import { ago, fixed, UNKNOWN } from "./format";
 import { drawFollow, drawLegend, layerBox, legend, offerMaps, recall } from "./layers";
 import { FlatMap, hasWebGl2 } from "./flatmap";
 import { MapView } from "./map";
+import { motionPanel, openMotion } from "./motion";
 import { toast } from "./notice";
 import { drawReplay, replayBar } from "./replay";
 import { save, unsaved } from "./setup";
@@ -66,13 +68,22 @@ export function buildFly(go: (name: string) => void): void {
     actions,
     h("p", { id: "act-reason", class: "reason", role: "status" }),
     h("div", { id: "progress", hidden: true }, h("progress", { id: "progress-bar" }), h("span", { id: "progress-text" })),
+    h(
+      "div",
+      { class: "segments", role: "group", "aria-label": "Beside the map" },
+      h("button", { id: "show-tags", "aria-pressed": "true", onclick: () => side("tags") }, "Tags"),
+      h("button", { id: "show-move", "aria-pressed": "false", onclick: () => side("move") }, "Move"),
+      h("button", { id: "show-after", "aria-pressed": "false", hidden: true, onclick: () => side("after") }, "After"),
+    ),
     h("div", { id: "cards", class: "cards", role: "list", "aria-label": "Tags" }),
   );
   const map = h("div", { id: "map", class: "map" });
-  const side = h("div", { class: "map-wrap" }, map, walkBox(), legend());
-  fill(by("view-fly"), panel, side);
+  const beside = h("div", { class: "map-wrap" }, map, walkBox(), legend());
+  fill(by("view-fly"), panel, beside);
   view = recall("plain") || !hasWebGl2() ? new FlatMap(map) : new MapView(map);
-  append(side, [layerBox(view), replayBar(), tapBox(view)]);
+  append(beside, [layerBox(view), replayBar(), tapBox(view)]);
+  panel.appendChild(motionPanel(view));
+  panel.appendChild(afterPanel(view));
   map.addEventListener("follow", () => drawFollow());
   store.on(["state"], drawActions);
   store.on(["tags", "reset", "selection"], buildCards);
@@ -84,10 +95,23 @@ export function buildFly(go: (name: string) => void): void {
   store.on(["estimates", "selection", "reset", "pulses", "tags"], drawWalk);
   store.on(["estimates", "selection"], drawLegend);
   store.on(["other", "selection"], () => view.drawOther());
+  store.on(["state", "reset"], () => view.drawFleet());
   store.on(["reset", "selection"], drawReplay);
+  store.on(["hindsight", "reset", "selection", "pulses"], () => view.drawHindsight());
+  store.on(["reset"], () => {
+    if (!store.review) side("tags");
+  });
   store.on(["state", "reset"], drawMarks);
   setInterval(drawCards, 1000);
   void get<Choices>("/choices").then(offerMaps, () => undefined);
+}
+
+/** Beside the map: the tags, what moves the drone, or what is said after the landing. */
+function side(name: "tags" | "move" | "after"): void {
+  for (const one of ["tags", "move", "after"]) by(`show-${one}`).setAttribute("aria-pressed", String(name === one));
+  by("cards").hidden = name !== "tags";
+  openMotion(name === "move");
+  openAfter(name === "after");
 }
 
 let marksDrawn = "";
@@ -129,7 +153,7 @@ export async function act(name: string): Promise<void> {
     const answer = await send<{ message: string }>("POST", `/commands/${name}`, body);
     toast(`${action.label}: ${answer.message}`, 6);
   } catch (error) {
-    toast(`${action.label} failed: ${error instanceof ApiError ? error.message : "the server is not reached"}`, 3);
+    toast(`${action.label} failed: ${error instanceof ApiError ? error.message : "the server cannot be reached"}`, 3);
   }
 }
 

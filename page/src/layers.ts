@@ -40,6 +40,7 @@ export function layerBox(made: FlightMap): HTMLElement {
     ["bearings", "Bearings, 90\u202f%"],
     ["regions", "Position, 50/95\u202f%"],
     ["strength", "Strongest signal"],
+    ["hindsight", "Whole flight"],
   ];
   const boxes = names.map(([name, label]) => {
     const box = h("input", {
@@ -140,7 +141,7 @@ async function bring(input: HTMLInputElement): Promise<void> {
     offerMaps(await get<Choices>("/choices"));
     toast(`${file.name}: here`, 6);
   } catch (error) {
-    toast(error instanceof Error ? error.message : "the server is not reached", 4);
+    toast(error instanceof Error ? error.message : "the server cannot be reached", 4);
   }
 }
 

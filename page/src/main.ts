@@ -3,9 +3,11 @@
 import "maplibre-gl/dist/maplibre-gl.css";
 import { act, buildFly, mapView } from "./fly";
 import { send } from "./api";
+import { drawVehicles, unserved } from "./vehicles";
 import { append, by, fill, h, say } from "./dom";
 import { buildFlights, refresh } from "./flights";
 import { dateTime, fixed, span } from "./format";
+import { motionBar } from "./motion";
 import { buildLog, showLog } from "./log";
 import { buildPlots, recolourPlots, showPlots } from "./plots";
 import { buildSetup } from "./setup";
@@ -58,8 +60,10 @@ function buildHeader(): void {
     h(
       "div",
       { class: "chips", role: "group", "aria-label": "State" },
+      h("nav", { id: "vehicles", class: "vehicles", "aria-label": "Vehicles", hidden: true }),
       h("button", { id: "take-command", class: "chip warn", hidden: true, onclick: () => void send("POST", "/commander", {}) }, "Looking on: take command"),
       h("span", { id: "chip-state", class: "chip" }),
+      h("span", { id: "chip-computer", class: "chip", title: "Processor of the computer on board" }),
       h("span", { id: "chip-link", class: "chip" }),
       h("span", { id: "chip-drone", class: "chip" }),
       h("span", { id: "chip-flight", class: "chip" }),
@@ -91,7 +95,7 @@ function drawHeader(): void {
   const state = store.state;
   const offline = by("banner");
   const silent = store.online && !store.review && droneSilent(state);
-  const others = store.online && !!state && (state.drone.foreign || (!state.drone.present && state.drone.others.length > 0));
+  const others = store.online && !!state && (state.drone.foreign || (!state.drone.present && unserved().length > 0));
   offline.hidden = store.online && !store.review && !state?.flight.fault && !state?.connection.error && !silent && !others;
   if (!store.online) say(offline, "The ground station does not answer. What was received is safe; this page goes on by itself.");
   else if (state?.flight.fault) say(offline, state.flight.fault);
@@ -101,6 +105,7 @@ function drawHeader(): void {
   else if (store.review) say(offline, `Past flight of ${dateTime(store.review.start_time_ns)}${store.other ? `, dashed beside it that of ${dateTime(store.other.summary.start_time_ns)}` : ""}`);
   offline.className = store.online && store.review && !state?.flight.fault ? "info" : "";
   if (!state) return;
+  drawVehicles();
   by("take-command").hidden = !store.looksOn();
   const mode = state.drone.present ? (STATES[state.drone.state ?? ""] ?? "Drone heard") : "No drone";
   chip("state", mode, state.drone.present ? (state.drone.state === "detecting" ? "live" : "good") : "bad");
@@ -117,13 +122,15 @@ function drawHeader(): void {
   const length = (store.nowNs() - flight.start_time_ns) / 1e9;
   chip("flight", flight.flight_id ? `${flight.ended ? "ended" : span(length)} · ${flight.pulses} pulses` : "no flight", flight.flight_id && !flight.ended ? "live" : "");
   const warm = state.drone.cpu_temperature_c;
-  by("chip-state").title = warm === null ? "" : `Computer on board: ${warm.toFixed(0)} °C`;
+  by("chip-computer").hidden = warm === null;
+  // A Raspberry Pi 5 slows itself down from 80 °C on, and more from 85 °C on.
+  if (warm !== null) chip("computer", fixed(warm, 0, "°C"), warm >= 85 ? "bad" : warm >= 75 ? "warn" : "good");
 }
 
 /** Another vehicle is heard: it is named, and taken only when the operator says so. */
 function drawOthers(banner: HTMLElement, state: State): void {
   const ours = state.drone.system_id;
-  const choices = state.drone.foreign ? [ours!] : state.drone.others;
+  const choices = state.drone.foreign ? [ours!] : unserved();
   const told = state.drone.foreign
     ? `Another autopilot answers as vehicle ${ours}. Give each a number of its own (MAV_SYS_ID).`
     : `Vehicle ${ours} is not heard. This page keeps to it.`;
@@ -201,6 +208,7 @@ try {
 // Before the map is made: its ground has the theme's colour.
 document.documentElement.dataset.theme = theme;
 buildHeader();
+by("banner").after(motionBar());
 buildFly(show);
 buildPlots();
 buildSetup();

@@ -17,7 +17,9 @@ import { tagColour } from "./colour";
 import {
   clusterFeatures,
   collection,
+  hindsightFeatures,
   lineOf,
+  motionFeatures,
   point,
   pulseFeatures,
   rayOf,
@@ -29,14 +31,15 @@ import {
 import type { LonLat } from "./geo";
 import { Graticule } from "./graticule";
 import { vectorLayers } from "./basemap";
-import { droneElement, fixElement, markElement, max, meElement, min, onBoardElement, rgb, roseElement } from "./markers";
+import { droneElement, fixElement, markElement, max, meElement, min, onBoardElement, otherElement, rgb, roseElement } from "./markers";
 import { AT_FIRST, type Layers, WARM, WARM_MS, addFlightLayers, blank, dark, ground } from "./maplayers";
 import { Pace } from "./pace";
 import { bearingsShown, herePlace, isTelling, paddingIn, placesOf } from "./shown";
-import { store } from "./store";
+import { isPlaced, store } from "./store";
 import { StrengthLayer } from "./surface";
-import type { MapFile, PositionRecord } from "./types";
-import type { FlightMap, Tap } from "./view";
+import type { MapFile, PositionRecord, SilenceMap } from "./types";
+import { nameOf, othersPlaced } from "./vehicles";
+import type { FlightMap, MotionDrawing, Tap } from "./view";
 
 /** Above this many, pulses are drawn in clusters: one for each cell of the screen. */
 const CLUSTER_FROM = 4000;
@@ -51,9 +54,9 @@ const FULL_RATIO = Math.min(window.devicePixelRatio, 2);
 setWorkerUrl(workerUrl);
 
 const SOURCES = [
-  "measure",
+  ...["measure", "motion"],
   ...["track", "pulses", "bulk", "wedges", "rays", "regions", "strongest"],
-  ...["other-track", "other-regions", "other-fixes"],
+  ...["hindsight", "other-track", "other-regions", "other-fixes"],
 ];
 const EMPTY: GeoJSON.FeatureCollection = { type: "FeatureCollection", features: [] };
 
@@ -61,6 +64,8 @@ export class MapView implements FlightMap {
   readonly flat = false;
   onTap: (tap: Tap) => void = () => undefined;
   private me: Marker | null = null;
+  private motion: MotionDrawing = { area: [], way: [], keepAway: [], keepOut: [] };
+  private silence: SilenceMap | null = null;
   private marks: Marker[] = [];
   private attribution: AttributionControl | null = null;
   readonly map: MapLibre;
@@ -72,6 +77,7 @@ export class MapView implements FlightMap {
   private markers: Marker[] = [];
   private drone: Marker;
   private droneShown = false;
+  private others: Marker[] = [];
   private framed: string | null = null;
   private placedIn: string | null = null;
   private basemap: MapFile | null = null;
@@ -127,6 +133,39 @@ export class MapView implements FlightMap {
 
   setMeasure(line: LonLat[]): void {
     if (this.ready) this.put("measure", lineOf(line));
+  }
+
+  setMotion(drawn: MotionDrawing): void {
+    this.motion = drawn;
+    if (this.ready) this.put("motion", motionFeatures(drawn));
+  }
+
+  drawHindsight(): void {
+    if (this.ready) this.put("hindsight", hindsightFeatures());
+  }
+
+  setSilence(map: SilenceMap | null): void {
+    this.silence = map;
+    if (!this.ready) return;
+    if (this.map.getLayer("silence")) this.map.removeLayer("silence");
+    if (this.map.getSource("silence")) this.map.removeSource("silence");
+    if (!map) return;
+    // By a canvas: what MapLibre loads by itself the page's policy does not let come from data.
+    const picture = new Image();
+    picture.onload = () => {
+      if (this.silence !== map) return;
+      const canvas = document.createElement("canvas");
+      [canvas.width, canvas.height] = [picture.naturalWidth, picture.naturalHeight];
+      canvas.getContext("2d")!.drawImage(picture, 0, 0);
+      this.map.addSource("silence", { type: "canvas", canvas, coordinates: map.corners, animate: false });
+      this.map.addLayer({ id: "silence", type: "raster", source: "silence", paint: { "raster-fade-duration": 0, "raster-opacity": 0.7, "raster-resampling": "nearest" } }, "wedges");
+    };
+    picture.src = `data:image/png;base64,${map.picture}`;
+  }
+
+  show(places: LonLat[]): void {
+    const [lons, lats] = [places.map((one) => one[0]), places.map((one) => one[1])];
+    this.map.fitBounds([min(lons), min(lats), max(lons), max(lats)], { padding: this.padding(), maxZoom: 18, duration: 0 });
   }
 
   /** Redraw everything that depends on the pulses. */
@@ -193,6 +232,17 @@ export class MapView implements FlightMap {
     }
   }
 
+  /** The other vehicles of this station. */
+  drawFleet(): void {
+    if (!this.ready) return;
+    for (const marker of this.others) marker.remove();
+    this.others = othersPlaced().map((one) =>
+      new Marker({ element: otherElement(one.pose.heading_deg, nameOf(one)) })
+        .setLngLat([one.pose.longitude_deg, one.pose.latitude_deg])
+        .addTo(this.map),
+    );
+  }
+
   drawEstimates(): void {
     if (!this.ready) return;
     const [bearings, positions] = bearingsShown();
@@ -226,7 +276,7 @@ export class MapView implements FlightMap {
     for (let place = 0; track && place < track.count; place += step) {
       line.push([track.lon[place]!, track.lat[place]!]);
     }
-    const placed = (other?.positions ?? []).filter((one) => one.stations > 1 && !store.hidden.has(one.tag_id));
+    const placed = (other?.positions ?? []).filter((one) => isPlaced(one) && !store.hidden.has(one.tag_id));
     this.put("other-track", lineOf(line));
     this.put("other-regions", collection(placed.flatMap(regionsOf)));
     this.put("other-fixes", 
@@ -247,6 +297,7 @@ export class MapView implements FlightMap {
       bearings: ["wedges", "rays"],
       regions: ["regions", "heat"],
       strength: ["strongest"],
+      hindsight: ["hindsight-circle", "hindsight-pulse", "hindsight-place"],
     };
     for (const id of ids[name]) {
       if (this.map.getLayer(id)) {
@@ -303,12 +354,8 @@ export class MapView implements FlightMap {
   fit(): void {
     const places = placesOf();
     if (!places.length) return;
-    const [lons, lats] = [places.map((one) => one[0]), places.map((one) => one[1])];
-    this.map.fitBounds(
-      [min(lons), min(lats), max(lons), max(lats)],
-      // The box with the coordinates covers the top.
-      { padding: this.padding(), maxZoom: 18, duration: 0 },
-    );
+    // The box with the coordinates covers the top.
+    this.show(places);
   }
 
   /** Positions come after the pulses: show each tag's, once, unless the map was moved by hand. */
@@ -402,7 +449,11 @@ export class MapView implements FlightMap {
     void this.setBasemap(this.basemap);
     this.drawPulses(true);
     this.drawTrack();
+    this.drawFleet();
     this.drawEstimates();
     this.drawOther();
+    this.drawHindsight();
+    this.setSilence(this.silence);
+    this.setMotion(this.motion);
   }
 }

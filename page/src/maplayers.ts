@@ -54,6 +54,7 @@ export interface Layers {
   bearings: boolean;
   regions: boolean;
   strength: boolean;
+  hindsight: boolean;
 }
 
 export const AT_FIRST: Layers = {
@@ -63,6 +64,7 @@ export const AT_FIRST: Layers = {
   bearings: true,
   regions: true,
   strength: false,
+  hindsight: true,
 };
 
 /** Lay the layers of a flight over what is there; their sources must exist. */
@@ -135,6 +137,28 @@ export function addFlightLayers(map: MapLibre): void {
     },
     paint: { "text-color": "#111", "text-halo-color": "#fff", "text-halo-width": 1.6 },
   });
+  const hindsight = (part: string) => ["==", ["get", "part"], part] as never;
+  map.addLayer({
+    id: "hindsight-circle",
+    type: "line",
+    source: "hindsight",
+    filter: hindsight("circle"),
+    paint: { "line-color": ["get", "colour"], "line-width": 2, "line-dasharray": [4, 2, 1, 2] },
+  });
+  map.addLayer({
+    id: "hindsight-pulse",
+    type: "circle",
+    source: "hindsight",
+    filter: hindsight("pulse"),
+    paint: { "circle-radius": 5, "circle-color": "rgba(0,0,0,0)", "circle-stroke-width": 1.8, "circle-stroke-color": ["get", "colour"] },
+  });
+  map.addLayer({
+    id: "hindsight-place",
+    type: "circle",
+    source: "hindsight",
+    filter: hindsight("place"),
+    paint: { "circle-radius": 7, "circle-color": ["get", "colour"], "circle-stroke-width": 3, "circle-stroke-color": "#ffffff" },
+  });
   map.addLayer({
     id: "other-track",
     type: "line",
@@ -158,6 +182,37 @@ export function addFlightLayers(map: MapLibre): void {
       "circle-stroke-width": 3,
       "circle-stroke-color": ["get", "colour"],
     },
+  });
+  const part = ["match", ["get", "part"], "keep", "#c62828", "area", "#7b1fa2", "corner", "#7b1fa2", "#00838f"] as never;
+  const of = (...parts: string[]) => ["in", ["get", "part"], ["literal", parts]] as never;
+  map.addLayer({
+    id: "motion-fill",
+    type: "fill",
+    source: "motion",
+    filter: of("keep", "area"),
+    paint: { "fill-color": part, "fill-opacity": 0.1 },
+  });
+  map.addLayer({
+    id: "motion-line",
+    type: "line",
+    source: "motion",
+    filter: of("keep", "area"),
+    paint: { "line-color": part, "line-width": 2, "line-dasharray": [3, 2] },
+  });
+  map.addLayer({
+    id: "motion-way",
+    type: "line",
+    source: "motion",
+    filter: of("way"),
+    layout: { "line-join": "round" },
+    paint: { "line-color": part, "line-width": 3 },
+  });
+  map.addLayer({
+    id: "motion-dots",
+    type: "circle",
+    source: "motion",
+    filter: of("corner", "end"),
+    paint: { "circle-color": part, "circle-radius": 6, "circle-stroke-width": 2, "circle-stroke-color": "#ffffff" },
   });
   map.addLayer({
     id: "measure",

@@ -19,6 +19,16 @@ export function droneElement(): HTMLElement {
   return element;
 }
 
+/** Another vehicle of this station: smaller, with its name. */
+export function otherElement(heading: number, name: string): HTMLElement {
+  const shape = svg(
+    "svg",
+    { viewBox: "-16 -16 32 32", width: 24, height: 24, role: "img", "aria-label": name },
+    svg("path", { d: "M0 -13 L9 11 L0 6 L-9 11 Z", class: "drone-shape other", transform: `rotate(${heading})` }),
+  );
+  return h("div", { class: "other-vehicle", "data-name": name }, shape, h("span", { class: "fix-name" }, name));
+}
+
 /** The pulse rose: for each sixteenth of the turn, the strongest pulse heard there. */
 export function roseElement(one: BearingRecord): HTMLElement {
   const heard = one.rose_snr_db.filter((value): value is number => value !== null);

@@ -1,6 +1,9 @@
 /**
  * A smooth pan where no graphics processor helps: while the map moves it is drawn coarser, as
  * coarse as its frames are slow, and sharp again as soon as it rests.
+ *
+ * Without a graphics processor the time of a frame depends on the number of pixels, whatever is
+ * on them: half the resolution of an empty map of 734 × 513 takes 17 ms instead of 33 (SwiftShader, 2 cores).
  */
 
 import type { Map as MapLibre } from "maplibre-gl";

@@ -1,6 +1,6 @@
 /** Set-up: connection, tags, antenna, radio. Mistakes are shown where they are made. */
 
-import { ApiError, get, send } from "./api";
+import { ApiError, BASE, get, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { droneSection } from "./drone";
 import { toast } from "./notice";
@@ -14,6 +14,9 @@ interface Field {
   hint: string;
   text?: boolean;
 }
+
+/** As `DEFAULT_FALSE_ALARM_PROBABILITY` in uavrt/messages.py; a test compares them. */
+const DEFAULT_FALSE_ALARM_PERCENT = 1;
 
 const FIELDS: Field[] = [
   { key: "id", label: "Id", unit: "", hint: "A whole number of its own" },
@@ -54,7 +57,7 @@ export function buildSetup(): void {
           h("button", { id: "tag-add", onclick: () => addRow() }, "Add a tag"),
           h("select", { id: "tag-preset", "aria-label": "New tags like", title: "New tags like" }, h("option", { value: "" }, "like the last one")),
           importButton(),
-          ...["tags.toml", "TagInfo.txt", "tags.csv"].map((name) => h("a", { class: "export", href: `/api/tags/${name}`, download: name }, name)),
+          ...["tags.toml", "TagInfo.txt", "tags.csv"].map((name) => h("a", { class: "export", href: `${BASE}/api/tags/${name}`, download: name }, name)),
           h("span", { id: "tag-state", class: "note", role: "status" }),
           h("button", { id: "tag-save", class: "primary", onclick: () => void save() }, "Save"),
         ),
@@ -105,7 +108,7 @@ function addRow(): void {
   row.name = "";
   row.frequency_mhz = "";
   row.k = row.k || 3;
-  row.false_alarm_percent = row.false_alarm_percent || 1;
+  row.false_alarm_percent = row.false_alarm_percent || DEFAULT_FALSE_ALARM_PERCENT;
   rows.push(row);
   touched();
   draw();
@@ -168,7 +171,7 @@ function flyBox(row: TagRow): HTMLElement {
     onchange: () => {
       const others = (store.settings?.left_out ?? []).filter((one) => one !== id);
       void send("PUT", "/settings", { left_out: box.checked ? others : [...others, id] }).catch((error: unknown) =>
-        toast(error instanceof Error ? error.message : "the server is not reached", 3),
+        toast(error instanceof Error ? error.message : "the server cannot be reached", 3),
       );
     },
   });
@@ -248,7 +251,7 @@ export async function save(): Promise<boolean> {
       store.tagsVersion = String(error.body.version);
       store.tags = error.body.tags as TagRow[];
       drawConflict();
-    } else toast(error instanceof ApiError ? error.message : "the server is not reached", 3);
+    } else toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);
     return false;
   }
 }
@@ -298,7 +301,7 @@ async function importFiles(input: HTMLInputElement): Promise<void> {
     draw();
     toast(`${rows.length} tags read; look at them, then save`, 6);
   } catch (error) {
-    say(by("tag-fault"), error instanceof ApiError ? error.message : "the server is not reached");
+    say(by("tag-fault"), error instanceof ApiError ? error.message : "the server cannot be reached");
   }
 }
 
@@ -315,6 +318,28 @@ function connectionForm(): HTMLElement {
     },
     h("label", {}, "How", h("select", { id: "link-kind", onchange: () => suggest() })),
     h("label", {}, "Address", h("input", { id: "link-address", autocomplete: "off", spellcheck: "false" })),
+    h("label", { title: "A GPS receiver of this computer that speaks NMEA: serial:///dev/ttyACM0, udpin://127.0.0.1:10110, tcp://HOST:PORT" },
+      "My place, from a receiver",
+      h("input", {
+        id: "set-my-place",
+        autocomplete: "off",
+        spellcheck: "false",
+        placeholder: "none: the browser's",
+        onchange: () => void change({ my_place: value("set-my-place") }, "set-my-place"),
+      }),
+      h("span", { class: "fault", id: "set-my-place-fault" }),
+    ),
+    h("label", { title: "Heights of the ground on the computer of the ground station: an SRTM tile (N47E008.hgt), a GeoTIFF, or a folder of them" },
+      "Hills, from a file or folder",
+      h("input", {
+        id: "set-dem",
+        autocomplete: "off",
+        spellcheck: "false",
+        placeholder: "none: level ground",
+        onchange: () => void change({ dem: value("set-dem") }, "set-dem"),
+      }),
+      h("span", { class: "fault", id: "set-dem-fault" }),
+    ),
     h("label", {}, "Drone's software", h("select", { id: "set-generation", onchange: () => void change({ generation: value("set-generation") }) },
       h("option", { value: "G1" }, "uavrt, TagTracker's of 2026"),
       h("option", { value: "G0" }, "the thesis's of 2023"),
@@ -346,6 +371,13 @@ function antennaForm(): HTMLElement {
     h("label", {}, "Antenna", h("select", { id: "set-antenna", onchange: () => void change({ antenna: value("set-antenna") }) })),
     number("set-offset", "Turned clockwise from the told heading, °", "antenna_offset_deg", "0 when the drone's uavrt.toml holds the mounting"),
     number("set-gain", "Gain, 0 to 21 (empty: the drone's)", "gain", "Of the Airspy"),
+    h("label", { title: "Shown where several vehicles are served, and with its flights" }, "Name of this vehicle", h("input", {
+      id: "set-vehicle-name",
+      autocomplete: "off",
+      maxlength: "40",
+      "data-setting": "vehicle_name",
+      onchange: () => void change({ vehicle_name: value("set-vehicle-name") }, "set-vehicle-name"),
+    }), h("span", { class: "fault", id: "set-vehicle-name-fault" })),
     number("set-roaming", "Animals go in a minute, m (0: rest)", "roaming_m", "Positions grow by it with their age"),
     number("set-frequency", "Radio frequency, MHz (empty: chosen by the drone)", "center_frequency_mhz", "Centre of the band"),
   );
@@ -359,11 +391,12 @@ async function change(values: Record<string, string>, id?: string): Promise<void
   const fault = id ? document.getElementById(`${id}-fault`) : null;
   try {
     const cleaned = Object.fromEntries(Object.entries(values).map(([key, one]) => [key, one === "" ? null : one]));
+    for (const name of ["my_place", "dem"]) if (name in cleaned) cleaned[name] ??= "";
     if ("antenna_offset_deg" in cleaned && cleaned.antenna_offset_deg === null) cleaned.antenna_offset_deg = "0";
     await send("PUT", "/settings", cleaned);
     if (fault) say(fault, "");
   } catch (error) {
-    const text = error instanceof ApiError ? error.message : "the server is not reached";
+    const text = error instanceof ApiError ? error.message : "the server cannot be reached";
     if (fault) say(fault, text);
     else toast(text, 3);
   }
@@ -374,7 +407,7 @@ async function connect(open: boolean): Promise<void> {
   try {
     await send("POST", "/connection", { address: open ? value("link-address") : "" });
   } catch (error) {
-    say(by("link-state"), error instanceof ApiError ? error.message : "the server is not reached");
+    say(by("link-state"), error instanceof ApiError ? error.message : "the server cannot be reached");
     return;
   }
   drawConnection();
@@ -408,8 +441,11 @@ function drawSettings(): void {
     if (document.activeElement !== input) input.value = text;
   };
   put("link-address", settings.address);
+  put("set-my-place", settings.my_place);
+  put("set-dem", settings.dem);
   put("set-antenna", settings.antenna);
   put("set-offset", String(settings.antenna_offset_deg));
+  put("set-vehicle-name", settings.vehicle_name);
   put("set-roaming", String(settings.roaming_m));
   put("set-gain", settings.gain === null ? "" : String(settings.gain));
   put("set-frequency", settings.center_frequency_mhz === null ? "" : String(settings.center_frequency_mhz));
@@ -421,4 +457,7 @@ function drawConnection(): void {
   if (!state) return;
   const told = state.connection.error ? "not connected: see above" : (state.connection.open ? (state.drone.present ? "drone heard" : "open; no drone heard yet") : "not connected");
   say(by("link-state"), told);
+  const me = state.me;
+  const heard = me && (me.latitude_deg === null ? (me.error ?? "no place told yet") : "");
+  if (document.activeElement !== by("set-my-place")) say(by("set-my-place-fault"), heard ?? "");
 }

@@ -1,7 +1,7 @@
 /** What of the flight is on the map at all: for both kinds of map. */
 
 import type { LonLat } from "./geo";
-import { store } from "./store";
+import { isPlaced, store } from "./store";
 import type { BearingRecord, PositionRecord } from "./types";
 
 /** Roses and wedges of older turns than these are left to the layer of positions. */
@@ -49,7 +49,7 @@ export function placesOf(): LonLat[] {
   }
   for (const one of store.positions) {
     places.push([one.longitude_deg, one.latitude_deg]);
-    const ends = one.stations > 1 ? one.region95.flat() : [];
+    const ends = isPlaced(one) ? one.region95.flat() : [];
     places.push(...ends);
   }
   for (const one of store.marks()) places.push([one.longitude_deg, one.latitude_deg]);

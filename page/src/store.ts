@@ -3,13 +3,14 @@
  * after a restart of the server the same is fetched again.
  */
 
-import { columns, get, PAGE } from "./api";
+import { BASE, columns, get, PAGE } from "./api";
 import { PULSE_NAMES, Pulses } from "./pulses";
 import { emptyTrack, extend, MOST_POSES, POSE_NAMES, type Track, trackFrom } from "./track";
 import type {
   BearingRecord,
   Download,
   Estimates,
+  Hindsight,
   FlightSummary,
   LogLine,
   MarkRecord,
@@ -35,6 +36,7 @@ export type Topic =
   | "selection"
   | "other"
   | "download"
+  | "hindsight"
   | "waterfall"
   | "online";
 
@@ -54,6 +56,11 @@ const RECONNECT_MS = 1000;
 /** Radius of 95 % of a round normal distribution, in standard deviations along one axis. */
 const SHARE95 = Math.sqrt(-2 * Math.log(0.05)) / Math.SQRT2;
 
+/** Whether a position stands: one bearing gives but a wedge; a monopole gives none. */
+export function isPlaced(one: PositionRecord): boolean {
+  return one.stations > 1 || (one.powers ?? 0) > 0;
+}
+
 class Store {
   online = false;
   state: State | null = null;
@@ -71,6 +78,8 @@ class Store {
   review: Stored["summary"] | null = null;
   /** Flight that is compared with it. */
   other: Stored | null = null;
+  /** What a whole flight's samples say of the flight that is looked at. */
+  hindsight: Hindsight | null = null;
   download: Download | null = null;
   /** Columns of the live waterfall that nobody has drawn yet. */
   waterfall: WaterfallRecord[] = [];
@@ -142,10 +151,10 @@ class Store {
     return this.review ? this.review.marks : (this.state?.marks ?? []);
   }
 
-  /** Seconds since a tag was last in a bearing, now or at the replay's time; null: never. */
+  /** Seconds since what a tag's position was made of, now or at the replay's time; null: there is none. */
   age(id: number): number | null {
-    const ends = this.bearings.filter((one) => one.tag_id === id && one.accepted).map((one) => one.end_time_ns);
-    return ends.length ? Math.max(0, (this.pulseNowNs() - Math.max(...ends)) / 1e9) : null;
+    const fix = this.positions.find((one) => one.tag_id === id);
+    return fix ? Math.max(0, (this.pulseNowNs() - fix.end_time_ns) / 1e9) : null;
   }
 
   /** A position's radius as it is by now: an animal that roams is less sure every minute. */
@@ -218,7 +227,7 @@ class Store {
   /** Positions that stand: one bearing gives a wedge, and in a replay all turns must be flown. */
   placed(): PositionRecord[] {
     const last = Math.max(...this.bearings.map((one) => one.end_time_ns), 0);
-    return this.until >= last ? this.positions.filter((one) => one.stations > 1) : [];
+    return this.positions.filter((one) => isPlaced(one) && this.until >= Math.max(last, one.end_time_ns));
   }
 
   // ---------------------------------------------------------------- past flights
@@ -234,6 +243,7 @@ class Store {
     this.hidden.clear();
     this.heights = null;
     this.other = null;
+    this.hindsight = null;
     this.pulses = pulses;
     this.track = track;
     this.take({ bearings: [], positions: [] });
@@ -243,6 +253,14 @@ class Store {
     this.emit("reset");
     this.emit("state");
     void this.loadEstimates(flightId, ticket);
+    void this.loadHindsight(flightId, ticket);
+  }
+
+  private async loadHindsight(flightId: string, ticket: number): Promise<void> {
+    const found = await get<Hindsight>(`/flights/${encodeURIComponent(flightId)}/integrated`).catch(() => null);
+    if (ticket !== this.loading) return;
+    this.hindsight = found;
+    this.emit("hindsight");
   }
 
   private async loadEstimates(flightId: string, ticket: number): Promise<void> {
@@ -258,6 +276,8 @@ class Store {
 
   backToLive(): void {
     this.review = null;
+    this.hindsight = null;
+    this.emit("hindsight");
     this.compare(null);
     this.until = Infinity;
     void this.loadLive();
@@ -267,7 +287,7 @@ class Store {
 
   connect(): void {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/api/records?page=${PAGE}`);
+    const socket = new WebSocket(`${scheme}://${location.host}${BASE}/api/records?page=${PAGE}`);
     socket.onmessage = (event) => this.receive(JSON.parse(String(event.data)));
     socket.onclose = () => {
       if (this.online) {

@@ -6,21 +6,37 @@ import { metres } from "./format";
 import { bearingDeg, distanceM, type LonLat } from "./geo";
 import { toast } from "./notice";
 import { herePlace } from "./shown";
+import { store } from "./store";
 import type { Readout } from "./types";
 import type { FlightMap, Tap } from "./view";
+import { drawWalk } from "./walk";
 
 let view: FlightMap;
-let me: LonLat | null = null;
+/** As the browser knows it. */
+let browsers: LonLat | null = null;
 let from: LonLat | null = null;
 let watching: number | null = null;
 
 export function tapBox(made: FlightMap): HTMLElement {
   view = made;
+  store.on(["state"], drawMe);
   view.onTap = (tap) => void show(tap);
   return h("div", { id: "tap", class: "tap", hidden: true, role: "dialog", "aria-label": "This place" });
 }
 
+let catcher: ((at: LonLat) => void) | null = null;
+
+/** Whoever draws on the map takes the taps; null gives them back. */
+export function catchTaps(taker: ((at: LonLat) => void) | null): void {
+  catcher = taker;
+  if (taker) by("tap").hidden = true;
+}
+
 async function show(tap: Tap): Promise<void> {
+  if (catcher) {
+    catcher(tap.at);
+    return;
+  }
   if (from) {
     view.setMeasure([from, tap.at]);
     say(tap.at, `${way(from, tap.at)} from the first place`);
@@ -38,6 +54,7 @@ function way(a: LonLat, b: LonLat): string {
 function say(at: LonLat, measured: string): void {
   const box = by("tap");
   const here = herePlace();
+  const me = myPlace();
   const place = h("div", { id: "tap-place", class: "tap-place" }, `${at[1].toFixed(6)}, ${at[0].toFixed(6)}`);
   const close = () => {
     box.hidden = true;
@@ -73,7 +90,7 @@ async function mark([longitude, latitude]: LonLat, close: () => void): Promise<v
     await send("POST", "/commands/mark", { text, latitude_deg: latitude, longitude_deg: longitude });
     close();
   } catch (error) {
-    toast(error instanceof Error ? error.message : "the server is not reached", 4);
+    toast(error instanceof Error ? error.message : "the server cannot be reached", 4);
   }
 }
 
@@ -81,24 +98,37 @@ async function mark([longitude, latitude]: LonLat, close: () => void): Promise<v
 export function toggleMe(button: HTMLElement): void {
   if (watching !== null) {
     navigator.geolocation.clearWatch(watching);
-    [watching, me] = [null, null];
+    [watching, browsers] = [null, null];
   } else if (!("geolocation" in navigator)) {
     toast("This browser does not know where it is", 5);
     return;
   } else {
     watching = navigator.geolocation.watchPosition(
       (found) => {
-        me = [found.coords.longitude, found.coords.latitude];
-        view.setMe(me);
+        browsers = [found.coords.longitude, found.coords.latitude];
+        drawMe();
       },
       (fault) => toast(`Your place is not known: ${fault.message}`, 5),
       { enableHighAccuracy: true, maximumAge: 5000 },
     );
   }
-  view.setMe(me);
+  drawMe();
   button.setAttribute("aria-pressed", String(watching !== null));
 }
 
+/** Where the people stand: by the ground station's own receiver, or else by the browser. */
 export function myPlace(): LonLat | null {
-  return me;
+  const me = store.state?.me;
+  if (me && me.latitude_deg !== null && me.longitude_deg !== null) return [me.longitude_deg, me.latitude_deg];
+  return browsers;
+}
+
+let drawn = "";
+
+function drawMe(): void {
+  const me = myPlace();
+  if (drawn === String(me)) return;
+  drawn = String(me);
+  view.setMe(me);
+  drawWalk();
 }

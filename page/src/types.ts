@@ -62,6 +62,10 @@ export interface State {
   marks: MarkRecord[];
   /** Where it took off, as the autopilot tells. */
   home: { latitude_deg: number; longitude_deg: number } | null;
+  /** This computer's place by its GPS receiver; null: it has none. */
+  me: { latitude_deg: number | null; longitude_deg: number | null; age_s: number | null; error: string | null } | null;
+  /** All vehicles that are served, the first first; empty where there is but one. */
+  fleet: FleetRecord[];
   armed: boolean | null;
   battery_v: number | null;
   battery_percent: number | null;
@@ -72,11 +76,35 @@ export interface State {
     pulses: number;
     fault: string | null;
   };
+  /** Null: the drone says nothing of motion. */
+  motion: Motion | null;
   tags_sent: boolean;
   /** Seconds since each detector was heard. */
   detectors: Record<string, number>;
   busy: { action: string; text: string; done: number; whole: number } | null;
   actions: Record<string, ActionState>;
+}
+
+/** One of several vehicles. */
+export interface FleetRecord {
+  system_id: number | null;
+  name: string;
+  /** Where its page is. */
+  page: string;
+  present: boolean;
+  state: string | null;
+  pose: PoseRecord | null;
+  pulses: number;
+}
+
+/** Who flies, and what the drone would fly; places are latitude and longitude. */
+export interface Motion {
+  standing: "out" | "confirmed" | "in command";
+  /** What it does, or why it does not. */
+  text: string;
+  heard: boolean;
+  way: [number, number][];
+  offer: { order_id: number; text: string; page: string | null; left_s: number; way: [number, number][] } | null;
 }
 
 export type TagRow = Record<string, string | number>;
@@ -96,6 +124,10 @@ export interface Settings {
   center_frequency_mhz: number | null;
   /** How far an animal goes in a minute, in steps that forget each other. */
   roaming_m: number;
+  vehicle_name: string;
+  /** Where a GPS receiver tells this computer's place; empty: nowhere. */
+  my_place: string;
+  dem: string;
   /** Tags of the table that are not flown with. */
   left_out: number[];
 }
@@ -132,12 +164,18 @@ export interface PositionRecord {
   longitude_deg: number;
   method: string;
   stations: number;
+  /** Pulses whose strength made it, where there are no bearings. */
+  powers: number;
+  /** When the last was heard that it knows of. */
+  end_time_ns: number;
   radius50_m: number | null;
   radius95_m: number | null;
   at_edge: boolean;
   cautions: { name: string; text: string }[];
   /** The cautions' texts, and what errors that bearings may share add to the circle. */
   remarks: string[];
+  /** Where a tag that moves was, in order of time; empty for one that rests. */
+  track: { time_ns: number; latitude_deg: number; longitude_deg: number; radius50_m: number; radius95_m: number }[];
   readout: Readout;
   region50: [number, number][][];
   region95: [number, number][][];
@@ -170,11 +208,13 @@ export interface FlightSummary {
   tags: { tag_id: number; name: string | null; frequency_hz: number }[];
   source: string;
   starred: boolean;
+  /** Number and name of its vehicle, where they are known. */
+  vehicle: string | null;
 }
 
 export interface Choices {
   ports: { device: string; description: string; address: string }[];
-  antennas: Record<string, { e_plane_db: number[] }>;
+  antennas: Record<string, { e_plane_db: number[] | null }>;
   presets: Record<string, string | number>[];
   maps: MapFile[];
   maps_directory: string;
@@ -218,4 +258,45 @@ export interface MarkRecord {
   latitude_deg: number;
   longitude_deg: number;
   text: string;
+}
+
+/** What a whole flight's samples say of one tag (uavrt integrate). */
+export interface Verdict {
+  tag_id: number;
+  found: boolean;
+  false_alarm_probability: number;
+  interval_s: number;
+  bearing_deg: number | null;
+  arc95_deg: number | null;
+  latitude_deg: number | null;
+  longitude_deg: number | null;
+  radius95_m: number | null;
+  places: number;
+  pulses: number;
+  heard_live: number;
+}
+
+export interface Hindsight {
+  tags: Verdict[];
+  pulses: { tag_id: number; time_ns: number; longitude_deg: number; latitude_deg: number }[];
+}
+
+/** Where a tag would have been heard (uavrt coverage). */
+export interface SilenceMap {
+  corners: [[number, number], [number, number], [number, number], [number, number]];
+  /** PNG, base64. */
+  picture: string;
+  mean_probability: number | null;
+  share_above_90: number | null;
+  heard_pulses: number;
+  noise: string;
+  limitations: string[];
+}
+
+export type SilenceAnswer = { state: "working"; done: number } | { state: "failed"; error: string } | ({ state: "done" } & SilenceMap);
+
+export interface Absence {
+  prior: number;
+  heard: number;
+  not_here: number;
 }

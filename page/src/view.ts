@@ -2,12 +2,21 @@
 
 import type { LonLat } from "./geo";
 import type { Layers } from "./maplayers";
-import type { MapFile } from "./types";
+import type { MapFile, SilenceMap } from "./types";
 
 export interface Tap {
   at: LonLat;
   x: number;
   y: number;
+}
+
+/** What a motion draws: the area, the way, and where a search keeps away from. */
+export interface MotionDrawing {
+  area: LonLat[];
+  way: LonLat[];
+  keepAway: { at: LonLat; radiusM: number }[];
+  /** Outlines of people and buildings. */
+  keepOut: LonLat[][];
 }
 
 export interface FlightMap {
@@ -23,9 +32,18 @@ export interface FlightMap {
   drawTrack(): void;
   drawEstimates(): void;
   drawOther(): void;
+  /** The other vehicles of this station. */
+  drawFleet(): void;
   drawMarks(): void;
   setMe(at: LonLat | null): void;
   setMeasure(line: LonLat[]): void;
+  setMotion(drawn: MotionDrawing): void;
+  /** What a whole flight's samples say. */
+  drawHindsight(): void;
+  /** Where a tag would have been heard, below all else; null: nothing. */
+  setSilence(map: SilenceMap | null): void;
+  /** Frame some places. */
+  show(places: LonLat[]): void;
   setLayer(name: keyof Layers, visible: boolean): void;
   setBasemap(file: MapFile | null): Promise<void>;
 }

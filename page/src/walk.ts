@@ -8,6 +8,7 @@ import { bearingDeg, compass, distanceM, type LonLat } from "./geo";
 import { toast } from "./notice";
 import { speak } from "./speech";
 import { store } from "./store";
+import { myPlace } from "./tap";
 import type { Readout } from "./types";
 
 let format: keyof Readout = "decimal";
@@ -88,7 +89,9 @@ export function drawWalk(): void {
     by("walk-sure"),
     last
       ? `bearing ${Math.round(last.bearing_deg)}° ${compass(last.bearing_deg)}${last.from_drone ? ", from the drone" : ""}: now turn elsewhere`
-      : "turn on the spot for a bearing",
+      : store.settings?.antenna === "monopole"
+        ? "fly on: with a monopole the way itself locates it"
+        : "turn on the spot for a bearing",
   );
   const key = best.join();
   if (strongest?.key === key) {
@@ -112,9 +115,10 @@ function tell(remarks: string[], cautions: number): void {
   );
 }
 
-/** From where the drone took off: there the people stand. */
+/** From where the people stand: their own place if it is known, or else where the drone took off. */
 function wayTo(place: LonLat): string {
-  const from = takeOff();
+  const me = myPlace();
+  const from = me ? { at: me, named: "me" } : takeOff();
   if (!from) return "";
   const far = distanceM(from.at, place);
   const way = bearingDeg(from.at, place);

@@ -74,7 +74,7 @@ async function toggleLive(): Promise<void> {
     }
     draw();
   } catch (error) {
-    say(by("waterfall-note"), error instanceof ApiError ? error.message : "the server is not reached");
+    say(by("waterfall-note"), error instanceof ApiError ? error.message : "the server cannot be reached");
   }
 }
 
@@ -116,7 +116,7 @@ async function loadRecorded(): Promise<void> {
       say(note, "0\u202fHz is the tag's nominal frequency; brightness from the noise to 30\u202fdB above it");
     }
   } catch (error) {
-    if (mine === asked) say(note, error instanceof ApiError ? error.message : "the server is not reached");
+    if (mine === asked) say(note, error instanceof ApiError ? error.message : "the server cannot be reached");
   }
   draw();
 }

@@ -1,4 +1,4 @@
-"""How much of something a stranger may cause."""
+"""Rate limits on what a stranger may cause."""
 
 from dataclasses import dataclass, field
 

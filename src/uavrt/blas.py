@@ -1,10 +1,10 @@
-"""How NumPy's linear algebra shall run: what the environment must say before NumPy is imported.
+"""Settings for NumPy's linear algebra, put in the environment before NumPy is imported.
 
-Blocks are small. A second thread saves nothing and costs more than all of the detection, for it
-waits in a loop for the next product (161 % of a core against 99 %).
+Blocks are small. A second thread saves nothing and costs more than all of detection, because it
+spins while it waits for the next product (161 % of a core against 99 %).
 
 OpenBLAS runs its kernels for Haswell, with vectors of 256 bits, on AMD processors that have
-512: told which to take, the products of the detectors and of the decimator take half the time.
+512. With the wider kernels, the products of detectors and decimator take half as long.
 """
 
 import os
@@ -18,7 +18,7 @@ _SKYLAKE = {"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"}
 def blas_environment(
     given: Mapping[str, str] = os.environ, cpuinfo: Path = Path("/proc/cpuinfo")
 ) -> dict[str, str]:
-    """Say what a process needs on top of its environment; what that says already stands.
+    """Describe what a process needs on top of its environment; what that says already stands.
 
     Parameters
     ----------

@@ -1,13 +1,13 @@
-"""The table of commands: what the drone can be asked, when, by whom, and in which words.
+"""The table of commands: what each does, when it is allowed, who may send it, how it is worded.
 
 The supervisor's rules, the tunnel's numbers and lengths, the ground station's buttons and the
 page's answers derive from it. A new command is a row here with its name and number, what it
-does in `uavrt.supervisor.mission`, and, where it is more than its number, its layout in the
-tunnel's generations (`uavrt.tunnel.g1`, `g2`).
+does in `uavrt.supervisor.mission.orders`, and, where it is more than its number, its layout in
+the tunnel's generations (`uavrt.tunnel.g1`, `g2`).
 
 A command that a state does not allow is refused with a reason the operator can act on; nothing
 can lock up. A repeated command is accepted and changes nothing, so a ground station may retry
-over a lossy link. An order of motion will have one more column: that it needs a confirmation.
+over a lossy link. An order of motion has one more column: by which command it is confirmed.
 """
 
 from collections.abc import Mapping
@@ -37,6 +37,8 @@ CommandName = Literal[
     "clean_logs",
     "radio_status",
     "set_parameter",
+    "fly",
+    "confirm_motion",
 ]
 
 Generation = Literal["G0", "G1", "G2v1", "G2"]
@@ -113,7 +115,7 @@ BETWEEN_FLIGHTS: States = {
 
 
 class Who(StrEnum):
-    """Who may ask for it, where commands are kept to one (`uavrt.supervisor.commander`)."""
+    """Who may ask for it where one commands: `uavrt.supervisor.mission.who_commands`."""
 
     ANYBODY = "anybody"
     """It changes nothing."""
@@ -154,6 +156,8 @@ class CommandRow:
     lengths: Mapping[Generation, tuple[int, ...]] = field(default_factory=dict)
     """Of its payloads in the generations of the tunnel that have it, the newest last."""
     button: Button | None = None
+    confirmed_by: CommandName | None = None
+    """Nothing moves before that command has come, with the nonce of the drone's offer."""
 
 
 BARE, BARE_G2 = (4,), (8,)
@@ -300,6 +304,19 @@ _ROWS = (
         who=Who.LAST_COMMANDER,
         states=ALWAYS,
         button=Button(action="parameters", label="Parameters"),
+    ),
+    CommandRow(
+        name="fly",
+        meaning="ask for a motion of the drone",
+        who=Who.LAST_COMMANDER,
+        states=ALWAYS,
+        confirmed_by="confirm_motion",
+    ),
+    CommandRow(
+        name="confirm_motion",
+        meaning="confirm the motion that the drone offers",
+        who=Who.LAST_COMMANDER,
+        states=ALWAYS,
     ),
 )
 COMMANDS: dict[CommandName, CommandRow] = {row.name: row for row in _ROWS}

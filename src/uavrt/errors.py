@@ -19,11 +19,13 @@
     ├── PoseUnavailable            no pose around that time (yet, or any more)
     ├── CommandRefused             the supervisor's state does not allow it; holds the reason
     └── RecordingError             a flight directory that cannot be written or read
+        └── StoreError             an object store that does not answer, or ends in the middle
 
 Each holds the offending value where there is one, and its text says what to do.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 
 class UavrtError(Exception):
@@ -65,7 +67,7 @@ class TagFileError(UsageError):
 
 
 class FormatError(UsageError):
-    """A recording or a log is not what it is said to be."""
+    """A recording or log does not have the declared format."""
 
 
 class PlanError(UsageError):
@@ -141,3 +143,34 @@ class CommandRefused(UavrtError):
 
 class RecordingError(UavrtError):
     """A flight directory or recording cannot be written or read."""
+
+
+class StoreError(RecordingError):
+    """An object store does not answer, or ends in the middle: another time it may not."""
+
+
+@contextmanager
+def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]:
+    """Import packages of an optional extra inside of this.
+
+    Parameters
+    ----------
+    extra : str
+        Name of the extra, such as ``"analysis"``.
+    what : str
+        What needs it, to begin the message with.
+    otherwise : str
+        What can be done without it, to end the remedy with.
+
+    Raises
+    ------
+    UsageError
+        A package is missing.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise UsageError(
+            f"{what} needs a package that is not installed ({error.name or error})",
+            remedy=f"Run: pip install 'uavrt[{extra}]'{otherwise}",
+        ) from error

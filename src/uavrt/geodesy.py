@@ -55,14 +55,14 @@ class Utm:
     northing_m: float
 
 
-def utm(latitude_deg: float, longitude_deg: float) -> Utm | None:
-    """Project a place; None where UTM does not reach."""
+def utm(latitude_deg: float, longitude_deg: float, *, zone: int | None = None) -> Utm | None:
+    """Project a place, into its own zone or a given one; None where UTM does not reach."""
     if not -80.0 <= latitude_deg <= 84.0:
         return None
     longitude_deg = wrap_degrees_180(longitude_deg)
-    zone = _zone(latitude_deg, longitude_deg)
+    zone = _zone(latitude_deg, longitude_deg) if zone is None else zone
     phi = math.radians(latitude_deg)
-    lam = math.radians(longitude_deg - (zone * 6 - 183))
+    lam = math.radians(wrap_degrees_180(longitude_deg - (zone * 6 - 183)))
     tau = math.tan(phi)
     sigma = math.sinh(_E * math.atanh(_E * tau / math.hypot(1.0, tau)))
     tau1 = tau * math.hypot(1.0, sigma) - sigma * math.hypot(1.0, tau)
@@ -96,6 +96,22 @@ def moved(
     return max(-90.0, min(90.0, north_deg)), wrap_degrees_180(east_deg)
 
 
+def distance_m(
+    latitude_deg: float,
+    longitude_deg: float,
+    other_latitude_deg: float,
+    other_longitude_deg: float,
+) -> float:
+    """Metres between two places near each other, by the ellipsoid's radii of curvature."""
+    middle_rad = math.radians(0.5 * (latitude_deg + other_latitude_deg))
+    flattening = 1.0 - ECCENTRICITY2 * math.sin(middle_rad) ** 2
+    prime_vertical_m = SEMI_MAJOR_M / math.sqrt(flattening)
+    meridian_m = SEMI_MAJOR_M * (1.0 - ECCENTRICITY2) / flattening**1.5
+    north = math.radians(other_latitude_deg - latitude_deg)
+    east = math.radians(wrap_degrees_180(other_longitude_deg - longitude_deg))
+    return math.hypot(north * meridian_m, east * prime_vertical_m * math.cos(middle_rad))
+
+
 def geodetic_of_epsg(epsg: int, easting_m: float, northing_m: float) -> tuple[float, float]:
     """Latitude and longitude [deg] of a place in EPSG 32601–32660, 32701–32760 or 4326.
 
@@ -108,14 +124,14 @@ def geodetic_of_epsg(epsg: int, easting_m: float, northing_m: float) -> tuple[fl
         lat, lon = northing_m, easting_m
     elif 1 <= epsg - 32600 <= 60 or 1 <= epsg - 32700 <= 60:
         if not (abs(easting_m - _FALSE_EASTING) < 1e6 and abs(northing_m) < 1.1e7):
-            raise ValueError(f"{easting_m}, {northing_m} is no place of a UTM zone")
+            raise ValueError(f"{easting_m}, {northing_m} is not a place in a UTM zone")
         south = epsg > 32700
         lat, lon = _inverse_utm(easting_m, northing_m - (_FALSE_NORTHING if south else 0.0))
         lon += 6.0 * (epsg % 100) - 183.0
     else:
         raise ValueError(f"EPSG {epsg} is neither UTM on WGS84 nor 4326")
     if not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
-        raise ValueError(f"{easting_m}, {northing_m} is no place on earth")
+        raise ValueError(f"{easting_m}, {northing_m} is not a place on earth")
     return lat, math.remainder(lon, 360.0)
 
 

@@ -5,11 +5,12 @@ people instead. Levels: info is what an operator would tell a colleague; warning
 reach the ground as status texts.
 
 Sixty lines of our own, because every process pays for a library: structlog took 9 MB and 0.09 s
-in each (docs/decisions/0091-our-own-log-lines.md).
+in each, for what is `json.dumps` and a newline here.
 """
 
 import json
 import logging
+import select
 import sys
 import traceback
 from dataclasses import dataclass, field
@@ -24,6 +25,8 @@ _NAMES = {
     logging.ERROR: "error",
     logging.CRITICAL: "critical",
 }
+PATIENCE_MS = 20.0
+"""A reader that is only slow takes more by then."""
 _COLOURS = {"debug": "2", "info": "32", "warning": "33", "error": "31", "critical": "1;31"}
 
 
@@ -36,7 +39,8 @@ class _Sink:
     stream: TextIO | None = None
     """None: whatever stderr is now."""
     broken: int = field(default=0)
-    """Lines that nobody took: stderr closed, or the reader gone."""
+    """Lines that nobody took, since the last that was: stderr closed or stopped, or the reader
+    gone."""
 
 
 _sink = _Sink()
@@ -50,7 +54,7 @@ class Logger:
         self.log(logging.DEBUG, event, **facts)
 
     def info(self, event: str, **facts: Any) -> None:
-        """Log what an operator would tell a colleague."""
+        """Log what matters to an operator."""
         self.log(logging.INFO, event, **facts)
 
     def warning(self, event: str, **facts: Any) -> None:
@@ -86,12 +90,32 @@ class Logger:
             return
         stream = _sink.stream or sys.stderr
         name = _NAMES.get(level, str(level))
+        if not _takes_more(stream):
+            _sink.broken += 1
+            return
         try:
             write = _text if stream.isatty() else _json
+            if _sink.broken:
+                stream.write(write("warning", "lines left out", {"count": _sink.broken}) + "\n")
+                _sink.broken = 0
             stream.write(write(name, event, facts) + "\n")
             stream.flush()
         except (OSError, ValueError):
             _sink.broken += 1
+
+
+def _takes_more(stream: TextIO) -> bool:
+    """Whether a line can be written without standing still.
+
+    A terminal that was stopped (Ctrl-S) and a pipe that nobody empties take none: a supervisor
+    that waited for them would keep every process waiting.
+    """
+    try:
+        poll = select.poll()
+        poll.register(stream.fileno(), select.POLLOUT)
+        return bool(poll.poll(PATIENCE_MS))
+    except (OSError, ValueError, AttributeError):  # no file; on Windows there is no poll
+        return True
 
 
 def _json(level: str, event: str, facts: dict[str, Any]) -> str:
@@ -123,7 +147,7 @@ def configure_logging(
     process: str, *, level: int = logging.INFO, stream: TextIO | None = None
 ) -> None:
     """Send log events of this process to stderr, each with its name."""
-    _sink.process, _sink.level, _sink.stream = process, level, stream
+    _sink.process, _sink.level, _sink.stream, _sink.broken = process, level, stream, 0
 
 
 def get_logger() -> Logger:

@@ -16,8 +16,14 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-DetectionStatus = Literal["subthreshold", "detected", "confirmed"]
-"""How sure a pulse is: below the threshold (seen by a track), above it, or part of a track."""
+DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
+"""How sure a pulse is: below the threshold (seen by a track), above it, or part of a track.
+
+*integrated*: seen in hindsight, by the whole flight; never in flight, and never on the wire.
+"""
+
+DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
+"""Of a tag for which nothing else is given, wherever tags come from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +42,7 @@ class Tag:
     """Bound of the independent timing error of each pulse; it does not accumulate."""
     k: int = 3
     """Pulses summed for one decision."""
-    false_alarm_probability: float = 0.01
+    false_alarm_probability: float = DEFAULT_FALSE_ALARM_PROBABILITY
     """Expected false groups for each decision interval over the whole search."""
     name: str | None = None
 
@@ -79,7 +85,7 @@ class Pulse:
 
     @property
     def key(self) -> "PulseKey":
-        """How it is known in its flight."""
+        """Its key within a flight."""
         return self.tag_id, self.start_time_ns
 
 
@@ -324,6 +330,183 @@ class FlightInfo:
     tags: tuple[Tag, ...]
     capture_s: float | None = None
     """For a raw capture: how long; then there are no tags and nothing is detected."""
+
+
+MotionAction = Literal["rotate", "goto", "survey", "hold", "return", "search", "takeoff"]
+"""What the drone can be asked to fly."""
+
+
+SurveyPattern = Literal["lines", "around", "points"]
+"""How an area is surveyed: line by line, along its outline, by whole turns at places."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeepOut:
+    """A place over which nothing flies: a person, a building."""
+
+    places: tuple[tuple[float, float], ...]
+    """Latitude and longitude [deg] of its corners, or of the middle of a circle."""
+    radius_m: float | None = None
+    """Of a circle."""
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleFence:
+    """The fence that the autopilot holds, as it told it."""
+
+    within: tuple[KeepOut, ...] = ()
+    """Areas that it does not leave."""
+    keep_out: tuple[KeepOut, ...] = ()
+    """And those that it does not enter."""
+    fault: str | None = None
+    """Why it cannot be read, with the remedy: then nothing is flown."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionRequest:
+    """A motion that an operator asks for; nothing moves before it is confirmed."""
+
+    request_id: int
+    """The asker's."""
+    asker: tuple[int, int]
+    """System and component id of the ground station."""
+    action: MotionAction
+    places: tuple[tuple[float, float], ...] = ()
+    """Latitude and longitude [deg] of a goal, or of an outline's corners."""
+    height_m: float | None = None
+    """Above home; None: as it is."""
+    duration_s: float = 60.0
+    """Of a whole turn; of a search at most."""
+    clockwise: bool = True
+    spacing_m: float = 60.0
+    """Between the lines of a survey, or its places."""
+    pattern: SurveyPattern = "lines"
+    """Of a survey."""
+    tags: tuple[int, ...] = ()
+    """To search for; empty: all that are listed."""
+    radius_m: float | None = None
+    """Of a search around the drone, where no outline is given."""
+    wish_m: float = 25.0
+    """Radius that is to hold a tag with 95 % before it counts as found."""
+    keep_out: tuple[KeepOut, ...] = ()
+    """Besides those of the drone's settings."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SoughtTag:
+    """What a search knows of a tag."""
+
+    tag_id: int
+    latitude_deg: float
+    """Where it is, if it is there."""
+    longitude_deg: float
+    radius95_m: float
+    existence: float
+    """Probability that it is there and beeps."""
+    found_s: float | None
+    """How long after the begin; None: not found yet."""
+    pulses: int
+    """That were heard so far."""
+    missed: int
+    """That would have come and were not heard."""
+    likely: tuple[tuple[float, float, float], ...] = ()
+    """At the end, of a tag that was not found: latitude, longitude and share of the squares
+    where it most probably is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchNote:
+    """What a search has decided, found, or how it ended, and why."""
+
+    time_ns: int
+    order_id: int
+    event: Literal["begun", "decision", "found", "ended"]
+    text: str
+    """In short, for the operator."""
+    reason: str
+    """With figures."""
+    elapsed_s: float
+    latitude_deg: float
+    """Where the drone was."""
+    longitude_deg: float
+    height_m: float
+    """Above home."""
+    battery_percent: float | None
+    tags: tuple[SoughtTag, ...]
+    tag_id: int | None = None
+    """That was found."""
+    goal: tuple[float, float] | None = None
+    """Where it flies to: latitude, longitude."""
+    area: tuple[tuple[float, float], ...] = ()
+    """With the begin: the outline."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionOffer:
+    """What the guide would fly, or why it would not."""
+
+    request_id: int
+    asker: tuple[int, int]
+    order_id: int
+    nonce: int
+    """By which the order is confirmed, once."""
+    summary: str
+    mode: str = ""
+    """Out of which the drone would be taken, as the summary tells it."""
+    refused: bool = False
+    """The summary is the reason."""
+    takeoff: bool = False
+    """It begins on the ground."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleReport:
+    """The vehicle and our say over it, ten times a second."""
+
+    autopilot: str | None
+    """``"px4"`` or ``"ardupilot"``; None: not heard, or another."""
+    fault: str | None
+    """Why no motion can be confirmed now, with the remedy."""
+    takeoff_fault: str | None = field(kw_only=True, default=None)
+    """Likewise why no take-off can."""
+    standing: str
+    """``"out"``, ``"confirmed"`` or ``"in command"``."""
+    reason: str
+    """Why it is out."""
+    order_id: int | None
+    mode: str
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    altitude_amsl_m: float | None = None
+    altitude_relative_m: float | None = None
+    speed_m_s: float = 0.0
+    yaw_deg: float | None = None
+    home: tuple[float, float] | None = None
+    battery_percent: float | None = None
+    obeyed: bool = False
+    wishes_sent: int = 0
+    wishes_refused: int = 0
+    turned_deg: float = 0.0
+    ground_silent_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleWish:
+    """What the guide wishes of the vehicle; `uavrt.guidance.authority` decides."""
+
+    order_id: int | None
+    kind: Literal["alive", "fly", "turn", "home", "mode", "takeoff", "end"]
+    said: str = ""
+    """What the order is at, or why it has ended."""
+    latitude_deg: float = 0.0
+    longitude_deg: float = 0.0
+    altitude_amsl_m: float = 0.0
+    height_m: float = 0.0
+    """Above home, of a take-off."""
+    yaw_deg: float | None = None
+    turn_deg: float = 0.0
+    rate_deg_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -40,7 +40,7 @@ def kernels() -> Any:
 
 
 def description() -> str:
-    """Say in a few words which code is in use."""
+    """Name briefly which code is in use."""
     return _said
 
 

@@ -80,7 +80,7 @@ class Registry(Mapping[str, T], Generic[T]):
         except Exception as error:
             raise ConfigError(
                 f"{entry.name!r} of the package {package} cannot be loaded: {error}",
-                remedy=f"Mend or remove it: pip uninstall {package}",
+                remedy=f"Fix or remove it: pip uninstall {package}",
             ) from error
         good = callable(loaded) if self._kind is None else isinstance(loaded, self._kind)
         if not good:

@@ -1,4 +1,4 @@
-"""Conversions at the edges, each in one place.
+"""Unit conversions at the edges, each in one place.
 
 Inside uavrt: hertz, seconds, metres, degrees, nanoseconds UTC. Other units exist only in files,
 on the wire and on the screen, and are converted here.
@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+SIGMF_FULL_SCALE = "uavrt:full_scale"
+"""Entry in the global part of SigMF: what a sample at the stored type's full scale means."""
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
 

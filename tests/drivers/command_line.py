@@ -2,7 +2,7 @@
 
 import sys
 
-from uavrt.cli.app import main
+from uavrt.cli.app import run
 
 
 def uavrt(*arguments: str) -> int:
@@ -10,7 +10,7 @@ def uavrt(*arguments: str) -> int:
     before = sys.argv
     sys.argv = ["uavrt", *arguments]
     try:
-        main()
+        run()
     except SystemExit as end:
         return int(end.code or 0)
     finally:

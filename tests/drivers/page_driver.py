@@ -170,7 +170,7 @@ def type_tags(page: Page, scenario: Any) -> None:
         page.click("#tag-add")
         row = {
             "id": tag.tag_id,
-            "name": tag.name,
+            "name": tag.name or "",
             "frequency_mhz": tag.frequency_hz / 1e6,
             "interval_ms": round(tag.pulse_intervals_s[0] * 1000),
             "second_interval_ms": (

@@ -7,7 +7,7 @@ import numpy as np
 from pulses import pulse_at as heard_pulse
 
 from uavrt.clock import Clock
-from uavrt.ground.flight_keeper import FlightKeeper
+from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.messages import Pose, Pulse, PulsePose, Tag
 
@@ -25,10 +25,15 @@ STATIONS = ((0.0, 0.0), (250.0, 0.0))
 """East and north of the origin [m]: a turn on the spot at each."""
 
 
-def write_flight(directory: Path, east_m: float, north_m: float) -> str:
-    """Record a flight that turned at two places and heard a tag at (east, north)."""
+def write_flight(
+    directory: Path, east_m: float, north_m: float, silent: tuple[Tag, ...] = ()
+) -> str:
+    """Record a flight that turned at two places and heard a tag at (east, north).
+
+    Others were listed, and nothing of them was heard.
+    """
     keeper = FlightKeeper(directory, Clock.start())
-    flight_id = keeper.begin([TAG])
+    flight_id = keeper.begin([TAG, *silent])
     for number in range(72):
         station = STATIONS[number // 36]
         heading = math.radians(10.0 * (number % 36))

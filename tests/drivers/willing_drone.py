@@ -26,6 +26,7 @@ class WillingDrone:
         self._sock.connect(("127.0.0.1", port))
         self._sock.settimeout(0.02)
         self._parser = FrameParser()
+        self._system_id = system_id
         self._companion = FrameWriter(system_id, 191)
         self._autopilot = FrameWriter(system_id, 1)
         self._ending = threading.Event()
@@ -48,7 +49,9 @@ class WillingDrone:
                 continue
             for frame in frames:
                 message = frame.message()
-                if isinstance(message, dialect.Tunnel) and not self.silent:
+                if not isinstance(message, dialect.Tunnel) or self.silent:
+                    continue
+                if message.target_system in (0, self._system_id):
                     self._obey(bytes(message.payload[: message.payload_length]))
 
     def _beat(self) -> None:
@@ -57,7 +60,7 @@ class WillingDrone:
         )
         place = dialect.GlobalPositionInt(
             time_boot_ms=1,
-            lat=465_000_000,
+            lat=465_000_000 + 10_000 * (self._system_id - 1),  # 110 m farther north each
             lon=80_000_000,
             alt=1_000_000,
             relative_alt=40_000,

@@ -81,7 +81,10 @@ class DroneBay:
         scenario = scenario.starting_at(Clock.start().now_ns() + 1_000_000_000)
         write_scenario(scenario, paths.scenario)
         companion_port, ground_port = free_udp_port(), free_udp_port()
-        settings = drone_settings(scenario, paths, companion_port)
+        flies = "--flies" in autopilot_options
+        if flies:
+            autopilot_options += ("--path", str(paths.flown))
+        settings = drone_settings(scenario, paths, companion_port, flies=flies)
         # A table as such, or made from the one for this place.
         made = {
             name: change(getattr(settings, name)) if callable(change) else change
@@ -139,7 +142,7 @@ def thesis_scenario() -> Scenario:
 
 def living_children(pid: int) -> set[int]:
     """All descendants of a process."""
-    from uavrt.supervisor.usage import children_of
+    from uavrt.supervisor.tree.usage import children_of
 
     found: set[int] = set()
     waiting = [pid]

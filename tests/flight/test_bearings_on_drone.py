@@ -8,7 +8,7 @@ import pytest
 from uavrt.clock import Clock
 from uavrt.config.settings import BearingSettings
 from uavrt.errors import LinkError
-from uavrt.ground.link import GroundLink
+from uavrt.ground.link.drone_link import GroundLink
 from uavrt.localization.angles import difference_deg
 from uavrt.messages import LiveBearing, PulsePose
 

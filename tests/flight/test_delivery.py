@@ -12,8 +12,8 @@ import pytest
 
 from uavrt.clock import Clock
 from uavrt.errors import LinkError
-from uavrt.ground.link import GroundLink
-from uavrt.ground.receipts import Receipts
+from uavrt.ground.link.delivery_receipts import Receipts
+from uavrt.ground.link.drone_link import GroundLink
 from uavrt.messages import PulsePose, SystemState
 from uavrt.recording import read_flight
 

@@ -16,7 +16,7 @@ import pytest
 
 from uavrt.attitude import euler_deg
 from uavrt.clock import Clock
-from uavrt.ground.link import GroundLink
+from uavrt.ground.link.drone_link import GroundLink
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.messages import PulsePose

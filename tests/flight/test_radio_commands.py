@@ -14,12 +14,12 @@ import pytest
 
 from uavrt.clock import Clock
 from uavrt.errors import CommandRefused
-from uavrt.ground.link import GroundLink
-from uavrt.ground.protocol import DroneHeartbeat, GroundEvent, OperationStep
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.link.protocol import DroneHeartbeat, GroundEvent, OperationStep
 from uavrt.mavlink.signing import read_signing_key
 from uavrt.messages import PulsePose, StatusText, SystemState
 from uavrt.simulation.scenario import Scenario
-from uavrt.supervisor.usage import children_of
+from uavrt.supervisor.tree.usage import children_of
 from uavrt.tunnel import CommandId
 from uavrt.tunnel.g2 import COMPLETE
 from uavrt.tunnel.seal import read_key

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.experiments.recovery import Plan, run_recovery
-from uavrt.experiments.recovery.run import BURST_NAMES
-from uavrt.experiments.resources import Plan as ResourcePlan
-from uavrt.experiments.resources import run_resources
-from uavrt.experiments.resources.report import WRITTEN_LIMIT_MB_H
+from uavrt_experiments.recovery import Plan, run_recovery
+from uavrt_experiments.recovery.run import BURST_NAMES
+from uavrt_experiments.resources import Plan as ResourcePlan
+from uavrt_experiments.resources import run_resources
+from uavrt_experiments.resources.report import SAMPLES_LIMIT_MB_H, WRITTEN_LIMIT_MB_H
 
 pytestmark = [pytest.mark.flight, pytest.mark.timeout(400)]
 
@@ -49,6 +49,8 @@ def test_resources_are_measured_for_every_process_and_no_sample_is_lost() -> Non
     # Four tags, one of them heard, for six seconds: a commit more or less is half of it.
     assert report.written.mb_h["recorder"] > 1.0
     assert report.written.together_mb_h < 3 * WRITTEN_LIMIT_MB_H
+    # Each tag's channel is kept.
+    assert 0.0 < report.written.mb_h["receiver"] < 3 * 4 * SAMPLES_LIMIT_MB_H
     assert 0 < report.written.syncs_h < 3600
     assert report.growth.keys() >= {*names, "all but the radio"}
     assert report.most_tags == 8

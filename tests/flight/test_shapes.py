@@ -2,7 +2,7 @@
 
 import pytest
 
-from uavrt.experiments.resources import run_shapes
+from uavrt_experiments.resources import run_shapes
 
 pytestmark = [pytest.mark.flight, pytest.mark.timeout(300)]
 

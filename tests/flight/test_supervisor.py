@@ -13,7 +13,7 @@ import pytest
 from uavrt.config.settings import MavlinkSettings, RadioSettings
 from uavrt.messages import SystemStatus
 from uavrt.recording import read_flight
-from uavrt.supervisor.usage import children_of
+from uavrt.supervisor.tree.usage import children_of
 
 pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
 

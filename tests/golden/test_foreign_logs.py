@@ -311,5 +311,5 @@ def test_our_own_files_are_recognised(tmp_path: Path) -> None:
     assert recognised(path) == "uavrt-jsonl"
     with pytest.raises(FormatError, match="line 1"):
         read_pulse_file(path)
-    with pytest.raises(FormatError, match="no pulse log that we know"):
+    with pytest.raises(FormatError, match="not a known pulse log"):
         recognised(log(tmp_path, "Lorem ipsum", "dolor", name="text.txt"))

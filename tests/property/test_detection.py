@@ -8,17 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavrt.detection import PulseDetector
-from uavrt.detection.anchors import AnchorSearch
-from uavrt.detection.grid import make_grid, sliding_maximum
-from uavrt.detection.search import interval_grid, jitter_reach
-from uavrt.experiments.detection.signals import (
+from uavrt.detection.search.anchors import AnchorSearch
+from uavrt.detection.search.grid import make_grid, sliding_maximum
+from uavrt.detection.search.hypotheses import interval_grid, jitter_reach
+from uavrt.messages import Pulse
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     make_samples,
     noise,
     pulse_train,
 )
-from uavrt.messages import Pulse
 
 RATE_HZ = 3750.0
 

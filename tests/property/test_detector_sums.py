@@ -6,11 +6,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.detection.grid import make_grid, sliding_maximum
-from uavrt.detection.long_groups import LongSearch
-from uavrt.detection.noise import TRUNCATION, _truncated
-from uavrt.detection.samples import SampleBuffer
-from uavrt.detection.search import interval_grid, jitter_reach
+from uavrt.detection.search.grid import make_grid, sliding_maximum
+from uavrt.detection.search.hypotheses import interval_grid, jitter_reach
+from uavrt.detection.search.long_groups import LongSearch
+from uavrt.detection.search.noise import TRUNCATION, _truncated
+from uavrt.detection.signal.samples import SampleBuffer
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -137,3 +137,19 @@ def test_a_block_is_taken_at_once_where_it_continues_the_last_one_only(
             quick.view(quick.start, quick.end), slow.view(slow.start, slow.end)
         )
         assert quick.time_ns(index) == slow.time_ns(index)
+
+
+@settings(deadline=None, max_examples=25)
+@given(seed=SEEDS, sample_rate_hz=st.sampled_from([3750.0, 7500.0]))
+def test_many_times_have_the_indices_that_each_has(seed: int, sample_rate_hz: float) -> None:
+    rng = np.random.default_rng(seed)
+    buffer = SampleBuffer(sample_rate_hz=sample_rate_hz, keep=4000, tolerance_s=0.0025)
+    begun_ns, given = 1_700_000_000_000_000_000, 0
+    for count in rng.integers(1, 300, 8).tolist():
+        time_ns = begun_ns + round(given / sample_rate_hz * 1e9 + rng.uniform(-1e5, 1e5))
+        buffer.append(np.zeros(count, np.complex64), time_ns)
+        given += count
+    times_ns = begun_ns + rng.integers(-(10**8), round(given / sample_rate_hz * 1e9), 50)
+    each = [buffer.index(time_ns) for time_ns in times_ns.tolist()]
+    np.testing.assert_allclose(buffer.indices(times_ns), each, rtol=0.0, atol=1e-6)
+    assert len(buffer.indices(times_ns[:0])) == 0

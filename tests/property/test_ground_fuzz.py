@@ -19,10 +19,10 @@ from pulses import pulse_at
 
 from uavrt.clock import Clock
 from uavrt.errors import UavrtError
-from uavrt.ground import ways
+from uavrt.ground.link import parallel_links as ways
 from uavrt.ground.session import GroundSession
-from uavrt.ground.settings import GroundStore
 from uavrt.ground.station import Station, StationSettings, json_line
+from uavrt.ground.store.settings import GroundStore
 from uavrt.mavlink import dialect
 from uavrt.mavlink.address import Address, parse_address
 from uavrt.mavlink.frame import FrameWriter

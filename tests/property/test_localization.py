@@ -12,7 +12,7 @@ from uavrt.localization import (
     estimate_position,
 )
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.power_law import power_tables
+from uavrt.localization.position.power_law import power_tables
 
 angles = st.floats(0.0, 360.0, exclude_max=True)
 

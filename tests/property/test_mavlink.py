@@ -23,7 +23,7 @@ from uavrt.mavlink.frame import crc16_mcrf4xx
 from uavrt.mavlink.pacing import CAPACITY, Tunnelled
 from uavrt.mavlink.statustext import TextAssembler
 from uavrt.simulation import demo_scenario
-from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 
 PAYLOADS = st.binary(max_size=128)
 START_NS = 1_700_000_000 * 10**9

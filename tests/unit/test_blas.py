@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from uavrt.blas import blas_environment
-from uavrt.supervisor.launcher import Launcher
+from uavrt.supervisor.tree.launcher import Launcher
 
 WIDE = "processor : 0\nflags\t\t: fpu sse2 avx2 avx512f avx512cd avx512bw avx512dq avx512vl\n"
 

@@ -164,6 +164,15 @@ def test_the_map_of_the_code_names_every_package_and_only_files_that_exist() -> 
     } == set()
 
 
+def test_where_a_change_goes_is_told_by_files_that_exist() -> None:
+    page = (ROOT / "docs/how-to/extend.md").read_text(encoding="utf-8")
+    table = page.partition("## In uavrt itself")[2]
+    paths = {span for span in CODE_SPAN.findall(table) if re.search(r"/$|\.(py|ts)$", span)}
+    assert len(paths) > 10
+    source = ROOT / "src/uavrt"
+    assert not {one for one in paths if not ((source / one).exists() or (ROOT / one).exists())}
+
+
 def test_every_decision_has_its_own_number_and_says_it() -> None:
     pages = [path for path in DOCS if path.parent.name == "decisions" and path.stem != "index"]
     numbers = [path.stem[:4] for path in pages]
@@ -171,3 +180,13 @@ def test_every_decision_has_its_own_number_and_says_it() -> None:
     for path in pages:
         title = path.read_text(encoding="utf-8").splitlines()[0]
         assert re.match(rf"# (Decision )?{path.stem[:4]}\b", title), name_of(path)
+
+
+def test_every_decision_says_once_what_its_state_is_and_since_when() -> None:
+    pages = sorted((ROOT / "docs/decisions").glob("0*.md"))
+    assert len(pages) > 70
+    for path in pages:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        told = [line for line in lines if re.match(r"\W*(Status|Date)\b.*:", line)]
+        assert len(told) == 1, name_of(path)
+        assert re.match(r"Status: \w+, \d{4}-\d{2}-\d{2}\b", told[0]), name_of(path)

@@ -1,8 +1,10 @@
 """Log lines: JSON for the supervisor, whatever is logged, and never a reason to stop."""
 
+import contextlib
 import io
 import json
 import logging
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -72,3 +74,25 @@ def test_processes_that_see_no_samples_do_not_load_numpy(module: str) -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert loaded.stdout.split() == ["False", "False"]
+
+
+def test_a_terminal_that_was_stopped_keeps_nobody_waiting_and_is_told_what_it_missed() -> None:
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(write, b"x" * 4096)
+    os.set_blocking(write, True)
+    with os.fdopen(read, "rb") as reader, os.fdopen(write, "w") as stream:
+        configure_logging("supervisor", stream=stream)
+        for number in range(3):
+            get_logger().info("flight begins", number=number)
+        reader.read1(1 << 20)
+        get_logger().info("flight ends")
+        stream.flush()
+        lines = reader.read1(1 << 20).decode().strip().split("\n")
+    told = [json.loads(line) for line in lines]
+    assert [(one["event"], one.get("count")) for one in told] == [
+        ("lines left out", 3),
+        ("flight ends", None),
+    ]

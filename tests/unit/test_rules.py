@@ -2,19 +2,21 @@
 
 import ast
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from importlib import import_module
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src/uavrt"
 OWN_ARITHMETIC = ("simulation", "units.py", "dialect")
 """The truth shares no code with what is tested by it."""
 NOT_NANOSECONDS = {
-    "cli/attach.py",  # the most that clocks may be apart
+    "cli/kinds.py",  # the most that clocks may be apart
     "config/settings.py",  # hertz, as are the next two
     "config/tag_rules.py",
     "radio/live_source.py",
-    "ground/api_extra.py",  # any number that is not absurd
-    "ground/fetch.py",  # gigabytes
-    "experiments/detection/rising.py",  # seconds: never
+    "ground/web/drone_flights.py",  # any number that is not absurd
+    "ground/fetch/ftp_client.py",  # gigabytes
+    "uavrt_experiments/detection/rising.py",  # seconds: never
 }
 TYPED = (
     "detection",
@@ -31,8 +33,9 @@ TYPED = (
 
 
 def modules() -> Iterator[tuple[str, ast.Module]]:
-    for path in sorted(SOURCE.rglob("*.py")):
-        name = path.relative_to(SOURCE).as_posix()
+    experiments = SOURCE.parent / "uavrt_experiments"
+    for path in sorted([*SOURCE.rglob("*.py"), *experiments.rglob("*.py")]):
+        name = path.relative_to(SOURCE.parent).as_posix().removeprefix("uavrt/")
         if not set(OWN_ARITHMETIC) & set(Path(name).parts):
             yield name, ast.parse(path.read_text())
 
@@ -92,3 +95,56 @@ def test_nothing_is_cited_that_a_reader_cannot_open() -> None:
         if name in path.read_text(encoding="utf-8")
     ]
     assert not found
+
+
+def test_other_packages_import_from_a_package_not_from_its_modules() -> None:
+    source = SOURCE.parent
+    found = []
+    for path in sorted([*SOURCE.rglob("*.py"), *(source / "uavrt_experiments").rglob("*.py")]):
+        folder = path.parent.relative_to(source).as_posix().replace("/", ".")
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.ImportFrom) or "__init__" in path.name:
+                continue
+            module = node.module or ""
+            if not (source / f"{module.replace('.', '/')}.py").exists():
+                continue
+            package = module.rpartition(".")[0]
+            if package in ("uavrt", "uavrt_experiments") or f"{folder}.".startswith(
+                f"{package}."
+            ):
+                continue
+            found.append(f"{path.relative_to(source)}:{node.lineno} {module}")
+    assert not found, "name it in the __init__ of that package, and import it from there"
+
+
+def test_what_a_package_offers_is_what_it_finds_when_asked() -> None:
+    for path in sorted(SOURCE.rglob("__init__.py")):
+        if "lazily(" in path.read_text():
+            name = path.parent.relative_to(SOURCE.parent).as_posix().replace("/", ".")
+            package = import_module(name)
+            for offered in package.__all__:
+                assert getattr(package, offered) is not None, f"{name}.{offered}"
+                own = path.with_name(f"{offered}.py")
+                assert not own.exists(), f"{name}.{offered} would hide the module, or it this"
+
+
+def test_no_module_imports_one_that_imports_it() -> None:
+    """Also not within a function; what a package offers is imported when it is asked for."""
+    files = {
+        path.relative_to(SOURCE.parent).with_suffix("").as_posix().replace("/", "."): path
+        for root in (SOURCE, SOURCE.parent / "uavrt_experiments")
+        for path in root.rglob("*.py")
+        if path.name != "__init__.py"
+    }
+    needs: dict[str, set[str]] = {}
+    for name, path in files.items():
+        imported = [
+            node
+            for node in ast.walk(ast.parse(path.read_text()))
+            if isinstance(node, ast.ImportFrom)
+        ]
+        candidates = {f"{node.module}.{one.name}" for node in imported for one in node.names}
+        candidates |= {node.module or "" for node in imported}
+        needs[name] = candidates & files.keys()
+    assert len(needs) > 500
+    assert len(list(TopologicalSorter(needs).static_order())) == len(needs)

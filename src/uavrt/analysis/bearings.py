@@ -10,20 +10,24 @@ from typing import get_args
 import numpy as np
 
 from uavrt.errors import UsageError
-from uavrt.localization import AntennaPattern, Bearing, BearingMethod, TangentPlane, Turn
-from uavrt.localization.angles import widest_gap_deg
-from uavrt.localization.bearing import ADDED_METHODS
-from uavrt.localization.flight_estimates import (
+from uavrt.localization import (
     LEAST_TURNS,
+    AntennaPattern,
+    Bearing,
+    BearingMethod,
     HeardInTurn,
     PoseColumns,
     PulseColumns,
     Rhythm,
+    TangentPlane,
+    Turn,
     antenna_as_shown,
     bearing_of,
     heard_in,
     turns_in,
+    widest_gap_deg,
 )
+from uavrt.localization.bearing import ADDED_METHODS
 from uavrt.messages import PulsePose
 from uavrt.recording import Flight, FlightLayout, read_flight
 from uavrt.recording.formats import read_pulses
@@ -37,7 +41,7 @@ _IN_PLACE_M = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagBearing:
-    """A bearing of a tag, where and when it was taken."""
+    """A bearing to a tag, with place and time."""
 
     tag_id: int
     bearing: Bearing
@@ -47,6 +51,7 @@ class TagBearing:
     altitude_amsl_m: float
     start_time_ns: int
     """Of the first pulse."""
+    middle_time_ns: int
     end_time_ns: int
 
 
@@ -56,6 +61,7 @@ def read_bearings(
     method: BearingMethod = "pattern_ml",
     antenna: AntennaPattern | str = "RA-23K",
     learn: bool = True,
+    offset_deg: float = 0.0,
 ) -> list[TagBearing]:
     """Estimate the bearings of a flight directory or a pulse log in any format we know.
 
@@ -69,6 +75,8 @@ def read_bearings(
         The pattern; the method ``pattern_ml`` corrects it by what the turns show.
     learn : bool
         False takes the pattern as it is.
+    offset_deg : float
+        Boresight clockwise from the heading that the pulses carry.
 
     Raises
     ------
@@ -80,9 +88,15 @@ def read_bearings(
     check_bearing_method(method)
     if FlightLayout(Path(path)).database.is_file():
         return bearings_of_flight(
-            read_flight(path), method=method, antenna=antenna, learn=learn
+            read_flight(path),
+            method=method,
+            antenna=antenna,
+            learn=learn,
+            offset_deg=offset_deg,
         )
-    return bearings_of_pulses(read_pulses(path), method=method, antenna=antenna, learn=learn)
+    return bearings_of_pulses(
+        read_pulses(path), method=method, antenna=antenna, learn=learn, offset_deg=offset_deg
+    )
 
 
 def check_bearing_method(method: str) -> None:
@@ -90,7 +104,7 @@ def check_bearing_method(method: str) -> None:
     known = [*get_args(BearingMethod), *ADDED_METHODS]
     if method not in known:
         raise UsageError(
-            f"there is no method {method!r}", remedy=f"Known are {', '.join(known)}"
+            f"there is no method {method!r}", remedy=f"Choose from {', '.join(known)}"
         )
 
 
@@ -167,8 +181,12 @@ def _by_tag(pulse_poses: Iterable[PulsePose]) -> _Pulses:
     return found
 
 
-def learnt_antenna(path: str | os.PathLike[str], antenna: str) -> AntennaPattern:
+def learnt_antenna(
+    path: str | os.PathLike[str], antenna: str, offset_deg: float = 0.0
+) -> AntennaPattern:
     """Correct a pattern by the turns of a flight or log: the antenna as it is on this airframe.
+
+    The antenna is turned by an offset clockwise from the heading that the pulses carry.
 
     Raises
     ------
@@ -176,13 +194,13 @@ def learnt_antenna(path: str | os.PathLike[str], antenna: str) -> AntennaPattern
         It has fewer than three turns past a tag.
     """
     if FlightLayout(Path(path)).database.is_file():
-        heard, _ = heard_in_turns(read_flight(path))
+        heard, _ = heard_in_turns(read_flight(path), offset_deg)
     else:
         every = _by_tag(read_pulses(path))
-        heard = _in_turns(every, _poses_of(every), {})
+        heard = _in_turns(every, _poses_of(every), {}, offset_deg)
     if len(heard) < LEAST_TURNS:
         raise UsageError(
-            f"{len(heard)} turns past a tag do not teach a pattern",
+            f"{len(heard)} turns past a tag are too few to learn a pattern",
             remedy=f"Turn in place {LEAST_TURNS} times or more, or hear more tags",
         )
     return antenna_as_shown(heard, antenna)
@@ -199,11 +217,13 @@ def bearings_of_pulses(
     method: BearingMethod = "pattern_ml",
     antenna: AntennaPattern | str = "RA-23K",
     learn: bool = True,
+    offset_deg: float = 0.0,
 ) -> list[TagBearing]:
     """Bearings from a log of pulses alone.
 
     A log whose pulses were all heard at one place is one turn, as the original takes it; in a
-    longer one the turns are sought in the pulses' own poses.
+    longer one the turns are sought in the pulses' own poses. The antenna is turned by an offset
+    clockwise from the heading that the pulses carry.
     """
     _check_poses(pulse_poses)
     every = _by_tag(pulse_poses)
@@ -211,15 +231,17 @@ def bearings_of_pulses(
         return []
     poses = _poses_of(every)
     if _in_place(poses):
-        heard = [_whole_log(tag_id, every[tag_id], poses) for tag_id in sorted(every)]
+        heard = [_whole_log(tag, every[tag], poses, offset_deg) for tag in sorted(every)]
     else:
-        heard = _in_turns(every, poses, {})
+        heard = _in_turns(every, poses, {}, offset_deg)
     return _estimated(heard, every, method, antenna, learn)
 
 
-def _whole_log(tag_id: int, pulses: Sequence[PulsePose], poses: PoseColumns) -> HeardInTurn:
+def _whole_log(
+    tag_id: int, pulses: Sequence[PulsePose], poses: PoseColumns, offset_deg: float
+) -> HeardInTurn:
     """All pulses of a tag as those of one turn."""
-    columns = PulseColumns.of(pulses)
+    columns = PulseColumns.of(pulses).turned(offset_deg)
     yaw = np.unwrap(poses.yaw_deg, period=360.0)
     place = (float(np.median(columns.latitude_deg)), float(np.median(columns.longitude_deg)))
     turn = Turn(
@@ -238,6 +260,7 @@ def _whole_log(tag_id: int, pulses: Sequence[PulsePose], poses: PoseColumns) -> 
         latitude_deg=place[0],
         longitude_deg=place[1],
         start_time_ns=int(columns.time_ns[0]),
+        middle_time_ns=int(columns.time_ns[0] + columns.time_ns[-1]) // 2,
         quaternion_wxyz=columns.quaternion_wxyz,
         snr_db=columns.snr_db,
         noise_psd=columns.noise_psd,
@@ -248,7 +271,7 @@ def _whole_log(tag_id: int, pulses: Sequence[PulsePose], poses: PoseColumns) -> 
 def _check_poses(pulse_poses: Sequence[PulsePose]) -> None:
     if pulse_poses and all(one.pose is None for one in pulse_poses):
         raise UsageError(
-            "no pulse has a pose, so none has a heading",
+            "no pulse has a pose, so headings are unknown",
             remedy="Bearings need a log that was recorded with the autopilot connected",
         )
 
@@ -283,6 +306,7 @@ def _estimated(
                 longitude_deg=one.longitude_deg,
                 altitude_amsl_m=float(np.median(altitudes)),
                 start_time_ns=one.start_time_ns,
+                middle_time_ns=one.middle_time_ns,
                 end_time_ns=max(pulse.pulse.end_time_ns for pulse in pulses),
             )
         )

@@ -1,4 +1,4 @@
-"""What people tell of a flight, for its report: who flew what, with which permit.
+"""Facts that people add to a flight report: who flew which aircraft, under which permit.
 
 A file ``report.toml`` in the flight's directory, or else in the folder around it, so that one
 serves all flights of a season::
@@ -56,13 +56,13 @@ class Facts:
 
 
 def facts_path(flight: Path) -> Path | None:
-    """Find the file that tells of a flight or log; None where there is none."""
+    """Find the file with the facts of a flight or log; None if there is none."""
     inside = flight / NAME if flight.is_dir() else flight.parent / NAME
     return next((path for path in (inside, flight.parent / NAME) if path.is_file()), None)
 
 
 def facts_of(flight: Path) -> Facts:
-    """Read what is told of a flight.
+    """Read the facts of a flight.
 
     Raises
     ------
@@ -76,15 +76,15 @@ def facts_of(flight: Path) -> Facts:
     try:
         told = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ConfigError(f"{path} cannot be read: {error}", remedy="Mend it") from error
+        raise ConfigError(f"{path} cannot be read: {error}", remedy="Correct it") from error
     for name, text in told.items():
         if name not in known:
             raise ConfigError(
-                f"{path}: there is no field {name!r}", remedy=f"Known are {', '.join(known)}"
+                f"{path}: there is no field {name!r}", remedy=f"Choose from {', '.join(known)}"
             )
         if not isinstance(text, str) or len(text) > MOST_LETTERS or not text.isprintable():
             raise ConfigError(
-                f"{path}: {name} is no text", remedy=f"At most {MOST_LETTERS} letters, quoted"
+                f"{path}: {name} is not text", remedy=f"At most {MOST_LETTERS} letters, quoted"
             )
     found = Facts(**told)
     try:

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.interval_fit import Beat, fit_beat
-from uavrt.analysis.waterfall import Waterfall
-from uavrt.errors import ConfigError, RecordingError
+from uavrt.analysis.measure import Beat, Waterfall, fit_beat
+from uavrt.errors import RecordingError, needs_extra
 from uavrt.messages import ChannelBlock, DetectionStatus, Pulse, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -28,6 +27,7 @@ STYLES: Final[dict[DetectionStatus, tuple[str, str, str]]] = {
     "confirmed": ("#0072B2", "o", "confirmed"),
     "detected": ("#D55E00", "^", "detected"),
     "subthreshold": ("#000000", "x", "below the threshold"),
+    "integrated": ("#CC79A7", "+", "seen in hindsight"),
 }
 """Colour, shape and name of each status."""
 CIRCLED: Final = 40
@@ -42,7 +42,7 @@ LOWEST_SPAN_DB: Final = 15.0
 
 
 class DetectionPlots:
-    """Gathers what pictures need while a detection runs, in memory that does not grow much.
+    """Collects the data for plots while a detection runs, in almost constant memory.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class DetectionPlots:
 
     Raises
     ------
-    ConfigError
+    UsageError
         Matplotlib is not installed.
     RecordingError
         The directory cannot be made.
@@ -64,13 +64,8 @@ class DetectionPlots:
     def __init__(
         self, directory: Path, tags: Sequence[Tag], *, frequency_window_hz: float = 500.0
     ) -> None:
-        try:
+        with needs_extra("analysis", "drawing pictures"):
             import matplotlib  # noqa: F401
-        except ImportError:
-            raise ConfigError(
-                "pictures need matplotlib, which is not installed",
-                remedy="Run: pip install 'uavrt[analysis]'",
-            ) from None
         try:
             directory.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -82,7 +77,7 @@ class DetectionPlots:
         self._pulses: dict[int, list[Pulse]] = {tag.tag_id: [] for tag in tags}
 
     def add_block(self, block: ChannelBlock) -> None:
-        """Take a block of a channel; each tag is shown in the channel nearest to it."""
+        """Process a block of a channel; each tag is shown in the channel nearest to it."""
         for tag in self._tags:
             offset_hz = tag.frequency_hz - block.center_frequency_hz
             known = self._waterfalls.get(tag.tag_id)
@@ -100,7 +95,7 @@ class DetectionPlots:
                 known[2].add(block)
 
     def add_pulses(self, pulses: Sequence[Pulse]) -> None:
-        """Take pulses."""
+        """Add pulses."""
         for pulse in pulses:
             self._pulses[pulse.tag_id].append(pulse)
 

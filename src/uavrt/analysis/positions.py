@@ -9,30 +9,45 @@ from typing import get_args
 import numpy as np
 
 from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, TagBearing, read_bearings
-from uavrt.analysis.power_survey import MONOPOLE, TagSignal, position_of, power_track, signal_of
+from uavrt.analysis.power_survey import (
+    MONOPOLE,
+    HeardStrength,
+    TagSignal,
+    power_track,
+    signal_of,
+)
 from uavrt.errors import UsageError
 from uavrt.localization import (
+    HEIGHT_SIGMA_M,
     AntennaPattern,
+    OverGround,
+    PoseColumns,
     Position,
     PositionMethod,
+    PowerTrack,
     Stations,
-    estimate_position,
+    located,
+    position_of_bearings,
 )
-from uavrt.localization.flight_estimates import position_of_bearings
 from uavrt.localization.position import ADDED_METHODS, HEADING_SIGMA_DEG
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import FlightLayout, read_flight
 from uavrt.recording.formats import (
+    ORIGINAL_POSES,
     BearingRow,
     LogKind,
+    TargetEstimate,
+    cells_of,
+    pulse_logs_in,
     read_bearing_file,
+    read_lines,
     read_position_file,
     read_pulse_log,
     read_ucsd_estimates,
+    tag_numbers,
 )
-from uavrt.recording.formats.recognise import ORIGINAL_POSES, pulse_logs_in
-from uavrt.recording.formats.text import cells_of, read_lines
-from uavrt.recording.formats.ucsd import TargetEstimate, tag_numbers
+from uavrt.terrain import Elevation
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,8 +64,11 @@ def read_positions(
     *paths: str | os.PathLike[str],
     method: PositionMethod = "bayes",
     antenna: AntennaPattern | str | None = None,
+    offset_deg: float = 0.0,
     height_m: float | None = None,
     heading_sigma_deg: float = HEADING_SIGMA_DEG,
+    height_sigma_m: float = HEIGHT_SIGMA_M,
+    elevation: Elevation | None = None,
     warn: Callable[[str], None] = lambda text: None,
 ) -> list[TagPosition]:
     """Estimate the positions of tags from all that is known of them.
@@ -65,10 +83,16 @@ def read_positions(
         How bearings become positions.
     antenna : str, optional
         Pattern of the antenna; without it RA-23K, and a monopole for UCSD's pings.
+    offset_deg : float
+        Boresight clockwise from the heading that the pulses carry.
     height_m : float, optional
         With a monopole: the drone's height over the tags where the log does not tell it.
     heading_sigma_deg : float
         Error that all headings of the flight share, one standard deviation.
+    height_sigma_m : float
+        With a monopole: error that all heights over a tag share, one standard deviation.
+    elevation : Elevation, optional
+        Heights of the ground: hills weaken what is heard, and explain silence.
     warn : callable, optional
         Called with what somebody who works with a log must know.
 
@@ -80,6 +104,11 @@ def read_positions(
         There is no such method; or what was given cannot go together.
     """
     check_position_method(method)
+    if offset_deg and any(_is_result(path) for path in paths):
+        raise UsageError(
+            "an antenna offset turns bearings as they are estimated; this file has results",
+            remedy="Name the flight or the pulse log that it came from",
+        )
     if len(paths) == 1:
         if _holds_estimates(paths[0]):
             return _stored_estimates(paths[0])
@@ -88,8 +117,13 @@ def read_positions(
     files = [path for path in paths if _columns_of_named_file(path)]
     if files and len(files) < len(paths):
         raise UsageError(
-            "a bearings.csv cannot go with flights or pulse logs",
-            remedy="Name the flights that its bearings are from, or it alone",
+            "a bearings.csv cannot be combined with flights or pulse logs",
+            remedy="Name the flights that its bearings came from, or only the bearings.csv",
+        )
+    if files and elevation is not None:
+        raise UsageError(
+            "a bearings.csv does not tell how high the drone was, as the ground needs",
+            remedy="Name the flights that its bearings came from, or leave --dem out",
         )
     if files:
         return _positions_of_rows(
@@ -102,24 +136,62 @@ def read_positions(
         warn(text)
     if antenna is None:
         antenna = antenna_of([log.kind for _, log in logs])
+    poses = sorted(
+        (pose for path, _ in logs for pose in poses_of(path)), key=lambda pose: pose.time_ns
+    )
+    pulses = [one for _, log in logs for one in log.pulse_poses]
+    over = None if elevation is None else over_ground(elevation, poses, pulses)
+    if over is not None and len(logs) > 1:
+        over = over.noting(
+            "heights of several flights are counted from the first one's take-off: the flights "
+            "must have begun at one place"
+        )
     if antenna == MONOPOLE:
         return positions_of_powers(
-            [one for _, log in logs for one in log.pulse_poses],
+            pulses,
             list({tag.tag_id: tag for path, _ in logs for tag in tags_of(path)}.values()),
-            sorted(
-                (pose for path, _ in logs for pose in poses_of(path)),
-                key=lambda pose: pose.time_ns,
-            ),
+            poses,
             method=method,
             height_m=height_m,
+            height_sigma_m=height_sigma_m,
+            over=over,
         )[0]
     bearings: list[TagBearing] = []
     for path, log in logs:
         if ORIGINAL_POSES in log.warnings:
             warn(NO_BEARINGS_FROM_THESE)
         else:
-            bearings += read_bearings(path, antenna=antenna)
-    return positions_of_bearings(bearings, method=method, heading_sigma_deg=heading_sigma_deg)
+            bearings += read_bearings(path, antenna=antenna, offset_deg=offset_deg)
+    return positions_of_bearings(
+        bearings, method=method, heading_sigma_deg=heading_sigma_deg, over=over
+    )
+
+
+def over_ground(
+    elevation: Elevation, poses: Sequence[Pose], pulse_poses: Sequence[PulsePose]
+) -> OverGround | None:
+    """Lay the ground around a flight, of whose poses the pulses' own tell, too.
+
+    Parameters
+    ----------
+    elevation : Elevation
+    poses : sequence of Pose
+        Of the vehicle.
+    pulse_poses : sequence of PulsePose
+        Their frequency is that of the losses.
+
+    Raises
+    ------
+    FormatError
+        A file of heights is damaged.
+    """
+    own = sorted((one.pose for one in pulse_poses if one.pose), key=lambda one: one.time_ns)
+    columns = PoseColumns.of(poses).completed(PoseColumns.of(own))
+    told = [one.altitude_amsl_m - one.altitude_relative_m for one in (*poses[:1], *own[:1])]
+    over = OverGround.of(elevation, columns, takeoff_amsl_m=told[0] if told else None)
+    if over is None or not pulse_poses:
+        return over
+    return over.at(float(np.median([one.pulse.frequency_hz for one in pulse_poses])))
 
 
 def antenna_of(kinds: Sequence[LogKind]) -> str:
@@ -132,7 +204,7 @@ def check_position_method(method: str) -> None:
     known = [*get_args(PositionMethod), *ADDED_METHODS]
     if method not in known:
         raise UsageError(
-            f"there is no method {method!r}", remedy=f"Known are {', '.join(known)}"
+            f"there is no method {method!r}", remedy=f"Choose from {', '.join(known)}"
         )
 
 
@@ -154,6 +226,11 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
     except ValueError:
         return len(cells)
     return 0
+
+
+def _is_result(path: str | os.PathLike[str]) -> bool:
+    """Whether a file has bearings or positions, and no pulses."""
+    return bool(_columns_of_named_file(path)) or _holds_estimates(path)
 
 
 def _positions_of_rows(
@@ -234,6 +311,8 @@ def positions_of_powers(
     *,
     method: str = "bayes",
     height_m: float | None = None,
+    height_sigma_m: float = HEIGHT_SIGMA_M,
+    over: OverGround | None = None,
 ) -> tuple[list[TagPosition], list[TagSignal]]:
     """Positions from strength alone, heard with an upright monopole; and the signals.
 
@@ -242,25 +321,76 @@ def positions_of_powers(
     UsageError
         The method is not ``bayes``: the others need bearings.
     """
-    if method != "bayes":
+    if method not in ("bayes", "track"):
         raise UsageError(
-            f"{method} needs bearings, and a monopole gives none",
-            remedy="Use the method bayes",
+            f"{method} needs bearings, but a monopole gives none",
+            remedy="Use the method bayes, or track",
         )
     listed = {tag.tag_id: tag for tag in tags}
     ordered = sorted(pulse_poses, key=lambda one: one.pulse.start_time_ns)
+    way = PoseColumns.of(poses).completed(
+        PoseColumns.of(one.pose for one in ordered if one.pose)
+    )
     found: list[TagPosition] = []
     signals: list[TagSignal] = []
     for tag_id in sorted({one.pulse.tag_id for one in ordered}):
-        own = [one for one in ordered if one.pulse.tag_id == tag_id]
-        try:
-            track = power_track(own, listed.get(tag_id), poses, height_m=height_m)
-            position = position_of(track)
-            signals.append(signal_of(tag_id, track, position))
-            found.append(TagPosition(tag_id=tag_id, position=position))
-        except UsageError as error:
-            found.append(TagPosition(tag_id=tag_id, position=None, reason=str(error)))
+        position, track = position_of_strength(
+            tag_id,
+            HeardStrength.of([one for one in ordered if one.pulse.tag_id == tag_id]),
+            listed.get(tag_id),
+            way,
+            method=method,
+            height_m=height_m,
+            height_sigma_m=height_sigma_m,
+            over=over,
+        )
+        found.append(position)
+        if track is not None and position.position is not None:
+            signals.append(signal_of(tag_id, track, position.position))
     return found, signals
+
+
+def position_of_strength(
+    tag_id: int,
+    heard: HeardStrength,
+    tag: Tag | None,
+    poses: PoseColumns,
+    *,
+    method: str = "bayes",
+    height_m: float | None = None,
+    height_sigma_m: float = HEIGHT_SIGMA_M,
+    over: OverGround | None = None,
+) -> tuple[TagPosition, PowerTrack | None]:
+    """Locate one tag from its strength: for command line, report and page alike.
+
+    Parameters
+    ----------
+    tag_id : int
+        Its number.
+    heard : HeardStrength
+        Its pulses with an upright monopole.
+    tag : Tag, optional
+        With it, pulses that must have come count as missed.
+    poses : PoseColumns
+        Of the vehicle.
+    method : {"bayes", "track"}
+        Where it rests, or its way.
+    height_m : float, optional
+        Over the tag, where the poses do not tell their height.
+    height_sigma_m : float
+        Error that all heights share, one standard deviation.
+    over : OverGround, optional
+        The ground of the flight.
+    """
+    hills = None if over is None else over.hills
+    try:
+        track = power_track(heard, tag, poses, height_m=height_m)
+        position = located(
+            None, track, method=method, height_sigma_m=height_sigma_m, hills=hills
+        )
+    except UsageError as error:
+        return TagPosition(tag_id=tag_id, position=None, reason=str(error)), None
+    return TagPosition(tag_id=tag_id, position=position), track
 
 
 def positions_of_bearings(
@@ -268,6 +398,7 @@ def positions_of_bearings(
     *,
     method: PositionMethod = "bayes",
     heading_sigma_deg: float = HEADING_SIGMA_DEG,
+    over: OverGround | None = None,
 ) -> list[TagPosition]:
     """One position for each tag; bearings in which there is no direction are left out."""
     found = []
@@ -277,10 +408,11 @@ def positions_of_bearings(
             position = position_of_bearings(
                 [one.latitude_deg for one in own],
                 [one.longitude_deg for one in own],
-                [one.start_time_ns for one in own],
+                [one.middle_time_ns for one in own],
                 [one.bearing for one in own],
                 method=method,
                 heading_sigma_deg=heading_sigma_deg,
+                over=over,
             )
             found.append(TagPosition(tag_id=tag_id, position=position))
         except UsageError as error:
@@ -298,6 +430,7 @@ def _stations_of_rows(rows: Sequence[BearingRow]) -> Stations:
         bearing_deg=np.array([row.bearing_deg for row in rows]),
         sigma_deg=np.array(sigmas) if len(sigmas) == len(rows) else None,
         time_s=np.array(times) - min(times) if len(times) == len(rows) else None,
+        origin_ns=round(min(times, default=0.0) * NANOSECONDS_PER_SECOND),
     )
 
 
@@ -308,9 +441,7 @@ def _positioned(
     heading_sigma_deg: float,
 ) -> TagPosition:
     try:
-        position = estimate_position(
-            stations, method=method, heading_sigma_deg=heading_sigma_deg, widenings=True
-        )
+        position = located(stations, method=method, heading_sigma_deg=heading_sigma_deg)
     except UsageError as error:
         return TagPosition(tag_id=tag_id, position=None, reason=str(error))
     return TagPosition(tag_id=tag_id, position=position)

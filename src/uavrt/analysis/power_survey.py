@@ -2,7 +2,7 @@
 
 Without a directional antenna there are no bearings. The pulses that were heard along the
 flight, and those that must have come and were not heard, give a position; the loudest place is
-named for what it is (`uavrt.localization.strongest`).
+named for what it is (`uavrt.localization.position.strongest`).
 """
 
 import math
@@ -16,19 +16,20 @@ from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
 from uavrt.localization import (
+    ONE_FLIGHT_S,
+    PoseColumns,
     Position,
     PowerTrack,
     SignalSection,
     SignalSurface,
     StrongestSignal,
-    estimate_position,
     height_bands,
     in_band,
     signal_section,
     signal_surface,
     strongest_signal,
 )
-from uavrt.messages import Pose, PulsePose, Tag
+from uavrt.messages import PulsePose, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MONOPOLE = "monopole"
@@ -82,10 +83,40 @@ class TagSignal:
         return mapped if len(mapped) > 1 else ()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeardStrength:
+    """Pulses of one tag that were heard at known places, in order of time."""
+
+    time_ns: NDArray[np.int64]
+    latitude_deg: _Floats
+    longitude_deg: _Floats
+    height_m: _Floats
+    """Above the start; NaN where nobody knows."""
+    snr_db: _Floats
+    rate: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, pulse_poses: Sequence[PulsePose]) -> "HeardStrength":
+        """Put pulses into columns; those without pose or strength are passed over."""
+        heard = [
+            (one.pulse, one.pose)
+            for one in pulse_poses
+            if one.pose and math.isfinite(one.pulse.snr_db)
+        ]
+        return cls(
+            time_ns=np.array([pulse.start_time_ns for pulse, _ in heard], np.int64),
+            latitude_deg=np.array([pose.latitude_deg for _, pose in heard]),
+            longitude_deg=np.array([pose.longitude_deg for _, pose in heard]),
+            height_m=np.array([pose.altitude_relative_m for _, pose in heard], np.float64),
+            snr_db=np.array([pulse.snr_db for pulse, _ in heard]),
+            rate=np.array([pulse.rate for pulse, _ in heard], np.int64),
+        )
+
+
 def power_track(
-    pulse_poses: Sequence[PulsePose],
+    heard: HeardStrength,
     tag: Tag | None,
-    poses: Sequence[Pose],
+    poses: PoseColumns,
     *,
     height_m: float | None = None,
 ) -> PowerTrack:
@@ -93,12 +124,12 @@ def power_track(
 
     Parameters
     ----------
-    pulse_poses : sequence of PulsePose
-        Of one tag, in order of time; those without pose or strength are passed over.
+    heard : HeardStrength
+        Its pulses.
     tag : Tag, optional
         With it, pulses that must have come between two heard ones count as missed.
-    poses : sequence of Pose
-        Of the vehicle, in order of time: where the missed ones would have been heard.
+    poses : PoseColumns
+        Of the vehicle: where the missed ones would have been heard.
     height_m : float, optional
         Over the tag, where the poses do not tell their height above the start.
 
@@ -107,25 +138,31 @@ def power_track(
     UsageError
         Fewer than three pulses were heard at a known place, or no height is known.
     """
-    heard = [one for one in pulse_poses if one.pose and math.isfinite(one.pulse.snr_db)]
-    if len(heard) < 3:
+    count = len(heard.time_ns)
+    if count < 3:
         raise UsageError(
-            f"heard {len(heard)} times at a known place", remedy="Three pulses are the least"
+            f"heard {count} times at a known place",
+            remedy="At least three pulses are needed",
         )
-    rows = [_row(one.pose, one.pulse.snr_db) for one in heard if one.pose is not None]
-    times = [one.pulse.start_time_ns for one in heard]
-    missed = _missed_times_ns(times, [one.pulse.rate for one in heard], tag)
-    if missed and len(poses) > 1:
-        rows += _between(poses, missed)
-        times += missed
-    order = np.argsort(times, kind="stable")
-    latitude, longitude, height, snr = np.array(rows)[order].T
+    columns = [heard.latitude_deg, heard.longitude_deg, heard.height_m, heard.snr_db]
+    times_ns = heard.time_ns
+    missed_ns = _missed_times_ns(times_ns.tolist(), heard.rate.tolist(), tag)
+    if missed_ns and len(poses.time_ns) > 1:
+        columns = [
+            np.append(own, added)
+            for own, added in zip(columns, _between(poses, missed_ns), strict=True)
+        ]
+        times_ns = np.append(times_ns, np.array(missed_ns, np.int64))
+    order = np.argsort(times_ns, kind="stable")
+    latitude, longitude, height, snr = (column[order] for column in columns)
+    times_ns = times_ns[order]
+    times_s = (times_ns - times_ns[0]) / NANOSECONDS_PER_SECOND
     if height_m is not None:
         height = np.where(np.isfinite(height), height, height_m)
     if not np.isfinite(height).all():
         raise UsageError(
-            "the log does not tell heights above the ground",
-            remedy="Give the drone's height over the tags: --height 40",
+            "the log contains no heights above the ground",
+            remedy="Give the drone's height above the tags: --height 40",
         )
     return PowerTrack(
         latitude_deg=latitude,
@@ -133,6 +170,8 @@ def power_track(
         height_m=np.maximum(height, _LEAST_HEIGHT_M),
         snr_db=snr,
         threshold_db=MISS_THRESHOLD_DB,
+        time_s=times_s if times_s[-1] <= ONE_FLIGHT_S else None,
+        origin_ns=int(times_ns[0]),
     )
 
 
@@ -160,21 +199,6 @@ def _surface(track: PowerTrack) -> SignalSurface | None:
         return None
 
 
-def position_of(track: PowerTrack) -> Position:
-    """Where the tag is by its strength along the flight, with its uncertainty.
-
-    Raises
-    ------
-    UsageError
-        The track has too little.
-    """
-    return estimate_position(None, track, widenings=True)
-
-
-def _row(pose: Pose, snr_db: float) -> tuple[float, float, float, float]:
-    return (pose.latitude_deg, pose.longitude_deg, pose.altitude_relative_m, snr_db)
-
-
 def _missed_times_ns(
     times_ns: Sequence[int], rates: Sequence[int], tag: Tag | None
 ) -> list[int]:
@@ -195,20 +219,18 @@ def _missed_times_ns(
     return missed
 
 
-def _between(
-    poses: Sequence[Pose], times_ns: Sequence[int]
-) -> list[tuple[float, float, float, float]]:
-    """Places of the vehicle at some times, as rows without a strength."""
-    known = np.array([pose.time_ns for pose in poses], np.float64)
-    columns = [
-        np.interp(np.array(times_ns, np.float64), known, values)
-        for values in (
-            [pose.latitude_deg for pose in poses],
-            np.unwrap([pose.longitude_deg for pose in poses], period=360.0),
-            [pose.altitude_relative_m for pose in poses],
-        )
-    ]
-    return [(float(a), float(b), float(c), math.nan) for a, b, c in zip(*columns, strict=True)]
+def _between(poses: PoseColumns, times_ns: Sequence[int]) -> tuple[_Floats, ...]:
+    """Latitude, longitude and height at some times, and NaN for the strength."""
+    known, wanted = poses.time_ns.astype(np.float64), np.array(times_ns, np.float64)
+    columns = (
+        poses.latitude_deg,
+        np.unwrap(poses.longitude_deg, period=360.0),
+        poses.height_m,
+    )
+    return (
+        *(np.interp(wanted, known, values) for values in columns),
+        np.full(len(times_ns), math.nan),
+    )
 
 
 def _heights(track: PowerTrack) -> list[HeightBand]:

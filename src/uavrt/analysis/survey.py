@@ -1,4 +1,4 @@
-"""Everything that a flight or an old log tells, gathered once: for reports and exports."""
+"""Everything known from a flight or an old log, gathered once for reports and exports."""
 
 import math
 import os
@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from uavrt.analysis.bearings import (
     NO_BEARINGS_FROM_THESE,
@@ -14,26 +15,46 @@ from uavrt.analysis.bearings import (
     bearings_of_pulses,
 )
 from uavrt.analysis.facts import Facts, facts_of
+from uavrt.analysis.map_files import MapFile
 from uavrt.analysis.positions import (
     TagPosition,
     antenna_of,
+    over_ground,
     positions_of_bearings,
     positions_of_powers,
 )
 from uavrt.analysis.power_survey import MONOPOLE, TagSignal
-from uavrt.errors import UsageError
-from uavrt.messages import FlightInfo, Health, Pose, PulsePose, SearchReport, StatusText, Tag
+from uavrt.errors import FormatError, UsageError
+from uavrt.messages import (
+    FlightInfo,
+    Health,
+    Pose,
+    PulsePose,
+    SearchNote,
+    SearchReport,
+    StatusText,
+    Tag,
+)
 from uavrt.recording import (
     Flight,
+    FlightFold,
     FlightLayout,
+    IntegratedVerdict,
+    Mark,
+    places_of,
     read_flight,
+    read_folds,
     read_health,
+    read_integrated,
+    read_search_notes,
     read_search_reports,
 )
-from uavrt.recording.formats import LogKind, read_pulse_log
-from uavrt.recording.formats.recognise import ORIGINAL_POSES
-from uavrt.recording.places import Mark, places_of
+from uavrt.recording.formats import ORIGINAL_POSES, LogKind, read_pulse_log
+from uavrt.terrain import Elevation
 from uavrt.units import NANOSECONDS_PER_SECOND
+
+if TYPE_CHECKING:
+    from uavrt.analysis.silence import SilentMap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,17 +77,30 @@ class Survey:
     info: FlightInfo | None = None
     health: tuple[Health, ...] = ()
     search_reports: tuple[SearchReport, ...] = ()
+    search_notes: tuple[SearchNote, ...] = ()
+    """Of searches that the drone flew by itself."""
     status_texts: tuple[tuple[int, StatusText], ...] = ()
     notes: tuple[tuple[int, str], ...] = ()
+    integrated: tuple[PulsePose, ...] = ()
+    """Pulses that ``uavrt integrate`` saw in hindsight; no bearing or position is of them."""
+    verdicts: tuple[IntegratedVerdict, ...] = ()
+    """What it said of each tag."""
+    folds: tuple[FlightFold, ...] = ()
+    """Of the tags that it judged."""
+    silences: "tuple[SilentMap, ...]" = ()
+    """Maps of where tags would have been heard, where their power was told."""
     facts: Facts = field(default_factory=Facts)
     """What people tell of it in a report.toml."""
+    maps: tuple[MapFile, ...] = ()
+    """Map files of pictures, for what lies under the flight in a report."""
 
     @property
     def tag_ids(self) -> tuple[int, ...]:
         """Numbers of all tags that were heard or looked for."""
         listed = () if self.info is None else self.info.tags
         heard = {one.pulse.tag_id for one in self.pulse_poses}
-        return tuple(sorted(heard | {tag.tag_id for tag in listed}))
+        judged = {one.tag_id for one in self.verdicts}
+        return tuple(sorted(heard | judged | {tag.tag_id for tag in listed}))
 
     def tag(self, tag_id: int) -> Tag | None:
         """Get the tag as the operator listed it."""
@@ -77,6 +111,18 @@ class Survey:
         """Get one tag's pulses."""
         return tuple(one for one in self.pulse_poses if one.pulse.tag_id == tag_id)
 
+    @property
+    def every_pulse(self) -> tuple[PulsePose, ...]:
+        """All pulses in the order of time, those seen in hindsight among them."""
+        if not self.integrated:
+            return self.pulse_poses
+        both = (*self.pulse_poses, *self.integrated)
+        return tuple(sorted(both, key=lambda one: one.pulse.start_time_ns))
+
+    def verdict_of(self, tag_id: int) -> IntegratedVerdict | None:
+        """Get what a whole flight said of one tag; None when nobody has asked."""
+        return next((one for one in self.verdicts if one.tag_id == tag_id), None)
+
     def bearings_of(self, tag_id: int) -> tuple[TagBearing, ...]:
         """Get one tag's bearings."""
         return tuple(one for one in self.bearings if one.tag_id == tag_id)
@@ -86,7 +132,7 @@ class Survey:
         return next((one for one in self.positions if one.tag_id == tag_id), None)
 
     def position_time_ns(self, tag_id: int) -> int | None:
-        """When a tag's position was so: at the end of its last bearing, or last pulse."""
+        """When a tag was at its position: at the end of its last bearing, or last pulse."""
         bearings = [one.end_time_ns for one in self.bearings_of(tag_id) if one.bearing.accepted]
         heard = [one.pulse.start_time_ns for one in self.pulses_of(tag_id)]
         return max(bearings or heard, default=None)
@@ -121,6 +167,7 @@ def read_survey(
     antenna: str | None = None,
     height_m: float | None = None,
     offset_deg: float = 0.0,
+    elevation: Elevation | None = None,
 ) -> Survey:
     """Read a flight directory or a pulse log of any kind; estimate bearings and positions.
 
@@ -135,7 +182,9 @@ def read_survey(
     height_m : float, optional
         With a monopole: the drone's height over the tags where the log does not tell it.
     offset_deg : float
-        Of a flight: boresight clockwise from the heading that its pulses carry.
+        Boresight clockwise from the heading that the pulses carry.
+    elevation : Elevation, optional
+        Heights of the ground: hills weaken what is heard, and explain silence.
 
     Raises
     ------
@@ -145,21 +194,27 @@ def read_survey(
         There is no such antenna, or the report.toml beside it is damaged.
     """
     place = Path(path)
-    return replace(_read(place, antenna, height_m, offset_deg), facts=facts_of(place.resolve()))
+    survey = _read(place, antenna, height_m, offset_deg, elevation)
+    return replace(survey, facts=facts_of(place.resolve()))
 
 
 def _read(
-    place: Path, antenna: str | None, height_m: float | None, offset_deg: float
+    place: Path,
+    antenna: str | None,
+    height_m: float | None,
+    offset_deg: float,
+    elevation: Elevation | None,
 ) -> Survey:
     if FlightLayout(place).database.is_file():
         named = antenna or antenna_of(())
-        return _of_flight(place, read_flight(place), named, height_m, offset_deg)
+        return _of_flight(place, read_flight(place), named, height_m, offset_deg, elevation)
     log = read_pulse_log(place)
     antenna = antenna or antenna_of([log.kind])
     pulses = tuple(sorted(log.pulse_poses, key=lambda one: one.pulse.start_time_ns))
     warnings = list(log.warnings)
+    over = None if elevation is None else over_ground(elevation, (), pulses)
     if antenna == MONOPOLE and ORIGINAL_POSES not in warnings:
-        positions, signals = positions_of_powers(pulses, (), (), height_m=height_m)
+        positions, signals = positions_of_powers(pulses, (), (), height_m=height_m, over=over)
         warnings += _reasons(positions)
         return Survey(
             name=place.name,
@@ -176,7 +231,8 @@ def _read(
         warnings.append(NO_BEARINGS_FROM_THESE)
     else:
         bearings = _attempted(
-            lambda: bearings_of_pulses(_placed(pulses), antenna=antenna), warnings
+            lambda: bearings_of_pulses(_placed(pulses), antenna=antenna, offset_deg=offset_deg),
+            warnings,
         )
     return Survey(
         name=place.name,
@@ -185,7 +241,7 @@ def _read(
         pulse_poses=pulses,
         track=_on_earth(one.pose for one in pulses),
         bearings=tuple(bearings),
-        positions=tuple(positions_of_bearings(bearings)),
+        positions=tuple(positions_of_bearings(bearings, over=over)),
         warnings=tuple(warnings),
     )
 
@@ -211,23 +267,39 @@ def _reasons(positions: Iterable[TagPosition]) -> list[str]:
 
 
 def _of_flight(
-    directory: Path, flight: Flight, antenna: str, height_m: float | None, offset_deg: float
+    directory: Path,
+    flight: Flight,
+    antenna: str,
+    height_m: float | None,
+    offset_deg: float,
+    elevation: Elevation | None,
 ) -> Survey:
+    over = None
+    if elevation is not None:
+        over = over_ground(elevation, flight.poses, flight.pulse_poses)
     warnings: list[str] = []
     bearings: list[TagBearing] = []
     signals: list[TagSignal] = []
     if antenna == MONOPOLE:
         positions, signals = positions_of_powers(
-            flight.pulse_poses, flight.info.tags, flight.poses, height_m=height_m
+            flight.pulse_poses, flight.info.tags, flight.poses, height_m=height_m, over=over
         )
     else:
         bearings = _attempted(
             lambda: bearings_of_flight(flight, antenna=antenna, offset_deg=offset_deg), warnings
         )
-        positions = positions_of_bearings(bearings)
+        positions = positions_of_bearings(bearings, over=over)
     without = sum(one.pose is None for one in flight.pulse_poses)
     if without:
         warnings.append(f"{without} of {len(flight.pulse_poses)} pulses have no pose.")
+    verdicts: tuple[IntegratedVerdict, ...] = ()
+    integrated: tuple[PulsePose, ...] = ()
+    folds: tuple[FlightFold, ...] = ()
+    try:
+        verdicts, integrated = read_integrated(directory)
+        folds = read_folds(directory)
+    except FormatError as error:
+        warnings.append(f"Nothing of what was integrated: {error}.")
     track = flight.poses or tuple(one.pose for one in flight.pulse_poses if one.pose)
     return Survey(
         name=directory.resolve().name,
@@ -242,8 +314,12 @@ def _of_flight(
         info=flight.info,
         health=read_health(directory),
         search_reports=read_search_reports(directory),
+        search_notes=read_search_notes(directory),
         status_texts=flight.status_texts,
         notes=flight.notes,
+        integrated=integrated,
+        verdicts=verdicts,
+        folds=folds,
     )
 
 

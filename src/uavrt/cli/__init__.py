@@ -1,5 +1,18 @@
 """The ``uavrt`` command; one module per subcommand, imported when it is called."""
 
-from uavrt.cli.app import main
+from typing import TYPE_CHECKING
 
-__all__ = ["main"]
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.cli.__main__ import main
+
+__all__ = [
+    "main",
+]
+__getattr__ = lazily(
+    __name__,
+    {
+        "main": "__main__",
+    },
+)

@@ -1,5 +1,27 @@
-"""Run as ``python -m uavrt.cli``."""
+"""Where ``uavrt`` and ``python -m uavrt.cli`` begin.
 
-from uavrt.cli.app import main
+The command line takes most of a second to import. A Ctrl-C in that time has nothing to end in
+order: it ends the program as the system does, without a traceback of what was being imported.
+"""
 
-main()
+import signal
+import sys
+
+
+def main() -> None:
+    """Run ``uavrt``."""
+    ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if ours:  # it may be ignored, as in a script's background
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from uavrt.cli.app import run
+
+    try:
+        if ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        run()
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -12,9 +12,15 @@ COMMANDS = {
     "demo": "The whole system on this machine, with simulated animals.",
     "run": "The drone side: radio, detectors, autopilot, recorder.",
     "ground": "The ground station.",
+    "fly": "Move the drone: each motion confirmed by you.",
     "detect": "Find pulses in a recording or a live stream.",
     "bearing": "Bearings from a flight or a pulse log.",
     "localize": "Positions from a flight or from bearings.",
+    "integrate": "A tag below the noise: a whole flight judged at once.",
+    "range": "How far a tag is heard, before a flight.",
+    "coverage": "Where a tag is heard, before a flight and after it.",
+    "batch": "Pulses of all recordings of an archive, to Parquet.",
+    "archive": "Questions over all that a batch has searched.",
     "attach": "Poses from an autopilot's log for pulses without any.",
     "report": "A report of a flight, to look at and hand on.",
     "export": "A flight as files for other programs.",
@@ -67,7 +73,7 @@ def _default(value: object) -> str | None:
 app = make_app()
 
 
-def main() -> None:
+def run() -> None:
     """Run ``uavrt``; a deliberate error is printed without a traceback and exits with 2."""
     try:
         arguments = sys.argv[1:]

@@ -6,11 +6,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from uavrt.cli.kinds import Degrees, SecondsApart
 from uavrt.cli.outputs import check_place, keep_inputs
-from uavrt.errors import ConfigError
-
-MOST_OFFSET_S = 1e9
-"""Thirty years: clocks that were never set begin in 1970, 1980 or 2000."""
 
 
 def attach(
@@ -18,40 +15,32 @@ def attach(
     track: Path,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    clock_offset: float | None = None,
-    yaw_offset: float = 0.0,
+    clock_offset: SecondsApart | None = None,
+    yaw_offset: Degrees = 0.0,
     antenna: str = "RA-23K",
 ) -> None:
-    """Give pulses the poses of an autopilot's log or a receiver's track.
+    """Add poses from an autopilot's log or a GPS track to pulses.
 
     Parameters
     ----------
     pulses
-        A pulse log in any format that is known, or a flight directory.
+        A pulse log in any known format, or a flight directory.
     track
         PX4's .ulg, ArduPilot's .BIN or .tlog, NMEA sentences or GPX.
     output
-        Pulses with poses: CSV when the name ends so, else JSON lines.
+        File for pulses with poses: CSV if the name ends in .csv, else JSON lines.
     clock_offset
-        Seconds by which the pulses' clock is ahead of the track's; estimated when not given.
+        Seconds by which the pulses' clock is ahead of the track's; estimated by default.
     yaw_offset
         Antenna's boresight clockwise from the vehicle's nose, degrees.
     antenna
-        Name of the antenna's pattern, for estimating the offset from powers.
+        Name of the antenna's pattern, for estimating the offset from signal strength.
     """
-    if clock_offset is not None and not abs(clock_offset) < MOST_OFFSET_S:
-        raise ConfigError(
-            f"a clock offset of {clock_offset:g} s", remedy="Give --clock-offset in seconds"
-        )
-    if not abs(yaw_offset) <= 360.0:
-        raise ConfigError(
-            f"a yaw offset of {yaw_offset:g}°", remedy="Give --yaw-offset from -360 to 360"
-        )
     check_place(output, overwrite=True)
     keep_inputs(output, (pulses, track))
-    from uavrt.analysis.antenna_files import antenna_named
+    from uavrt.analysis.measure import antenna_named
     from uavrt.analysis.tracks import ClockOffset, attach_poses, estimate_offset, read_track
-    from uavrt.config.settings import AntennaSettings
+    from uavrt.config import AntennaSettings
     from uavrt.recording import PulseWriter, pulse_format
     from uavrt.recording.formats import read_pulse_log
 

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from uavrt.cli.kinds import Degrees
+
 if TYPE_CHECKING:
-    from uavrt.analysis.bearings import TagBearing
+    from uavrt.analysis import TagBearing
 
 
 def bearing(
@@ -16,6 +18,7 @@ def bearing(
     *,
     method: str = "pattern_ml",
     antenna: str = "RA-23K",
+    antenna_offset: Degrees = 0.0,
     recording: Path | None = None,
     learn: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
@@ -31,19 +34,22 @@ def bearing(
         pattern_ml (a posterior with its interval), or for comparison pca, pca_log,
         pca_amplitude, pearson, ls_linear, ls_db, max.
     antenna
-        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package;
+        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, one from another package,
         or a CSV file of angles and gains.
+    antenna_offset
+        Boresight clockwise from the heading that the pulses contain [°]; 0 if the drone's own
+        settings already include the mounting.
     recording
-        The SigMF recording that the pulses were found in, received through an antenna switch:
-        bearings from the phases between its antennas (pseudo_doppler, two_point_phased).
+        The SigMF recording in which the pulses were found, made through an antenna switch:
+        bearings come from the phases between its antennas (pseudo_doppler, two_point_phased).
     learn
-        Correct the pattern by the turns of this flight, write it to this CSV file, and use it.
+        Correct the pattern using the turns of this flight, write it to this CSV file, and use
+        it.
     as_json
         Print a list of objects.
     """
-    from uavrt.analysis.antenna_files import antenna_named, write_antenna
-    from uavrt.analysis.bearings import read_bearings
-    from uavrt.analysis.switched import switched_bearings
+    from uavrt.analysis import read_bearings
+    from uavrt.analysis.measure import antenna_named, switched_bearings, write_antenna
     from uavrt.recording.formats import read_pulse_log
 
     log = read_pulse_log(pulses)
@@ -51,15 +57,20 @@ def bearing(
         print(f"uavrt: {warning}", file=sys.stderr)
     antenna = antenna_named(antenna)
     if learn is not None:
-        from uavrt.analysis.bearings import learnt_antenna
+        from uavrt.analysis import learnt_antenna
 
-        pattern = learnt_antenna(pulses, antenna)
+        pattern = learnt_antenna(pulses, antenna, antenna_offset)
         write_antenna(pattern, learn, f"{antenna} as {pulses.resolve().name} showed it")
         antenna = antenna_named(str(learn))
     if recording is not None:
-        found = switched_bearings(recording, log.pulse_poses)
+        found = switched_bearings(recording, log.pulse_poses, offset_deg=antenna_offset)
     else:
-        found = read_bearings(pulses, method=method, antenna=antenna)  # type: ignore[arg-type]
+        found = read_bearings(
+            pulses,
+            method=method,  # type: ignore[arg-type]
+            antenna=antenna,
+            offset_deg=antenna_offset,
+        )
     if as_json:
         print(json.dumps([_record(one) for one in found], indent=2))
         return

@@ -1,10 +1,10 @@
 """``uavrt channelize``: a band in, the original's channel datagrams out."""
 
 # isort: off
+from uavrt.cli.kinds import Between, Hertz, HertzOrZero
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
-import math
 import sys
 import time
 from contextlib import ExitStack, closing
@@ -12,18 +12,11 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from uavrt.analysis.channelize import (
-    ChannelizeSummary,
-    plan_channels,
-    ports_of,
-)
-from uavrt.analysis.channelize import (
-    channelize as run_channelizer,
-)
+from uavrt.analysis.measure import ChannelizeSummary, plan_channels, ports_of
+from uavrt.analysis.measure import channelize as run_channelizer
 from uavrt.cli.detect import open_source, start_time_ns, stop_on_signals
 from uavrt.errors import ConfigError
-from uavrt.radio import BandDatagramSource, ChannelDatagramSender, SampleSource
-from uavrt.radio.udp_address import is_udp_address
+from uavrt.radio import BandDatagramSource, ChannelDatagramSender, SampleSource, is_udp_address
 
 THESIS_RATE_HZ = 375_000.0
 """3 MS/s, decimated by csdr."""
@@ -32,8 +25,8 @@ THESIS_RATE_HZ = 375_000.0
 def channelize(
     source: Annotated[str, Parameter(allow_leading_hyphen=True)] = "udp://localhost:10000",
     *,
-    sample_rate: float | None = None,
-    center_frequency: float = 0.0,
+    sample_rate: Hertz | None = None,
+    center_frequency: HertzOrZero = 0.0,
     channels: Annotated[str, Parameter(allow_leading_hyphen=True)] = "",
     mode: Literal["compatible", "default"] = "compatible",
     ports: Literal["current", "thesis"] = "current",
@@ -41,11 +34,11 @@ def channelize(
     host: str = "127.0.0.1",
     format: str | None = None,
     start_time: str | None = None,
-    speed: float = 1.0,
+    speed: Annotated[float, Parameter(validator=Between(least=0))] = 1.0,
 ) -> None:
     """Split a band into channels and send each to a UDP port, as the original does.
 
-    Takes the place of `airspy_channelize 375000 100`. Ctrl-C ends it.
+    Replaces `airspy_channelize 375000 100`. Ctrl-C stops it.
 
     Parameters
     ----------
@@ -53,33 +46,32 @@ def channelize(
         udp://localhost:10000 for what `… | netcat -u localhost 10000` sends, - for samples on
         standard input, or a recording.
     sample_rate
-        Of the band; from 750e3 on it is decimated first (airspy_rx alone: 3e6). By default
-        what the recording says; 375e3 at a UDP port and on standard input.
+        Sample rate of the band; rates of 750e3 and above are decimated first (airspy_rx alone:
+        3e6). By default as the recording states; 375e3 for UDP and standard input.
     center_frequency
-        Of the band; the datagrams do not hold it.
+        Centre of the band in hertz; the datagrams do not contain it.
     channels
-        Numbers as the original counts, with commas: 1 is the centre, 2 the next above, 100 the
-        next below. A negative number is sent to its second port too. By default all.
+        Channel numbers as the original counts them, separated by commas: 1 is the centre, 2 the
+        next above, 100 the next below. A negative number also sends that channel to its second
+        port. By default all.
     mode
         compatible: the original's filter, 100 channels of 3750 samples a second; other bands
-        are refused. default: ours, of any band (375e3: 7500 samples a second in a channel), in
-        which no frequency lies on an edge.
+        are refused. default: our filter for any band (7500 samples a second per channel at
+        375e3), in which no frequency lies on a channel edge.
     ports
         current: 20000 + 2 × (channel - 1), second port + 1. thesis: 20000 + channel - 1.
     stamps
-        seconds: as the current original. milliseconds: as the thesis's.
+        seconds: as in the current original. milliseconds: as in the thesis.
     host
         Where to send.
     format
-        Of a file or of standard input: cf32, cs16, cu8, ci8, sigmf or wav.
+        Format of the file or of standard input: cf32, cs16, cu8, ci8, sigmf or wav.
     start_time
         Time of the first sample, ISO 8601, UTC; by default its arrival.
     speed
-        A file is played at so many times real time; 0: as fast as it can be read.
+        Playback speed of a file, in multiples of real time; 0: as fast as it can be read.
     """
     numbers = _numbers(channels)
-    if not 0.0 <= speed < math.inf:
-        raise ConfigError(f"a speed of {speed:g}", remedy="Give --speed of 0 or more")
     start_ns = start_time_ns(start_time)
     opened: SampleSource
     if is_udp_address(source):

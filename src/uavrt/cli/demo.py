@@ -1,6 +1,7 @@
 """``uavrt demo``: the whole system on this machine."""
 
 import json
+import sys
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
@@ -9,15 +10,19 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from uavrt.cli.kinds import Port, Seed
+from uavrt.cli.kinds import Port, Seconds, Seed
 from uavrt.cli.outputs import check_place
 from uavrt.cli.screen import has_page, has_screen
-from uavrt.demo import run_demo
+from uavrt.demo import run_demo, run_search_demo
+
+FLIGHT_S = 120.0
+SEARCH_S = 600.0
 
 
 def demo(
     *,
-    duration: float = 120.0,
+    search: Annotated[bool, Parameter(negative="")] = False,
+    duration: Seconds | None = None,
     seed: Seed = 1,
     flight_dir: Path = Path("flights"),
     port: Port = 0,
@@ -28,34 +33,41 @@ def demo(
 ) -> None:
     """Fly the whole system on this machine, with simulated animals, radio and autopilot.
 
-    The receiver, the detectors, the link and the ground station are the real ones; each is a
-    process of its own, as in the field. The page shows the flight while it goes on; afterwards
+    The receiver, the detectors, the link and the ground station are the real ones, each in its
+    own process, as in the field. The page shows the flight live; afterwards
     `uavrt ground -o FLIGHTS/ground` shows it again.
 
     Parameters
     ----------
+    search
+        The drone finds three animals by itself, one of them walking, with nobody touching it;
+        its decisions are printed as it takes them. Exits with 1 unless all are found.
     duration
-        Length of the flight in seconds, at least 40.
+        Length of the flight in seconds, at least 40; 120 unless given. With --search, after
+        which the drone returns at the latest; 600 unless given.
     seed
         Seed of everything random in the simulated world.
     flight_dir
-        Where the flight's directory is made.
+        Directory in which the flight directory is created.
     port
-        Port of the ground station's page; any free one if not given.
+        Port of the ground station's page; by default any free one.
     browser
-        Open the page in a browser, where this computer has a screen.
+        Open the page in a browser if this computer has a screen.
     headless
-        Show nothing while it runs, neither page nor terminal view.
+        Show neither page nor terminal view while it runs.
     picture
         Save the live view's last state as an SVG file.
     json_summary
         Print one JSON object as the last line.
     """
+    if search:
+        _search(seed, duration or SEARCH_S, flight_dir, json_summary=json_summary)
+        return
     if picture is not None:
         check_place(picture, overwrite=True)
     console = None if headless else Console(stderr=json_summary)
     summary = run_demo(
-        duration_s=duration,
+        duration_s=duration or FLIGHT_S,
         seed=seed,
         flight_dir=flight_dir,
         console=console,
@@ -70,6 +82,27 @@ def demo(
         out.print(summary.table())
         out.print(f"samples lost: {summary.samples_lost}")
         out.print(f"flight: {summary.flight_directory}", soft_wrap=True)
+
+
+def _search(seed: int, limit_s: float, flight_dir: Path, *, json_summary: bool) -> None:
+    """Let the drone search by itself; exit with 1 unless it has found all."""
+    out = sys.stderr if json_summary else sys.stdout
+    summary = run_search_demo(
+        seed=seed,
+        limit_s=limit_s,
+        flight_dir=flight_dir,
+        say=lambda line: print(line, file=out, flush=True),
+    )
+    if json_summary:
+        print(json.dumps(summary.as_dict(), allow_nan=False))
+    else:
+        screen = Console()
+        screen.print(summary.table())
+        cpu, memory = summary.guide_cpu_percent, summary.guide_memory_mb
+        screen.print(f"guide: {cpu:.1f} % of a core, {memory:.0f} MB")
+        screen.print(f"flight: {summary.flight_directory}", soft_wrap=True)
+    if not summary.complete:
+        sys.exit(1)
 
 
 def _opener(browser: bool, console: Console | None) -> Callable[[str], None]:

@@ -1,6 +1,7 @@
 """``uavrt detect``: pulses from a recording or a live stream."""
 
 # isort: off
+from uavrt.cli.kinds import Hertz, HertzOrZero
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
@@ -16,20 +17,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.analysis.detect import DetectionSummary
-from uavrt.analysis.detect import detect as run_detectors
-from uavrt.analysis.redetect import FlightWriter
-from uavrt.analysis.tag_source import TagSource, read_tag_source
+from uavrt.analysis.measure import DetectionSummary, FlightWriter, TagSource, read_tag_source
+from uavrt.analysis.measure import detect as run_detectors
 from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import parse_iso_utc
-from uavrt.config.settings import DetectionSettings, OperatingModeName
+from uavrt.config import DetectionSettings, OperatingModeName
 from uavrt.detection import OperatingMode
 from uavrt.errors import ConfigError, RecordingError, UavrtError
 from uavrt.messages import Pulse, Tag
-from uavrt.processes.search_cost import search_cost
-from uavrt.radio import SampleSource, open_channel, open_recording, open_stream
-from uavrt.radio.losses import most_lost
-from uavrt.radio.udp_address import is_udp_address
+from uavrt.processes import search_cost
+from uavrt.radio import (
+    SampleSource,
+    is_udp_address,
+    most_lost,
+    open_channel,
+    open_recording,
+    open_stream,
+)
 from uavrt.recording import Flight, PulseWriter, pulse_format, read_flight
 
 if TYPE_CHECKING:
@@ -43,10 +47,10 @@ def detect(
     *,
     tags: Path | None = None,
     format: str | None = None,
-    sample_rate: float | None = None,
-    center_frequency: float | None = None,
+    sample_rate: Hertz | None = None,
+    center_frequency: HertzOrZero | None = None,
     start_time: str | None = None,
-    frequency_window: float = 500.0,
+    frequency_window: Hertz = 500.0,
     mode: OperatingModeName | None = None,
     output: Annotated[
         str | None, Parameter(name=["--output", "-o"], allow_leading_hyphen=True)
@@ -59,45 +63,46 @@ def detect(
 ) -> None:
     """Find the pulses of tags in a recording or a live stream.
 
-    Pulses are written as they are found. Ctrl-C ends a live stream in good order.
+    Pulses are written as they are found. Ctrl-C ends a live stream cleanly.
 
     Parameters
     ----------
     recording
         A file, or - for samples on standard input, as from `airspy_rx -r - -t 0`, or
-        udp://127.0.0.1:20090 for one channel of an original channelizer or of ours.
+        udp://127.0.0.1:20090 for one channel of the original's channelizer or ours.
     tags
         Tag file: TagInfo.txt, tags.toml, or the original's detectorConfig.txt. With --flight,
-        that flight's tags if not given.
+        defaults to that flight's tags.
     format
-        cf32, cs16, cu8, ci8, sigmf or wav; by default told by the file's name (- is cf32).
+        cf32, cs16, cu8, ci8, sigmf or wav; by default taken from the file name (cf32 for -).
     sample_rate
-        Samples a second, e.g. 3e6, unless the recording says it.
+        Samples per second, e.g. 3e6, unless the recording states it.
     center_frequency
-        Radio frequency in hertz, e.g. 148.7e6, unless the recording says it.
+        Radio frequency in hertz, e.g. 148.7e6, unless the recording states it.
     start_time
-        Time of the first sample, ISO 8601, UTC; by default what the recording says, else the
-        file's last change less its duration; for - the time of arrival.
+        Time of the first sample, ISO 8601, UTC; by default as stated in the recording, else the
+        file's modification time minus its duration; for - the time of arrival.
     frequency_window
         Half-width of the search around each tag's nominal frequency, in hertz.
     mode
-        How the search follows a frequency that it has found. freqSearchSoftLock: the window,
-        always. freqSearchHardLock: once confirmed, ± 100 Hz around it. freqKnownHardLock:
-        ± 100 Hz around the nominal frequency. freqAllNeverLock: the whole channel, no track.
-        By default what a detectorConfig.txt says, else freqSearchSoftLock.
+        What to search once a tag's frequency has been found. freqSearchSoftLock: always the
+        window. freqSearchHardLock: once confirmed, ± 100 Hz around the found frequency.
+        freqKnownHardLock: ± 100 Hz around the nominal frequency. freqAllNeverLock: the whole
+        channel, without tracks. By default as a detectorConfig.txt says, else
+        freqSearchSoftLock.
     output
         File.csv, File.jsonl, or - (JSON lines); by default -. With --flight a directory.
     flight
-        Flight directory in which the recording was made: its poses are given to the pulses,
-        and a new flight directory is written.
+        Flight directory in which the recording was made: pulses get its poses, and a new flight
+        directory is written.
     plot
         Directory for pictures of each tag: waterfall, pulses folded at the interval, SNR.
         Needs the extra uavrt[analysis].
     udp_pulses
-        HOST:PORT to which pulses are sent as the original detector does, 127.0.0.1:50000.
+        HOST:PORT to send pulses to in the original detector's format, e.g. 127.0.0.1:50000.
     ros2
-        Also publish the pulses on ROS 2: network interfaces with commas, eth0; lo for this
-        computer only. Needs the extra uavrt[ros2].
+        Also publish the pulses on ROS 2: network interfaces separated by commas, e.g. eth0; lo
+        for this computer only. Needs the extra uavrt[ros2].
     ros2_namespace
         Namespace of the drone that takes the pulses, as in its [ros2] namespace.
     """
@@ -237,7 +242,7 @@ def _to_all(write: Write, listeners: "Sequence[Listener]") -> Write:
 
 @contextmanager
 def _finishing(listeners: "Sequence[Listener]", summary: DetectionSummary) -> Iterator[None]:
-    """Draw what there is in the end, also when the samples ended with a fault; then tell it."""
+    """Draw the results at the end, also after a fault in the samples; then report the fault."""
     try:
         yield
     except UavrtError:
@@ -254,7 +259,7 @@ def _finish(listeners: "Sequence[Listener]") -> None:
 
 
 def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:
-    """One call for the same method of all listeners; None when there is nobody."""
+    """One call to the same method of all listeners; None without listeners."""
     methods = [getattr(listener, name) for listener in listeners]
 
     def call_each(argument: Any) -> None:
@@ -328,7 +333,8 @@ def _pulse_output(name: str) -> Iterator[Write]:
     """Open the output at once, so that a wrong place shows before the work."""
     if Path(name).suffix.lower() in (".xls", ".xlsx", ".ods"):
         raise ConfigError(
-            f"{name} would be a spreadsheet", remedy="Write .csv, which every spreadsheet opens"
+            f"{name} would be a spreadsheet file",
+            remedy="Write .csv, which every spreadsheet opens",
         )
     with _naming_faults(name), ExitStack() as stack:
         stream = sys.stdout
@@ -346,7 +352,7 @@ def _pulse_output(name: str) -> Iterator[Write]:
 
 @contextmanager
 def _naming_faults(name: str) -> Iterator[None]:
-    """Say where writing failed; a closed pipe (``| head``) is the caller's normal end."""
+    """Report where writing failed; a closed pipe (``| head``) is the caller's normal end."""
     try:
         yield
     except BrokenPipeError:

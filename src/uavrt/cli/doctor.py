@@ -11,9 +11,9 @@ from rich.text import Text
 
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
 from uavrt.computer import Finding, examine, examine_autopilot
-from uavrt.config.settings import Settings
+from uavrt.config import Settings
 from uavrt.errors import UavrtError, UsageError
-from uavrt.mavlink.address import parse_address
+from uavrt.mavlink import parse_address
 from uavrt.messages import SystemStatus
 from uavrt.monitor import StatusReader, status_socket_path
 
@@ -28,23 +28,22 @@ def doctor(
     port: str | None = None,
     mavlink: str | None = None,
 ) -> None:
-    """Look at radio, permissions, autopilot, clock, disk, processor and temperature.
+    """Check radio, permissions, autopilot, clock, disk, processor and temperature.
 
-    Each line says ok, or what to do. Exits with 1 when something is to be done.
+    Each line says ok, or what to do. Exits with status 1 if there is something to do.
 
     Parameters
     ----------
     config
-        Settings file that would be flown with.
+        Settings file for the flight.
     autopilot
-        Look at the autopilot's parameters in place of the rest: do they let drone and ground
-        talk to each other?
+        Check only the autopilot's parameters: do they let drone and ground talk to each other?
     fix
-        With --autopilot: set what is wrong. Without it nothing is ever changed.
+        With --autopilot: correct what is wrong. Nothing is ever changed without this option.
     port
-        The autopilot's port that this computer is connected to, TELEM2 unless told otherwise.
+        The autopilot's port that this computer is connected to; by default TELEM2.
     mavlink
-        Another link to the autopilot than the settings' one, as by USB:
+        Link to the autopilot instead of the one in the settings, e.g. over USB:
         serial:///dev/ttyACM0:57600.
     """
     settings = settings_from(config)

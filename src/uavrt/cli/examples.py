@@ -13,6 +13,12 @@ EXAMPLES: dict[str, list[str]] = {
         "uavrt ground                                    # the page",
         "uavrt ground --mavlink serial:///dev/ttyUSB0:57600 --tags TagInfo.txt --start",
     ],
+    "fly": [
+        "uavrt fly rotate --seconds 60 --command-key drone.key",
+        "uavrt fly goto 47.1013 8.5021 --height 60 --command-key drone.key",
+        "uavrt fly search --radius 300 --tags 2,4 --height 60 --command-key drone.key",
+        "uavrt fly stop --command-key drone.key",
+    ],
     "detect": [
         "uavrt detect night.sigmf-meta --tags TagInfo.txt -o pulses.csv --plot pictures",
         "uavrt detect band.cf32 --tags tags.toml --sample-rate 3e6 --center-frequency 148.7e6",
@@ -26,6 +32,28 @@ EXAMPLES: dict[str, list[str]] = {
     "localize": [
         "uavrt localize flights/flight_log_2026-05-01_08-15-00",
         "uavrt localize bearings.csv --method mle",
+    ],
+    "integrate": [
+        "uavrt integrate flights/flight_log_2026-05-01_08-15-00 --tag 4 --plot folds",
+        "uavrt integrate flights/flight_log_2026-05-01_08-15-00 --recording band.sigmf-meta",
+    ],
+    "range": [
+        "uavrt range --tag-power -20 --height 60",
+        "uavrt range --tag-power -25 --tags tags.toml --json",
+    ],
+    "coverage": [
+        "uavrt coverage area.kml --tag-power -25 --dem N47E008.hgt --height 60 --height 100",
+        "uavrt coverage flights/flight_log_2026-05-01_08-15-00 --tag-power -25 --area bog.kml",
+    ],
+    "batch": [
+        "uavrt batch /archive/2025 --tags tags.toml -o searched",
+        "uavrt batch old --manifest old/manifest.csv --tags tags.toml -o searched --workers 1",
+    ],
+    "archive list": ["uavrt archive list searched"],
+    "archive tags": ["uavrt archive tags searched --json"],
+    "archive export": ["uavrt archive export searched -o files --format geoparquet"],
+    "archive query": [
+        "uavrt archive query searched 'select flight, count(*) from pulses group by flight'",
     ],
     "attach": [
         "uavrt attach pulses.jsonl 00000042.BIN -o placed.jsonl --clock-offset 0",

@@ -12,23 +12,22 @@ from cyclopts import Parameter
 
 import uavrt
 import uavrt.cli.one_thread  # before numpy is imported
-from uavrt.cli.kinds import Seed
+from uavrt.cli.kinds import Count, Seed
 from uavrt.cli.outputs import make_directory
 from uavrt.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from uavrt.experiments.detection import Experiment
-    from uavrt.experiments.detection.tables import Results
+    from uavrt_experiments.detection import Experiment, Results
 
 
 def detection(
     *,
     only: str | None = None,
-    trials: int = 50,
+    trials: Count = 50,
     seed: Seed = 1,
-    workers: int | None = None,
+    workers: Count | None = None,
     output_dir: Path = Path("detection-experiment"),
     plots: bool = True,
     json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
@@ -43,14 +42,14 @@ def detection(
     Parameters
     ----------
     only
-        Experiments to run, as E3,E8; all without it.
+        Experiments to run, e.g. E3,E8; by default all.
     trials
-        Decisions for each point of a Pd curve, everything else in proportion. 50 take eight
-        minutes on two quiet cores; the bars ask for 600.
+        Decisions for each point of a Pd curve; everything else scales with it. 50 take eight
+        minutes on two idle cores; the target figures require 600.
     seed
         Seed of all signals.
     workers
-        Processes; without it one for each core.
+        Number of processes; by default one per core.
     output_dir
         Where to write.
     plots
@@ -58,22 +57,21 @@ def detection(
     json_summary
         Print one JSON object as the last line instead of the table.
     """
-    from uavrt.experiments.detection import run_experiments
-    from uavrt.experiments.detection.plots import draw_all, require_matplotlib
-    from uavrt.experiments.detection.tables import (
+    from uavrt_experiments.detection import (
         FOLDERS,
         RESULTS,
         Origin,
         Results,
         as_json,
+        draw_all,
         read_results,
+        require_matplotlib,
+        run_experiments,
         write_results,
     )
-    from uavrt.experiments.measured import measured_now
+    from uavrt_experiments.measured import measured_now
 
     chosen = _chosen(only)
-    if trials < 1 or (workers is not None and workers < 1):
-        raise UsageError("nothing to do", remedy="Give --trials and --workers of 1 or more")
     if plots:
         require_matplotlib()
     make_directory(output_dir, "--output-dir")
@@ -103,7 +101,7 @@ def detection(
 
 
 def _chosen(only: str | None) -> "list[Experiment]":
-    from uavrt.experiments.detection import EXPERIMENTS
+    from uavrt_experiments.detection import EXPERIMENTS
 
     if only is None:
         return list(EXPERIMENTS.values())
@@ -112,28 +110,18 @@ def _chosen(only: str | None) -> "list[Experiment]":
     if unknown:
         raise UsageError(
             f"there is no experiment {', '.join(unknown)}",
-            remedy=f"Known are {', '.join(EXPERIMENTS)}",
+            remedy=f"Choose from {', '.join(EXPERIMENTS)}",
         )
     return [experiment for name, experiment in EXPERIMENTS.items() if name in names]
 
 
 def _show(results: "Results") -> None:
-    from rich.console import Console
-    from rich.table import Table
+    from uavrt_experiments.detection import EXPERIMENTS
+    from uavrt_experiments.tables import bars_kept, drawn
 
-    from uavrt.experiments.detection import EXPERIMENTS
-    from uavrt.experiments.detection.tables import HEADER, bars_kept, cells
-
-    # A pipe has no width: 80 columns would break every cell.
-    console = Console(width=None if sys.stdout.isatty() else 200)
     for name in results.origins:
-        title = f"{name}: {EXPERIMENTS[name].title}"
-        table = Table("", "case", *HEADER, title=title, title_justify="left")
-        for row in results.rows:
-            if row.experiment == name:
-                style = None if row.met else "bold red" if row.contradicted else "yellow"
-                table.add_row(row.quantity, row.case, *cells(row), style=style)
-        console.print(table)
+        rows = [row for row in results.rows if row.experiment == name]
+        print(drawn(rows, f"{name}: {EXPERIMENTS[name].title}"), end="\n\n")
     print(bars_kept(results.rows))
 
 

@@ -8,19 +8,19 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from uavrt.cli.kinds import Seed
-from uavrt.errors import UsageError
-from uavrt.experiments.recovery import Plan, run_recovery
+from uavrt.cli.kinds import Seed, Tally
 from uavrt.recording import require_writable
+from uavrt_experiments.recovery import Plan, run_recovery
+from uavrt_experiments.tables import drawn
 
 
 def recovery(
     *,
-    kills: int = 50,
-    stops: int = 3,
-    bursts: int = 3,
-    supervisor_kills: int = 5,
-    power_cuts: int = 100,
+    kills: Tally = 50,
+    stops: Tally = 3,
+    bursts: Tally = 3,
+    supervisor_kills: Tally = 5,
+    power_cuts: Tally = 100,
     seed: Seed = 1,
     flight_dir: Path = Path("flights"),
     json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
@@ -33,28 +33,23 @@ def recovery(
     Parameters
     ----------
     kills
-        Of single processes: each by SIGKILL and by SIGSTOP, then at random.
+        Number of single processes to kill: each by SIGKILL and by SIGSTOP, then at random.
     stops
-        Of the connection, by SIGSTOP, one after the other.
+        Number of times to stop the connection by SIGSTOP, one after the other.
     bursts
-        Times that one process is killed six times, each time as soon as it runs again.
+        Number of bursts in which one process is killed six times, each time as soon as it runs
+        again.
     supervisor_kills
-        Of the supervisor, under a stand-in for systemd.
+        Number of times to kill the supervisor, under a stand-in for systemd.
     power_cuts
-        Everything killed at once, at a random moment.
+        Number of times to kill everything at once, at a random moment.
     seed
         Seed of what is random.
     flight_dir
-        Where the flight's directory is made.
+        Directory in which the flight directory is created.
     json_summary
         Print one JSON object as the last line.
     """
-    if min(kills, stops, bursts, supervisor_kills, power_cuts) < 0:
-        raise UsageError(
-            "nothing is killed less than no times",
-            remedy="Give --kills, --stops, --bursts, --supervisor-kills and --power-cuts of 0 "
-            "or more",
-        )
     require_writable(flight_dir)
     console = Console(stderr=True)
     plan = Plan(
@@ -69,5 +64,5 @@ def recovery(
     if json_summary:
         print(json.dumps(report.as_dict()))
     else:
-        Console().print(report.table())
+        print("\n".join((drawn(report.rows()), *report.faults)))
     sys.exit(0 if report.ok else 1)

@@ -6,19 +6,19 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from uavrt.errors import UsageError
-from uavrt.experiments.resources import Plan, run_resources, run_shapes
-from uavrt.experiments.resources.run import THESIS_MINUTES
-from uavrt.supervisor.shapes import SHAPES
+from uavrt.cli.kinds import Count, Counts, Minutes
+from uavrt.supervisor.tree import SHAPES
+from uavrt_experiments.resources import THESIS_MINUTES, Plan, run_resources, run_shapes
 
-WIDTH = 150
+LOADS = Plan().loads
+"""Numbers of tags, one after the other."""
 
 
 def resources(
     *,
-    duration: float = THESIS_MINUTES,
-    tags: int = 1,
-    loads: tuple[int, ...] = Plan().loads,
+    duration: Minutes = THESIS_MINUTES,
+    tags: Count = 1,
+    loads: Counts = LOADS,
     shapes: Annotated[bool, Parameter(negative="")] = False,
     json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
@@ -30,22 +30,17 @@ def resources(
     Parameters
     ----------
     duration
-        Minutes of the long flight; the thesis's moments of measurement scale with it.
+        Length of the long flight in minutes; the thesis's times of measurement scale with it.
     tags
-        Tags of the long flight; the thesis had one.
+        Number of tags in the long flight; the thesis had one.
     loads
         Numbers of tags to try afterwards.
     shapes
-        In place of all this: the same flight with --tags in each shape of the table of
-        processes (all stages in one, one for each stage, workers), for --duration together.
+        Instead of all this, fly the same flight with --tags in each shape of the process table
+        (all stages in one process, one process per stage, workers), for --duration in total.
     json_summary
         Print one JSON object as the last line.
     """
-    if not duration > 0.0 or min((tags, *loads)) < 1:
-        raise UsageError(
-            f"{duration:g} minutes with {min((tags, *loads))} tags cannot be flown",
-            remedy="Give --duration above 0, and --tags and --loads of 1 or more",
-        )
     console = Console(stderr=True)
     if shapes:
         _shapes(duration, tags, console, json_summary)
@@ -55,7 +50,7 @@ def resources(
     if json_summary:
         print(json.dumps(report.as_dict()))
     else:
-        _output().print(report.table())
+        print(report.table())
 
 
 def _shapes(minutes: float, tags: int, console: Console, json_summary: bool) -> None:
@@ -67,10 +62,4 @@ def _shapes(minutes: float, tags: int, console: Console, json_summary: bool) -> 
     if json_summary:
         print(json.dumps(report.as_dict()))
     else:
-        _output().print(report.table())
-
-
-def _output() -> Console:
-    """Standard output; wide when it is no terminal, for tables of thirteen columns."""
-    console = Console()
-    return console if console.is_terminal else Console(width=WIDTH)
+        print(report.table())

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from uavrt.cli.kinds import Seed
+from uavrt.cli.kinds import Count, Degrees, Hertz, Seed
 from uavrt.cli.outputs import check_place
 from uavrt.errors import UsageError
 
@@ -14,38 +14,36 @@ from uavrt.errors import UsageError
 def rotation(
     *,
     flight: Path | None = None,
-    bearing: float | None = None,
-    start_heading: float | None = None,
+    bearing: Degrees | None = None,
+    start_heading: Degrees | None = None,
     antenna: str = "RA-23K",
-    walls: int = 200,
-    sample_rate: float = 15_000.0,
+    walls: Count = 200,
+    sample_rate: Hertz = 15_000.0,
     seed: Seed = 1,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
-    """Repeat the thesis's rotation test and say where its 50 degrees came from.
+    """Repeat the thesis's rotation test and show where its 50 degrees came from.
 
     Parameters
     ----------
     flight
-        Read a real rotation in place of the simulated one: a flight directory or an old log.
+        Read a real rotation instead of the simulated one: a flight directory or an old log.
     bearing
-        The tag's true bearing in it, degrees clockwise from true north.
+        The tag's true bearing in that flight, degrees clockwise from true north.
     start_heading
-        Heading at its first pulse; undoes the half-way headings of an original's log.
+        Heading at its first pulse; corrects the half-way headings of the original's logs.
     antenna
         Name of the antenna's pattern, for --flight.
     walls
-        Random walls for the share of reflections.
+        Number of random walls, to find how often reflections shift a bearing.
     sample_rate
-        Samples a second that the simulated radio gives; 375000 as the thesis's after its
-        first decimation takes a minute for each turn.
+        Samples per second of the simulated radio; 375000, as in the thesis after its first
+        decimation, takes a minute for each turn.
     seed
         Seed of everything random.
     output
         Also write figures and text as one HTML file.
     """
-    if walls < 1:
-        raise UsageError(f"{walls} walls reflect nothing", remedy="Give --walls of 1 or more")
     if not 3000.0 <= sample_rate <= 24e6:
         raise UsageError(
             f"a radio of {sample_rate:g} samples a second", remedy="Give --sample-rate 15000"
@@ -55,13 +53,18 @@ def rotation(
     if flight is not None:
         _real(flight, bearing, start_heading, antenna, output)
         return
-    from uavrt.experiments.rotation import (
+    from uavrt_experiments.rotation import (
         BEARING_DEG,
+        case_lines,
         cases,
+        legend_lines,
+        polarization_lines,
         polarization_table,
         start_sweep,
+        sweep_lines,
+        verdict_lines,
+        wall_lines,
         wall_survey,
-        words,
     )
 
     print("turns from samples, with and without a wall …", file=sys.stderr)
@@ -71,15 +74,15 @@ def rotation(
     print("polarization …", file=sys.stderr)
     mismatch = polarization_table([0, 15, 30, 45, 60, 75, 90], sample_rate, seed)
     parts = [
-        [*words.case_lines(found), *words.legend_lines()],
-        words.sweep_lines(start_sweep(range(0, 180, 20), seed)),
-        words.wall_lines(survey),
-        words.polarization_lines(mismatch),
-        words.verdict_lines(found, survey),
+        [*case_lines(found), *legend_lines()],
+        sweep_lines(start_sweep(range(0, 180, 20), seed)),
+        wall_lines(survey),
+        polarization_lines(mismatch),
+        verdict_lines(found, survey),
     ]
     print("\n\n".join("\n".join(lines) for lines in parts))
     if output is not None:
-        from uavrt.experiments.rotation.figures import rotation_page
+        from uavrt_experiments.rotation import rotation_page
 
         rows = [(case.name, case.reading, BEARING_DEG) for case in found]
         output.write_text(rotation_page("Rotation test", rows, parts), encoding="utf-8")
@@ -92,8 +95,8 @@ def _real(
     antenna: str,
     output: Path | None,
 ) -> None:
-    from uavrt.analysis.antenna_files import antenna_named
-    from uavrt.experiments.rotation import real_rotations
+    from uavrt.analysis.measure import antenna_named
+    from uavrt_experiments.rotation import real_rotations
 
     found = real_rotations(
         flight,
@@ -104,7 +107,7 @@ def _real(
     parts = [one.lines() for one in found]
     print("\n".join("\n".join(lines) for lines in parts))
     if output is not None:
-        from uavrt.experiments.rotation.figures import rotation_page
+        from uavrt_experiments.rotation import rotation_page
 
         rows = [(f"tag {one.tag_id}", one.reading, bearing) for one in found]
         output.write_text(rotation_page(flight.name, rows, parts), encoding="utf-8")

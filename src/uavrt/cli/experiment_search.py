@@ -1,14 +1,13 @@
 """``uavrt experiment search``."""
 
-import csv
 import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from annotated_types import Ge
+from cyclopts import Parameter
 
-from uavrt.cli.kinds import Seed
+from uavrt.cli.kinds import Between, Count, Seed
 from uavrt.cli.outputs import check_place
 
 if TYPE_CHECKING:
@@ -21,12 +20,12 @@ def _advanced(progress: "Progress", task: "TaskID", done: int) -> None:
 
 def search(
     *,
-    runs: Annotated[int, Ge(1)] = 100,
+    runs: Count = 100,
     seed: Seed = 1,
     only: str | None = None,
     baselines: bool = True,
-    particles: Annotated[int, Ge(100)] = 10_000,
-    workers: Annotated[int, Ge(1)] = 2,
+    particles: Annotated[int, Parameter(validator=Between(least=100))] = 10_000,
+    workers: Count = 2,
     output: Path | None = None,
     pictures: Path | None = None,
 ) -> None:
@@ -35,57 +34,76 @@ def search(
     Parameters
     ----------
     runs
-        Of our planner in each table; the baselines fly a share of them, with the same seeds.
+        Runs of our planner in each table; the baselines fly a fraction of them, with the same
+        seeds.
     seed
         Seed of everything random.
     only
         One table, such as T2.
     baselines
-        Fly the other planners, too.
+        Also fly the other planners.
     particles
-        Hypotheses of each tag.
+        Hypotheses per tag.
     workers
-        Processes.
+        Number of processes.
     output
-        Also write the table to this CSV file.
+        Write every figure with its interval to this CSV file; the terminal shows only the
+        figures that have a target.
     pictures
         Draw the paths into this folder.
     """
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
     from uavrt.errors import UsageError
-    from uavrt.experiments.figures import COLUMNS, cells, table
-    from uavrt.experiments.measured import measured_now
-    from uavrt.experiments.result import Row
-    from uavrt.experiments.search import SCENARIOS, fly_all, plan, results
+    from uavrt_experiments.measured import measured_now
+    from uavrt_experiments.result import Row
+    from uavrt_experiments.search import (
+        SCENARIOS,
+        Flown,
+        fly_all,
+        honesty,
+        plan,
+        results,
+        section,
+    )
+    from uavrt_experiments.tables import bars_kept, write_rows
 
     if only is not None and only not in SCENARIOS:
         raise UsageError(
-            f"there is no table {only}", remedy=f"Known are {', '.join(SCENARIOS)}"
+            f"there is no table {only}", remedy=f"Choose from {', '.join(SCENARIOS)}"
         )
     if output is not None:
         check_place(output, overwrite=True)
     if pictures is not None:
         pictures.mkdir(parents=True, exist_ok=True)
     rows: list[Row] = []
-    with Progress(console=Console(file=sys.stderr)) as progress:
+    sections: list[str] = []
+    everything: list[Flown] = []
+    columns = "{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(file=sys.stderr)) as progress:
         for name in [only] if only is not None else list(SCENARIOS):
             planned = plan(name, runs, seed, particles, baselines=baselines)
-            task = progress.add_task(f"{name}: {SCENARIOS[name].title}", total=len(planned))
+            task = progress.add_task(name, total=len(planned))
             advance = partial(_advanced, progress, task)
             flown = fly_all(planned, workers=workers, on_progress=advance)
-            rows += results(SCENARIOS[name], flown)
+            own = results(SCENARIOS[name], flown)
+            sections.append(section(SCENARIOS[name], own))
+            rows += own
+            everything += flown
             if pictures is not None:
-                from uavrt.experiments.search.pictures import draw
+                from uavrt_experiments.search import draw
 
                 draw(SCENARIOS[name], flown, pictures / f"{name}.png")
-    print(table(rows))
-    barred = [one for one in rows if one.least is not None or one.most is not None]
-    print(f"{sum(one.met for one in barred)} of {len(barred)} bars kept, {runs} runs")
+    together = honesty(everything)
+    sections += [
+        f"T9  {one.case}: {one.quantity} {one.figure:.3g} ({one.low:.3g}–{one.high:.3g}), "
+        f"asked {one.bar}, {one.n} judged, {one.verdict}"
+        for one in together
+    ]
+    rows += together
+    print(*sections, sep="\n\n", end="\n\n")
+    print(f"{bars_kept(rows)}, {runs} runs")
     print(measured_now(("localization", "planning")))
     if output is not None:
-        with output.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(COLUMNS)
-            writer.writerows(cells(one) for one in rows)
+        write_rows(output, rows)

@@ -6,6 +6,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from uavrt.cli.elevation import elevation_of
+from uavrt.cli.kinds import Degrees, Metres
 from uavrt.errors import ConfigError
 
 
@@ -18,7 +20,10 @@ def export(
     mcap: Annotated[bool, Parameter(negative="")] = False,
     as_sent: Annotated[bool, Parameter(negative="")] = False,
     antenna: str | None = None,
-    height: float | None = None,
+    antenna_offset: Degrees = 0.0,
+    height: Metres | None = None,
+    dem: Path | None = None,
+    sea: Annotated[bool, Parameter(negative="")] = False,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
     """Write a flight, or an old pulse log, as files for other tools.
@@ -26,30 +31,39 @@ def export(
     Parameters
     ----------
     flight
-        A flight directory, or a pulse log in any format that is known.
+        A flight directory, or a pulse log in any known format.
     formats
         Any of csv, uavrt (the original's bearings.csv, positions.csv and pulse CSV), geojson,
         kmz, gpx, geopackage, movebank, geotiff (heat maps); by default all of them.
     mcap
         As a ROS 2 recording for `ros2 bag play` and Foxglove: pulses, poses, commands and log
-        with the messages of the live topics; tags, start and stop under /recorded, so that
-        playing them commands no drone. Needs the extra uavrt[analysis]. Alone unless --format
-        is given too.
+        with the messages of the live topics; tags, start and stop go under /recorded, so that
+        playback commands no drone. Needs the extra uavrt[analysis]. Writes other formats only
+        if --format is given too.
     as_sent
-        With --mcap: orders under the names of the live topics. Play such a recording only where
-        no drone listens.
+        With --mcap: keep the live topic names for commands. Play such a recording only where no
+        drone listens.
     antenna
         Name of the antenna's pattern, for the bearings; monopole: positions and a map of the
-        strongest signal from strength along the flight. Without it RA-23K; for UCSD's pings,
-        monopole.
+        strongest signal, from signal strength along the flight. Default: RA-23K; for UCSD's
+        pings, monopole.
+    antenna_offset
+        Boresight clockwise from the heading that the pulses contain [°]; 0 if the drone's own
+        settings already include the mounting.
     height
-        With a monopole: height over the tags [m], for logs that do not tell it (UCSD's pings).
+        With a monopole: height above the tags [m], for logs that do not contain it (UCSD's
+        pings).
+    dem
+        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken what is heard,
+        and explain silence. Without it the ground is taken as level.
+    sea
+        Take ground that no elevation file covers for water at height 0.
     output
-        Directory to make; by default "export" in the flight directory or beside the log, and
+        Directory to create; by default "export" in the flight directory or beside the log, or
         "bag" in the flight directory for --mcap.
     """
     if mcap:
-        from uavrt.analysis.bag import export_bag
+        from uavrt.analysis.measure import export_bag
 
         target = flight / "bag" if output is None else output
         inside = target / "bag" if formats and output else target
@@ -59,20 +73,22 @@ def export(
         print(bag.file)
         if not formats:
             return
-    from uavrt.analysis.antenna_files import antenna_named
+    from uavrt.analysis import read_survey
     from uavrt.analysis.export import EXPORT_FORMATS, export_survey
-    from uavrt.analysis.survey import read_survey
+    from uavrt.analysis.measure import antenna_named
 
     chosen = [form for form in EXPORT_FORMATS if not formats or form in formats]
     if unknown := sorted(set(formats or ()) - set(EXPORT_FORMATS)):
         raise ConfigError(
             f"there is no format {', '.join(unknown)}",
-            remedy=f"Known are {', '.join(EXPORT_FORMATS)}",
+            remedy=f"Choose from {', '.join(EXPORT_FORMATS)}",
         )
     survey = read_survey(
         flight,
         antenna=None if antenna is None else antenna_named(antenna),
         height_m=height,
+        offset_deg=antenna_offset,
+        elevation=elevation_of(dem, sea=sea),
     )
     for warning in survey.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)

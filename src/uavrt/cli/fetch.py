@@ -1,7 +1,6 @@
 """``uavrt fetch``: flights from the drone, over the MAVLink link."""
 
 import asyncio
-import math
 import sys
 from pathlib import Path, PurePosixPath
 from typing import Annotated
@@ -17,19 +16,27 @@ from rich.progress import (
     TransferSpeedColumn,
 )
 
+from uavrt.cli.kinds import Seconds
 from uavrt.clock import Clock
 from uavrt.errors import ConfigError
-from uavrt.ground.drone_files import DroneFiles
 from uavrt.ground.fetch import (
+    BAND,
+    CHANNELS,
     MOST_DEEP,
     MOST_ENTRIES,
+    DroneFiles,
     FileClient,
     RemoteEntry,
     fetch_file,
+    is_samples,
     require_room,
+    sample_part,
 )
-from uavrt.mavlink.signing import read_signing_key
+from uavrt.mavlink import read_signing_key
 
+WIFI_BYTES_PER_S, RADIO_BYTES_PER_S = 500e3, 3e3
+"""What file transfer brings, roughly: MAVLink FTP over Wi-Fi, and at 57600 baud."""
+SAMPLE_NAMES = {"channels of the tags (--samples)": CHANNELS, "other samples (--all)": BAND}
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 
 
@@ -39,38 +46,43 @@ def fetch(
     mavlink: tuple[str, ...] = (),
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("flights"),
     list_only: Annotated[bool, Parameter(name="--list", negative="")] = False,
+    samples: Annotated[bool, Parameter(negative="")] = False,
     everything: Annotated[bool, Parameter(name="--all", negative="")] = False,
-    timeout: float = 20.0,
+    timeout: Seconds = 20.0,
     signing_key: Path | None = None,
 ) -> None:
-    """Fetch a flight from the drone by MAVLink FTP; go on where an earlier attempt ended.
+    """Fetch a flight from the drone by MAVLink FTP, resuming an earlier attempt.
 
     Parameters
     ----------
     flight
         A flight directory, or a file or directory in it; without it, the newest flight.
     mavlink
-        Link to the vehicle, as for `uavrt ground`. Of several the quickest is taken, and
-        another when that is cut.
+        Link to the vehicle, as for `uavrt ground`. With several, the fastest is used, and
+        another if it fails.
     output
-        Where to put it; directories are made like those on the drone.
+        Where to put it; the directories are named as on the drone.
     list_only
-        Only show what is there.
+        Only list the flights on the drone.
+    samples
+        Also fetch the kept channels of the tags (iq/channels/), for `uavrt integrate`: 54 MB
+        an hour for each channel, best by Wi-Fi.
     everything
-        Recorded samples too (iq/); without it they stay on the drone, for their size.
+        Also fetch all other samples (iq/), which are far larger.
     timeout
         Seconds to wait for the drone.
     signing_key
-        Key file that the drone has as mavlink.signing_key_file.
+        The drone's mavlink.signing_key_file.
     """
     if ".." in PurePosixPath(flight).parts:
-        raise ConfigError(f"{flight!r} leads out of the flights", remedy="Leave out the ..")
-    if not 0.0 < timeout < math.inf:
-        raise ConfigError(f"a timeout of {timeout} s", remedy="Give --timeout in seconds")
+        raise ConfigError(
+            f"{flight!r} points outside the flights directory", remedy="Leave out the .."
+        )
     key = None if signing_key is None else read_signing_key(signing_key)
     files = DroneFiles(Clock.start().now_ns, signing_key=key)
+    left: tuple[str, ...] = () if everything else (BAND,) if samples else (BAND, CHANNELS)
     addresses = mavlink or (DEFAULT_ADDRESS,)
-    asyncio.run(_fetch(files, addresses, flight, output, list_only, everything, timeout))
+    asyncio.run(_fetch(files, addresses, flight, output, list_only, left, timeout))
 
 
 async def _fetch(
@@ -79,7 +91,7 @@ async def _fetch(
     flight: str,
     output: Path,
     list_only: bool,
-    everything: bool,
+    left: tuple[str, ...],
     timeout_s: float,
 ) -> None:
     async with files.open(*addresses, timeout_s=timeout_s) as client:
@@ -87,13 +99,28 @@ async def _fetch(
             for entry in await client.list_directory("/" + flight.strip("/")):
                 size = "" if entry.size is None else f"{entry.size:>12}"
                 print(f"{size:>12}  {entry.path}{'/' if entry.size is None else ''}")
+            if flight:
+                await _list_samples(client, flight)
             return
-        entries = await _wanted(client, flight, everything)
-        require_room(entries, output, samples=any("/iq/" in one.path for one in entries))
+        entries = await _wanted(client, flight, left)
+        require_room(entries, output, samples=any(is_samples(one.path) for one in entries))
         await _fetch_all(client, entries, output)
 
 
-async def _wanted(client: FileClient, flight: str, everything: bool) -> list[RemoteEntry]:
+async def _list_samples(client: FileClient, flight: str) -> None:
+    """Say how large the samples of a flight are."""
+    path = PurePosixPath("/" + flight.strip("/"))
+    beside = await client.list_directory(str(path))
+    if not any(entry.size is None and entry.path == f"{path}/iq" for entry in beside):
+        return
+    tree = await client.tree(f"{path}/iq")
+    for name, part in SAMPLE_NAMES.items():
+        size = sum(entry.size or 0 for entry in tree.files if sample_part(entry.path) == part)
+        if size:
+            print(f"{size:>12}  {name}")
+
+
+async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> list[RemoteEntry]:
     """Files of a flight, the newest when none is named; small ones first."""
     path = PurePosixPath("/" + flight.strip("/"))
     if not flight:
@@ -101,7 +128,8 @@ async def _wanted(client: FileClient, flight: str, everything: bool) -> list[Rem
         names = sorted(p for p in flights if PurePosixPath(p).name.startswith("flight_log_"))
         if not names:
             raise ConfigError(
-                "there is no flight on the drone", remedy="`uavrt fetch --list` shows what is"
+                "there is no flight on the drone",
+                remedy="`uavrt fetch --list` shows what there is",
             )
         path = PurePosixPath(names[-1])
     beside = await client.list_directory(str(path.parent))
@@ -115,8 +143,31 @@ async def _wanted(client: FileClient, flight: str, everything: bool) -> list[Rem
             f"after the first {MOST_ENTRIES}",
             file=sys.stderr,
         )
-    files = [f for f in tree.files if everything or "/iq/" not in f.path]
+    files = [one for one in tree.files if sample_part(one.path) not in left]
+    _tell_of_samples([one for one in tree.files if one not in files])
     return sorted(files, key=lambda entry: entry.size or 0)
+
+
+def _tell_of_samples(entries: list[RemoteEntry]) -> None:
+    """Say what is left on the drone, and how it comes here."""
+    for part, how in ((CHANNELS, "--samples"), (BAND, "--all")):
+        size = sum(entry.size or 0 for entry in entries if sample_part(entry.path) == part)
+        if size:
+            print(
+                f"{size / 1e6:.1f} MB of samples stay on the drone: fetch them with {how}, by "
+                f"Wi-Fi (mavlink.direct_links) in {_duration(size / WIFI_BYTES_PER_S)}, by a "
+                f"telemetry radio in {_duration(size / RADIO_BYTES_PER_S)}",
+                file=sys.stderr,
+            )
+
+
+def _duration(seconds: float) -> str:
+    """About how long, in words."""
+    if seconds < 90.0:
+        return f"about {seconds:.0f} s"
+    if seconds < 5_400.0:
+        return f"about {seconds / 60.0:.0f} minutes"
+    return f"about {seconds / 3_600.0:.0f} hours"
 
 
 async def _fetch_all(client: FileClient, entries: list[RemoteEntry], output: Path) -> None:

@@ -7,23 +7,25 @@ import signal
 import sys
 import threading
 import webbrowser
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.cli.kinds import Port
+from uavrt.cli.kinds import Component, Port, Vehicles
 from uavrt.cli.screen import has_screen
+from uavrt.cli.terminal_lines import TerminalLines
 from uavrt.config import read_tags
 from uavrt.errors import ConfigError
-from uavrt.ground.keys import read_link_keys
-from uavrt.ground.station import Station, StationSettings, json_line
-from uavrt.recording.plain_database import ended as queries_ended
+from uavrt.ground import Station, StationSettings, json_line
+from uavrt.ground.link import read_link_keys
+from uavrt.recording import ended as queries_ended
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
-    from uavrt.ground.page import PageStation
+    from uavrt.ground.web import PageStation
 
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 LAST_THREADS_S = 1.5
@@ -50,63 +52,88 @@ def ground(
     key: Path | None = None,
     command_key: Path | None = None,
     signing_key: Path | None = None,
-    component_id: int = 190,
+    vehicle: Vehicles = (),
+    my_place: str | None = None,
+    dem: str | None = None,
+    component_id: Component = 190,
     as_gcs: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Talk to the drone: a page in the browser, or without one as a program for scripts.
+    """Talk to the drone, from a page in the browser or as a program for scripts.
 
-    Alone it opens the page. With --tags, --start or --json it works without a page, unless
-    --page is given: it sends the tags, starts, stores and shows every pulse, and Ctrl-C stops
-    detection if it was started here.
+    Without options it opens the page.
+    With --tags, --start or --json it runs without a page, unless
+    --page is given: it sends the tags, starts detection, stores and shows every pulse, and
+    Ctrl-C stops detection if it was started here.
 
     Parameters
     ----------
     mavlink
         Link to the vehicle: udpin://127.0.0.1:14550, serial:///dev/ttyUSB0:57600,
-        serial://COM3:57600, tcp://HOST:PORT. Several ways to the same drone, such as Wi-Fi and
-        radio, are given each with --mavlink, the one to prefer first. Without it the page uses
-        the last one.
+        serial://COM3:57600, tcp://HOST:PORT. For several links to the same drone, such as Wi-Fi
+        and radio, repeat --mavlink, preferred link first. Without it the page uses the last
+        one.
     tags
         Tag list to send: TagInfo.txt or tags.toml.
     start
-        Start detecting when the tags are sent.
+        Start detection once the tags are sent.
     output
-        Directory for what is received; for the page "uavrt-flights" in your home, otherwise
-        a new one named by the time.
+        Directory for received data; by default "uavrt-flights" in your home for the page,
+        otherwise a new one named after the time.
     json_lines
-        Print JSON lines in place of text.
+        Print JSON lines instead of text.
     headless
-        Work without a page.
+        Run without a page.
     page
-        Serve the page, whatever else is given.
+        Serve the page whatever the other options are.
     port
         Port of the page; 0 takes any free one.
     browser
         Open the page in a browser.
     listen
-        Address that the page is served at. Others than this computer itself need a password in
-        the environment variable UAVRT_GROUND_PASSWORD.
+        Address to serve the page on. Any address other than this computer's loopback requires a
+        password in the environment variable UAVRT_GROUND_PASSWORD.
     host_name
-        Name by which other computers call this one, when it is not an address.
+        Name that other computers use for this one, if it is not an address.
     certificate
         Certificate file (PEM) for https.
     key
         Key file of the certificate.
     command_key
-        Key file that the drone has as mavlink.key_file: commands are sealed with it.
+        The drone's mavlink.key_file; commands are sealed with it.
     signing_key
-        Key file that the drone has as mavlink.signing_key_file: MAVLink frames are signed.
+        The drone's mavlink.signing_key_file; MAVLink frames are signed with it.
+    vehicle
+        System number of a vehicle to serve besides the first that is heard: a second drone, a
+        mast or a person with a receiver, on the same links. Repeat it for several; the page of
+        each is one click away, and tags are placed by what all of them hear.
+    my_place
+        GPS receiver of this computer, for the page: serial:///dev/ttyACM0, with :4800 and the
+        like after it where it is not 9600 baud; udpin://127.0.0.1:10110; tcp://HOST:2947. It
+        speaks NMEA. "" for none any more.
+    dem
+        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them, for the page's positions,
+        reports and exports: hills weaken what is heard, and explain silence. "" for none any
+        more.
     component_id
-        Our MAVLink component id in system 254. Ground stations of ours that listen to one drone
-        at the same time need different ones.
+        Our MAVLink component id in system 254. uavrt ground stations that listen to one drone
+        at the same time need different ids.
     as_gcs
-        Be MAVLink system 255 of type GCS, as the original's drone side needs it. The autopilot
-        then takes us for the operator's own ground station, and does not notice its loss.
+        Act as MAVLink system 255 of type GCS, which the original's drone side requires. The
+        autopilot then takes us for the operator's own ground station and does not notice if
+        that is lost.
     """
     if start and tags is None:
-        raise ConfigError("there is nothing to detect", remedy="Give the tags with --tags FILE")
+        raise ConfigError(
+            "there are no tags to detect", remedy="Give the tags with --tags FILE"
+        )
     keys = read_link_keys(command_key, signing_key, component_id, as_gcs=as_gcs)
-    show = _print_json if json_lines else _print_text
+    lines = TerminalLines()
+    shown_as = json_line if json_lines else _text_of
+
+    def show(event: dict[str, Any]) -> None:
+        if (line := shown_as(event)) is not None:
+            lines(line)
+
     tag_list = read_tags(tags) if tags is not None else None
     if not page and (headless or json_lines or start or tags is not None):
         settings = StationSettings(
@@ -116,14 +143,19 @@ def ground(
             start=start,
             keys=keys,
         )
-        asyncio.run(_serve_station(settings, show))
+        try:
+            asyncio.run(_serve_station(settings, show))
+        finally:
+            _let_out(lines)
         return
     with _ground_extra():
-        from uavrt.ground.page import PageSettings, PageStation
-        from uavrt.ground.server import ServerSettings
+        from uavrt.ground.web import PageSettings, PageStation, ServerSettings
     page_settings = PageSettings(
         directory=output or Path.home() / "uavrt-flights",
         address=" ".join(mavlink) or None,
+        my_place=my_place,
+        further_vehicles=vehicle,
+        dem=dem,
         tags=tag_list,
         start=start,
         keys=keys,
@@ -140,10 +172,17 @@ def ground(
         show = _opening(show)
     ended = threading.Event()
     try:
-        asyncio.run(_serve_page(lambda: PageStation(page_settings, show), ended))
+        asyncio.run(_serve_page(lambda: PageStation(page_settings, show), ended, lines))
     finally:
         ended.set()
         queries_ended.clear()  # for whoever goes on in this program
+        _let_out(lines)
+
+
+def _let_out(lines: TerminalLines) -> None:
+    """Print the last lines; end at once where the terminal takes none."""
+    if not lines.close():
+        os._exit(0 if sys.exc_info()[0] is None else 1)
 
 
 async def _serve_station(settings: StationSettings, show: Any) -> None:
@@ -152,8 +191,10 @@ async def _serve_station(settings: StationSettings, show: Any) -> None:
     await station.run()
 
 
-async def _serve_page(make: "Any", ended: threading.Event) -> None:
-    station: PageStation = make()
+async def _serve_page(
+    make: Callable[[], "PageStation"], ended: threading.Event, lines: TerminalLines
+) -> None:
+    station = make()
     _on_signals(station.stop)
     code = 1
     try:
@@ -162,15 +203,14 @@ async def _serve_page(make: "Any", ended: threading.Event) -> None:
     finally:
         # What still reads or computes in a thread, from a disk that hangs, is not waited for.
         queries_ended.set()
-        threading.Thread(target=_end_anyway, args=(code, ended), daemon=True).start()
+        threading.Thread(target=_end_anyway, args=(code, ended, lines), daemon=True).start()
 
 
-def _end_anyway(code: int, ended: threading.Event) -> None:
+def _end_anyway(code: int, ended: threading.Event, lines: TerminalLines) -> None:
     """End the program when the event loop, which waits for its threads, does not."""
     if ended.wait(LAST_THREADS_S):
         return
-    sys.stdout.flush()
-    sys.stderr.flush()
+    lines.close()
     os._exit(code)
 
 
@@ -193,7 +233,7 @@ def _ground_extra() -> Any:
             raise
         raise ConfigError(
             f"the page needs {error.name}, which is not installed",
-            remedy="Run `pip install 'uavrt[ground]'`, or work without a page: --headless",
+            remedy="Run `pip install 'uavrt[ground]'`, or run without a page: --headless",
         ) from error
 
 
@@ -208,37 +248,37 @@ def _opening(show: Any) -> Any:
     return show_and_open
 
 
-def _print_json(event: dict[str, Any]) -> None:
-    print(json_line(event), flush=True)
-
-
-def _print_text(event: dict[str, Any]) -> None:
+def _text_of(event: dict[str, Any]) -> str | None:
+    """What a person reads of an event; None for one that is not told."""
     match event:
         case {"event": "page", "address": address}:
-            print(f"The page is at {address} – Ctrl-C ends", flush=True)
+            return f"The page is at {address} – Ctrl-C ends"
         case {"event": "pulse", "tag_id": tag_id, "snr_db": snr, "frequency_hz": frequency}:
             sure = "confirmed" if event["confirmed"] else event["detection_status"]
             seconds = event["start_time_ns"] / NANOSECONDS_PER_SECOND
             clock = datetime.fromtimestamp(seconds, tz=UTC)
             text = f"{clock:%H:%M:%S.%f}"[:-3]
-            print(f"{text}  tag {tag_id}  {snr:5.1f} dB  {frequency / 1e6:.5f} MHz  {sure}")
+            return f"{text}  tag {tag_id}  {snr:5.1f} dB  {frequency / 1e6:.5f} MHz  {sure}"
         case {"event": "text", "text": text}:
-            print(f"drone: {text}")
+            return f"drone: {text}"
         case {"event": "state", "state": state}:
-            print(f"drone is {state}")
+            return f"drone is {state}"
         case {"event": "waiting", "reason": reason}:
-            print(f"waiting: {reason}")
+            return f"waiting: {reason}"
         case {"event": "drone", "system": system}:
-            print(f"drone found: system {system}")
+            return f"drone found: system {system}"
         case {"event": "already detecting"}:
-            print("the drone detects these tags already: listening. Ctrl-C stops the search")
+            return "the drone detects these tags already: listening. Ctrl-C stops the search"
         case {"event": "others detected", "reason": reason}:
-            print(f"other tags are searched ({reason.removesuffix(': send stop first')}).")
-            print("Listening to them. To listen only, leave --tags and --start out; to search")
-            print("for yours, let whoever searches for these end it, then run this again.")
+            return (
+                f"other tags are searched ({reason.removesuffix(': send stop first')}).\n"
+                "Listening to them. To listen only, leave --tags and --start out; to search\n"
+                "for yours, let whoever searches for these end it, then run this again."
+            )
         case {"event": "stopped", "pulses": pulses}:
-            print(f"stopped; {pulses} pulses received")
+            return f"stopped; {pulses} pulses received"
         case {"event": "acknowledged", "accepted": False, "command": command}:
-            print(f"{command} refused: {event['message']}")
+            return f"{command} refused: {event['message']}"
         case {"event": "started", "directory": directory}:
-            print(f"detecting; the drone records in {directory}")
+            return f"detecting; the drone records in {directory}"
+    return None

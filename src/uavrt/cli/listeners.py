@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config.settings import Ros2Settings, is_ros_namespace
-from uavrt.errors import UsageError
-from uavrt.ipc.pulse_datagram import PulseDatagramSender
+from uavrt.config import Ros2Settings, is_ros_namespace
+from uavrt.errors import UsageError, needs_extra
+from uavrt.ipc import PulseDatagramSender
 from uavrt.messages import ChannelBlock, Pulse, SearchReport, Tag
-from uavrt.radio.udp_address import parse_udp_address
-from uavrt.ros2.convert import heartbeat, pulse_to_ros
-from uavrt.ros2.graph import DETECTOR
+from uavrt.radio import parse_udp_address
+from uavrt.ros2 import DETECTOR, heartbeat, pulse_to_ros
 
 if TYPE_CHECKING:
     pass
@@ -81,12 +80,8 @@ class RosPulses(Listener):
     """
 
     def __init__(self, interfaces: str, tags: Sequence[Tag], namespace: str = "") -> None:
-        try:
-            from uavrt.ros2.dds import Participant
-        except ImportError as error:
-            raise UsageError(
-                f"ROS 2 needs more packages: {error}", remedy="pip install 'uavrt[ros2]'"
-            ) from error
+        with needs_extra("ros2", "ROS 2"):
+            from uavrt.ros2 import Participant
         named = tuple(name for name in interfaces.split(",") if name not in ("", "lo"))
         if not is_ros_namespace(namespace):
             raise UsageError(
@@ -123,7 +118,7 @@ class Outside(Listener):
     """Tells at the end of pulses like a tag's beside its window."""
 
     def __init__(self, tags: Sequence[Tag], frequency_window_hz: float) -> None:
-        from uavrt.analysis.outside import OutsideSearch
+        from uavrt.analysis.measure import OutsideSearch
 
         self._search: OutsideSearch = OutsideSearch(tags, frequency_window_hz)
 
@@ -132,7 +127,7 @@ class Outside(Listener):
         self._search.add(block)
 
     def finish(self) -> None:
-        """Say what was found."""
+        """Describe what was found."""
         for found in self._search.finish():
             print(found, file=sys.stderr)
 
@@ -143,7 +138,7 @@ class Plots(Listener):
     def __init__(
         self, directory: Path, tags: Sequence[Tag], frequency_window_hz: float
     ) -> None:
-        from uavrt.analysis.plots import DetectionPlots
+        from uavrt.analysis import DetectionPlots
 
         self._plots: DetectionPlots = DetectionPlots(
             directory, tags, frequency_window_hz=frequency_window_hz

@@ -7,46 +7,70 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from uavrt.cli.elevation import elevation_of
+from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError
+from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
-    from uavrt.analysis.positions import TagPosition
+    from uavrt.analysis import TagPosition
+    from uavrt.localization import Position
+
+_TIMES_TOLD = 12
+"""Of a way, in words; --json has all."""
 
 
 def localize(
     *flights: Path,
     method: str = "bayes",
     antenna: str | None = None,
-    height: float | None = None,
-    heading_error: float = 1.5,
+    antenna_offset: Degrees = 0.0,
+    height: Metres | None = None,
+    heading_error: DegreesOfError = 1.5,
+    height_error: MetresOfError = 7.0,
+    dem: Path | None = None,
+    sea: Annotated[bool, Parameter(negative="")] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Estimate where each tag is, from its bearings, or with a monopole from its strength.
+    """Estimate where each tag is, from bearings or, with a monopole, from signal strength.
 
     Parameters
     ----------
     flights
-        Flight directories, pulse logs in any format that is known, folders of them: together
-        they give one position for each tag, taken to rest. Or a bearings.csv; a positions.csv,
-        and an estimate CSV of UCSD's tracker, give what is in them.
+        Flight directories, pulse logs in any known format, or folders of them; together they
+        give one position for each tag, assuming it does not move. Or a bearings.csv. The
+        positions in a positions.csv or an estimate CSV of UCSD's tracker are shown as they are.
     method
-        bayes (a region with its probability); or mle, rmr, mest as the original system computes
-        them; or rmr_ahead, mest_lenth as they were meant.
+        bayes (a region with its probability; a tag that cannot have rested is followed); track
+        (where a tag was at each time, even if it may have rested); mle, rmr or mest as the
+        original system computes them; rmr_ahead or mest_lenth as they were intended.
     antenna
-        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package;
+        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, one from another package,
         or a CSV file of angles and gains;
-        monopole: no bearings, positions from strength along the flight. Without it RA-23K; for
-        UCSD's pings, monopole.
+        monopole: no bearings, positions from signal strength along the flight. Default: RA-23K;
+        for UCSD's pings, monopole.
+    antenna_offset
+        Boresight clockwise from the heading that the pulses contain [°]; 0 if the drone's own
+        settings already include the mounting.
     height
-        With a monopole: height over the tags [m], for logs that do not tell it (UCSD's pings).
+        With a monopole: height above the tags [m], for logs that do not contain it (UCSD's
+        pings).
     heading_error
-        Standard deviation of the error that all headings of a flight share [°]: compass,
-        mounting, declination. 0 takes the headings for true.
+        Standard deviation of the heading error common to a whole flight [°]: compass, mounting,
+        declination. 0 trusts the headings.
+    height_error
+        With a monopole: standard deviation of the error common to all heights above a tag [m]:
+        terrain, a tag on a tree, a take-off on a hill. 0 trusts the heights.
+    dem
+        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken what is heard,
+        and explain silence. Without it the ground is taken as level.
+    sea
+        Take ground that no elevation file covers for water at height 0.
     as_json
         Print a list of objects.
     """
-    from uavrt.analysis.antenna_files import antenna_named
-    from uavrt.analysis.positions import read_positions
+    from uavrt.analysis import read_positions
+    from uavrt.analysis.measure import antenna_named
 
     if not flights:
         raise ConfigError("no flight was named", remedy="Name a flight or a log")
@@ -54,9 +78,12 @@ def localize(
         *flights,
         method=method,  # type: ignore[arg-type]
         antenna=None if antenna is None else antenna_named(antenna),
+        offset_deg=antenna_offset,
         height_m=height,
         warn=lambda text: print(f"uavrt: {text}", file=sys.stderr),
         heading_sigma_deg=heading_error,
+        height_sigma_m=height_error,
+        elevation=elevation_of(dem, sea=sea),
     )
     if as_json:
         print(json.dumps([_record(one) for one in found if one.position], indent=2))
@@ -96,6 +123,17 @@ def _record(one: "TagPosition") -> dict[str, Any]:
             }
             for each in found.widenings
         ],
+        "track": [
+            {
+                "time": iso_utc(each.time_ns),
+                "time_ns": each.time_ns,
+                "latitude_deg": each.latitude_deg,
+                "longitude_deg": each.longitude_deg,
+                "radius50_m": each.radius50_m,
+                "radius95_m": each.radius95_m,
+            }
+            for each in found.track
+        ],
     }
 
 
@@ -114,4 +152,14 @@ def _sentence(one: "TagPosition") -> str:
         text += f", {found.method} as it stands in the file"
     if found.at_edge:
         text += "; it may be farther out"
-    return "\n  ".join([text, *found.remarks])
+    return "\n  ".join([text, *found.remarks, *_way(found)])
+
+
+def _way(found: "Position") -> list[str]:
+    """Where a moving tag was, at some times of its way."""
+    step = max(1, -(-len(found.track) // _TIMES_TOLD))
+    return [
+        f"{iso_utc(one.time_ns)}: {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, "
+        f"within {one.radius50_m:.0f} m (50 %), {one.radius95_m:.0f} m (95 %)"
+        for one in (*found.track[:-1:step], *found.track[-1:])
+    ]

@@ -38,23 +38,23 @@ def monitor(
 ) -> None:
     """Show a running system in this terminal: processes, rates, losses, tags.
 
-    Works over ssh. Ctrl-C ends the view, not the system. Run it as the user that the system
-    runs as, with the same settings file.
+    Works over ssh. Ctrl-C closes the view, not the system. Run it as the same user as the
+    system, with the same settings file.
 
     Parameters
     ----------
     config
-        Settings file of the running system: it says where the system shows its state.
+        Settings file of the running system, which says where to read its state.
     flight_dir
-        Where its flight directories are, in place of the settings' one.
+        Directory of its flights, instead of the one in the settings.
     start
-        Send these tags, start detecting, and end.
+        Send these tags, start detection and exit.
     stop
-        Stop detecting, and end.
+        Stop detection and exit.
     once
-        Show the state once, and end.
+        Show the state once and exit.
     json_status
-        Print the state as one JSON object, and end.
+        Print the state as one JSON object and exit.
     """
     settings = settings_from(config)
     if flight_dir is not None:
@@ -95,7 +95,7 @@ def _show_once(reader: StatusReader, *, as_json: bool) -> None:
         for topic, record in reader.read(REFRESH_S):
             view.take(topic, record, time.monotonic())
     if view.status is None:
-        raise UavrtError("the supervisor says nothing")
+        raise UavrtError("the supervisor does not answer")
     if as_json:
         print(json.dumps(_plain(view.status)))
     else:

@@ -31,7 +31,7 @@ def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None
         for one in () if name is None else _with_its_other_half(Path(name)):
             if one.is_file() and target.samefile(one):
                 raise ConfigError(
-                    f"{output} is what is read and would be written over",
+                    f"{output} is the input and would be overwritten",
                     remedy="Give -o another name",
                 )
 

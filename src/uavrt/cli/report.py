@@ -1,34 +1,67 @@
 """``uavrt report``: what a flight found, to read, print and pass on."""
 
 import sys
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+
+from uavrt.cli.elevation import elevation_of
+from uavrt.cli.kinds import Degrees, Metres, Power
+from uavrt.errors import FormatError, UsageError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+    from uavrt.analysis import MapFile, SilentMap, Survey
+    from uavrt.terrain import Elevation
 
 
 def report(
     flight: Path,
     *,
     antenna: str | None = None,
-    height: float | None = None,
+    antenna_offset: Degrees = 0.0,
+    height: Metres | None = None,
+    dem: Path | None = None,
+    sea: Annotated[bool, Parameter(negative="")] = False,
+    tag_power: Power | None = None,
+    background: Annotated[Path | None, Parameter(name="--map")] = None,
     html: bool = True,
     pdf: bool = True,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
-    """Write a report of a flight or an old pulse log: HTML and PDF, readable without internet.
+    """Write a report on a flight or an old pulse log, as HTML and PDF, readable offline.
 
     Parameters
     ----------
     flight
-        A flight directory, or a pulse log in any format that is known.
+        A flight directory, or a pulse log in any known format.
     antenna
-        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, or one of another package;
+        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, one from another package,
         or a CSV file of angles and gains;
-        monopole: no bearings, positions from strength along the flight. Without it RA-23K; for
-        UCSD's pings, monopole.
+        monopole: no bearings, positions from signal strength along the flight. Default: RA-23K;
+        for UCSD's pings, monopole.
+    antenna_offset
+        Boresight clockwise from the heading that the pulses contain [°]; 0 if the drone's own
+        settings already include the mounting.
     height
-        With a monopole: height over the tags [m], for logs that do not tell it (UCSD's pings).
+        With a monopole: height above the tags [m], for logs that do not contain it (UCSD's
+        pings).
+    dem
+        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken what is heard,
+        and explain silence. Without it the ground is taken as level.
+    sea
+        Take ground that no elevation file covers for water at height 0.
+    tag_power
+        What the tags radiate [dBm]: with it the report maps where each listed tag would have
+        been heard. Takes seconds to a minute for each.
+    map
+        A map file (MBTiles or PMTiles of pictures) to lie under the flight; by default the
+        finest that covers it in the folder maps beside the flight, where the ground station
+        keeps what the page has brought. Nothing is fetched.
     html
         Write report.html.
     pdf
@@ -36,15 +69,23 @@ def report(
     output
         Directory to write into; by default the flight directory, or beside the log.
     """
-    from uavrt.analysis.antenna_files import antenna_named
+    from uavrt.analysis import maps_in, read_survey
+    from uavrt.analysis.measure import antenna_named
     from uavrt.analysis.report import write_report
-    from uavrt.analysis.survey import read_survey
 
+    elevation = elevation_of(dem, sea=sea)
     survey = read_survey(
         flight,
         antenna=None if antenna is None else antenna_named(antenna),
         height_m=height,
+        offset_deg=antenna_offset,
+        elevation=elevation,
     )
+    beside = flight.absolute().parent / "maps"
+    maps = maps_in(beside) if background is None else (_named_map(background),)
+    survey = replace(survey, maps=maps)
+    if tag_power is not None:
+        survey = replace(survey, silences=_silences(flight, survey, tag_power, elevation))
     for warning in survey.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
     name = "report" if flight.is_dir() else f"{flight.stem}_report"
@@ -56,3 +97,55 @@ def report(
     )
     for path in written:
         print(path)
+
+
+def _silences(
+    flight: Path, survey: "Survey", tag_power_dbm: float, elevation: "Elevation | None"
+) -> "tuple[SilentMap, ...]":
+    """Map where each listed tag would have been heard; shows how far it is."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from uavrt.analysis import MONOPOLE, silent_map
+    from uavrt.localization import pattern_named
+    from uavrt.recording import FlightLayout, read_flight
+
+    if survey.info is None or not FlightLayout(flight).database.is_file():
+        raise UsageError(
+            "a pulse log does not tell where the drone listened in vain",
+            remedy="Name the flight's directory, or leave --tag-power out",
+        )
+    flown = read_flight(flight)
+    pattern = None if survey.antenna == MONOPOLE else pattern_named(survey.antenna)
+    found = []
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        for tag in survey.info.tags:
+            task = bar.add_task(f"where tag {tag.tag_id} would have been heard", total=None)
+            found.append(
+                silent_map(
+                    flight,
+                    flown,
+                    tag.tag_id,
+                    tag_power_dbm,
+                    elevation=elevation,
+                    pattern=pattern,
+                    on_pulse=partial(_tell, bar, task),
+                )
+            )
+    return tuple(found)
+
+
+def _tell(bar: "Progress", task: "TaskID", done: int, total: int) -> None:
+    bar.update(task, completed=done, total=total)
+
+
+def _named_map(path: Path) -> "MapFile":
+    from uavrt.analysis import RASTERS, read_map
+
+    found = read_map(path)
+    if found.tiles not in RASTERS:
+        raise FormatError(
+            f"{path} holds lines and areas, no pictures",
+            remedy="Give a map of pictures: QGIS, Generate XYZ tiles (MBTiles)",
+        )
+    return found

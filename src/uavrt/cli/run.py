@@ -12,14 +12,13 @@ from cyclopts import Parameter
 
 from uavrt.cli.kinds import Port
 from uavrt.cli.run_ground import run_both, with_local_link
-from uavrt.config import load_settings, read_tags
-from uavrt.config.settings import Settings
-from uavrt.mavlink import parse_address
-from uavrt.mavlink.signing import read_signing_key
-from uavrt.monitor.reader import status_socket_path
+from uavrt.config import MavlinkSettings, Settings, load_settings, read_tags
+from uavrt.errors import ConfigError
+from uavrt.mavlink import parse_address, read_signing_key
+from uavrt.monitor import status_socket_path
+from uavrt.processes import pose_address
 from uavrt.recording import require_writable
-from uavrt.tunnel.exchange import Exchange
-from uavrt.tunnel.seal import read_key
+from uavrt.tunnel import Exchange, read_key
 
 DEFAULT_CONFIG = Path("uavrt.toml")
 
@@ -36,26 +35,26 @@ def run(
 ) -> None:
     """Run the drone side: radio, detectors, autopilot, recorder, all supervised.
 
-    Without tags it waits for a ground station. Ctrl-C or SIGTERM stops everything in good
-    order.
+    Without tags it waits for a ground station. Ctrl-C or SIGTERM stops everything cleanly.
 
     Parameters
     ----------
     config
-        Settings file. If it does not exist and was not named, the defaults hold.
+        Settings file. If you do not name one and the default file does not exist, built-in
+        defaults apply.
     mavlink
-        Autopilot in place of the one in the settings: serial:///dev/ttyUSB0:57600,
+        Autopilot to use instead of the one in the settings: serial:///dev/ttyUSB0:57600,
         udpin://127.0.0.1:14540, tcp://HOST:PORT; "none" for no autopilot.
     flight_dir
-        Where flight directories are made.
+        Directory in which flight directories are created.
     tags
         Load these tags and start detecting at once, without a ground station.
     ground
-        Serve the ground station's page on this computer as well, for its own screen.
+        Also serve the ground station's page on this computer, for its own screen.
     ground_port
         Port of that page; 0 takes any free one.
     browser
-        Open that page in a browser, where there is a screen.
+        Open that page in a browser if there is a screen.
     """
     settings = settings_from(config)
     if mavlink is not None:
@@ -65,6 +64,7 @@ def run(
         settings = replace(
             settings, recording=replace(settings.recording, directory=str(flight_dir))
         )
+    settings = without_autopilot(settings)
     check_link(settings)
     require_writable(Path(settings.recording.directory))
     settings = replace(settings, status_socket=str(status_socket_path(settings)))
@@ -85,6 +85,27 @@ def run(
     # The supervisor takes this process's place: what read the settings leaves the memory.
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.execv(sys.executable, command)
+
+
+def without_autopilot(settings: Settings) -> Settings:
+    """Leave the autopilot out where the pose comes from elsewhere.
+
+    Raises
+    ------
+    ConfigError
+        An autopilot is named, too; or a setting of that pose is missing.
+    """
+    if settings.pose.source == "autopilot":
+        return settings
+    pose_address(settings.pose)
+    if settings.mavlink.address not in ("", MavlinkSettings().address):
+        raise ConfigError(
+            f'pose.source = "{settings.pose.source}" and mavlink.address '
+            f"{settings.mavlink.address} would both tell the pose",
+            remedy="Leave mavlink.address out; a radio to the ground goes to "
+            "mavlink.direct_links",
+        )
+    return replace(settings, mavlink=replace(settings.mavlink, address=""))
 
 
 def check_link(settings: Settings) -> None:

@@ -7,7 +7,7 @@ import sys
 from dataclasses import replace
 
 from uavrt.cli.screen import has_page
-from uavrt.config.settings import Settings
+from uavrt.config import Settings
 from uavrt.errors import ConfigError
 
 GROUND_STOP_S = 20.0
@@ -55,7 +55,7 @@ def run_both(
     if not has_page():
         raise ConfigError(
             "the page is not installed on this computer",
-            remedy="Run `pip install 'uavrt[ground]'`, or leave --ground out",
+            remedy="Run `pip install 'uavrt[ground]'`, or omit --ground",
         )
     mavlink, directory = settings.mavlink, settings.recording.directory
     keys = {"--command-key": mavlink.key_file, "--signing-key": mavlink.signing_key_file}

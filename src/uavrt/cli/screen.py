@@ -6,12 +6,12 @@ from importlib.util import find_spec
 
 
 def has_screen() -> bool:
-    """Tell whether a browser could show something."""
+    """Return whether a browser could show something."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def has_page() -> bool:
-    """Tell whether the extra ``uavrt[ground]`` is installed."""
+    """Return whether the extra ``uavrt[ground]`` is installed."""
     return all(find_spec(name) for name in ("starlette", "uvicorn", "websockets"))

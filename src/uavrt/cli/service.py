@@ -17,7 +17,7 @@ from uavrt.computer import status as service_status
 from uavrt.config import load_settings
 
 service = App(
-    name="service", help="Start uavrt at boot (systemd), and let it use the radio (udev)."
+    name="service", help="Start uavrt at boot (systemd) and let it use the radio (udev)."
 )
 
 ROOT = Path("/")
@@ -38,14 +38,15 @@ def install(
     Parameters
     ----------
     user
-        Who the service runs as; if not given the user uavrt, where there is one, else the user
-        who called sudo.
+        User that the service runs as; by default the user uavrt if it exists, else the user who
+        called sudo.
     directory
-        Where it runs, and makes its flights by default; here if not given.
+        Working directory, where flights are saved by default; the current directory if not
+        given.
     config
         Settings file; uavrt.toml in the directory if not given.
     root
-        Write below another directory than /, and start nothing.
+        Write under this directory instead of / and start nothing.
     """
     place = (directory or Path.cwd()).resolve()
     settings = config.resolve() if config is not None else None
@@ -62,24 +63,24 @@ def install(
 
 @service.command
 def status(*, root: Path = ROOT) -> None:
-    """Say what is installed, and how the service is.
+    """Show what is installed and the state of the service.
 
     Parameters
     ----------
     root
-        Another directory than /.
+        Look under this directory instead of /.
     """
     _print(service_status(root))
 
 
 @service.command
 def remove(*, root: Path = ROOT) -> None:
-    """Stop the service, and remove unit and rule. Flights stay. Needs sudo.
+    """Stop the service and remove its unit and udev rule. Keeps flights. Needs sudo.
 
     Parameters
     ----------
     root
-        Another directory than /.
+        Look under this directory instead of /.
     """
     _print(remove_service(root))
 

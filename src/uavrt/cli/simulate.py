@@ -8,21 +8,24 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import Progress
 
-from uavrt.simulation.demo_scenario import demo_scenario
-from uavrt.simulation.recording import simulate_to_directory
-from uavrt.simulation.scenario import Scenario
-from uavrt.simulation.scenario_file import load_scenario
-from uavrt.simulation.synthesis import SampleFormat
+from uavrt.cli.kinds import Hertz, Seconds, Seed
+from uavrt.simulation import (
+    SampleFormat,
+    Scenario,
+    demo_scenario,
+    load_scenario,
+    simulate_to_directory,
+)
 
 
 def simulate(
     scenario: str,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    duration: float | None = None,
-    seed: int | None = None,
+    duration: Seconds | None = None,
+    seed: Seed | None = None,
     format: Annotated[SampleFormat, Parameter(name="--format")] = "cf32",
-    sample_rate: float | None = None,
+    sample_rate: Hertz | None = None,
 ) -> None:
     """Record a simulated world: SigMF samples, telemetry, true pulses and tag lists.
 
@@ -31,7 +34,7 @@ def simulate(
     scenario
         A scenario file (TOML), or 'demo' for the built-in world.
     output
-        Directory to write to; made if need be, must be empty.
+        Directory to write to; created if needed, must be empty.
     duration
         Length in seconds; by default the scenario's.
     seed
@@ -39,7 +42,7 @@ def simulate(
     format
         cf32: pairs of float32 as airspy_rx -t 0 writes them; cs16: pairs of int16.
     sample_rate
-        Samples a second; by default the scenario's (3 000 000).
+        Samples per second; by default the scenario's (3 000 000).
     """
     console = Console(stderr=True)
     with Progress(console=console, transient=True) as progress:

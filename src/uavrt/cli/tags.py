@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 
 from uavrt.cli.examples import examples
+from uavrt.cli.kinds import Count, Hertz, HertzOrZero
 from uavrt.cli.outputs import check_place, keep_inputs
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError, TagFileError, UavrtError
 
 if TYPE_CHECKING:
-    from uavrt.analysis.measured_tag import MeasuredRate, MeasuredTag
-    from uavrt.analysis.tag_source import TagSource
+    from uavrt.analysis.measure import MeasuredRate, MeasuredTag, TagSource
     from uavrt.messages import Tag
 
 tags = App(
@@ -28,7 +28,7 @@ IN_HERTZ = "Give --center-frequency in hertz, 148.7e6"
 
 @tags.command(help_epilogue=examples("tags check"))
 def check(file: Path) -> None:
-    """Say what a tag file holds, or everything that is wrong with it.
+    """Show the contents of a tag file, or everything that is wrong with it.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def check(file: Path) -> None:
 
 @tags.command(help_epilogue=examples("tags convert"))
 def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
-    """Write the tags of one file in the format of another; the name tells: .toml or .txt.
+    """Convert a tag file; the target's name selects the format: .toml or .txt.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     overwrite
         Replace the target if it exists.
     """
-    from uavrt.config.tag_files import check_tag_file_name, write_tags
+    from uavrt.config import check_tag_file_name, write_tags
 
     known = _read(source)
     found = known.tags
@@ -73,8 +73,8 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
 
 def _read(path: Path) -> "TagSource":
     """Read whatever describes tags, by the rules of tag files."""
-    from uavrt.analysis.tag_source import read_tag_source
-    from uavrt.config.tag_files import faults_of_tags
+    from uavrt.analysis.measure import read_tag_source
+    from uavrt.config import faults_of_tags
 
     known = read_tag_source(path)
     faults = faults_of_tags(known.tags) if known.operating_modes else []
@@ -87,48 +87,46 @@ def _read(path: Path) -> "TagSource":
 def measure(
     recording: Path,
     *,
-    frequency: float | None = None,
-    window: float = 2000.0,
+    frequency: Hertz | None = None,
+    window: Hertz = 2000.0,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    id: int = 2,
+    id: Count = 2,
     name: str | None = None,
     format: str | None = None,
-    sample_rate: float | None = None,
-    center_frequency: float | None = None,
+    sample_rate: Hertz | None = None,
+    center_frequency: HertzOrZero | None = None,
     overwrite: bool = False,
 ) -> None:
     """Find unknown tags in a recording: frequency, pulse width, intervals, jitter, drift.
 
-    What was measured goes to standard error with its standard deviations; the tag entries go
-    to the output, with room for what temperature and battery change.
+    Measurements with standard deviations go to standard error; tag entries go to the output,
+    with tolerances that allow for changes in temperature and battery.
 
     Parameters
     ----------
     recording
-        A file with some ten pulses of a tag near by, at least.
+        A file with at least ten pulses or so of a nearby tag.
     frequency
-        About where, in hertz; by default the whole band is searched.
+        Approximate frequency in hertz; by default the whole band is searched.
     window
         Half-width of the search around --frequency, in hertz.
     output
         A tag file to write, .toml or .txt; by default TOML on standard output.
     id
-        Number of the first tag; the others get every second one after it.
+        Id of the first tag; the others get every second id after it.
     name
-        Name of the tag; several are numbered, Luna 1, Luna 2.
+        Name of the tag; several tags are numbered: Luna 1, Luna 2.
     format
-        cf32, cs16, cu8, ci8, sigmf or wav; by default told by the file's name.
+        cf32, cs16, cu8, ci8, sigmf or wav; by default taken from the file name.
     sample_rate
-        Samples a second, unless the recording says it.
+        Samples per second, unless the recording states it.
     center_frequency
-        Radio frequency in hertz, unless the recording says it.
+        Radio frequency in hertz, unless the recording states it.
     overwrite
         Replace the output if it exists.
     """
-    from uavrt.analysis.measure_tag import measure_tags
-    from uavrt.config.tag_files import check_tag_file_name, write_tags
-    from uavrt.config.tag_rules import MAX_ID
-    from uavrt.config.tags_toml import format_tags_toml
+    from uavrt.analysis.measure import measure_tags
+    from uavrt.config import MAX_ID, check_tag_file_name, format_tags_toml, write_tags
     from uavrt.radio import open_recording
 
     if not 1 <= id <= MAX_ID:
@@ -169,7 +167,7 @@ def measure(
 
 def _check_center(center_frequency_hz: float | None) -> None:
     """Refuse megahertz for hertz before the work."""
-    from uavrt.config.tag_rules import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
+    from uavrt.config import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 
     if center_frequency_hz is not None and not (
         MIN_FREQUENCY_HZ <= center_frequency_hz <= MAX_FREQUENCY_HZ
@@ -181,12 +179,12 @@ def _check_center(center_frequency_hz: float | None) -> None:
 
 def _check_entries(entries: "Sequence[Tag]") -> None:
     """Write nothing that `uavrt tags check` would refuse."""
-    from uavrt.config.tag_files import faults_of_tags
+    from uavrt.config import faults_of_tags
 
     faults = faults_of_tags(entries)
     if faults:
         raise ConfigError(
-            f"what was measured makes no tag file: {'; '.join(faults)}",
+            f"the measurements do not make a valid tag file: {'; '.join(faults)}",
             remedy=f"{IN_HERTZ}, where the recording says another",
         )
 
@@ -199,7 +197,7 @@ def _numbered(name: str | None, count: int) -> "list[str | None]":
 
 @contextmanager
 def _telling(faults: list[UavrtError]) -> Iterator[None]:
-    """Tell also what is wrong with the recording when something else ends the work."""
+    """Also report what is wrong with the recording when something else ends the work."""
     try:
         yield
     except UavrtError:
@@ -245,10 +243,9 @@ def _progress(what: str) -> Iterator[Callable[[float], None] | None]:
 
 
 def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
-    """Say which tags of one band may be taken for each other, and what would part them."""
-    from uavrt.config.settings import DetectionSettings
-    from uavrt.config.tag_bands import tags_by_band
-    from uavrt.detection.senders import part
+    """Report which tags of one band may be taken for each other, and what would part them."""
+    from uavrt.config import DetectionSettings, tags_by_band
+    from uavrt.detection.track import part
 
     window_hz = DetectionSettings().frequency_window_hz
     for together in tags_by_band(found, window_hz):

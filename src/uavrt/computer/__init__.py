@@ -1,8 +1,13 @@
-"""The companion computer itself: is it fit to fly, and does uavrt start with it?"""
+"""The companion computer: pre-flight checks and start at boot."""
 
-from uavrt.computer.autopilot_setup import examine_autopilot
-from uavrt.computer.checks import Finding, examine
-from uavrt.computer.service import ServicePlan, install, remove, status
+from typing import TYPE_CHECKING
+
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.computer.autopilot_setup import examine_autopilot
+    from uavrt.computer.checks import Finding, examine
+    from uavrt.computer.service import ServicePlan, install, remove, status
 
 __all__ = [
     "Finding",
@@ -13,3 +18,15 @@ __all__ = [
     "remove",
     "status",
 ]
+__getattr__ = lazily(
+    __name__,
+    {
+        "Finding": "checks",
+        "ServicePlan": "service",
+        "examine": "checks",
+        "examine_autopilot": "autopilot_setup",
+        "install": "service",
+        "remove": "service",
+        "status": "service",
+    },
+)

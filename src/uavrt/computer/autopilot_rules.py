@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from uavrt.errors import ConfigError
-from uavrt.mavlink.discovery import STATION_SYSTEM_ID
+from uavrt.mavlink import STATION_SYSTEM_ID
 
 PX4_PORTS = {"TELEM1": (101, "TEL1"), "TELEM2": (102, "TEL2"), "TELEM3": (103, "TEL3")}
 """Number of a port for MAV_n_CONFIG, and its name in SER_…_BAUD."""
@@ -29,7 +29,7 @@ NO_FORWARD_CHANNEL = 1 << 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Need:
-    """One parameter, what it is and what it must be."""
+    """One parameter: its value and the value that we need."""
 
     name: str
     value: float | None
@@ -51,13 +51,13 @@ def serial_number(port: str) -> int:
     if port in ARDUPILOT_PORTS:
         return ARDUPILOT_PORTS[port]
     known = [*ARDUPILOT_PORTS, *(f"SERIAL{n}" for n in ARDUPILOT_SERIALS)]
-    raise ConfigError(f"no port {port}", remedy=f"Known are {', '.join(known)}")
+    raise ConfigError(f"no port {port}", remedy=f"Choose from {', '.join(known)}")
 
 
 def px4_port(port: str) -> tuple[int, str]:
     """Get PX4's number and short name of a port; raises `ConfigError`."""
     if port not in PX4_PORTS:
-        raise ConfigError(f"no port {port}", remedy=f"Known are {', '.join(PX4_PORTS)}")
+        raise ConfigError(f"no port {port}", remedy=f"Choose from {', '.join(PX4_PORTS)}")
     return PX4_PORTS[port]
 
 
@@ -67,7 +67,7 @@ def has_serial_ports(values: Mapping[str, float | None]) -> bool:
 
 
 def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bool, str, str]:
-    """Say what the autopilot does when the operator's ground station is lost.
+    """Describe what the autopilot does when the operator's ground station is lost.
 
     PX4 counts every heartbeat of type GCS, ArduPilot those of the system MAV_GCS_SYSID
     (SYSID_MYGCS before 4.7); a ground station of ours is neither.
@@ -107,7 +107,7 @@ def names_to_read(px4: bool, port: str | None) -> list[str]:
 def needs(
     px4: bool, values: Mapping[str, float | None], port: str | None, baud: int
 ) -> list[Need]:
-    """Say what every parameter that matters must be.
+    """Describe what every parameter that matters must be.
 
     Parameters
     ----------

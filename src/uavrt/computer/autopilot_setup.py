@@ -1,4 +1,4 @@
-"""``uavrt doctor --autopilot``: read the autopilot's parameters; set them if that is wanted."""
+"""``uavrt doctor --autopilot``: read the autopilot's parameters; set them on request."""
 
 import asyncio
 from collections.abc import Iterator
@@ -12,9 +12,8 @@ from uavrt.computer.autopilot_rules import (
 )
 from uavrt.computer.checks import Finding
 from uavrt.errors import UavrtError
-from uavrt.mavlink.address import Address, parse_address
+from uavrt.mavlink import Address, ParameterClient, parse_address
 from uavrt.mavlink.dialect import MavAutopilot
-from uavrt.mavlink.parameter_client import ParameterClient
 
 LISTEN_S = 6.0
 WHAT = "autopilot"

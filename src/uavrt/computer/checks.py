@@ -1,4 +1,4 @@
-"""``uavrt doctor``: is this computer fit to fly? One finding a line, each with what to do."""
+"""``uavrt doctor``: is this computer fit to fly? One finding per line, each with its remedy."""
 
 import asyncio
 import grp
@@ -13,11 +13,9 @@ from pathlib import Path
 
 from uavrt import native
 from uavrt.clock import Clock, wall_ns
-from uavrt.config.radios import RADIOS
-from uavrt.config.settings import Settings
+from uavrt.config import RADIOS, Settings
 from uavrt.errors import UavrtError
-from uavrt.mavlink import Connection, Handlers
-from uavrt.mavlink.address import parse_address
+from uavrt.mavlink import Connection, Handlers, parse_address
 from uavrt.messages import SystemState, SystemStatus
 from uavrt.radio import check_device
 
@@ -208,7 +206,7 @@ def check_clock() -> Finding:
             what=what,
             ok=False,
             text=f"{now}, not synchronized",
-            remedy="Let it see a time server once before the flight, or check it by eye",
+            remedy="Connect it to a time server once before the flight, or check it by eye",
         )
     return Finding(
         what=what, ok=True, text=now + (", synchronized" if synchronized == "yes" else "")
@@ -256,7 +254,7 @@ def check_processor(measure_s: float = 1.0) -> Finding:
         what="processor",
         ok=idle >= IDLE_CORES_NEEDED,
         text=f"{idle:.1f} of {cores} cores idle; detection by {native.description()}",
-        remedy="" if idle >= IDLE_CORES_NEEDED else "See what else runs: top",
+        remedy="" if idle >= IDLE_CORES_NEEDED else "See what else is running: top",
     )
 
 
@@ -273,11 +271,11 @@ def check_temperature() -> Finding:
         with suppress(OSError, ValueError):
             hottest = max(hottest or -273.0, int(zone.read_text()) / 1000.0)
     if hottest is None:
-        return Finding(what="temperature", ok=True, text="this computer does not tell")
+        return Finding(what="temperature", ok=True, text="this computer does not report it")
     good = hottest < HOT_C
     return Finding(
         what="temperature",
         ok=good,
         text=f"{hottest:.0f} °C",
-        remedy="" if good else "Give it air: from 80 °C on it slows down",
+        remedy="" if good else "Improve its cooling: above 80 °C it slows down",
     )

@@ -4,7 +4,7 @@ The unit is ``Type=notify`` with a watchdog (systemd.service(5)): systemd starts
 again when it ends or falls silent, and the supervisor goes on with the flight. It is confined
 to what a drone needs (systemd.exec(5)): its directory, removable drives, USB radios, serial
 ports and the network. The rule lets the group ``plugdev`` use the radio: Debian's own rule
-(``TAG+="uaccess"``) opens it only to who sits at the screen, not to ssh and not to a service.
+(``TAG+="uaccess"``) opens it only to the user at the screen, not to ssh and not to a service.
 """
 
 import shutil
@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavrt.config.radios import RADIOS
-from uavrt.config.text_files import write_text_atomically
+from uavrt.config import RADIOS, write_text_atomically
 from uavrt.errors import UsageError
 
 UNIT = "uavrt.service"
@@ -158,7 +157,7 @@ def rule_text() -> str:
 def _quoted(word: str) -> str:
     """Quote a word for ``ExecStart=`` (systemd.service(5), "Command lines")."""
     if any(c in word for c in "\n\r\0"):
-        raise UsageError(f"{word!r} cannot stand in a unit")
+        raise UsageError(f"{word!r} cannot be written in a systemd unit")
     escaped = (
         word.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
     )
@@ -221,7 +220,7 @@ def remove(root: Path = Path("/")) -> list[str]:
 
 
 def status(root: Path = Path("/")) -> list[str]:
-    """Say what is installed, and how the service is."""
+    """Describe what is installed, and how the service is."""
     lines = [
         f"{'unit':<8}{_present(root / UNIT_PATH)}",
         f"{'at boot':<8}{'yes' if (root / WANTED_PATH).is_symlink() else 'no'}",

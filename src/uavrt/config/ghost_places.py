@@ -1,4 +1,10 @@
-"""Where a receiver shows a strong signal besides its own place."""
+"""Frequencies where a receiver shows ghosts of a strong signal.
+
+If a ghost of one tag may appear where another tag transmits, both tags go to the same detector
+worker, as long as the load stays even: one process judges both at the same place of the stream.
+Trains sent through the supervisor would come a second later, so that a ghost would be confirmed
+in some flights and not in others.
+"""
 
 import itertools
 import math

@@ -48,7 +48,7 @@ def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> byte
     if not least <= len(secret) <= most:
         count = f"{2 * least}" if least == most else f"{2 * least} to {2 * most}"
         raise ConfigError(
-            f"{path} is no {what}: it must hold {count} hexadecimal digits", remedy=REMEDY
+            f"{path} is not a {what}: it must contain {count} hexadecimal digits", remedy=REMEDY
         )
     if stat.S_IMODE(mode) & 0o077:
         raise ConfigError(f"other users can read the {what} {path}", remedy=f"chmod 600 {path}")

@@ -1,7 +1,7 @@
 """Read, explain and write ``uavrt.toml``.
 
-pydantic is imported only inside these functions: it costs 29 MB and 95 ms, which a process of
-the drone that is handed its settings never pays.
+pydantic is imported only inside these functions: it costs 29 MB and 95 ms. The drone's
+processes get their settings ready-made and never pay that.
 """
 
 import json
@@ -39,7 +39,7 @@ def load_settings(path: str | os.PathLike[str]) -> Settings:
     except OSError as error:
         raise ConfigError(
             f"cannot read the settings {name}: {error.strerror}",
-            remedy="Check the name; without --config the defaults hold",
+            remedy="Check the name; without --config the defaults apply",
         ) from error
     return parse_settings(content, name=name)
 
@@ -151,7 +151,7 @@ def _table_schema(schema: dict[str, Any], name: str) -> dict[str, Any] | None:
 
 
 def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
-    """Say a fault of pydantic's in plain words: ``[radio] gian is unknown; …``."""
+    """Explain a fault of pydantic's in plain words: ``[radio] gian is unknown; …``."""
     where = [str(part) for part in detail["loc"]]
     table = _table_schema(schema, where[0]) if where else None
     label = f"[{where[0]}] {'.'.join(where[1:])}".rstrip() if table else ".".join(where)
@@ -201,7 +201,7 @@ def _plain(text: str) -> str:
 
 
 def _rule(kind: str, text: str) -> str:
-    """Say in words what a rule of its own asks for; pydantic names only the function."""
+    """Describe in words what a rule of its own asks for; pydantic names only the function."""
     if kind == "predicate_failed" and "is_ros_namespace" in text:
         return "a ROS namespace has letters, digits and single underscores, like drone1"
     return text.lower()

@@ -165,6 +165,22 @@ PARAMETERS: dict[str, Parameter] = {
             " of the original's detectorConfig.txt.",
         ),
         Parameter(
+            name="POSE_HEADING",
+            table="pose",
+            field="heading_deg",
+            kind="real",
+            low=-360,
+            high=360,
+            default=-1000,
+            absent=-1000,
+            decimals=1,
+            unit="deg",
+            live=True,
+            short="Heading of a station",
+            meaning="Where a station without autopilot looks, clockwise from true north; -1000:"
+            " as its compass says.",
+        ),
+        Parameter(
             name="REC_IQ",
             table="recording",
             field="iq",

@@ -78,6 +78,9 @@ class MavlinkSettings:
     """Further links, straight to ground stations, such as ["udpin://0.0.0.0:14560"] over Wi-Fi:
     pulses, answers and files go by the first of them on which a ground station is heard, and
     else through the autopilot."""
+    system_id: Annotated[int, Interval(ge=1, le=253)] = 1
+    """Number of this station where there is no autopilot, which else tells it; each station and
+    vehicle needs its own."""
     component_id: Annotated[int, Interval(ge=1, le=255)] = 191
     """Ours in the vehicle's MAVLink system; 191 is the first onboard computer."""
     tunnel_gap_s: Annotated[float, Interval(ge=0.012, le=1.0)] = 0.020
@@ -117,6 +120,32 @@ class MavlinkSettings:
     """Number told with G2; the ground station must expect exactly this one."""
     tunnel_experimental: bool = False
     """Allow G2, some of whose layouts were inferred and never seen on a wire."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseSettings:
+    """``[pose]``: where place and heading come from; a mast or a person has no autopilot."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
+    source: Literal["autopilot", "fixed", "nmea", "gpsd"] = "autopilot"
+    """``autopilot``; ``fixed``: what is written here, for a mast; ``nmea`` or ``gpsd``: a GPS
+    receiver, for a person or a cart. Any but the autopilot leaves mavlink.address empty and
+    reaches ground stations by mavlink.direct_links."""
+    address: str = ""
+    """Of the receiver: NMEA by serial:///dev/ttyACM0:9600, udpin://0.0.0.0:10110 or
+    tcp://HOST:PORT; gpsd by HOST:PORT, empty for the one on this computer."""
+    latitude_deg: Annotated[float, Interval(ge=-90.0, le=90.0)] | None = None
+    """Of a fixed station."""
+    longitude_deg: Annotated[float, Interval(ge=-180.0, le=180.0)] | None = None
+    """Of a fixed station."""
+    altitude_amsl_m: Annotated[float, Interval(ge=-500.0, le=9000.0)] = 0.0
+    """Of the ground there above the sea, where no receiver tells it."""
+    height_m: Annotated[float, Interval(ge=0.0, le=500.0)] = 2.0
+    """Of the antenna above ground."""
+    heading_deg: Annotated[float, Interval(ge=-360.0, le=360.0)] | None = None
+    """Where the station looks, clockwise from true north; left out: as the receiver's compass
+    says (NMEA's HDT and THS, gpsd's ATT). The parameter POSE_HEADING sets it at any time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,14 +219,63 @@ class RecordingSettings:
     """Where flight directories are made."""
     iq: bool = False
     """Also record the decimated band while detecting (cs16 SigMF, about 5.4 GB an hour)."""
+    channels: bool = True
+    """Keep the samples of each tag's channel (SigMF, 54 MB an hour for each channel), for
+    ``uavrt integrate``; false spares the card."""
+    channels_mb: Annotated[float, Interval(ge=1.0, le=10e6)] = 2000.0
+    """What the kept channels of all flights may take: beyond it the oldest are removed. Starred
+    flights keep theirs, and do not count."""
     minimum_free_mb: Annotated[float, Ge(0.0)] = 500.0
-    """Below this much free space IQ recording stops; pulses and poses go on."""
+    """Below this much free space IQ recording stops, and below 1.2 times as much the keeping of
+    channels; pulses and poses go on."""
     capture_s: Annotated[float, Interval(gt=0.0, le=3600.0)] = 8.0
     """How long a raw capture lasts unless it is stopped."""
     save_directory: str | None = None
     """Where "save logs" copies the flights; left out: the only drive under /media."""
     remove_oldest_flights: bool = False
     """Below that, remove the oldest flight directories, never the present one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuidanceSettings:
+    """``[guidance]``: whether and how the drone may be flown; nothing moves unconfirmed."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
+    enabled: bool = False
+    """Take orders of motion, each confirmed by the operator, over a link with a key."""
+    may_take_off: bool = False
+    """Take off when an operator orders and confirms it, once a pilot has armed; uavrt never
+    arms."""
+    lowest_m: Annotated[float, Interval(ge=5.0, le=500.0)] = 20.0
+    """Least height above ground, which is taken to be that of home."""
+    highest_m: Annotated[float, Interval(ge=10.0, le=500.0)] = 120.0
+    """Greatest height above ground."""
+    fence_m: Annotated[float, Interval(ge=10.0, le=10_000.0)] = 500.0
+    """Greatest distance from home."""
+    speed_m_s: Annotated[float, Interval(ge=0.5, le=25.0)] = 5.0
+    """What the autopilot is set to fly at; times and energies are told by it."""
+    battery_wh: Annotated[float, Gt(0.0)] | None = None
+    """Size of the full battery; without it no way is flown, only turns, hold and return."""
+    reserve_percent: Annotated[float, Interval(ge=5.0, le=90.0)] = 25.0
+    """What must be left in the battery at home."""
+    keep_away_m: Annotated[float, Interval(ge=0.0, le=500.0)] = 30.0
+    """A search keeps so far, over ground, from where animals may be; 0: it does not."""
+    keep_out_file: str | None = None
+    """File on the drone of people and buildings, over which nothing is flown: GeoJSON, KML or
+    .plan (exclusion fences); beside it counts what comes with an order."""
+    terrain: str | None = None
+    """File or folder on the drone of heights of the ground (SRTM tiles, GeoTIFF): ways and ways
+    home keep lowest_m above it, and a search knows what hides behind it. Without it the ground
+    is taken to be level."""
+    planner: str = "mi_rate"
+    """Who decides in a search where to fly next."""
+    headings: Annotated[int, Interval(ge=8, le=16)] = 12
+    """Steps of a turn on PX4; ArduPilot turns by one command."""
+    link_lost: Literal["hold", "return", "go on"] = "hold"
+    """When no ground station was heard for 5 s; ``hold``: and return after return_after_s."""
+    return_after_s: Annotated[float, Interval(ge=0.0, le=3600.0)] = 60.0
+    """How long it holds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -255,10 +333,12 @@ class Settings:
 
     radio: RadioSettings = field(default_factory=RadioSettings)
     mavlink: MavlinkSettings = field(default_factory=MavlinkSettings)
+    pose: PoseSettings = field(default_factory=PoseSettings)
     antenna: AntennaSettings = field(default_factory=AntennaSettings)
     detection: DetectionSettings = field(default_factory=DetectionSettings)
     bearings: BearingSettings = field(default_factory=BearingSettings)
     recording: RecordingSettings = field(default_factory=RecordingSettings)
+    guidance: GuidanceSettings = field(default_factory=GuidanceSettings)
     udp_channels: UdpChannelSettings = field(default_factory=UdpChannelSettings)
     ros2: Ros2Settings = field(default_factory=Ros2Settings)
     status_socket: str | None = None

@@ -1,4 +1,4 @@
-"""Tags whose pulses are heard in each other's band."""
+"""Tags whose bands overlap, so that the search for one hears the other's pulses."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ from uavrt.messages import Tag
 
 
 def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
-    """Put bands that overlap together, also by way of others.
+    """Group bands that overlap, also by way of others.
 
     Parameters
     ----------
@@ -32,6 +32,6 @@ def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
 
 
 def tags_by_band(tags: Sequence[Tag], window_hz: float) -> list[list[Tag]]:
-    """Put tags together that are searched, within a half-width, in overlapping bands."""
+    """Group tags that are searched, within a half-width, in overlapping bands."""
     bands_hz = [(tag.frequency_hz - window_hz, tag.frequency_hz + window_hz) for tag in tags]
     return [[tags[place] for place in places] for places in overlapping(bands_hz)]

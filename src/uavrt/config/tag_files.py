@@ -1,4 +1,4 @@
-"""Tag files: read either format with all its faults at once, write either."""
+"""Tag files: read either format and report all mistakes at once; write either format."""
 
 import os
 import re
@@ -123,7 +123,7 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
         )
     if target.suffix.lower() not in (".toml", ".txt"):
         raise ConfigError(
-            f"{target} has no name of a tag file",
+            f"{target} does not have the name of a tag file",
             remedy="Write .toml, or .txt for the original's TagInfo.txt",
         )
 

@@ -1,4 +1,4 @@
-"""What makes sense for a tag, in the words of the person who typed it.
+"""Plausibility checks for tags, worded in the terms of whoever typed them.
 
 Both tag file formats are read into `TagDraft` and judged here, so they have the same rules; and
 so has a tag that came by a wire (`uavrt.config.tag_files.faults_of_tags`).
@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from uavrt.messages import Tag
+from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
 from uavrt.units import hz_from_mhz, s_from_ms
 
 Quantity = Literal[
@@ -50,7 +50,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """A number as typed, with what it was called there."""
+    """A number as typed, with its name in the file."""
 
     number: float
     label: str
@@ -105,7 +105,9 @@ def _tag(draft: TagDraft) -> Tag:
         interval_uncertainty_s=s_from_ms(number("interval_uncertainty", 0.0)),
         interval_jitter_s=s_from_ms(number("interval_jitter", 0.0)),
         k=int(number("k", 3)),
-        false_alarm_probability=number("false_alarm_probability", 0.01),
+        false_alarm_probability=number(
+            "false_alarm_probability", DEFAULT_FALSE_ALARM_PROBABILITY
+        ),
         name=draft.name,
     )
 

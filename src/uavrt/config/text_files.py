@@ -1,4 +1,4 @@
-"""Text as people's editors save it: UTF-8 or UTF-16, with or without a mark."""
+"""Read text as editors save it: UTF-8 or UTF-16, with or without a byte order mark."""
 
 import codecs
 import os
@@ -30,10 +30,12 @@ def decode_text(content: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def write_text_atomically(path: Path, text: str) -> None:
+def write_text_atomically(path: Path, text: str, *, sync: bool = True) -> None:
     """Replace a file as a whole: after a crash there is the old or the new one.
 
-    What a link leads to is replaced, not the link; a pipe or a device is written to.
+    What a link leads to is replaced, not the link; a pipe or a device is written to. Without
+    `sync` the same holds for a killed program, and after a power cut a new file may be empty;
+    for what is written too often to wait for the disk.
 
     Raises
     ------
@@ -50,7 +52,8 @@ def write_text_atomically(path: Path, text: str) -> None:
             file.write(text)
             file.flush()
             os.fchmod(file.fileno(), 0o644)
-            os.fsync(file.fileno())
+            if sync:
+                os.fsync(file.fileno())
         Path(name).replace(path)
     except BaseException:
         Path(name).unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Where in a TOML file a value stands; ``tomllib`` does not say."""
+"""Find the line of a value in a TOML file, which ``tomllib`` does not report."""
 
 import re
 

@@ -1,6 +1,35 @@
-"""The whole system on this machine."""
+"""Run the whole system, simulated, on one machine."""
 
-from uavrt.demo.run import run_demo
-from uavrt.demo.summary import DemoSummary
+from typing import TYPE_CHECKING
 
-__all__ = ["DemoSummary", "run_demo"]
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
+    from uavrt.demo.run import run_demo
+    from uavrt.demo.search import SearchSummary, run_search_demo
+    from uavrt.demo.summary import DemoSummary
+
+__all__ = [
+    "DemoPaths",
+    "DemoSummary",
+    "Program",
+    "SearchSummary",
+    "drone_settings",
+    "free_udp_port",
+    "run_demo",
+    "run_search_demo",
+]
+__getattr__ = lazily(
+    __name__,
+    {
+        "DemoPaths": "programs",
+        "DemoSummary": "summary",
+        "Program": "programs",
+        "SearchSummary": "search",
+        "drone_settings": "programs",
+        "free_udp_port": "programs",
+        "run_demo": "run",
+        "run_search_demo": "search",
+    },
+)

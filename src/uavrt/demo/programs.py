@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from uavrt.blas import blas_environment
-from uavrt.config.settings import (
+from uavrt.config import (
     AntennaSettings,
     MavlinkSettings,
     RadioSettings,
@@ -30,7 +30,7 @@ from uavrt.config.settings import (
     Settings,
 )
 from uavrt.errors import LinkError, UavrtError
-from uavrt.ipc.link import LineBuffer
+from uavrt.ipc import LineBuffer
 from uavrt.simulation import Scenario
 
 STOP_TIMEOUT_S = 15.0
@@ -66,13 +66,18 @@ class DemoPaths:
         return self.directory / "status.sock"
 
     @property
+    def flown(self) -> Path:
+        """Where a drone that flies commands was."""
+        return self.directory / "flown.path"
+
+    @property
     def ground(self) -> Path:
         """The ground station's own recording."""
         return self.directory / "ground"
 
 
 def free_udp_port(host: str = "127.0.0.1") -> int:
-    """Get a UDP port of this computer that nobody has, ever another one.
+    """Get a free UDP port of this computer, a different one each time.
 
     It is one of `PORTS`: a port that the kernel chose and that was closed again may be given
     to any socket before it is bound, also to the next that asks here.
@@ -91,12 +96,12 @@ def free_udp_port(host: str = "127.0.0.1") -> int:
             return port
     raise LinkError(
         f"no UDP port of {host} from {PORTS[0]} to {PORTS[-1]} is free",
-        remedy="End other programs that hold ports, or start again.",
+        remedy="Stop other programs that use ports, or try again.",
     )
 
 
 def free_ros_domain() -> int:
-    """Get a ROS domain for the demo alone: nobody on this computer uses it, nor means to.
+    """Get a ROS domain for the demo alone, which nothing else on this computer uses.
 
     A real drone in the lab is in the environment's domain, or in 0. Up to 101, the ports of a
     domain lie below those that Linux gives to anybody (32768).
@@ -129,11 +134,13 @@ def drone_settings(
     companion_port: int,
     *,
     ros_domain: int | None = None,
+    flies: bool = False,
 ) -> Settings:
-    """Make the drone side's settings: as in a real ``uavrt.toml`` but for the radio program.
+    """Make the drone side's settings: as in a real ``uavrt.toml`` except for the radio program.
 
     With `ros_domain`, the drone is also seen as ROS 2 nodes, in that domain and on this
-    computer only.
+    computer only. With `flies`, the radio hears what there is to hear where the drone flies by
+    commands, not on the scenario's flight.
     """
     antenna = scenario.antenna
     return Settings(
@@ -145,6 +152,7 @@ def drone_settings(
                 "uavrt.simulation.airspy_rx",
                 "--world",
                 str(paths.scenario),
+                *(("--flown", str(paths.flown)) if flies else ()),
             ),
             sample_rate_hz=scenario.radio.sample_rate_hz,
         ),

@@ -25,12 +25,11 @@ from uavrt.demo.summary import DemoSummary, summarize_tag
 from uavrt.demo.view import DemoView, TagView
 from uavrt.demo.watch import Cpu
 from uavrt.errors import UavrtError
-from uavrt.ground.records import read_ground_pulses
+from uavrt.ground.store import read_ground_pulses
 from uavrt.messages import Pulse, SystemStatus
 from uavrt.monitor import StatusReader
 from uavrt.recording import read_flight, require_writable
-from uavrt.simulation import World, demo_scenario, write_scenario
-from uavrt.simulation.flight import Flight
+from uavrt.simulation import Flight, World, demo_scenario, write_scenario
 from uavrt.units import ns_from_s
 
 START_LEAD_S = 2.5
@@ -264,7 +263,7 @@ class Demo:
 
 
 def phase_of(flight: Flight, elapsed_s: float) -> str:
-    """Say what the drone does at a moment of its flight."""
+    """Describe what the drone does at a moment of its flight."""
     turns = 0
     for leg in flight.leg:
         turns += bool(leg.turn_deg)

@@ -31,7 +31,7 @@ class TagView:
     delivered: int = 0
 
     def add(self, pulse: Pulse, now_s: float) -> None:
-        """Take a detected pulse in."""
+        """Add a detected pulse."""
         self.detected += 1
         self.times_s.append(now_s)
         if self.last is None or pulse.start_time_ns > self.last.start_time_ns:

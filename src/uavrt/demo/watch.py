@@ -1,11 +1,11 @@
-"""What the demo's processes cost: their CPU time."""
+"""Measure the CPU time of the demo's processes."""
 
 from collections.abc import Sequence
 
 from uavrt.clock import cpu_s, monotonic_s
 from uavrt.demo.programs import Program
 from uavrt.messages import ProcessStatus, SystemStatus
-from uavrt.supervisor.usage import children_of, usage_of
+from uavrt.supervisor.tree import children_of, usage_of
 
 RADIO = "radio (simulated)"
 AUTOPILOT = "autopilot (simulated)"
@@ -28,7 +28,7 @@ class Cpu:
         self._processes: dict[str, ProcessStatus] = {}
 
     def take(self, status: SystemStatus, programs: Sequence[Program]) -> None:
-        """Take a status of the drone side in and measure the other programs."""
+        """Handle a status of the drone side and measure the other programs."""
         for process in status.processes:
             self._processes[process.process] = process
             cpu = process.cpu_s
@@ -39,7 +39,8 @@ class Cpu:
                 self._totals[RADIO] = self._radio_s
                 cpu -= self._radio_s
             self._totals[process.process] = max(cpu, self._totals.get(process.process, 0.0))
-        for program, name in zip(programs, (AUTOPILOT, None, GROUND), strict=True):
+        names = (AUTOPILOT, None, GROUND)[: len(programs)]
+        for program, name in zip(programs, names, strict=True):
             if name is not None:
                 used_s = max(program.cpu_s, usage_of(program.pid).cpu_s)
                 self._totals[name] = max(used_s, self._totals.get(name, 0.0))

@@ -1,9 +1,35 @@
-"""Finding a tag's pulses in the samples of a channel."""
+"""Detect a tag's pulses in the samples of a channel."""
 
-from uavrt.config.ghost_places import Receiver
-from uavrt.detection.detector import PulseDetector
-from uavrt.detection.group import DetectorGroup
-from uavrt.detection.modes import OperatingMode
-from uavrt.detection.samples import Counters
+from typing import TYPE_CHECKING
 
-__all__ = ["Counters", "DetectorGroup", "OperatingMode", "PulseDetector", "Receiver"]
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.config import Receiver
+    from uavrt.detection.detector import PulseDetector
+    from uavrt.detection.group import DetectorGroup
+    from uavrt.detection.modes import OperatingMode
+    from uavrt.detection.sensitivity import detection_probability, enr_needed_db
+    from uavrt.detection.signal import Counters
+
+__all__ = [
+    "Counters",
+    "DetectorGroup",
+    "OperatingMode",
+    "PulseDetector",
+    "Receiver",
+    "detection_probability",
+    "enr_needed_db",
+]
+__getattr__ = lazily(
+    __name__,
+    {
+        "Counters": "signal",
+        "DetectorGroup": "group",
+        "OperatingMode": "modes",
+        "PulseDetector": "detector",
+        "Receiver": "uavrt.config",
+        "detection_probability": "sensitivity",
+        "enr_needed_db": "sensitivity",
+    },
+)

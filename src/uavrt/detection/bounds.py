@@ -1,4 +1,4 @@
-"""What a tag's signal must keep to: the frequencies that are searched, and its interval."""
+"""Bounds on a tag's signal: the frequencies searched, and its interval."""
 
 import math
 from dataclasses import dataclass
@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.circle import apart_hz
-from uavrt.detection.refine import Measured, timing_error_s
-from uavrt.detection.tracks import (
+from uavrt.detection.signal import Measured, apart_hz, timing_error_s
+from uavrt.detection.track import (
     CLOCK_ERROR,
     MOST_TOLD_BY_ONE,
     WEAKEST_POWER,

@@ -1,4 +1,4 @@
-"""What cannot be searched, refused with a remedy."""
+"""Refuse tags that cannot be searched for, and say what to do instead."""
 
 import math
 
@@ -18,7 +18,7 @@ def check_searchable(tag: Tag, rate_hz: float, center_hz: float, window_hz: floa
         raise ConfigError(
             f"tag {tag.tag_id} at {tag.frequency_hz:.0f} Hz is not in the channel of "
             f"{rate_hz:.0f} Hz around {center_hz:.0f} Hz",
-            remedy="Choose the channel that holds the tag",
+            remedy="Choose the channel that contains the tag",
         )
     if tag.k < 1 or not 0.0 < tag.false_alarm_probability < 1.0:
         raise ConfigError(

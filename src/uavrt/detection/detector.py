@@ -11,25 +11,32 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.afresh import forget_old, joined
-from uavrt.detection.band import SearchBand
 from uavrt.detection.bounds import Bounds
-from uavrt.detection.bursts import Bursts
-from uavrt.detection.chance import OnAir
 from uavrt.detection.checks import check_searchable
-from uavrt.detection.circle import apart_hz, in_channel_hz
-from uavrt.detection.cleaning import Cleaner
-from uavrt.detection.following import Follower
-from uavrt.detection.grid import make_grid
-from uavrt.detection.intake import Intake, LongestBlock
-from uavrt.detection.judging import Judge, share_a_pulse
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
-from uavrt.detection.refine import Measured, Refiner
-from uavrt.detection.report import Reporter
-from uavrt.detection.samples import Counters
-from uavrt.detection.search import Candidate, RateSearch
-from uavrt.detection.senders import Senders
-from uavrt.detection.tracks import Track
+from uavrt.detection.search import Candidate, RateSearch, SearchBand, make_grid
+from uavrt.detection.signal import (
+    Cleaner,
+    Counters,
+    Intake,
+    LongestBlock,
+    Measured,
+    Refiner,
+    apart_hz,
+    in_channel_hz,
+)
+from uavrt.detection.track import (
+    Bursts,
+    Follower,
+    Judge,
+    OnAir,
+    Reporter,
+    Senders,
+    Track,
+    forget_old,
+    joined,
+    share_a_pulse,
+)
 from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -165,7 +172,7 @@ class PulseDetector:
         self._start()
 
     def process(self, samples: NDArray[np.complex64], time_ns: int) -> list[Pulse]:
-        """Take a block of samples.
+        """Process a block of samples.
 
         Parameters
         ----------
@@ -186,7 +193,7 @@ class PulseDetector:
         return self.drain()
 
     def take_all(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> None:
-        """Take blocks, as `take` each."""
+        """Process blocks, as `take` each."""
         count = 0 if self._intake.stale_blocks else self._buffer.extend(blocks)
         for samples, _ in blocks[:count]:
             self._longest.note(len(samples))
@@ -195,7 +202,7 @@ class PulseDetector:
             self.take(samples, time_ns)
 
     def take(self, samples: NDArray[np.complex64], time_ns: int) -> int:
-        """Take a block without a search; how long it is, 0 if it was refused.
+        """Process a block without a search; how long it is, 0 if it was refused.
 
         `process` in pieces, as `next_step`, `prepare`, `conclude` and `drain` are, for a
         `DetectorGroup`.
@@ -269,7 +276,7 @@ class PulseDetector:
             self._advance(self._buffer.end, last=True)
 
     def leave(self) -> list[Pulse]:
-        """Report all that is complete, and start anew."""
+        """Report all that is complete, and start over."""
         if not self._buffer.empty:
             for track in self._tracks:
                 self._reporter.report(track, last=True)
@@ -288,7 +295,7 @@ class PulseDetector:
 
     @property
     def tracks(self) -> list[Track]:
-        """All that it follows, its tag or not."""
+        """All tracks that it follows, of its tag or not."""
         return self._tracks
 
     @property
@@ -315,7 +322,7 @@ class PulseDetector:
         return self._follower.epoch_ns + NANOSECONDS_PER_SECOND * time_s
 
     def report(self, track: Track) -> None:
-        """Tell the pulses of a track, if it is not held."""
+        """Report the pulses of a track, if it is not held."""
         self._reporter.report(track)
 
     def other_signals(self) -> list[Track]:
@@ -455,12 +462,12 @@ class PulseDetector:
             ]
             if self.senders is not None:
                 center_hz = self.center_frequency_hz
-                known += [
-                    (self._buffer.index(time_ns), hz - center_hz, power)
-                    for time_ns, hz, power in self.senders.heard_where(
-                        lambda hz: self._bounds.on_frequency(hz - center_hz)
-                    )
-                ]
+                times_ns, how = self.senders.heard_where(
+                    lambda hz: self._bounds.on_frequency(hz - center_hz)
+                )
+                offsets_hz = (how[:, 0] - center_hz).tolist()
+                indices = self._buffer.indices(times_ns).tolist()
+                known += zip(indices, offsets_hz, how[:, 1].tolist(), strict=True)
             self._bursts = self.band.bursts(known)
         return self._bursts.around(track, found)
 

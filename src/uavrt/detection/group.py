@@ -1,10 +1,16 @@
-"""Many detectors in one process, cheaper than each alone.
+"""Run many detectors in one process, cheaper than separately.
 
 A detector looks at its samples every 0.44 s. Between, its blocks wait here, once for all tags
 of a channel; when tags are due at the same time and stand at the same place of their streams,
 what is the same for all of them is done together (docs/decisions/0147). The pulses are those
 of the detectors alone, but where bands overlap: there each train of pulses is one tag's
 (docs/decisions/0159).
+
+A detector searches all that has come when one more block would make it more than 0.44 s, since
+a step costs the same whatever its length; fixed steps of 0.35 s would leave a part of a block
+over for the next step, and need a quarter more steps. The latency is 0.25 s in the middle and
+0.47 s at most. The steps of all tags fall on the same block, so that the rest finds code and
+caches warm (3 %).
 """
 
 from collections.abc import Hashable, Iterable
@@ -13,15 +19,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config.ghost_places import Receiver
-from uavrt.config.tag_bands import overlapping
-from uavrt.detection.band import advance_together
+from uavrt.config import Receiver, overlapping
 from uavrt.detection.detector import PulseDetector
-from uavrt.detection.ghosts import mark_ghosts
-from uavrt.detection.intake import LongestBlock
 from uavrt.detection.modes import OperatingMode
-from uavrt.detection.senders import Senders
-from uavrt.detection.spectra import Workspace
+from uavrt.detection.search import Workspace, advance_together
+from uavrt.detection.signal import LongestBlock
+from uavrt.detection.track import Senders, mark_ghosts
 from uavrt.messages import Pulse
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -31,7 +34,7 @@ _TOGETHER = 8
 
 @dataclass(slots=True, eq=False)
 class _Member:
-    """A detector and how far it has taken its channel's blocks."""
+    """A detector and how far it has read its channel's blocks."""
 
     detector: PulseDetector
     taken: int = 0
@@ -43,7 +46,7 @@ class _Member:
 
 @dataclass(slots=True, eq=False)
 class _Channel:
-    """Blocks that some member has not taken yet."""
+    """Blocks that some member has not read yet."""
 
     members: list[_Member]
     ns_per_sample: float
@@ -118,7 +121,7 @@ class DetectorGroup:
         return [m.detector for channel in self._channels.values() for m in channel.members]
 
     def put(self, channel: Hashable, samples: NDArray[np.complex64], time_ns: int) -> None:
-        """Take the next block of a channel.
+        """Process the next block of a channel.
 
         Parameters
         ----------
@@ -184,7 +187,7 @@ class DetectorGroup:
         return self.collect()
 
     def _search(self) -> None:
-        """Let all detectors that are due go on."""
+        """Advance all detectors that are due."""
         due, self._due = self._due, []
         active = []
         for line in due:
@@ -197,7 +200,7 @@ class DetectorGroup:
         self._go_on(active)
 
     def _go_on(self, active: list[tuple[_Channel, _Member, int]]) -> None:
-        """Let detectors search as far as they can, those of one band step by step."""
+        """Advance detectors as far as they can, those of one band step by step."""
         members = [member for _, member, _ in active]
         while active:
             steps: dict[Hashable, list[tuple[PulseDetector, int]]] = {}
@@ -250,19 +253,19 @@ class DetectorGroup:
             ]
 
     def _settle(self, detectors: Iterable[PulseDetector]) -> None:
-        """Decide what is whose, where these detectors' bands are those of others too."""
+        """Assign pulses to tags where these detectors' bands overlap with others."""
         for senders in self._company(detectors):
             self.in_hand = tuple(senders.hearers)
             senders.settle()
 
     @staticmethod
     def _company(detectors: Iterable[PulseDetector]) -> list[Senders[PulseDetector]]:
-        """Those with whom detectors must share, each once."""
+        """The groups of detectors that these share bands with, each once."""
         found = {id(d.senders): d.senders for d in detectors if d.senders is not None}
         return list(found.values())
 
     def _find_company(self) -> None:
-        """Put the detectors whose bands overlap together."""
+        """Group the detectors whose bands overlap."""
         able = [
             detector
             for detector in self.detectors
@@ -277,7 +280,7 @@ class DetectorGroup:
                     detector.senders = senders
 
     def _step(self, steps: list[tuple[PulseDetector, int]]) -> None:
-        """Let prepared detectors in each other's company go on."""
+        """Advance prepared detectors that share a band."""
         self.in_hand = tuple(detector for detector, _ in steps)
         if len(steps) == 1:
             detector, upto = steps[0]

@@ -1,4 +1,4 @@
-"""What a detector does with the frequency of a tag that it has found.
+"""How a detector uses the frequency of a tag that it has found.
 
 The four modes and their names are those of the original's configuration file; there they were
 parsed and ignored, here they act.

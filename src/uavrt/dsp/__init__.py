@@ -1,16 +1,23 @@
 """Signal processing: arrays in, arrays out.
 
-`FrontEnd` takes a radio's blocks to the channels of the tags; it is made of `Decimator` and
-`Channelizer`. `tune` chooses the radio's frequency.
+`FrontEnd` turns the radio's blocks into tag channels, with a `Decimator` and a `Channelizer`.
+`tune` chooses the radio's frequency.
 """
 
-from uavrt.dsp.carriers import Carriers
-from uavrt.dsp.channelizer import Channelizer
-from uavrt.dsp.clipping import ClippedTimes, Clipping
-from uavrt.dsp.decimator import Decimator
-from uavrt.dsp.frontend import FrontEnd
-from uavrt.dsp.plan import FrontEndPlan
-from uavrt.dsp.tuner import TunerPlan, tune
+from typing import TYPE_CHECKING
+
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.dsp.carriers import Carriers
+    from uavrt.dsp.channelizer import Channelizer
+    from uavrt.dsp.clipping import ClippedTimes, Clipping
+    from uavrt.dsp.decimator import Decimator
+    from uavrt.dsp.fourier import transform_columns
+    from uavrt.dsp.frontend import FrontEnd
+    from uavrt.dsp.plan import FrontEndPlan, channel_center_hz
+    from uavrt.dsp.sliding_medians import medians
+    from uavrt.dsp.tuner import TunerPlan, tune
 
 __all__ = [
     "Carriers",
@@ -21,5 +28,25 @@ __all__ = [
     "FrontEnd",
     "FrontEndPlan",
     "TunerPlan",
+    "channel_center_hz",
+    "medians",
+    "transform_columns",
     "tune",
 ]
+__getattr__ = lazily(
+    __name__,
+    {
+        "Carriers": "carriers",
+        "Channelizer": "channelizer",
+        "ClippedTimes": "clipping",
+        "Clipping": "clipping",
+        "Decimator": "decimator",
+        "FrontEnd": "frontend",
+        "FrontEndPlan": "plan",
+        "TunerPlan": "tuner",
+        "channel_center_hz": "plan",
+        "medians": "sliding_medians",
+        "transform_columns": "fourier",
+        "tune": "tuner",
+    },
+)

@@ -1,4 +1,4 @@
-"""Steady carriers in the band of a radio: with them it makes products of a tag's pulses."""
+"""Find steady carriers in the radio's band, which intermodulate with a tag's pulses."""
 
 import itertools
 import math

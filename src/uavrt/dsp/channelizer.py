@@ -8,6 +8,10 @@ The sum is folded: with ``u = Q M - m`` the window of the last Q M samples is we
 symmetric prototype, added up modulo M and Fourier transformed. The window starts at
 ``H n - Q M``, so for H = M / 2 and odd n the transform comes out rotated by half its length,
 which is a change of sign in odd channels.
+
+Lost samples stay a gap in the band, since a recording must say what is missing. In the
+channels, gaps of up to one second are filled with zeros, so that a detector keeps its time grid
+and its noise estimate; after a longer gap the channelizer starts again and reports the loss.
 """
 
 from collections.abc import Sequence

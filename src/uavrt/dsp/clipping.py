@@ -1,4 +1,4 @@
-"""Where a receiver's converter was at its limits: a signal there is stronger than it looks."""
+"""Find where the receiver's converter clipped: signals there are stronger than they look."""
 
 import math
 from collections import deque
@@ -31,7 +31,7 @@ class ClippedTimes:
         """Begin and end of those [ns], in order."""
 
     def add(self, stretches_ns: Sequence[tuple[int, int]]) -> None:
-        """Take begin and end of further stretches, in order, none twice."""
+        """Add begin and end of further stretches, in order, none twice."""
         self._stretches.extend(stretches_ns)
         while self._stretches and self._stretches[0][1] < self._stretches[-1][1] - _KEEP_NS:
             self._stretches.popleft()

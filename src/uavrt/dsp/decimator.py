@@ -5,7 +5,11 @@ samples, the rows of a matrix. A block contributes to the R outputs that start i
 E that start before it and reach into it; a product with an (R + E, P) matrix of shifted taps
 gives all these parts, and adding each block's parts to those of the blocks after it gives the
 outputs (overlap-add). Against copying overlapping stretches under each other (im2col) this
-saves the copy and takes 0.78 of the time: docs/decisions/0010-decimator.md.
+saves the copy and takes 0.78 of the time.
+
+A real product on interleaved parts is 10 to 20 % slower than the complex one, which multiplies
+twice as much but has the better inner kernel; separate planes are slower still. The sum of up
+to four parts rounds a little differently from a plain sum: up to 3e-7 of the largest sample.
 """
 
 from typing import Literal

@@ -1,9 +1,12 @@
-"""Many short Fourier transforms at once, without what else SciPy imports.
+"""Many short Fourier transforms at once, without the rest of SciPy's imports.
 
 SciPy's pocketfft takes eight complex64 transforms at a time in one vector; NumPy's copy of it
 takes them one by one (100 points, 655 times: 0.17 against 1.5 ms). But ``import scipy.fft``
 imports scipy.special and a second OpenBLAS: 28 MB and 0.1 s, for one function of an extension
 module of 1 MB. That module is loaded by itself; where it is not found, scipy.fft is.
+
+A matrix product with the 64 rows in use takes 0.44 ms. The function is not a documented part of
+SciPy; a probe at first use falls back to scipy.fft.
 """
 
 import importlib.util
@@ -77,5 +80,5 @@ def _load(spec: ModuleSpec) -> Any:
     # One transform now: should its arguments have changed, this is the time to know.
     probe = module.c2c(np.ones((4, 2), np.complex64).copy(), (0,), True, 0, None, 1)
     if probe.dtype != np.complex64 or not np.allclose(probe[:, 0], (4.0, 0.0, 0.0, 0.0)):
-        raise ImportError("SciPy's pypocketfft computes something else")
+        raise ImportError("SciPy's pypocketfft gives wrong results")
     return module

@@ -1,4 +1,4 @@
-"""Which decimation and how many channels a sample rate calls for."""
+"""Choose decimation and channel count for a sample rate."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,9 +1,14 @@
-"""Where to tune the radio so that it serves all the tags.
+"""Choose the radio frequency that serves all tags.
 
 The default keeps every tag within the decimator's clean span and away from the radio's own
 centre, where a zero-IF receiver has its DC spur; then avoids mirror images (an IQ imbalance
 shows a tag at +f also at -f), and sits the tags near channel centres. The compatible mode is
 the original's search.
+
+Among frequencies that keep these guards, those come first that the original's own cost (tags
+per channel, nearness to channel edges) rates no worse than its choice, so that the same plan
+also serves the compatible bank and the original's detectors. An order is easier to explain than
+a weighted sum.
 """
 
 from collections.abc import Sequence
@@ -132,7 +137,7 @@ def tune(
 def compatible_cost(
     tags_hz: Floats, centers_hz: Floats, *, spacing_hz: float, channel_count: int
 ) -> CompatibleCost:
-    """What the original's tuner thinks of radio frequencies.
+    """The original tuner's cost of radio frequencies.
 
     With d the distance of a tag from its channel's edge, rounded to 1 Hz, and w half a shoulder
     (7.5 % of the channel), a tag costs ``|w / d - 1|`` where d < w, else nothing.

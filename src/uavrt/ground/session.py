@@ -1,47 +1,60 @@
 """The ground station behind the page: link, state, commands, estimates, storage.
 
 Nothing is kept only in a browser: whatever is received is stored first, then shown to every
-listener. `uavrt.ground.server` puts it on HTTP and WebSocket.
+listener. `uavrt.ground.web.server` puts it on HTTP and WebSocket.
 """
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
 from uavrt import tunnel
 from uavrt.clock import Clock, monotonic_s
-from uavrt.errors import LinkError, UavrtError
-from uavrt.ground.actions import Busy, Situation
-from uavrt.ground.commander import Commander
-from uavrt.ground.commands import Commands
-from uavrt.ground.downloads import Downloads
-from uavrt.ground.estimates import Estimates, Estimator
-from uavrt.ground.event_log import EventLog
-from uavrt.ground.flight_keeper import FlightKeeper
-from uavrt.ground.flights import FlightLibrary
-from uavrt.ground.hub import Hub
-from uavrt.ground.identity import VehicleIdentity
-from uavrt.ground.keys import NO_KEYS, LinkKeys
+from uavrt.errors import LinkError, UavrtError, UsageError
+from uavrt.ground.fetch import Downloads
 from uavrt.ground.link import (
+    NO_KEYS,
     Acknowledged,
+    ClockSkew,
+    Commands,
     DetectorAlive,
     DroneHeartbeat,
+    Flying,
     GroundEvent,
     GroundLink,
+    LinkKeys,
+    Links,
+    MyPlace,
+    VehicleIdentity,
+    VehicleWatch,
+    open_receipts,
 )
-from uavrt.ground.received import open_receipts
-from uavrt.ground.settings import GroundStore
-from uavrt.ground.skew import ClockSkew
-from uavrt.ground.snapshot import hello, pose_record, snapshot
-from uavrt.ground.tag_table import rows_from_tags, table_version
-from uavrt.ground.vehicle import VehicleWatch
+from uavrt.ground.store import (
+    Estimates,
+    Estimator,
+    EventLog,
+    FlightKeeper,
+    FlightLibrary,
+    GroundStore,
+)
+from uavrt.ground.web import (
+    Busy,
+    Commander,
+    Hub,
+    Situation,
+    hello,
+    pose_record,
+    rows_from_tags,
+    snapshot,
+    table_version,
+)
 from uavrt.log import get_logger
-from uavrt.mavlink.frame import Frame
+from uavrt.mavlink import Frame
 from uavrt.messages import LiveBearing, PulsePose, SearchReport, StatusText, SystemState, Tag
-from uavrt.recording.places import Mark, home_note
-from uavrt.recording.pulse_files import pulse_record
+from uavrt.recording import Mark, home_note, pulse_record, vehicle_note
+from uavrt.tunnel import MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()
@@ -73,6 +86,12 @@ class GroundSession:
         Called with each thing heard from the drone, before it is shown.
     keys : LinkKeys, optional
         Secrets shared with the drone.
+    links : Links, optional
+        Links that are shared with the sessions of other vehicles; the first opens them.
+    companions : callable, optional
+        Get this session; give those of the other vehicles.
+    my_place : MyPlace, optional
+        Of the first; without it there is one of its own.
     """
 
     def __init__(
@@ -81,11 +100,19 @@ class GroundSession:
         clock: Clock,
         on_event: Callable[[GroundEvent], None] | None = None,
         keys: LinkKeys = NO_KEYS,
+        *,
+        links: Links | None = None,
+        companions: Callable[["GroundSession"], Sequence["GroundSession"]] = lambda _own: (),
+        my_place: MyPlace | None = None,
     ) -> None:
         self.store = store
+        self._links, self._companions = links, companions
         self._keys = keys
         self.clock = clock
-        self.identity = VehicleIdentity(*store.vehicle)
+        number, uid = store.vehicle
+        self.identity = VehicleIdentity(store.system_id or number, uid)
+        self._listens = my_place is None
+        self.my_place = MyPlace() if my_place is None else my_place
         self._named: set[int] = set()
         self._foreign_told = False
         self._home_kept: tuple[str | None, tuple[float, float] | None] = (None, None)
@@ -104,6 +131,7 @@ class GroundSession:
         """Of the flight that goes on, or ended last."""
         self.commands = Commands(self)
         self.downloads = Downloads(self)
+        self.flying = Flying(self)
         self._on_event = on_event
         self._estimator = Estimator()
         self._estimate_due = False
@@ -134,10 +162,12 @@ class GroundSession:
         try:
             with contextlib.suppress(UavrtError):
                 await self.connect()
+            await self._listen_for_place()
             next_state_s = 0.0
             while True:
                 await asyncio.sleep(TICK_S)
                 now_s = monotonic_s()
+                await self._listen_for_place()
                 if self._estimate_due and now_s >= self._estimate_at_s:
                     self._start_estimate()
                 if now_s >= next_state_s:
@@ -145,14 +175,25 @@ class GroundSession:
                     self._once_a_second()
         finally:
             await self.downloads.stop()
+            if self._listens:
+                await self.my_place.close()
             await self.disconnect()
             if self._estimating is not None:
                 self._estimating.cancel()
             self.flight.close()
             self.hub.close()
 
+    async def _listen_for_place(self) -> None:
+        if self._listens:
+            await self.my_place.listen(self.store.settings.my_place)
+
+    @property
+    def companions(self) -> Sequence["GroundSession"]:
+        """The sessions of the other vehicles that are served."""
+        return self._companions(self)
+
     async def connect(self) -> None:
-        """Open the link that is set, in place of any other.
+        """Open the link that is set, in place of any other; a further vehicle's joins it.
 
         Raises
         ------
@@ -166,18 +207,21 @@ class GroundSession:
             on_event=self._take,
             on_frame=self._take_frame,
             generation=settings.generation,
-            receipts=open_receipts(self.store.directory),
+            receipts=open_receipts(self.store.own),
             component_id=self._keys.component_id,
             as_gcs=self._keys.as_gcs,
             key=self._keys.command,
             signing_key=self._keys.signing,
             identity=self.identity,
+            links=self._links,
         )
         link.protocol.tags = {tag.tag_id: tag for tag in self.sent_tags}
         self.vehicle = VehicleWatch(link.protocol.own, self.identity)
-        task = asyncio.create_task(link.run(*settings.address.split()))
+        joins = self.store.system_id is not None
+        addresses = () if joins else settings.address.split()
+        task = asyncio.create_task(link.run(*addresses))
         for _ in range(200):
-            if task.done() or link.link is not None:
+            if joins or task.done() or link.link is not None:
                 break
             await asyncio.sleep(0.01)
         if task.done() and (error := task.exception()) is not None:
@@ -187,7 +231,8 @@ class GroundSession:
             raise LinkError(self.link_error)
         self.link, self._serving, self.link_error = link, task, None
         self._faults_told = 0
-        self.note(6, f"connected to {settings.address}")
+        if not joins:
+            self.note(6, f"connected to {settings.address}")
         self.send_state()
 
     async def disconnect(self) -> None:
@@ -207,7 +252,7 @@ class GroundSession:
         return snapshot(self)
 
     def hello(self) -> dict[str, Any]:
-        """First record of a listener: all that stands."""
+        """First record of a listener: the whole present state."""
         return hello(self)
 
     def send_state(self) -> None:
@@ -221,13 +266,13 @@ class GroundSession:
         self.send_state()
 
     def settings_changed(self) -> None:
-        """Show the settings to all listeners and estimate anew."""
+        """Show the settings to all listeners and estimate again."""
         self.hub.send("settings", asdict(self.store.settings))
         self._estimate_due = True
         self.send_state()
 
     def situation(self) -> Situation:
-        """What decides over the buttons."""
+        """The state that decides which buttons are enabled."""
         link = self.link
         present = link is not None and link.protocol.present(self.clock.now_ns())
         return Situation(
@@ -276,6 +321,8 @@ class GroundSession:
                 self._estimate_due = True
             case DroneHeartbeat():
                 self._take_heartbeat(event)
+            case MotionState():
+                self.flying.take(event)
             case StatusText():
                 self.flight.add_text(event.severity, event.text, now_ns)
                 self.note(event.severity, event.text, source="drone")
@@ -325,7 +372,7 @@ class GroundSession:
     # ------------------------------------------------------------------- flight
 
     def _resume(self) -> None:
-        """Go on with the flight that a restart interrupted."""
+        """Continue with the flight that a restart interrupted."""
         kept = self.store.current_flight
         if kept is None or not self.flight.resume(kept):
             return
@@ -340,11 +387,17 @@ class GroundSession:
         flight_id = self.flight.begin(self.sent_tags or self.store.chosen_tags)
         self.store.set_flight(flight_id)
         self.estimates = Estimates(bearings=[], positions=[])
+        for companion in self.companions:
+            companion.estimate_soon()
         self._estimator = Estimator()
         self._stopped_ns = None
         self.heard.clear()
         self.marks = []
         self.drone_bearings.clear()
+        number = self.identity.system_id
+        if number is not None:
+            note = vehicle_note(number, self.store.settings.vehicle_name)
+            self.flight.add_note(note, self.clock.now_ns())
         self.hub.send("flight", {"flight_id": flight_id})
         self.send_state()
 
@@ -355,7 +408,7 @@ class GroundSession:
         self.store.set_flight(None)
 
     def commit_soon(self) -> None:
-        """Bring what was taken to the disk, with whatever comes in this moment."""
+        """Write what was received to the disk, with what arrives in the same moment."""
         if not self._commit_due:
             self._commit_due = True
             asyncio.get_running_loop().call_soon(self._commit)
@@ -368,7 +421,9 @@ class GroundSession:
         now_ns = self.clock.now_ns()
         link, watch = self.link, self.vehicle
         if self._serving is not None and self._serving.done():
-            self.link_error = str(self._serving.exception() or "closed")
+            # A link that was given up for another has no exception, and raises when asked.
+            ended = None if self._serving.cancelled() else self._serving.exception()
+            self.link_error = str(ended or "closed")
             self.link = self._serving = self.vehicle = None
         if link is not None and link.link is not None and watch is not None:
             for message in (*watch.requests(now_ns), *watch.questions(now_ns)):
@@ -398,6 +453,7 @@ class GroundSession:
     def _tell_others(self, now_ns: int) -> None:
         """Name other vehicles on this link, each once, and another under our number."""
         ours = self.identity.system_id
+        self._named |= {one.identity.system_id or 0 for one in self.companions}
         for system_id in sorted(set(self.identity.others) - self._named):
             self._named.add(system_id)
             self.note(4, f"another vehicle, {system_id}, is heard; this page keeps to {ours}")
@@ -408,7 +464,17 @@ class GroundSession:
         self.store.set_served(ours, self.identity.uid, self.commander.page)
 
     def choose_vehicle(self, system_id: int) -> None:
-        """Serve another vehicle; the flight of the one before ends here, not on its drone."""
+        """Serve another vehicle; the flight of the one before ends here, not on its drone.
+
+        Raises
+        ------
+        UsageError
+            It has a page of its own, or this is the page of a further vehicle.
+        """
+        if self.store.system_id is not None:
+            raise UsageError(f"this page is that of vehicle {self.store.system_id}")
+        if any(one.identity.system_id == system_id for one in self.companions):
+            raise UsageError(f"vehicle {system_id} has a page of its own")
         if not self.flight.ended:
             self._end_flight()
         self.identity.choose(system_id)
@@ -416,6 +482,7 @@ class GroundSession:
         self._foreign_told = False
         self.state, self.temperature_c, self.drone_directory = None, None, ""
         self.sent_tags = ()
+        self.flying.forget()
         if self.link is not None:
             self.link.protocol.forget()
             self.vehicle = VehicleWatch(self.link.protocol.own, self.identity)
@@ -423,10 +490,14 @@ class GroundSession:
         self.send_state()
 
     def _tell_faults(self, faults: int) -> None:
-        """Tell of frames that could not be handled: of the first, then when they double."""
+        """Report frames that could not be handled: of the first, then when they double."""
         if faults.bit_length() > self._faults_told.bit_length():
             self._faults_told = faults
             self.note(3, f"{faults} frames could not be handled: this program's log says why")
+
+    def estimate_soon(self) -> None:
+        """Another vehicle has found out more about the tags."""
+        self._estimate_due = True
 
     def _start_estimate(self) -> None:
         self._estimate_due = False
@@ -444,6 +515,7 @@ class GroundSession:
                 self.store.settings.antenna_choice,
                 tuple(self.drone_bearings.values()),
                 self.sent_tags,
+                [one.estimates.found for one in self.companions],
             )
         except UavrtError as error:
             log.warning("no estimate", reason=str(error))
@@ -453,9 +525,11 @@ class GroundSession:
             wait_s = max(ESTIMATE_LEAST_S, ESTIMATE_SHARE * took_s)
             self._estimate_at_s = monotonic_s() + wait_s
         if flight_id == self.flight.flight_id:
+            if found.told != self.estimates.told:
+                for companion in self.companions:
+                    companion.estimate_soon()
             self.estimates = found
-            record = {"bearings": found.bearings, "positions": found.positions}
-            self.hub.send("estimates", {"flight_id": flight_id, **record})
+            self.hub.send("estimates", {"flight_id": flight_id, **found.record()})
 
     def note(self, severity: int, text: str, *, source: str = "ground") -> None:
         """Write a line of the log and show it."""

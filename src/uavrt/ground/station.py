@@ -15,21 +15,20 @@ from typing import Any, TextIO
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import CommandRefused, LinkError, RecordingError
-from uavrt.ground.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link import (
+    NO_KEYS,
     Acknowledged,
     DetectorAlive,
     DroneHeartbeat,
     GroundEvent,
     GroundLink,
+    LinkKeys,
+    open_receipts,
 )
-from uavrt.ground.received import open_receipts
-from uavrt.ground.records import PULSES_NAME
+from uavrt.ground.store import PULSES_NAME
 from uavrt.messages import PulsePose, SearchReport, StatusText, SystemState, Tag
-from uavrt.recording import PulseWriter
-from uavrt.recording.pulse_files import pulse_record
-from uavrt.tunnel import Generation, command_name
-from uavrt.tunnel.tag_lists import digest_in, tag_list_digest
+from uavrt.recording import PulseWriter, pulse_record
+from uavrt.tunnel import Generation, command_name, digest_in, tag_list_digest
 
 START_RETRY_S = 2.0
 QUIET_S = 1.0

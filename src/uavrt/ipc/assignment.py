@@ -1,14 +1,14 @@
-"""What the supervisor tells a process when it starts it."""
+"""What the supervisor hands to a process at its start."""
 
 from dataclasses import dataclass, field
 
-from uavrt.config.settings import Settings
+from uavrt.config import Settings
 from uavrt.messages import FlightInfo, Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assignment:
-    """Everything a process needs to know; its first record, also after a restart."""
+    """Everything a process needs to know; its first record after every start."""
 
     process: str
     """Name of the row, with the worker's number where there are several: ``detector-2``."""

@@ -1,7 +1,7 @@
 """A child's end of its socket to the supervisor.
 
 The socket never blocks the child: what cannot be written now waits in memory and goes out at
-the next call. When the supervisor is gone the child ends; it is not worth outliving it.
+the next call. When the supervisor is gone, the child exits.
 """
 
 import os

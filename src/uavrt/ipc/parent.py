@@ -14,13 +14,13 @@ _PR_SET_CHILD_SUBREAPER = 36
 
 
 def adopt_orphans() -> None:
-    """Become the parent of descendants whose own parent ends, so that they can be ended."""
+    """Become the parent of orphaned descendants, so that they can be ended."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> None:
-    """Be killed when the parent ends, even by SIGKILL, even while this process is stopped.
+    """Die when the parent ends, even by SIGKILL, even while this process is stopped.
 
     The parent may have ended before the kernel was told, and this process have got another
     one; then it ends now. With SIGTERM as `number` it has time to finish; while stopped it then

@@ -1,4 +1,4 @@
-"""The frame of a child process: its link, its clock, its health, its end.
+"""Boilerplate of a child process: link, clock, health reports, shutdown.
 
 A process's main is then a short loop::
 

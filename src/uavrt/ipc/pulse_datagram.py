@@ -119,7 +119,7 @@ def record_of_search(report: SearchReport) -> PulseRecord:
 
 
 class PulseDatagramSender:
-    """Sends pulse records and heartbeats; never waits, and whether somebody listens is his.
+    """Sends pulse records and heartbeats; never waits, listener or not.
 
     Parameters
     ----------

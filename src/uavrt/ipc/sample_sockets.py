@@ -1,4 +1,4 @@
-"""The sockets that carry channel samples; made by the supervisor, who never reads them."""
+"""The sockets that carry channel samples. The supervisor makes them but never reads them."""
 
 import socket
 

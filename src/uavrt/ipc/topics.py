@@ -1,7 +1,7 @@
 """The table of topics: every kind of record that crosses a process.
 
 Routing, recording, the hub's queues and the documentation derive from this table and from the
-table of processes (`uavrt.supervisor.table`).
+table of processes (`uavrt.supervisor.tree.table`).
 
 A record travels as one line, ``topic TAB json NEWLINE``.
 """
@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from uavrt import messages
-from uavrt.config.settings import Settings
+from uavrt.config import Settings
 from uavrt.ipc.assignment import Assignment
 
 
@@ -114,6 +114,50 @@ TOPICS: dict[str, Topic] = {
             record=messages.FlightInfo,
             meaning="the flight has ended and all its pulses are on their way",
             recorded=True,
+        ),
+        Topic(
+            name="motion",
+            record=messages.MotionRequest,
+            meaning="a motion that an operator asks for",
+            lossless=False,
+            backlog=1,
+        ),
+        Topic(
+            name="motion_offer",
+            record=messages.MotionOffer,
+            meaning="what would be flown, for the operator to confirm",
+            lossless=False,
+            backlog=1,
+        ),
+        Topic(
+            name="vehicle",
+            record=messages.VehicleReport,
+            meaning="the vehicle and our say over it",
+            lossless=False,
+            backlog=1,
+            every_s=0.1,
+        ),
+        Topic(
+            name="vehicle_fence",
+            record=messages.VehicleFence,
+            meaning="the autopilot's own fence",
+            lossless=False,
+            backlog=1,
+        ),
+        Topic(
+            name="wish",
+            record=messages.VehicleWish,
+            meaning="what the guide wishes of the vehicle",
+            lossless=False,
+            backlog=4,
+        ),
+        Topic(
+            name="search_note",
+            record=messages.SearchNote,
+            meaning="what a search has decided or found, and why",
+            recorded=True,
+            lossless=False,
+            backlog=200,
         ),
         Topic(
             name="command",

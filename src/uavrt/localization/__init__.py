@@ -1,57 +1,96 @@
 """From pulses to bearings, from bearings and powers to positions; no I/O, no clocks."""
 
-from uavrt.localization.antenna import PATTERNS, AntennaPattern, monopole_gain_db
-from uavrt.localization.array_bearings import (
-    amplitude_monopulse,
-    circle_steering,
-    pair_steering,
-    switched_amplitudes,
-    switched_bearing,
-)
-from uavrt.localization.bearing import BearingData, estimate_bearing
-from uavrt.localization.learned_pattern import TurnPulses, learn_pattern
-from uavrt.localization.level_belief import Listening
-from uavrt.localization.level_evidence import Propagation
-from uavrt.localization.position import Stations, estimate_position
-from uavrt.localization.power_evidence import PowerTrack
-from uavrt.localization.records import (
-    ArrayMethod,
-    Bearing,
-    BearingMethod,
-    Ellipse,
-    Position,
-    PositionGrid,
-    PositionMethod,
-)
-from uavrt.localization.regions import region_outlines
-from uavrt.localization.strongest import (
-    SignalSection,
-    SignalSurface,
-    StrongestSignal,
-    height_bands,
-    in_band,
-    signal_section,
-    signal_surface,
-    strongest_signal,
-)
-from uavrt.localization.switched_pulse import (
-    SwitchedPulse,
-    SwitchSchedule,
-    measure_switched_pulse,
-)
-from uavrt.localization.trackers import (
-    Expectation,
-    GridTracker,
-    Hypotheses,
-    ParticleTracker,
-    Spread,
-    TagPrior,
-    TrackEstimate,
-)
-from uavrt.localization.turns import Turn, find_turns
-from uavrt.tangent_plane import TangentPlane
+from typing import TYPE_CHECKING
+
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.localization.angles import difference_deg, widest_gap_deg
+    from uavrt.localization.antenna import (
+        PATTERNS,
+        AntennaPattern,
+        monopole_gain_db,
+        pattern_named,
+    )
+    from uavrt.localization.bearing import (
+        Turn,
+        TurnPulses,
+        estimate_bearing,
+        find_turns,
+        learn_pattern,
+    )
+    from uavrt.localization.bearing.array_bearings import (
+        amplitude_monopulse,
+        circle_steering,
+        pair_steering,
+        switched_amplitudes,
+        switched_bearing,
+    )
+    from uavrt.localization.bearing.estimate import BearingData
+    from uavrt.localization.bearing.switched_pulse import (
+        SwitchedPulse,
+        SwitchSchedule,
+        measure_switched_pulse,
+    )
+    from uavrt.localization.flight_estimates import (
+        LEAST_TURNS,
+        ONE_FLIGHT_S,
+        HeardInTurn,
+        OverGround,
+        PoseColumns,
+        PulseColumns,
+        Rhythm,
+        antenna_as_shown,
+        apart_in_words,
+        bearing_of,
+        heard_in,
+        located,
+        position_of_bearings,
+        teaching,
+        turns_in,
+    )
+    from uavrt.localization.headings import Headings, yaws_deg
+    from uavrt.localization.position import PowerTrack, Propagation, Stations, estimate_position
+    from uavrt.localization.position.level_belief import Listening
+    from uavrt.localization.position.regions import region_outlines
+    from uavrt.localization.position.strongest import (
+        SignalSection,
+        SignalSurface,
+        StrongestSignal,
+        height_bands,
+        in_band,
+        signal_section,
+        signal_surface,
+        strongest_signal,
+    )
+    from uavrt.localization.position.trackers import (
+        Expectation,
+        GridTracker,
+        Hypotheses,
+        ParticleTracker,
+        Spread,
+        TagPrior,
+        TrackEstimate,
+    )
+    from uavrt.localization.results import (
+        ACCEPTED_EVIDENCE,
+        ArrayMethod,
+        Bearing,
+        BearingMethod,
+        Ellipse,
+        Position,
+        PositionGrid,
+        PositionMethod,
+        TrackPoint,
+    )
+    from uavrt.localization.survey_errors import HEIGHT_SIGMA_M
+    from uavrt.tangent_plane import TangentPlane
 
 __all__ = [
+    "ACCEPTED_EVIDENCE",
+    "HEIGHT_SIGMA_M",
+    "LEAST_TURNS",
+    "ONE_FLIGHT_S",
     "PATTERNS",
     "AntennaPattern",
     "ArrayMethod",
@@ -61,14 +100,20 @@ __all__ = [
     "Ellipse",
     "Expectation",
     "GridTracker",
+    "Headings",
+    "HeardInTurn",
     "Hypotheses",
     "Listening",
+    "OverGround",
     "ParticleTracker",
+    "PoseColumns",
     "Position",
     "PositionGrid",
     "PositionMethod",
     "PowerTrack",
     "Propagation",
+    "PulseColumns",
+    "Rhythm",
     "SignalSection",
     "SignalSurface",
     "Spread",
@@ -79,23 +124,110 @@ __all__ = [
     "TagPrior",
     "TangentPlane",
     "TrackEstimate",
+    "TrackPoint",
     "Turn",
     "TurnPulses",
     "amplitude_monopulse",
+    "antenna_as_shown",
+    "apart_in_words",
+    "bearing_of",
     "circle_steering",
+    "difference_deg",
     "estimate_bearing",
     "estimate_position",
     "find_turns",
+    "heard_in",
     "height_bands",
     "in_band",
     "learn_pattern",
+    "located",
     "measure_switched_pulse",
     "monopole_gain_db",
     "pair_steering",
+    "pattern_named",
+    "position_of_bearings",
     "region_outlines",
     "signal_section",
     "signal_surface",
     "strongest_signal",
     "switched_amplitudes",
     "switched_bearing",
+    "teaching",
+    "turns_in",
+    "widest_gap_deg",
+    "yaws_deg",
 ]
+__getattr__ = lazily(
+    __name__,
+    {
+        "ACCEPTED_EVIDENCE": "results",
+        "AntennaPattern": "antenna",
+        "ArrayMethod": "results",
+        "Bearing": "results",
+        "BearingData": "bearing.estimate",
+        "BearingMethod": "results",
+        "Ellipse": "results",
+        "Expectation": "position.trackers",
+        "GridTracker": "position.trackers",
+        "HEIGHT_SIGMA_M": "survey_errors",
+        "Headings": "headings",
+        "HeardInTurn": "flight_estimates",
+        "Hypotheses": "position.trackers",
+        "LEAST_TURNS": "flight_estimates",
+        "Listening": "position.level_belief",
+        "ONE_FLIGHT_S": "flight_estimates",
+        "PATTERNS": "antenna",
+        "ParticleTracker": "position.trackers",
+        "OverGround": "flight_estimates",
+        "PoseColumns": "flight_estimates",
+        "Position": "results",
+        "TrackPoint": "results",
+        "PositionGrid": "results",
+        "PositionMethod": "results",
+        "PowerTrack": "position",
+        "Propagation": "position",
+        "PulseColumns": "flight_estimates",
+        "Rhythm": "flight_estimates",
+        "SignalSection": "position.strongest",
+        "SignalSurface": "position.strongest",
+        "Spread": "position.trackers",
+        "Stations": "position",
+        "StrongestSignal": "position.strongest",
+        "SwitchSchedule": "bearing.switched_pulse",
+        "SwitchedPulse": "bearing.switched_pulse",
+        "TagPrior": "position.trackers",
+        "TangentPlane": "uavrt.tangent_plane",
+        "TrackEstimate": "position.trackers",
+        "Turn": "bearing",
+        "TurnPulses": "bearing",
+        "amplitude_monopulse": "bearing.array_bearings",
+        "antenna_as_shown": "flight_estimates",
+        "apart_in_words": "flight_estimates",
+        "bearing_of": "flight_estimates",
+        "circle_steering": "bearing.array_bearings",
+        "difference_deg": "angles",
+        "estimate_bearing": "bearing",
+        "estimate_position": "position",
+        "find_turns": "bearing",
+        "heard_in": "flight_estimates",
+        "height_bands": "position.strongest",
+        "in_band": "position.strongest",
+        "learn_pattern": "bearing",
+        "located": "flight_estimates",
+        "measure_switched_pulse": "bearing.switched_pulse",
+        "monopole_gain_db": "antenna",
+        "pair_steering": "bearing.array_bearings",
+        "pattern_named": "antenna",
+        "position_of_bearings": "flight_estimates",
+        "region_outlines": "position.regions",
+        "signal_section": "position.strongest",
+        "signal_surface": "position.strongest",
+        "strongest_signal": "position.strongest",
+        "switched_amplitudes": "bearing.array_bearings",
+        "switched_bearing": "bearing.array_bearings",
+        "teaching": "flight_estimates",
+        "turns_in": "flight_estimates",
+        "widest_gap_deg": "angles",
+        "yaws_deg": "headings",
+    },
+)

@@ -161,6 +161,6 @@ def pattern_named(antenna: AntennaPattern | str) -> AntennaPattern:
         return antenna
     if antenna not in PATTERNS:
         raise UsageError(
-            f"there is no antenna {antenna!r}", remedy=f"Known are {', '.join(PATTERNS)}"
+            f"there is no antenna {antenna!r}", remedy=f"Choose from {', '.join(PATTERNS)}"
         )
     return PATTERNS[antenna]

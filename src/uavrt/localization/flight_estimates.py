@@ -13,13 +13,24 @@ from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
 from uavrt.localization.antenna import AntennaPattern, pattern_named
-from uavrt.localization.bearing import estimate_bearing
+from uavrt.localization.bearing import (
+    Turn,
+    TurnPulses,
+    estimate_bearing,
+    find_turns,
+    learn_pattern,
+)
 from uavrt.localization.headings import Headings
-from uavrt.localization.learned_pattern import TurnPulses, learn_pattern
-from uavrt.localization.position import HEADING_SIGMA_DEG, Stations, estimate_position
-from uavrt.localization.records import Bearing, BearingMethod, Position, PositionMethod
-from uavrt.localization.turns import Turn, find_turns
+from uavrt.localization.position import (
+    HEADING_SIGMA_DEG,
+    PowerTrack,
+    Stations,
+    estimate_position,
+)
+from uavrt.localization.results import Bearing, BearingMethod, Position, PositionMethod
+from uavrt.localization.survey_errors import HEIGHT_SIGMA_M
 from uavrt.messages import Pose, PulsePose, Tag
+from uavrt.terrain import Elevation, HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 OWN_HEADING_SIGMA_DEG = 1.0
@@ -32,7 +43,7 @@ LEAST_TURN_DEG = 45.0
 """A turn that goes on counts from here on; one that is over, from 270°."""
 EDGE_NS = NANOSECONDS_PER_SECOND
 """Pulses this long before and after a turn belong to it: the same place, the first heading."""
-_ONE_FLIGHT_S = 7200.0
+ONE_FLIGHT_S = 7200.0
 """Bearings over a longer time are of several flights: the tag is taken to rest."""
 _GOES_ON_NS = 10_000_000_000
 """A turn whose end is this near to the last pose may go on."""
@@ -46,6 +57,10 @@ POSE_GAP_NS = 2_000_000_000
 """Telemetry comes several times a second; this far from it, a pulse's own pose tells more."""
 _MOST_TURNS = 24
 """More turns teach little, and cost."""
+APART_M = 20.0
+"""Heights of a flight and of the elevation files that differ by more do not count alike."""
+_ON_GROUND_M = 5.0
+"""Poses that begin higher do not tell where the take-off was."""
 
 _Floats = NDArray[np.float64]
 
@@ -142,6 +157,80 @@ class PulseColumns:
         return replace(self, quaternion_wxyz=np.stack(parts, axis=1))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OverGround:
+    """A flight over ground that is known."""
+
+    hills: HillLosses
+    poses: PoseColumns
+
+    @classmethod
+    def of(
+        cls, elevation: Elevation, poses: PoseColumns, *, takeoff_amsl_m: float | None = None
+    ) -> "OverGround | None":
+        """Lay the ground around a flight; None where no pose tells of the place.
+
+        Heights of a flight count from its take-off, taken to be beneath the first pose.
+
+        Parameters
+        ----------
+        elevation : Elevation
+        poses : PoseColumns
+        takeoff_amsl_m : float, optional
+            What the flight itself says of the take-off's height.
+
+        Raises
+        ------
+        FormatError
+            A file of heights is damaged.
+        """
+        known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
+        if not len(known):
+            return None
+        first = int(known[0])
+        hills = HillLosses(
+            elevation,
+            latitude_deg=float(poses.latitude_deg[first]),
+            longitude_deg=float(poses.longitude_deg[first]),
+        )
+        said = []
+        height_m = float(poses.height_m[first])
+        if height_m > _ON_GROUND_M:
+            said.append(
+                f"the flight's poses begin {height_m:.0f} m up: its heights are counted from "
+                "the ground beneath that place"
+            )
+        if takeoff_amsl_m is not None:
+            said += apart_in_words(hills.start_amsl_m, takeoff_amsl_m)
+        return cls(hills=hills.noting(*said), poses=poses)
+
+    def noting(self, *limitations: str) -> "OverGround":
+        """The same with more that an operator must know."""
+        return replace(self, hills=self.hills.noting(*limitations))
+
+    def at(self, frequency_hz: float) -> "OverGround":
+        """The same for a tag."""
+        return replace(self, hills=self.hills.at(frequency_hz))
+
+    def heights_m(self, time_ns: Sequence[int] | NDArray[np.int64]) -> _Floats:
+        """Heights above the take-off at some times."""
+        told = np.isfinite(self.poses.height_m)
+        known_ns = self.poses.time_ns[told].astype(np.float64)
+        wanted_ns = np.asarray(time_ns, np.float64)
+        return np.asarray(np.interp(wanted_ns, known_ns, self.poses.height_m[told]))
+
+
+def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
+    """What to tell where elevation files and flight disagree on the take-off's height."""
+    if not abs(said_m - ground_m) > APART_M:  # so, too, where one of them is not known
+        return ()
+    return (
+        f"the elevation files have the take-off at {ground_m:.0f} m, the flight at "
+        f"{said_m:.0f} m: another datum, or another place; heights are counted from the "
+        "elevation files' take-off on",
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rhythm:
     """When a tag's pulses must come."""
@@ -167,6 +256,8 @@ class HeardInTurn:
     """Median over the pulses."""
     longitude_deg: float
     start_time_ns: int
+    middle_time_ns: int
+    """Between the first pulse and the last: when a tag that moves was there."""
     quaternion_wxyz: _Floats
     """(n, 4) of the antenna."""
     snr_db: _Floats
@@ -229,6 +320,7 @@ def heard_in(
         latitude_deg=float(np.median(pulses.latitude_deg[part])),
         longitude_deg=float(np.median(pulses.longitude_deg[part])),
         start_time_ns=int(times[part.start]),
+        middle_time_ns=int(times[part.start] + times[part.stop - 1]) // 2,
         quaternion_wxyz=pulses.quaternion_wxyz[part],
         snr_db=pulses.snr_db[part],
         noise_psd=pulses.noise_psd[part],
@@ -340,10 +432,12 @@ def position_of_bearings(
     *,
     method: PositionMethod | str = "bayes",
     heading_sigma_deg: float = HEADING_SIGMA_DEG,
+    over: OverGround | None = None,
 ) -> Position:
     """Estimate where a tag is from the bearings of a flight; those without a direction go out.
 
-    What each shared error adds to the radius is told, too.
+    What each shared error adds to the radius is told, too. With the ground, levels are compared
+    by what hills take from them.
 
     Raises
     ------
@@ -352,14 +446,54 @@ def position_of_bearings(
     """
     used = [number for number, one in enumerate(bearings) if one.accepted]
     if not used:
-        raise UsageError("none of its bearings has a direction", remedy="Fly nearer")
+        raise UsageError(
+            "none of its bearings points in a clear direction", remedy="Fly nearer"
+        )
     times_s = [(time_ns[number] - min(time_ns)) / NANOSECONDS_PER_SECOND for number in used]
     stations = Stations.of(
         [latitude_deg[number] for number in used],
         [longitude_deg[number] for number in used],
         [bearings[number] for number in used],
-        times_s if max(times_s) - min(times_s) <= _ONE_FLIGHT_S else None,
+        times_s if max(times_s) - min(times_s) <= ONE_FLIGHT_S else None,
+        min(time_ns),
     )
+    if over is None:
+        return located(stations, method=method, heading_sigma_deg=heading_sigma_deg)
+    height_m = over.heights_m([time_ns[number] for number in used])
+    return located(
+        replace(stations, height_m=height_m),
+        method=method,
+        heading_sigma_deg=heading_sigma_deg,
+        hills=over.hills,
+    )
+
+
+def located(
+    stations: Stations | None = None,
+    powers: PowerTrack | None = None,
+    *,
+    method: PositionMethod | str = "bayes",
+    heading_sigma_deg: float = HEADING_SIGMA_DEG,
+    height_sigma_m: float = HEIGHT_SIGMA_M,
+    hills: HillLosses | None = None,
+) -> Position:
+    """Estimate where a tag is, from a flight's bearings or from its powers.
+
+    What each shared error adds to the radius is told; a tag whose bearings or powers contradict
+    a place that rests is followed. Where the ground is known, hills weaken what is heard.
+
+    Raises
+    ------
+    UsageError
+        The method comes to no position.
+    """
     return estimate_position(
-        stations, method=method, heading_sigma_deg=heading_sigma_deg, widenings=True
+        stations,
+        powers,
+        method=method,
+        heading_sigma_deg=heading_sigma_deg,
+        height_sigma_m=height_sigma_m,
+        widenings=True,
+        follow=True,
+        hills=hills,
     )

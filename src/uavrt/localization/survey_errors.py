@@ -1,4 +1,4 @@
-"""Errors that all powers of a survey share: a height that is told wrong, pulses of others.
+"""Errors common to all powers of a survey: a wrong height, pulses of other senders.
 
 A wrong height (terrain, a tag on a tree, a take-off on a hill) changes where the strength has
 its hollow and how steeply it falls; several heights are weighed against each other, with the
@@ -12,10 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization.bayes_fix import Area
-from uavrt.localization.level_evidence import Propagation
-from uavrt.localization.power_evidence import PowerEvidence, PowerFit, PowerTrack
-from uavrt.localization.records import Caution
+from uavrt.localization.position import (
+    FACTORS,
+    OverHills,
+    PowerEvidence,
+    PowerFit,
+    PowerTrack,
+    Propagation,
+    fit_each,
+)
+from uavrt.localization.results import Caution
 
 HEIGHT_SIGMA_M = 7.0
 """Error of the told height over the tag, were nothing said of it: standard deviation."""
@@ -24,10 +30,15 @@ _FAR_WRONG_SIGMAS = 4.0
 """Some heights are wrong by far more than is usual."""
 _SHIFTS_M = (-30.0, -18.0, -9.0, 0.0, 9.0, 18.0, 28.0, 40.0)
 _LEAST_HEIGHT_M = 3.0
-_NEGLIGIBLE = 0.04
-"""Heights that are less probable than that are not carried on …"""
-_MOST_HEIGHTS = 3
-"""… nor more of them: each costs as much as the first."""
+_CLOSER_M = np.linspace(-9.0, 9.0, 7)
+"""About the mean of those, when they tell it to …"""
+_TOLD_M = 6.0
+"""… less than that."""
+_NODES = np.array([-1.5, 0.0, 1.5])
+"""Standard deviations about the mean at which a height is weighed with each place …"""
+_LEAST_SIGMA_M = 1.5
+_LEAST_BEND, _FARTHEST = 0.05, 2.0
+"""… by the parabola through them, no flatter, and its peak no farther from the middle one."""
 FOREIGN_SHARE = 0.02
 """Of the pulses, beforehand; each as probable at any strength within 60 dB."""
 _ANY_DB = 60.0
@@ -39,6 +50,12 @@ _HEARD_SHARE = 0.95
 """Heights are weighed where fewer pulses than the rest were missed."""
 _COARSE, _FINE = 14, 9
 _MARGIN_M = 60.0
+_RIVALS_REACH, _RIVALS_CELLS = 1.75, 15
+"""How far around the rough place the tag may be, in its grid's steps: a mirror image is at most
+a line's spacing away. And cells of the side of that."""
+_RIVALS_NATS = 20.0
+"""What such a place may be less likely by, with each pulse a fact of its own: some 4 where
+fading lasts."""
 _FREEDOM = 3.0
 _ROUNDS = 4
 _CHUNK = 400
@@ -71,6 +88,8 @@ class SurveyEvidence:
         Prior of the path loss exponent.
     errors : SurveyErrors
         What may be wrong.
+    over_hills : OverHills, optional
+        What the ground takes from the pulses; None is level.
     """
 
     def __init__(
@@ -80,7 +99,9 @@ class SurveyEvidence:
         track: PowerTrack,
         propagation: Propagation,
         errors: SurveyErrors,
+        over_hills: OverHills | None = None,
     ) -> None:
+        self._over_hills = over_hills
         self._east_m, self._north_m, self._track = east_m, north_m, track
         self._propagation, self._errors = propagation, errors
         self.kept = np.ones(len(track.snr_db), bool)
@@ -89,14 +110,18 @@ class SurveyEvidence:
         """Mean over the weighed heights."""
         self.height_told_probability = 1.0
         """That the height is wrong by less than 10 m."""
-        self._heights = [(0.0, self._evidence(0.0))]
+        self._correlation = 0.0
         heard = ~np.isnan(track.snr_db)
+        if over_hills is not None or not np.all(heard):
+            self._correlation = self._lasting()
+        self._heights = [self._evidence(0.0)]
+        self._log_prior = np.zeros(1)
         if int(heard.sum()) < _LEAST_PULSES:
             return
         place, spread_m, shift_m = self._roughly(heard)
         if errors.foreign_pulses:
-            self.kept = ~heard | ~self._foreign(heard, place, shift_m)
-            self._heights = [(0.0, self._evidence(0.0))]
+            self.kept = ~heard | ~self._foreign(heard, place, spread_m, shift_m)
+            self._heights = [self._evidence(0.0)]
         # What is made of misses compares places, but not heights: a flight whose heights
         # were true, with half of its pulses missed, was taken for one 30 m lower.
         if errors.height_sigma_m > 0.0 and np.mean(heard) >= _HEARD_SHARE:
@@ -109,38 +134,67 @@ class SurveyEvidence:
 
     def fit(self, east_m: _Floats, north_m: _Floats) -> PowerFit:
         """Fit level and exponent at each of some places (places,)."""
-        fits = [one.fit(east_m, north_m) for _, one in self._heights]
-        if len(fits) == 1:
-            return fits[0]
-        score = np.stack(
-            [
-                weight + one.log_likelihood
-                for (weight, _), one in zip(self._heights, fits, strict=True)
-            ]
-        )
+        if self._over_hills is None:
+            return self._fit_heights(self._heights, east_m, north_m)
+        score = np.full(len(east_m), -np.inf)
+        middle = None
+        for factor, share in FACTORS:
+            heights = [one.losing(factor) for one in self._heights]
+            found = self._fit_heights(heights, east_m, north_m)
+            score = np.logaddexp(score, found.log_likelihood + np.log(share))
+            middle = found if factor == 1.0 else middle
+        assert middle is not None
+        return replace(middle, log_likelihood=score)
+
+    def _fit_heights(
+        self, heights: list[PowerEvidence], east_m: _Floats, north_m: _Floats
+    ) -> PowerFit:
+        if len(heights) == 1:
+            return heights[0].fit(east_m, north_m)
+        fits = fit_each(heights, east_m, north_m)
+        score = np.stack([one.log_likelihood for one in fits]) + self._log_prior[:, None]
         best = np.argmax(score, axis=0)[None]
         return PowerFit(
-            log_likelihood=np.logaddexp.reduce(score),
+            log_likelihood=_over_heights(score),
             level_db=np.take_along_axis(np.stack([o.level_db for o in fits]), best, 0)[0],
             exponent=np.take_along_axis(np.stack([o.exponent for o in fits]), best, 0)[0],
         )
 
     def _evidence(self, shift_m: float) -> PowerEvidence:
-        track = self._track
-        raised = replace(
-            track,
-            latitude_deg=track.latitude_deg[self.kept],
-            longitude_deg=track.longitude_deg[self.kept],
-            height_m=np.maximum(track.height_m[self.kept] + shift_m, _LEAST_HEIGHT_M),
-            snr_db=track.snr_db[self.kept],
-            yaw_deg=None if track.yaw_deg is None else track.yaw_deg[self.kept],
-        )
+        kept = self._track.chosen(self.kept)
+        height_m = np.maximum(kept.height_m + shift_m, _LEAST_HEIGHT_M)
+        raised = replace(kept, height_m=height_m)
+        over = self._over_hills
         return PowerEvidence(
             self._east_m[self.kept],
             self._north_m[self.kept],
             raised,
             self._propagation,
             lasting=self._errors.lasting_fading,
+            correlation=self._correlation,
+            over_hills=None if over is None else over.chosen(self.kept),
+        )
+
+    def _lasting(self) -> float:
+        """Correlation of neighbouring pulses' fading, where pulses were missed."""
+        if not self._errors.lasting_fading:
+            return 0.0
+        north, east = (one.ravel() for one in np.meshgrid(*reversed(self._coarsely())))
+        return self._evidence(0.0).correlation_at_best(east, north)
+
+    def _coarsely(self) -> tuple[_Floats, _Floats]:
+        """East and north of a coarse grid over the survey."""
+        return (
+            np.linspace(
+                float(self._east_m.min()) - _MARGIN_M,
+                float(self._east_m.max()) + _MARGIN_M,
+                _COARSE,
+            ),
+            np.linspace(
+                float(self._north_m.min()) - _MARGIN_M,
+                float(self._north_m.max()) + _MARGIN_M,
+                _COARSE,
+            ),
         )
 
     def _shifts(self) -> tuple[float, ...]:
@@ -152,14 +206,7 @@ class SurveyEvidence:
 
     def _roughly(self, heard: NDArray[np.bool_]) -> tuple[tuple[float, float], float, float]:
         """Place, its grid's step, and height shift of the best robust fit."""
-        area = Area(
-            west_m=float(self._east_m.min()) - _MARGIN_M,
-            east_m=float(self._east_m.max()) + _MARGIN_M,
-            south_m=float(self._north_m.min()) - _MARGIN_M,
-            north_m=float(self._north_m.max()) + _MARGIN_M,
-        )
-        east = np.linspace(area.west_m, area.east_m, _COARSE)
-        north = np.linspace(area.south_m, area.north_m, _COARSE)
+        east, north = self._coarsely()
         step = max(float(east[1] - east[0]), float(north[1] - north[0]))
         place = self._best_of(east, north, heard, 0.0)[1]
         found = []
@@ -203,40 +250,66 @@ class SurveyEvidence:
         return residual, scale, score
 
     def _foreign(
-        self, heard: NDArray[np.bool_], place: tuple[float, float], shift_m: float
+        self,
+        heard: NDArray[np.bool_],
+        place: tuple[float, float],
+        step_m: float,
+        shift_m: float,
     ) -> NDArray[np.bool_]:
-        """(n,) pulses that are rather someone else's than so far from the others."""
-        east, north = np.array([place[0]]), np.array([place[1]])
-        residual = self._robust(east, north, heard, shift_m)[0][0]
-        sigma = max(1.4826 * float(np.median(np.abs(residual - np.median(residual)))), 1.0)
+        """(n,) pulses that are rather someone else's than so far from the others.
+
+        Wherever the tag may be around the rough place: a pulse that is odd there, and not at
+        the mirror image across a line of the survey, tells the one from the other.
+        """
+        off = np.linspace(-_RIVALS_REACH * step_m, _RIVALS_REACH * step_m, _RIVALS_CELLS)
+        north, east = (one.ravel() for one in np.meshgrid(place[1] + off, place[0] + off))
+        residual, _, score = self._robust(east, north, heard, shift_m)
+        residual = residual[score > score.max() - _RIVALS_NATS]
+        off_middle = np.abs(residual - np.median(residual, axis=1)[:, None])
+        sigma = np.maximum(1.4826 * np.median(off_middle, axis=1), 1.0)[:, None]
         own = np.exp(-0.5 * (residual / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
-        odd = (1.0 - FOREIGN_SHARE) * own < FOREIGN_SHARE / _ANY_DB
+        odd = np.all((1.0 - FOREIGN_SHARE) * own < FOREIGN_SHARE / _ANY_DB, axis=0)
         found = np.zeros(len(heard), bool)
         if np.mean(odd) <= _MOST_FOREIGN:
             found[np.flatnonzero(heard)[odd]] = True
         return found
 
     def _weigh_heights(self, place: tuple[float, float], step_m: float) -> None:
-        """Keep the heights that matter, each with the logarithm of its prior."""
-        sigma = self._errors.height_sigma_m
+        """Find how the height may be wrong, and three heights that stand for that."""
         shifts = np.array(self._shifts())
-        wide = _FAR_WRONG_SIGMAS * sigma
-        prior = (1.0 - _FAR_WRONG_SHARE) * _normal(shifts, sigma)
-        prior = (prior + _FAR_WRONG_SHARE * _normal(shifts, wide)) * np.gradient(shifts)
-        prior /= prior.sum()
+        weight = self._weights(shifts, place, step_m)
+        mean = float(weight @ shifts)
+        variance = float(weight @ (shifts - mean) ** 2)
+        self.height_shift_m = mean
+        self.height_told_probability = float(weight[np.abs(shifts) < 10.0].sum())
+        lowest = _LEAST_HEIGHT_M - float(np.median(self._track.height_m))
+        if variance < _TOLD_M**2:
+            shifts = mean + _CLOSER_M
+            shifts = shifts[shifts > lowest]
+            weight = self._weights(shifts, place, step_m)
+            mean = float(weight @ shifts)
+            variance = float(weight @ (shifts - mean) ** 2)
+        nodes = max(variance**0.5, _LEAST_SIGMA_M) * _NODES
+        nodes += max(mean, lowest - float(nodes[0]))
+        self._heights = [self._evidence(float(shift)) for shift in nodes]
+        self._log_prior = self._log_prior_of(nodes)
+
+    def _weights(self, shifts_m: _Floats, place: tuple[float, float], step_m: float) -> _Floats:
+        """(shifts,) probability of each, over the places around one."""
         off = np.linspace(-1.5 * step_m, 1.5 * step_m, _FINE)
         north, east = (one.ravel() for one in np.meshgrid(place[1] + off, place[0] + off))
-        each = [self._evidence(float(shift)) for shift in shifts]
-        score = np.array(
-            [np.logaddexp.reduce(one.fit(east, north).log_likelihood) for one in each]
-        ) + np.log(prior)
+        each = [self._evidence(float(shift)) for shift in shifts_m]
+        fits = fit_each(each, east, north)
+        score = np.array([np.logaddexp.reduce(one.log_likelihood) for one in fits])
+        score += self._log_prior_of(shifts_m) + np.log(np.gradient(shifts_m))
         weight = np.exp(score - score.max())
-        weight /= weight.sum()
-        kept = np.argsort(-weight)[:_MOST_HEIGHTS]
-        kept = kept[weight[kept] > _NEGLIGIBLE]
-        self._heights = [(float(np.log(prior[number])), each[number]) for number in kept]
-        self.height_shift_m = float(weight @ shifts)
-        self.height_told_probability = float(weight[np.abs(shifts) < 10.0].sum())
+        return np.asarray(weight / weight.sum())
+
+    def _log_prior_of(self, shifts_m: _Floats) -> _Floats:
+        sigma = self._errors.height_sigma_m
+        usual = (1.0 - _FAR_WRONG_SHARE) * _normal(shifts_m, sigma)
+        far_wrong = _FAR_WRONG_SHARE * _normal(shifts_m, _FAR_WRONG_SIGMAS * sigma)
+        return np.asarray(np.log(usual + far_wrong))
 
 
 def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
@@ -256,6 +329,19 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
         )
         found.append(Caution(name="foreign", text=text))
     return tuple(found)
+
+
+def _over_heights(score: _Floats) -> _Floats:
+    """(places,) logarithm of the integral over three heights (3, places), one step apart.
+
+    For each place the score's parabola: a height that is known well at a place, and another one
+    at the next, is not lost between the three.
+    """
+    low, middle, high = score
+    bend = np.maximum(middle - 0.5 * (low + high), _LEAST_BEND)
+    slope = 0.5 * (high - low)
+    vertex = np.clip(0.5 * slope / bend, -_FARTHEST, _FARTHEST)
+    return np.asarray(middle + (slope - bend * vertex) * vertex - 0.5 * np.log(bend))
 
 
 def _normal(value: _Floats, sigma: float) -> _Floats:

@@ -37,8 +37,15 @@ class Address:
         return f"{self.kind}://{host}:{self.port}"
 
 
-def parse_address(text: str) -> Address:
+def parse_address(text: str, *, baud: int = DEFAULT_BAUD) -> Address:
     """Read an address.
+
+    Parameters
+    ----------
+    text : str
+        One of the four forms.
+    baud : int
+        Of a serial port, where the text names none.
 
     Raises
     ------
@@ -55,7 +62,7 @@ def parse_address(text: str) -> Address:
     try:
         parts = urlsplit(text)
         if parts.scheme == "serial":
-            return _serial(parts)
+            return _serial(parts, baud)
         kind = NETWORK_KINDS.get(parts.scheme)
         if kind is not None and parts.hostname and not parts.path:
             port = parts.port
@@ -63,15 +70,15 @@ def parse_address(text: str) -> Address:
                 return Address(kind=kind, host=parts.hostname, port=port)
     except ValueError as error:
         raise ConfigError(f"MAVLink address {text!r}: {error}", remedy=FORMS) from error
-    raise ConfigError(f"{text!r} is no MAVLink address", remedy=FORMS)
+    raise ConfigError(f"{text!r} is not a MAVLink address", remedy=FORMS)
 
 
-def _serial(parts: SplitResult) -> Address:
+def _serial(parts: SplitResult, default_baud: int) -> Address:
     """Read ``serial:///dev/NAME[:BAUD]``, or ``serial://COM3[:BAUD]`` on Windows."""
     place = parts.netloc or parts.path
     device, separator, baud = place.rpartition(":")
     if not separator:
-        device, baud = place, str(DEFAULT_BAUD)
+        device, baud = place, str(default_baud)
     windows = re.fullmatch(r"COM\d{1,3}", device) is not None and not parts.path
     known = windows or (device.startswith("/") and not parts.netloc)
     if not known or int(baud) <= 0:

@@ -10,7 +10,7 @@ from uavrt.mavlink.metadata import Metadata
 
 
 def capabilities(*, bytewise: bool) -> int:
-    """Give our capability bits; `bytewise` is how whole numbers travel in parameters."""
+    """Return our capability bits; `bytewise` is how whole numbers travel in parameters."""
     encoding = (
         MavProtocolCapability.PARAM_ENCODE_BYTEWISE
         if bytewise
@@ -33,7 +33,7 @@ def answer_command(
     bytewise: bool = True,
     metadata: Metadata | None = None,
 ) -> list[Message]:
-    """Give what is to be sent for a command.
+    """Return what is to be sent for a command.
 
     A command to all components of the system is answered only when we can serve it: "not
     supported" from us would make a ground station believe that its take-off was refused.

@@ -6,11 +6,13 @@ component must answer, and hands out samples and tunnel payloads.
 """
 
 from collections import Counter, OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal
 
 from uavrt.allowance import Allowance
+from uavrt.attitude import yaw_deg
 from uavrt.mavlink import dialect
 from uavrt.mavlink.answers import answer_command
 from uavrt.mavlink.discovery import Discovery, Peer
@@ -21,7 +23,7 @@ from uavrt.mavlink.parameters import Requests
 from uavrt.mavlink.samples import attitude_sample, position_sample
 from uavrt.mavlink.streams import StreamRequests
 from uavrt.mavlink.timesync import STALE_NS, TimeSync
-from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.messages import AttitudeSample, Pose, PositionSample
 from uavrt.units import ns_from_s
 
 HEARTBEAT_NS = ns_from_s(1.0)
@@ -51,7 +53,7 @@ ParameterEncoding = Literal["auto", "bytewise", "c_cast", "float"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handlers:
-    """Who gets what the component hears."""
+    """Callbacks for what the component receives."""
 
     attitude: Callable[[AttitudeSample], None]
     position: Callable[[PositionSample], None]
@@ -65,6 +67,10 @@ class Handlers:
     """The telemetry radio's report."""
     parameters: Callable[[Requests, Peer], None] = lambda request, peer: None
     """A request for our parameters."""
+    vehicle: Callable[[Message, int], None] = lambda message, now_ns: None
+    """Any message of the autopilot, and when it arrived."""
+    autopilot_found: Callable[[], None] = lambda: None
+    """There is an autopilot, or another one."""
 
 
 class Component:
@@ -84,8 +90,12 @@ class Component:
     parameter_encoding : {"auto", "bytewise", "c_cast", "float"}
         How whole numbers travel in parameters; auto, and float, where there are none: as the
         autopilot does it.
+    watched_hz : mapping of int to float
+        Further messages that are asked of the autopilot, and how often.
     healthy : callable
         Says whether to send the heartbeat: a faulted component must fall silent.
+    own_system_id : int, optional
+        Number of a station without an autopilot; None waits for one and takes its number.
     """
 
     def __init__(
@@ -97,8 +107,11 @@ class Component:
         attitude_rate_hz: float = 50.0,
         position_rate_hz: float = 10.0,
         parameter_encoding: ParameterEncoding = "auto",
+        watched_hz: Mapping[int, float] = MappingProxyType({}),
         healthy: Callable[[], bool] = lambda: True,
+        own_system_id: int | None = None,
     ) -> None:
+        self._own_system_id = own_system_id
         self._send = send
         self._handlers = handlers
         self._healthy = healthy
@@ -113,6 +126,7 @@ class Component:
                 dialect.AttitudeQuaternion.ID: attitude_rate_hz,
                 dialect.GlobalPositionInt.ID: position_rate_hz,
                 dialect.SystemTime.ID: 1.0,
+                **watched_hz,
             }
         )
         self.counters: Counter[str] = Counter()
@@ -128,7 +142,9 @@ class Component:
 
     @property
     def system_id(self) -> int:
-        """The autopilot's system id, 1 before any was heard."""
+        """The autopilot's system id, 1 before any was heard; our own where there is none."""
+        if self._own_system_id is not None:
+            return self._own_system_id
         autopilot = self.discovery.autopilot
         return FALLBACK_SYSTEM_ID if autopilot is None else autopilot.system_id
 
@@ -140,10 +156,10 @@ class Component:
         return self.discovery.autopilot_kind != dialect.MavAutopilot.ARDUPILOTMEGA
 
     def status(self, now_ns: int) -> str:
-        """What is missing, in a word or two; ``"ready"`` when nothing is."""
-        if not self.discovery.autopilot_present(now_ns):
+        """What is missing, in one or two words; ``"ready"`` when nothing is."""
+        if self._own_system_id is None and not self.discovery.autopilot_present(now_ns):
             return "waiting for autopilot"
-        if not self.time_sync.synchronized:
+        if self._own_system_id is None and not self.time_sync.synchronized:
             return "waiting for time"
         if not self.discovery.station_present(now_ns):
             return "waiting for ground station"
@@ -167,7 +183,7 @@ class Component:
             self._ask_time(autopilot, now_ns)
 
     def receive(self, frame: Frame, now_ns: int, link: int = 0) -> None:
-        """Take a frame that arrived at `now_ns` by one of our links."""
+        """Handle a frame that arrived at `now_ns` by one of our links."""
         if frame.system_id == self.system_id and frame.component_id == self.component_id:
             self.counters["own_frames"] += 1  # routed back to us, or another with our number
             return
@@ -183,6 +199,36 @@ class Component:
             self.counters["for_others"] += 1
             return
         self._dispatch(message, peer, now_ns)
+
+    def tell_pose(self, pose: Pose, now_ns: int) -> None:
+        """Tell ground stations where a station without an autopilot is."""
+        uptime_ms = self._uptime_ms(now_ns)
+        w, x, y, z = pose.quaternion_wxyz
+        self._send(
+            dialect.AttitudeQuaternion(
+                time_boot_ms=uptime_ms,
+                q1=w,
+                q2=x,
+                q3=y,
+                q4=z,
+                rollspeed=0.0,
+                pitchspeed=0.0,
+                yawspeed=0.0,
+            )
+        )
+        self._send(
+            dialect.GlobalPositionInt(
+                time_boot_ms=uptime_ms,
+                lat=round(pose.latitude_deg * 1e7),
+                lon=round(pose.longitude_deg * 1e7),
+                alt=round(pose.altitude_amsl_m * 1e3),
+                relative_alt=round(pose.altitude_relative_m * 1e3),
+                vx=0,
+                vy=0,
+                vz=0,
+                hdg=round(yaw_deg(pose.quaternion_wxyz) * 100.0) % 36_000,
+            )
+        )
 
     def clock_is_stale(self, now_ns: int) -> bool:
         """Whether the autopilot is there, but has not told its clock for more than 10 s."""
@@ -204,7 +250,13 @@ class Component:
             mavlink_version=3,
         )
 
+    def _uptime_ms(self, now_ns: int) -> int:
+        return (now_ns - (self._started_ns or now_ns)) // 1_000_000 % 2**32
+
     def _dispatch(self, message: Message, peer: Peer, now_ns: int) -> None:
+        if peer == self.discovery.autopilot:
+            self.streams.heard(message.ID, now_ns)
+            self._handlers.vehicle(message, now_ns)
         match message:
             case dialect.AttitudeQuaternion() | dialect.GlobalPositionInt():
                 self._pose(message, peer, now_ns)
@@ -248,7 +300,7 @@ class Component:
                 self._command(message, peer, now_ns)
 
     def _radio_status(self, message: dialect.RadioStatus, peer: Peer, now_ns: int) -> None:
-        """Take the report of one radio on each link, no more often than radios make them."""
+        """Handle the report of one radio on each link, no more often than radios make them."""
         is_radio = peer.component_id == RADIO_COMPONENT or peer == self.discovery.autopilot
         radio, heard_ns = self._radios.get(peer.link, (peer, now_ns - RADIO_SILENCE_NS))
         if not is_radio or (peer != radio and now_ns - heard_ns < RADIO_SILENCE_NS):
@@ -286,6 +338,7 @@ class Component:
         self.counters["autopilots_found"] += 1
         self._restart_clock(now_ns)
         self._heartbeat_ns = None  # so that it routes to us at once
+        self._handlers.autopilot_found()
 
     def _restart_clock(self, now_ns: int) -> None:
         self.time_sync.reset()
@@ -362,7 +415,7 @@ class Component:
         )
 
     def _take_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
-        """Take the autopilot's answer to a request of ours, which it tells by its `ts1`.
+        """Handle the autopilot's answer to a request of ours, which it tells by its `ts1`.
 
         Its target says nothing: PX4 1.17 leaves it uninitialised.
         """
@@ -375,8 +428,7 @@ class Component:
     def _command(
         self, message: dialect.CommandLong | dialect.CommandInt, peer: Peer, now_ns: int
     ) -> None:
-        assert self._started_ns is not None or now_ns >= 0
-        uptime_ms = (now_ns - (self._started_ns or now_ns)) // 1_000_000
+        uptime_ms = self._uptime_ms(now_ns)
         direct = message.target_component == self.component_id
         for answer in answer_command(
             message,

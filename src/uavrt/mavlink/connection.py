@@ -1,12 +1,13 @@
-"""A component on its links: what the connection process runs.
+"""Runs a component on its links; the core of the connection process.
 
 A link moves bytes, `Component` knows the protocol, `TunnelSender` knows by which link and when;
 this joins them on an asyncio loop and knows nothing else.
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
+from types import MappingProxyType
 
 from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
@@ -25,6 +26,8 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 log = get_logger()
 
 AUTOPILOT_LINK = 0
+COMMAND_WAITS_S = 0.2
+"""Longest wait of a command for bytes before it; at 57 600 baud these are 1152."""
 
 
 class _Way:
@@ -50,8 +53,10 @@ class Connection:
         Receivers of samples and tunnel payloads.
     clock_ns : callable
         Our clock [ns, UTC]; every time handed out is on it.
-    component_id, attitude_rate_hz, position_rate_hz, gap_s, parameter_encoding, healthy
+    component_id, attitude_rate_hz, position_rate_hz, gap_s, parameter_encoding, own_system_id
         See `Component` and `TunnelSender`.
+    watched_hz : mapping of int to float
+        See `Component`.
     signing : Signing, optional
         Signs what leaves and judges what comes; the number of a link is its signing link id.
     """
@@ -68,7 +73,8 @@ class Connection:
         gap_s: float = 0.020,
         parameter_encoding: ParameterEncoding = "auto",
         signing: Signing | None = None,
-        healthy: Callable[[], bool] = lambda: True,
+        watched_hz: Mapping[int, float] = MappingProxyType({}),
+        own_system_id: int | None = None,
     ) -> None:
         self._clock_ns = clock_ns
         self._signing = signing
@@ -80,7 +86,8 @@ class Connection:
             attitude_rate_hz=attitude_rate_hz,
             position_rate_hz=position_rate_hz,
             parameter_encoding=parameter_encoding,
-            healthy=healthy,
+            watched_hz=watched_hz,
+            own_system_id=own_system_id,
         )
         self._ways = [
             _Way(
@@ -146,6 +153,17 @@ class Connection:
             self.tunnel.choose(now_ns)
             await asyncio.sleep(TICK_S)
 
+    def command_autopilot(self, message: Message) -> None:
+        """Send a message to the autopilot now, past all queues, once; or not at all.
+
+        Behind other bytes it would leave when a pilot may have taken over already.
+        """
+        way = self._ways[AUTOPILOT_LINK]
+        if way.link is None or way.link.delay_s > COMMAND_WAITS_S:
+            self.component.counters["commands_not_sent"] += 1
+        else:
+            way.send(message, self.component.system_id)
+
     @property
     def link(self) -> Link | None:
         """Link 0, once open."""
@@ -194,7 +212,7 @@ class Connection:
         }
 
     def peers(self) -> dict[str, str]:
-        """Who is there, for a log line."""
+        """The peers, for a log line."""
         discovery = self.component.discovery
         stations = discovery.stations(self._clock_ns())
         return {
@@ -203,7 +221,7 @@ class Connection:
         }
 
     def status(self) -> str:
-        """What is missing, in a word or two."""
+        """What is missing, in one or two words."""
         return self.component.status(self._clock_ns())
 
     def counters(self) -> dict[str, float]:

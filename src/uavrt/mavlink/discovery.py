@@ -77,7 +77,7 @@ class Discovery:
         self._kept: Peer | None = None
 
     def heartbeat(self, peer: Peer, heartbeat: Heartbeat, now_ns: int) -> bool:
-        """Take a heartbeat; True when it shows an autopilot that is new or was lost."""
+        """Handle a heartbeat; True when it shows an autopilot that is new or was lost."""
         if is_station(heartbeat):
             self._add_station(peer, now_ns)
             if heartbeat.type == MavType.GCS:

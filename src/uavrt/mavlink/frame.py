@@ -44,7 +44,7 @@ def crc16_mcrf4xx(data: bytes) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One received frame whose checksum is right (or whose message nobody knows)."""
+    """One received frame with a valid checksum, or of an unknown message."""
 
     raw: bytes
     """The whole frame as received, for forwarding."""
@@ -130,7 +130,7 @@ class FrameParser:
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Take bytes as they come; give the frames they complete."""
+        """Add bytes as they come; return the frames they complete."""
         buffer = self._buffer + data if self._buffer else bytes(data)
         frames: list[Frame] = []
         place, size = 0, len(buffer)

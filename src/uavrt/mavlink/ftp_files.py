@@ -66,7 +66,7 @@ class FileTree:
         return [found[key] for key in sorted(found)]
 
     def open(self, name: str) -> tuple[BinaryIO | bytes, int]:
-        """Open a file; give it and its size. Raises `FileRefused`."""
+        """Open a file; return it and its size. Raises `FileRefused`."""
         parts = _parts(name)
         content = self.extra.get("/".join(parts))
         if content is not None:

@@ -28,7 +28,7 @@ PAYLOAD_SIZE = 251
 
 
 class Opcode(IntEnum):
-    """What a client asks, and the two kinds of reply."""
+    """Client requests, and the two kinds of reply."""
 
     NONE = 0
     TERMINATE_SESSION = 1

@@ -11,6 +11,7 @@ and logged, here, for links of every kind and on both sides, and the next frame 
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from typing import Any, Protocol
 
 from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
@@ -19,6 +20,23 @@ from uavrt.mavlink.frame import Frame, FrameParser
 log = get_logger()
 
 FrameHandler = Callable[[Frame], None]
+
+
+class Parser(Protocol):
+    """Cuts bytes into what its handler is called with, and counts what is none."""
+
+    received: int
+    bad_crc: int
+    skipped_bytes: int
+
+    def feed(self, data: bytes) -> list[Any]:
+        """Take bytes; give what they complete, each with its bytes as ``raw``."""
+        ...
+
+    def reset(self) -> None:
+        """Begin anew."""
+        ...
+
 
 RETRY_S = 1.0
 MAX_PENDING = 16_384
@@ -49,12 +67,16 @@ class Link:
         Where to.
     on_frame : callable
         Called with each received frame.
+    parser : Parser, optional
+        Of another protocol than MAVLink: then `on_frame` takes what it gives.
     """
 
-    def __init__(self, address: Address, on_frame: FrameHandler) -> None:
+    def __init__(
+        self, address: Address, on_frame: Callable[[Any], None], parser: Parser | None = None
+    ) -> None:
         self.address = address
         self._on_frame = on_frame
-        self._parser = FrameParser()
+        self._parser: Parser = FrameParser() if parser is None else parser
         self._sent = 0
         self._dropped = 0
         self._reconnects = 0
@@ -78,6 +100,11 @@ class Link:
     async def close(self) -> None:
         """Close it for good."""
         raise NotImplementedError
+
+    @property
+    def delay_s(self) -> float:
+        """How long a frame would wait on this computer before it leaves."""
+        return 0.0
 
     @property
     def counters(self) -> LinkCounters:

@@ -1,4 +1,4 @@
-"""What a ground station may read of us besides messages: metadata files, made in memory.
+"""Metadata files that a ground station may fetch from us, made in memory.
 
 COMPONENT_METADATA (397) names the general file, which names the others; ground stations fetch
 them by MAVLink FTP and keep them by their checksum. Formats: general.schema.json and
@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from uavrt.config.parameters import OFFERED, Parameter
+from uavrt.config import OFFERED, Parameter
 from uavrt.mavlink.ftp_wire import checksum
 
 GENERAL_PATH = "metadata/general.json"
@@ -21,7 +21,7 @@ TYPE_PARAMETER = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Metadata:
-    """The files, and what COMPONENT_METADATA says of the first."""
+    """The files, and what COMPONENT_METADATA says about the first."""
 
     files: Mapping[str, bytes]
     """By path, for `uavrt.mavlink.ftp_files.FileTree`."""

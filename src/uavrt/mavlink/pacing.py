@@ -62,7 +62,7 @@ Item = Tunnelled | Message
 
 
 class Payload(Protocol):
-    """A tunnel payload that a source gives."""
+    """A tunnel payload from a source."""
 
     @property
     def payload(self) -> bytes:
@@ -80,7 +80,7 @@ class Source(Protocol):
         """Time until it has one; None when it has none."""
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Payload | Message | None:
-        """Give one."""
+        """Return one."""
 
 
 @dataclass(slots=True)
@@ -166,7 +166,7 @@ class PacedQueue:
         return max(gap_ns, self.rate.wait_ns(now_ns, ROOM_BYTES.get(min(ready), 0)))
 
     def _urgent(self, now_ns: int) -> deque[Item] | None:
-        """Give the queue whose message does not wait for the rate."""
+        """Return the queue whose message does not wait for the rate."""
         other = self._queues[Priority.OTHER]
         if not other:
             self._other_since_ns = None
@@ -177,7 +177,7 @@ class PacedQueue:
         return next((self._queues[p] for p in URGENT if self._queues[p]), None)
 
     def take(self, now_ns: int) -> Item | None:
-        """Give the message that may leave now, and start the gap."""
+        """Return the message that may leave now, and start the gap."""
         if self.wait_ns(now_ns) != 0:
             return None
         queue = self._urgent(now_ns)

@@ -73,7 +73,7 @@ class ParameterClient:
             except TimeoutError:
                 raise LinkError(
                     f"no autopilot was heard at {address} in {timeout_s:.0f} s",
-                    remedy="Check wiring and baud rate; by USB it can be reached always: "
+                    remedy="Check wiring and baud rate; USB always works: "
                     "--mavlink serial:///dev/ttyACM0:57600",
                 ) from None
             yield client
@@ -110,7 +110,7 @@ class ParameterClient:
         return values
 
     async def write(self, name: str, value: float) -> float | None:
-        """Set a parameter that was read before; give the value that it has then.
+        """Set a parameter that was read before; return the value that it has then.
 
         None when it does not answer.
         """

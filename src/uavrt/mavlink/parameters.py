@@ -58,7 +58,7 @@ class ParameterServer:
         self._bytewise = bytewise
 
     def receive(self, message: Requests) -> list[dialect.ParamValue] | Wish:
-        """Take a request; give the answers, or what is wanted to change.
+        """Handle a request; return the answers, or what is wanted to change.
 
         A name or index that is not ours is left without an answer: a request to all components
         may mean the autopilot's.
@@ -77,7 +77,7 @@ class ParameterServer:
                 return []
 
     def value(self, name: str) -> dialect.ParamValue:
-        """Say what is in force."""
+        """Describe what is in force."""
         kind = self._types[name]
         return dialect.ParamValue(
             param_id=name,

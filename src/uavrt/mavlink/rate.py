@@ -1,4 +1,4 @@
-"""How many bytes a second the way to the ground takes. Pure.
+"""Estimate how many bytes a second the link to the ground can carry. Pure.
 
 A token bucket whose rate follows what is known of the link:
 
@@ -91,7 +91,7 @@ class LinkRate:
         return self._reach.plain
 
     def radio_status(self, free_percent: int, now_ns: int) -> None:
-        """Take RADIO_STATUS: free space in the radio's send buffer."""
+        """Handle RADIO_STATUS: free space in the radio's send buffer."""
         self._radio_ns = now_ns
         self.radio_buffer_free_percent = free_percent
         if free_percent < 20:
@@ -103,7 +103,7 @@ class LinkRate:
         self._rate = min(MOST_BYTES_S, max(self._reach.least, self._rate))
 
     def acknowledged(self, trip_s: float | None, now_ns: int) -> None:
-        """Take an acknowledgement; `trip_s` if it is of a message that was sent once."""
+        """Handle an acknowledgement; `trip_s` if it is of a message that was sent once."""
         self._acks_ns = now_ns
         if trip_s is None:
             return

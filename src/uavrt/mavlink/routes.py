@@ -1,4 +1,4 @@
-"""Which of several links leads to whom. Pure.
+"""Choose the link to each peer. Pure.
 
 Link 0 is the way to the autopilot and through it, by its radio, to the ground; the others lead
 straight to ground stations, by Wi-Fi or cable. They are faster and reach less far, so a ground
@@ -23,7 +23,7 @@ MAX_PEERS = 64
 
 
 class Routes:
-    """Keeps on which links each peer is heard.
+    """Remembers on which links each peer was heard.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Routes:
             self._heard.popitem(last=False)
 
     def doubt(self, link: int, now_ns: int) -> None:
-        """Nothing that was sent over `link` is answered, though it is heard."""
+        """Note that nothing sent over `link` is answered, though the peer is heard."""
         self._doubted_until[link] = now_ns + DOUBT_NS
 
     def link_to(self, peer: Peer, now_ns: int) -> int:

@@ -1,4 +1,4 @@
-"""Pose messages of the autopilot to our records; what is no pose is None."""
+"""Convert the autopilot's pose messages to our records; None for other messages."""
 
 import math
 

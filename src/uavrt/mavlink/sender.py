@@ -1,4 +1,4 @@
-"""What is meant for the ground: over which link, and when.
+"""Send messages to the ground: choose the link and the time.
 
 `PacedSender` is one link's; `TunnelSender` has one for each link and chooses.
 """
@@ -79,7 +79,7 @@ class PacedSender:
 
     @property
     def rate(self) -> LinkRate:
-        """What the way to the ground takes."""
+        """The rate of the link to the ground."""
         return self._queue.rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
@@ -105,7 +105,7 @@ class PacedSender:
         }
 
     async def run(self) -> None:
-        """Send for ever."""
+        """Send forever."""
         self._loop = asyncio.get_running_loop()
         try:
             self._pump()
@@ -200,13 +200,13 @@ class OnLink:
         return None
 
     def leave(self, given: Payload | Message) -> None:
-        """Take a copy; the oldest makes room."""
+        """Add a copy; the oldest is dropped if necessary."""
         self._group.copies_dropped += len(self._copies) == COPIES
         self._copies.append(given)
 
 
 class TunnelSender:
-    """Sends messages for the ground, each by the link that is right.
+    """Sends messages for the ground, each over the right link.
 
     An answer leaves by the link that its question came by; what is for all ground stations by
     as few links as reach all of them (`uavrt.mavlink.routes`), so that nobody gets it twice.
@@ -237,16 +237,16 @@ class TunnelSender:
 
     @property
     def link(self) -> int:
-        """The link that pulses go by."""
+        """The link that carries pulses."""
         return self._links[0]
 
     @property
     def rate(self) -> LinkRate:
-        """What the way of the pulses takes."""
+        """The rate of the link that carries pulses."""
         return self._senders[self.link].rate
 
     def rate_of(self, link: int) -> LinkRate:
-        """What one link takes."""
+        """The rate of one link."""
         return self._senders[link].rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
@@ -309,7 +309,7 @@ class TunnelSender:
             sender.wake()
 
     def choose(self, now_ns: int) -> None:
-        """Choose the links anew; call it every 50 ms or so."""
+        """Choose the links again; call it every 50 ms or so."""
         if not self._discovery.known:
             return
         before = self._links
@@ -325,7 +325,7 @@ class TunnelSender:
             self.wake()
 
     def unanswered(self, now_ns: int) -> None:
-        """What goes by the present link of the pulses is not answered: avoid it a while."""
+        """Avoid the link that carries pulses for a while: nothing on it is answered."""
         self._routes.doubt(self.link, now_ns)
 
     def links_for(self, place: tuple[int, int] | None, now_ns: int) -> tuple[int, ...]:

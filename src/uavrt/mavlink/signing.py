@@ -21,8 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from uavrt.config.key_files import read_key_file
-from uavrt.config.settings import MavlinkSettings
+from uavrt.config import MavlinkSettings, read_key_file
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavComponent
 from uavrt.mavlink.frame import SIGNATURE_SIZE, Frame
@@ -85,7 +84,7 @@ def signing_from(settings: MavlinkSettings, clock_ns: Callable[[], int]) -> "Sig
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SigningTimes:
-    """The newest times that were taken [10 µs since 2015]."""
+    """The newest accepted times [10 µs since 2015]."""
 
     newest: int
     """Of all, and of our own."""
@@ -134,7 +133,7 @@ class Signing:
             self._streams[system_id, component_id, link_id] = ticks + behind
 
     def signature(self, frame: bytes, link_id: int) -> bytes:
-        """Give the 13 bytes for a frame whose flag is set."""
+        """Return the 13 bytes for a frame whose flag is set."""
         self._last_ticks = max(self._last_ticks + 1, self._now_ticks())
         tail = bytes((link_id & 0xFF,)) + self._last_ticks.to_bytes(6, "little")
         return tail + self._hash(frame + tail)

@@ -1,4 +1,4 @@
-"""Texts for the operator in pieces of 50 bytes, and back together; not too many. Pure."""
+"""Split operator texts into pieces of 50 bytes, join them again, limit their rate. Pure."""
 
 from collections import OrderedDict
 
@@ -61,7 +61,7 @@ class TextLimiter:
         self.left_out = 0
 
     def allows(self, severity: int, text: str, now_ns: int) -> bool:
-        """Tell whether a text may go now; count it if not."""
+        """Return whether a text may go now; count it if not."""
         if self._filled_ns is not None:
             elapsed_s = (now_ns - self._filled_ns) / NANOSECONDS_PER_SECOND
             self._tokens = min(TEXT_BURST, self._tokens + elapsed_s * TEXTS_A_SECOND)
@@ -89,7 +89,7 @@ class TextAssembler:
         self._parts: dict[tuple[int, int], tuple[int, int, dict[int, str]]] = {}
 
     def add(self, sender: tuple[int, int], message: Statustext) -> list[tuple[int, str]]:
-        """Take a message; give the texts that are now whole, as (severity, text)."""
+        """Handle a message; return the texts that are now whole, as (severity, text)."""
         done: list[tuple[int, str]] = []
         open_text = self._parts.get(sender)
         if open_text is not None and open_text[0] != message.id:

@@ -2,7 +2,11 @@
 
 import asyncio
 import errno
+import math
 import os
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
 
 import serial
 from serial.tools import list_ports
@@ -10,11 +14,13 @@ from serial.tools import list_ports
 from uavrt.errors import LinkError
 from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
-from uavrt.mavlink.link import MAX_PENDING, RETRY_S, FrameHandler, Link
+from uavrt.mavlink.link import MAX_PENDING, RETRY_S, Link, Parser
 
 log = get_logger()
 
 READ_SIZE = 4096
+BITS_PER_BYTE = 10
+"""On a serial line, start and stop bit included."""
 SERIAL_PENDING = 2048
 """Bytes that may wait for a serial port: 0.36 s at 57 600 baud."""
 
@@ -22,8 +28,10 @@ SERIAL_PENDING = 2048
 class TcpLink(Link):
     """A TCP client."""
 
-    def __init__(self, address: Address, on_frame: FrameHandler) -> None:
-        super().__init__(address, on_frame)
+    def __init__(
+        self, address: Address, on_frame: Callable[[Any], None], parser: Parser | None = None
+    ) -> None:
+        super().__init__(address, on_frame, parser)
         self._writer: asyncio.StreamWriter | None = None
         self._task: asyncio.Task[None] | None = None
 
@@ -34,7 +42,7 @@ class TcpLink(Link):
         except OSError as error:
             raise LinkError(
                 f"{self.address}: {error.strerror or error}",
-                remedy="Check the host and port, and that the other side listens",
+                remedy="Check the host and port, and that the other side is listening",
             ) from error
         self._task = asyncio.get_running_loop().create_task(self._run(reader))
 
@@ -77,6 +85,12 @@ class TcpLink(Link):
             self._reconnects += 1
             return reader
 
+    @property
+    def delay_s(self) -> float:
+        """No time, or not known: the other side takes nothing."""
+        writer = self._writer
+        return math.inf if writer and writer.transport.get_write_buffer_size() else 0.0
+
     def _write(self, frame: bytes) -> bool:
         writer = self._writer
         if writer is None or writer.is_closing():
@@ -90,8 +104,10 @@ class TcpLink(Link):
 class SerialLink(Link):
     """A serial port: pyserial sets it up, the loop watches its file descriptor."""
 
-    def __init__(self, address: Address, on_frame: FrameHandler) -> None:
-        super().__init__(address, on_frame)
+    def __init__(
+        self, address: Address, on_frame: Callable[[Any], None], parser: Parser | None = None
+    ) -> None:
+        super().__init__(address, on_frame, parser)
         self._port: serial.Serial | None = None
         self._fd = -1
         self._pending = b""
@@ -161,6 +177,15 @@ class SerialLink(Link):
         else:
             self._reconnects += 1
 
+    @property
+    def delay_s(self) -> float:
+        """By the port's rate, what the system holds included."""
+        held = len(self._pending)
+        if self._port is not None:
+            with suppress(OSError):
+                held += self._port.out_waiting
+        return held * BITS_PER_BYTE / self.address.baud
+
     def _write(self, frame: bytes) -> bool:
         if self._port is None or len(self._pending) + len(frame) > SERIAL_PENDING:
             return False
@@ -187,7 +212,7 @@ class SerialLink(Link):
 
 
 def _serial_error(address: Address, error: OSError | ValueError) -> LinkError:
-    """Say what is wrong with a serial port, and what to do."""
+    """Describe what is wrong with a serial port, and what to do."""
     number = getattr(error, "errno", None)
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         ports = ", ".join(sorted(port.device for port in list_ports.comports())) or "none"

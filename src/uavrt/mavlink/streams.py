@@ -27,7 +27,7 @@ class _Stream:
 
 
 class StreamRequests:
-    """Which messages are wanted at which rate, and what was done about it.
+    """Which messages we want at which rate, and the state of each request.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class StreamRequests:
             stream.heard_ns = now_ns
 
     def acknowledged(self, ack: CommandAck) -> None:
-        """Take the answer to a request."""
+        """Handle the answer to a request."""
         if ack.command != MavCmd.SET_MESSAGE_INTERVAL or self._waiting is None:
             return
         if ack.result == MavResult.IN_PROGRESS:

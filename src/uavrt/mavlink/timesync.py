@@ -124,7 +124,7 @@ class TimeSync:
         }
 
     def add_round_trip(self, sent_ns: int, remote_ns: int, received_ns: int) -> None:
-        """Take an answered request.
+        """Handle an answered request.
 
         Parameters
         ----------
@@ -145,7 +145,7 @@ class TimeSync:
         self._line = self._fit()
 
     def add_one_way(self, remote_ns: int, received_ns: int) -> None:
-        """Take a message with a boot time, for autopilots that answer no TIMESYNC.
+        """Handle a message with a boot time, for autopilots that answer no TIMESYNC.
 
         The least differences of the last seconds lie on the offset plus the shortest delay.
         """

@@ -1,12 +1,21 @@
 """Opening of links."""
 
+import asyncio
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from uavrt.errors import UavrtError
 from uavrt.mavlink.address import Address, parse_address
-from uavrt.mavlink.link import FrameHandler, Link
+from uavrt.mavlink.link import Link, Parser
 from uavrt.mavlink.stream import SerialLink, TcpLink
 from uavrt.mavlink.udp import UdpLink
 
+OPEN_AGAIN_S = 3.0
 
-async def open_link(address: str | Address, on_frame: FrameHandler) -> Link:
+
+async def open_link(
+    address: str | Address, on_frame: Callable[[Any], None], parser: Parser | None = None
+) -> Link:
     """Open a link.
 
     Parameters
@@ -15,6 +24,8 @@ async def open_link(address: str | Address, on_frame: FrameHandler) -> Link:
         ``udpin://``, ``udpout://``, ``tcp://`` or ``serial://``, see `uavrt.mavlink.address`.
     on_frame : callable
         Called with each received frame, in the loop's thread.
+    parser : Parser, optional
+        Of another protocol than MAVLink: then `on_frame` takes what it gives.
 
     Raises
     ------
@@ -27,10 +38,50 @@ async def open_link(address: str | Address, on_frame: FrameHandler) -> Link:
     link: Link
     match where.kind:
         case "serial":
-            link = SerialLink(where, on_frame)
+            link = SerialLink(where, on_frame, parser)
         case "tcp":
-            link = TcpLink(where, on_frame)
+            link = TcpLink(where, on_frame, parser)
         case "udpin" | "udpout":
-            link = UdpLink(where, on_frame)
+            link = UdpLink(where, on_frame, parser)
     await link.open()
     return link
+
+
+async def keep_open(
+    address: Address,
+    take: Callable[[Any], None],
+    parser: Parser,
+    *,
+    opened: Callable[[Link | None], None],
+    failed: Callable[[UavrtError], None],
+) -> NoReturn:
+    """Read a receiver until cancelled; one that is not there is looked for again.
+
+    Parameters
+    ----------
+    address : Address
+        Of the receiver.
+    take : callable
+        Takes what the parser gives.
+    parser : Parser
+        Of its protocol.
+    opened : callable
+        Takes the link once it is open, and None when it is closed.
+    failed : callable
+        Takes the reason each time that it cannot be opened.
+    """
+    link = None
+    try:
+        while link is None:
+            try:
+                link = await open_link(address, take, parser)
+            except UavrtError as error:
+                failed(error)
+                await asyncio.sleep(OPEN_AGAIN_S)
+        opened(link)
+        await asyncio.get_running_loop().create_future()
+        raise AssertionError
+    finally:
+        opened(None)
+        if link is not None:
+            await link.close()

@@ -16,13 +16,19 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 RATE_WINDOW_S = 60.0
 FRESH_S = 5.0
 TEXTS_SHOWN = 6
-LOSSES = ("samples_lost", "channel_samples_dropped", "records_dropped", "records_refused")
+LOSSES = (
+    "samples_lost",
+    "channel_samples_dropped",
+    "kept_samples_dropped",
+    "records_dropped",
+    "records_refused",
+)
 """Counters that should stay at zero."""
 
 
 @dataclass(slots=True)
 class Heard:
-    """What has been heard of one tag since the monitor began."""
+    """What we heard from one tag since the monitor started."""
 
     pulses: int = 0
     last: Pulse | None = None
@@ -40,7 +46,7 @@ class MonitorView:
     _cpu_before: dict[str, tuple[int, float]] = field(default_factory=dict)
 
     def take(self, topic: str, record: object, now_s: float) -> None:
-        """Take a record of the status socket in."""
+        """Handle a record of the status socket."""
         match record:
             case Pulse() if topic == "pulse":
                 heard = self.heard.setdefault(record.tag_id, Heard())

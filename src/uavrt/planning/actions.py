@@ -1,4 +1,4 @@
-"""What a drone can be told to do next."""
+"""Actions that a planner can give the drone."""
 
 from dataclasses import dataclass
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import PlanError
-from uavrt.localization.bayes_fix import Area
+from uavrt.localization.position import Area
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
@@ -26,6 +26,8 @@ class Circle:
     east_m: float
     north_m: float
     radius_m: float
+    name: str = ""
+    """For what is said of it."""
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0.0:
@@ -38,6 +40,30 @@ class Circle:
         """Whether places are within it."""
         off = np.hypot(east_m - self.east_m, north_m - self.north_m)
         return np.asarray(off < self.radius_m)
+
+    def off_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """Distance of places from it; 0 within."""
+        off = np.hypot(east_m - self.east_m, north_m - self.north_m) - self.radius_m
+        return np.asarray(np.maximum(off, 0.0))
+
+    def off_ways_m(
+        self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
+    ) -> _Floats:
+        """Least distance of the straight ways from one place to others; 0 across it."""
+        off = _off_segment_m(self.east_m, self.north_m, start_m, (east_m, north_m))
+        return np.asarray(np.maximum(off - self.radius_m, 0.0))
+
+    def depth_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """Distance of places within it from its edge; 0 and less outside."""
+        off = np.hypot(east_m - self.east_m, north_m - self.north_m)
+        return np.asarray(self.radius_m - off)
+
+    def depth_ways_m(
+        self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
+    ) -> _Floats:
+        """Least depth on the straight ways from one place to others."""
+        start = self.depth_m(*np.array([start_m]).T)
+        return np.asarray(np.minimum(self.depth_m(east_m, north_m), start))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +115,7 @@ class Polygon:
 
     @property
     def area_m2(self) -> float:
-        """What it holds."""
+        """The area inside."""
         x, y = np.array(self.corners).T
         return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0)
 
@@ -133,9 +159,77 @@ class Polygon:
             inside ^= between & (x < ax + (y - ay) / (by - ay) * (bx - ax))
         return inside
 
+    @property
+    def _sides(self) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+        return list(zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True))
+
+    def off_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """Distance of places from it; 0 within."""
+        off = np.min([_off_segment_m(east_m, north_m, *side) for side in self._sides], axis=0)
+        return np.asarray(np.where(self.contains(east_m, north_m), 0.0, off))
+
+    def off_ways_m(
+        self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
+    ) -> _Floats:
+        """Least distance of the straight ways from one place to others; 0 across it."""
+        edge = self._edge_ways_m(start_m, east_m, north_m)
+        start = self.contains(*np.array([start_m]).T)
+        return np.asarray(np.where(self.contains(east_m, north_m) | start, 0.0, edge))
+
+    def depth_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """Distance of places within it from its edge; 0 outside."""
+        off = np.min([_off_segment_m(east_m, north_m, *side) for side in self._sides], axis=0)
+        return np.asarray(np.where(self.contains(east_m, north_m), off, 0.0))
+
+    def depth_ways_m(
+        self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
+    ) -> _Floats:
+        """Least depth on the straight ways from one place to others; 0 across its edge."""
+        edge = self._edge_ways_m(start_m, east_m, north_m)
+        start = self.contains(*np.array([start_m]).T)
+        return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
+
+    def _edge_ways_m(
+        self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
+    ) -> _Floats:
+        """Least distance of straight ways from its edge; 0 across it."""
+        off = np.full(np.broadcast_shapes(np.shape(east_m), np.shape(north_m)), np.inf)
+        end = (east_m, north_m)
+        for a, b in self._sides:
+            for way in (
+                _off_segment_m(*end, a, b),
+                _off_segment_m(*start_m, a, b),
+                _off_segment_m(*a, start_m, end),
+                _off_segment_m(*b, start_m, end),
+            ):
+                off = np.minimum(off, way)
+            # Ends on both sides of each other's lines: they cross.
+            turns = [
+                _turn(a, b, start_m) * _turn(a, b, end),
+                _turn(start_m, end, a) * _turn(start_m, end, b),
+            ]
+            off = np.where((turns[0] < 0.0) & (turns[1] < 0.0), 0.0, off)
+        return np.asarray(off)
+
+
+_Place = tuple[float | _Floats, float | _Floats]
+
+
+def _turn(a: _Place, b: _Place, c: _Place) -> _Floats:
+    """Which way it turns from a over b to c: above 0 to the left."""
+    return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place) -> _Floats:
+    """Distance of places from a straight way."""
+    along_x, along_y = b[0] - a[0], b[1] - a[1]
+    length2 = np.maximum(along_x**2 + along_y**2, 1e-9)
+    share = np.clip(((x - a[0]) * along_x + (y - a[1]) * along_y) / length2, 0.0, 1.0)
+    return np.asarray(np.hypot(x - a[0] - share * along_x, y - a[1] - share * along_y))
+
 
 def _side(a: _Floats, b: _Floats, c: _Floats) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+    return float(_turn((a[0], a[1]), (b[0], b[1]), (c[0], c[1])))
 
 
 def _meet(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
@@ -179,10 +273,19 @@ class SearchArea:
     """The drone stays within; None: anywhere."""
     voids: tuple[Circle | Polygon, ...] = ()
     """The drone stays outside of these."""
+    within: tuple[Circle | Polygon, ...] = ()
+    """And inside of each of these, home and the way home included."""
+    margin_m: float = 0.0
+    """And so far from them: gusts, and bends that are flown wider than planned."""
+    straight_home: bool = False
+    """The straight way home from wherever it flies stays outside of them, too."""
     lowest_m: float = 20.0
     """Above the ground beneath."""
     highest_m: float = 120.0
     ground: Ground = flat_ground
+    ground_home: Ground | None = None
+    """Of the same datum: the highest ground on the straight way home from places, which is kept
+    above as well."""
     home_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -203,8 +306,69 @@ class SearchArea:
             )
         if not self.fence.contains(*np.array([self.home_m]).T).all():
             raise PlanError(
-                "home is outside the fence", remedy="Set home or the fence of the vehicle anew"
+                "home is outside the fence", remedy="Set home or the vehicle's fence again"
             )
+
+    def check_home(self) -> None:
+        """Refuse a home from and to which nothing may fly; raises `PlanError`."""
+        home = np.array([self.home_m]).T
+        for void in self.voids:
+            if float(void.off_m(*home)[0]) <= self.margin_m:
+                raise PlanError(
+                    f"home lies in or beside {_named(void)}",
+                    remedy=f"Take off more than {self.margin_m:.0f} m from it",
+                )
+        for area in self.within:
+            if float(area.depth_m(*home)[0]) <= self.margin_m:
+                raise PlanError(
+                    f"home lies outside of {_named_within(area)}, or beside its edge",
+                    remedy=f"Take off more than {self.margin_m:.0f} m within it, or redraw it",
+                )
+
+    def entered(self, east_m: _Floats, north_m: _Floats) -> str | None:
+        """Which place to keep away from a way enters, or the way home from it; None for none.
+
+        Parameters
+        ----------
+        east_m, north_m : (n,) arrays
+            Points along it, its start first; what lies between is looked at, too.
+        """
+        x, y = _close_points(east_m, north_m)
+        here = float(east_m[0]), float(north_m[0])
+        return next((reason for _, reason in self._entered(x[None], y[None], here)), None)
+
+    def _entered(
+        self, x: _Floats, y: _Floats, start_m: tuple[float, float]
+    ) -> list[tuple[int, str]]:
+        """Number of each leg that enters a place to keep away from, and how.
+
+        From a start nearer than the margin, where a gust has put it, it may not go nearer.
+        """
+        found: list[tuple[int, str]] = []
+        here = np.array([start_m]).T
+        for void in self.voids:
+            bad = void.contains(x, y)
+            if self.margin_m > 0.0:
+                margin = min(self.margin_m, float(void.off_m(*here)[0]))
+                bad = bad | (void.off_m(x, y) < margin - 1e-6)
+            legs = np.flatnonzero(bad.any(axis=-1))
+            found.extend((int(leg), f"enters {_named(void)}") for leg in legs)
+            if not self.straight_home:
+                continue
+            least = min(self.margin_m, float(void.off_ways_m(self.home_m, *here)[0]))
+            off = void.off_ways_m(self.home_m, x, y)
+            legs = np.flatnonzero((off < max(least - 1e-6, 1e-6)).any(axis=-1))
+            found.extend((int(leg), f"leads home over {_named(void)}") for leg in legs)
+        for area in self.within:
+            least = max(0.0, min(self.margin_m, float(area.depth_m(*here)[0])) - 1e-6)
+            legs = np.flatnonzero((area.depth_m(x, y) <= least).any(axis=-1))
+            found.extend((int(leg), f"leaves {_named_within(area)}") for leg in legs)
+            deep = float(area.depth_ways_m(self.home_m, *here)[0])
+            least = max(0.0, min(self.margin_m, deep) - 1e-6)
+            off = area.depth_ways_m(self.home_m, x, y)
+            legs = np.flatnonzero((off <= least).any(axis=-1))
+            found.extend((int(leg), f"leads home out of {_named_within(area)}") for leg in legs)
+        return found
 
     def refusal(
         self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
@@ -219,7 +383,9 @@ class SearchArea:
             Above the ground of home.
         """
         x, y = _close_points(east_m, north_m)
-        return next((reason for _, reason in self._faults(x[None], y[None], height_m)), None)
+        here = float(east_m[0]), float(north_m[0])
+        faults = self._faults(x[None], y[None], height_m, here)
+        return next((reason for _, reason in faults), None)
 
     def refusals(
         self, state_m: tuple[float, float], east_m: _Floats, north_m: _Floats, height_m: float
@@ -239,12 +405,16 @@ class SearchArea:
         x = state_m[0] + (east_m - state_m[0])[:, None] * share
         y = state_m[1] + (north_m - state_m[1])[:, None] * share
         reasons: list[str | None] = [None] * len(east_m)
-        for leg, reason in self._faults(x, y, height_m):
+        for leg, reason in self._faults(x, y, height_m, state_m):
             reasons[leg] = reasons[leg] or reason
         return reasons
 
     def _faults(
-        self, x: _Floats, y: _Floats, height_m: _Floats | float
+        self,
+        x: _Floats,
+        y: _Floats,
+        height_m: _Floats | float,
+        start_m: tuple[float, float],
     ) -> list[tuple[int, str]]:
         """Number of each leg with a fault, and the fault."""
         found: list[tuple[int, str]] = []
@@ -254,16 +424,29 @@ class SearchArea:
 
         if self.fence is not None:
             add(~self.fence.contains(x, y), "leaves the fence")
-        for void in self.voids:
-            add(void.contains(x, y), "enters a place to keep away from")
+        found.extend(self._entered(x, y, start_m))
         if self.ground is flat_ground:
             above = np.broadcast_to(height_m, x.shape)
         else:
             home = self.ground(*np.array([self.home_m]).T)
             above = height_m + float(home[0]) - self.ground(x, y)
+        if self.ground_home is not None:
+            home_above = height_m - self.ground_home(x, y)
+            add(home_above < self.lowest_m - 1e-6, f"leads home below {self.lowest_m:g} m")
         add(above < self.lowest_m - 1e-6, f"comes below {self.lowest_m:g} m above ground")
         add(above > self.highest_m + 1e-6, f"goes above {self.highest_m:g} m above ground")
         return found
+
+
+def _named(void: Circle | Polygon) -> str:
+    """It by its name, where it has one."""
+    if void.name in ("", "polygon"):
+        return "a place to keep away from"
+    return f"the keep-out {void.name!r}"
+
+
+def _named_within(area: Circle | Polygon) -> str:
+    return f"the {area.name or 'area to stay in'}"
 
 
 def _nudged(corners: _Floats) -> _Floats:

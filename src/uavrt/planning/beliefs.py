@@ -5,11 +5,12 @@ is there at all, and whether what comes is what such a tag would give.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
+from scipy.special import log_ndtr, ndtri_exp
 
 from uavrt.errors import ConfigError
 from uavrt.localization import (
@@ -21,12 +22,19 @@ from uavrt.localization import (
     TagPrior,
     TrackEstimate,
 )
-from uavrt.localization.level_belief import ANY_STRENGTH
+from uavrt.localization.position import ANY_STRENGTH
 
 _Floats = NDArray[np.float64]
 _FADES = 0.95
 """Weight of a pulse in the check of the model when the next one comes: twenty pulses long."""
 _GROSS = 4.0
+_RIVAL_SIGMA_DB = 12.0
+_RIVAL_PARTICLES = 2000
+_SURE_NATS = 7.0
+_MOST_NATS = 25.0
+"""Evidence that a tag is there counts no more: a tag that falls silent is to be doubted."""
+_KNOWN_SHARE = 0.5
+"""Of the width of its area: a rival whose place is known better is told from the tag."""
 _LIMIT = 3.3
 """Standard deviations at which the check fails: once in a thousand."""
 
@@ -52,6 +60,76 @@ class ModelCheck:
 
     def __str__(self) -> str:
         return f"bias {self.bias_sigmas:+.1f} σ, scatter × {self.scatter:.1f}"
+
+
+def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> float:
+    """How far a pulse is off, in standard deviations of those that are heard.
+
+    Far from a tag only the strongest of its pulses reach the threshold: among these a pulse is
+    as far off as a normal deviate that as many exceed.
+    """
+    sigma = np.sqrt(expected.variance_db2)
+    above, heard = (
+        log_ndtr((expected.level_db - one) / sigma) for one in (level_db, threshold_db)
+    )
+    return float(np.clip(-ndtri_exp(min(above - heard, -1e-12)), -_GROSS, _GROSS))
+
+
+class Rival:
+    """Something that stays where it is and is heard as the tag is: an interferer.
+
+    A tracker of its own, to which every pulse belongs as far as it explains it better than the
+    tag does, and the probability that there is one at all.
+
+    Parameters
+    ----------
+    prior : TagPrior
+        Of the tag.
+    rng : Generator
+    """
+
+    def __init__(self, prior: TagPrior, rng: Generator) -> None:
+        own = replace(
+            prior,
+            level_sigma_db=_RIVAL_SIGMA_DB,
+            motion=(1.0, 0.0, 0.0),
+            level_drift_db_per_root_s=0.0,
+        )
+        self._missed = prior.missed_share
+        self._chance = prior.chance_share * ANY_STRENGTH
+        self.tracker = ParticleTracker(own, rng, particles=_RIVAL_PARTICLES)
+        share = prior.rival_share
+        self._log_odds = self._least = float(np.log(share / (1.0 - share)))
+        self._density = 0.0
+
+    @classmethod
+    def of(cls, prior: TagPrior, rng: Generator) -> "Rival | None":
+        """For a tag that may have one."""
+        return None if prior.rival_share <= 0.0 else cls(prior, rng)
+
+    @property
+    def probability(self) -> float:
+        """That there is one."""
+        return float(1.0 / (1.0 + np.exp(-self._log_odds)))
+
+    def density(self, heard: Listening) -> float:
+        """Probability density [1/dB] that it gives this pulse."""
+        self._density = self.tracker.density(heard)
+        return self._density
+
+    def heard(self, heard: Listening, log_probability: float) -> None:
+        """Take a pulse in, whose density was what is told before, by the tag and all others."""
+        others = self._missed * self.probability * self._density
+        tags = max(float(np.exp(log_probability)) - others, self._chance)
+        self._add(np.log((tags + self._missed * self._density) / tags))
+        self.tracker.listen(heard, elsewhere=max(tags / self._missed - self._chance, 0.0))
+
+    def missed(self, heard: Listening) -> None:
+        """Take in that nothing was heard."""
+        self._add(self.tracker.listen(heard).log_probability)
+
+    def _add(self, nats: float) -> None:
+        self._log_odds = float(np.clip(self._log_odds + nats, self._least, _SURE_NATS))
 
 
 class TagBelief:
@@ -86,13 +164,14 @@ class TagBelief:
             )
         self.tag_id = tag_id
         self._tracker = ParticleTracker(prior, rng, particles=particles)
+        self._rival = Rival.of(prior, rng)
         self._prior_odds = np.log(existence / (1.0 - existence))
         self._log_bayes_factor = 0.0
         self._sums = np.zeros(4)
 
     @property
     def prior(self) -> TagPrior:
-        """What was believed before the flight."""
+        """The prior, before the flight."""
         return self._tracker.prior
 
     @property
@@ -113,17 +192,29 @@ class TagBelief:
     def advance_to(self, time_s: float) -> None:
         """Let the animal rest, browse or travel until then."""
         self._tracker.advance_to(time_s)
+        if self._rival is not None:
+            self._rival.tracker.advance_to(time_s)
 
     def listen(self, heard: Listening) -> Expectation:
-        """Take in a pulse, or that none was heard: both are evidence."""
-        expected = self._tracker.listen(heard)
-        chance = self.prior.chance_share
+        """Update with a pulse, or that none was heard: both are evidence."""
+        rival, chance = self._rival, self.prior.chance_share
         if heard.snr_db is None:
-            absent = np.log1p(-min(chance, 0.999))
+            expected = self._tracker.listen(heard)
+            absent = float(np.log1p(-min(chance, 0.999)))
+            if rival is not None:
+                rival.missed(heard)
         else:
-            absent = np.log(max(chance, 1e-6) * ANY_STRENGTH)
-        self._log_bayes_factor += expected.log_probability - absent
-        self._check(heard, expected, float(absent))
+            rivals = 0.0 if rival is None else rival.density(heard)
+            part = 0.0 if rival is None else self.prior.missed_share * rival.probability
+            expected = self._tracker.listen(heard, elsewhere=part * rivals)
+            by_chance = max(chance, 1e-6) * ANY_STRENGTH
+            # Were there no tag, what is heard would be a rival.
+            absent = float(np.log(by_chance + rivals))
+            if rival is not None:
+                rival.heard(heard, expected.log_probability)
+        gained = self._log_bayes_factor + expected.log_probability - absent
+        self._log_bayes_factor = min(gained, _MOST_NATS)
+        self._check(heard, expected, absent)
         return expected
 
     def take_bearing(self, east_m: float, north_m: float, posterior: _Floats) -> None:
@@ -135,8 +226,7 @@ class TagBelief:
         """Note how far a pulse is from what was expected, false ones counting less."""
         if heard.snr_db is None:
             return
-        off = (heard.snr_db - expected.level_db) / np.sqrt(expected.variance_db2)
-        off = float(np.clip(off, -_GROSS, _GROSS))
+        off = _deviation(heard.snr_db, heard.threshold_db, expected)
         own = 1.0 - min(1.0, float(np.exp(absent - expected.log_probability)))
         fade = np.array([_FADES, _FADES**2, _FADES, _FADES])
         self._sums = self._sums * fade + own * np.array([1.0, own, off, off * off])
@@ -150,6 +240,24 @@ class TagBelief:
         return ModelCheck(
             bias_sigmas=off / weight * np.sqrt(count), scatter=off2 / weight, pulses=count
         )
+
+    def doubt(self) -> str | None:
+        """Why what is heard may be something else; None where it is told from the tag.
+
+        A rival that is probable must be known to be elsewhere: as long as it may be anywhere,
+        its pulses may be those that the place of the tag was made from.
+        """
+        rival = self._rival
+        if rival is None or rival.probability < 0.5:
+            return None
+        area, place, own = self.prior.area, rival.tracker.spread(), self.spread()
+        width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
+        if place.rms_m > _KNOWN_SHARE * width:
+            return f"something else is heard ({rival.probability:.2f}), none knows where"
+        apart = np.hypot(place.east_m - own.east_m, place.north_m - own.north_m)
+        if apart < place.rms_m + 2.0 * own.rms_m:
+            return f"something else is heard ({rival.probability:.2f}), {apart:.0f} m away"
+        return None
 
     def estimate(self) -> TrackEstimate:
         """Where the tag is if it is there."""

@@ -50,7 +50,7 @@ class EnergyModel:
         return (self.power_w(airspeed_m_s) * duration_s + climb) / _J_PER_WH
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
-        """Take in what the battery gave over a stretch for which this model told another.
+        """Update with what the battery gave over a stretch for which this model told another.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ class EnergyModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Battery:
-    """What is left, and what must be left at home."""
+    """Energy left, and the reserve required back home."""
 
     remaining_wh: float
     reserve_wh: float = 15.0

@@ -1,4 +1,4 @@
-"""How much a way would tell of where the tags are, before it is flown.
+"""Predict how much a path would reveal about where the tags are.
 
 The pulses along a way are normal about the level that each hypothesis of the tag expects; what
 they tell of the hypotheses is bounded by the distances between those levels (Kolchinsky and
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization import Hypotheses, TagPrior
-from uavrt.localization.level_belief import REFERENCE_M, antenna_gain_db
+from uavrt.localization.position import REFERENCE_M, TRACKED_LOSS_ERROR, antenna_gain_db
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.vehicle import Legs
 
@@ -29,16 +29,20 @@ class Listener:
     above_tags_m: float
     pulse_s: float
     threshold_db: float
+    follows_ground: bool = False
+    """Else the height is that above tags at the take-off."""
 
 
 def expected_levels_db(
     prior: TagPrior,
     some: Hypotheses,
     legs: Legs,
-    above_tags_m: float,
+    listener: Listener,
     walked_m: tuple[_Singles, _Singles] | None = None,
-) -> _Singles:
+) -> tuple[_Singles, _Singles | float]:
     """(legs, samples, hypotheses) level at which each would be heard along ways.
+
+    And the variance (legs, samples) of what a map of the ground tells of them.
 
     Those that travel go on at their velocity meanwhile; `walked_m`, east and north of each leg
     and hypothesis (legs, 1, hypotheses), is added.
@@ -52,13 +56,40 @@ def expected_levels_db(
         dx, dy = dx + some.east_m_s * time, dy + some.north_m_s * time
     if walked_m is not None:
         dx, dy = dx + walked_m[0], dy + walked_m[1]
-    slant2 = dx * dx + dy * dy + above_tags_m**2
-    gain = antenna_gain_db(prior.pattern, yaw, dx, dy, above_tags_m, np.sqrt(slant2))
+    height, lost = _over_ground(prior, east, north, dx, dy, listener)
+    lost = some.loss_factor * lost
+    slant2 = dx * dx + dy * dy + height**2
+    gain = antenna_gain_db(prior.pattern, yaw, dx, dy, height, np.sqrt(slant2))
     decades = 5.0 * np.log10(slant2) - float(10.0 * np.log10(REFERENCE_M))
-    level = some.level_db - some.exponent * decades + gain
+    level = some.level_db - some.exponent * decades + gain - lost
     if prior.path_gain is not None:
-        level = level + prior.path_gain(dx, dy, above_tags_m)
-    return np.asarray(level, np.float32)
+        level = level + prior.path_gain(dx, dy, listener.above_tags_m)
+    wrong2: _Singles | float = 0.0
+    if prior.hills is not None:
+        wrong2 = np.mean((TRACKED_LOSS_ERROR * np.asarray(lost)) ** 2, axis=2)
+    return np.asarray(level, np.float32), wrong2
+
+
+def _over_ground(
+    prior: TagPrior,
+    east: _Singles,
+    north: _Singles,
+    dx: _Singles,
+    dy: _Singles,
+    listener: Listener,
+) -> tuple[_Singles | float, _Singles | float]:
+    """Heights of the drone over the hypotheses, and what hills take on the way from them."""
+    if prior.hills is None:
+        return listener.above_tags_m, 0.0
+    hills = prior.hills.rough()
+    up = np.full(east.shape, listener.above_tags_m)
+    if listener.follows_ground:
+        up += hills.rise_m(east, north)
+    seen = hills.seen_from(east.ravel(), north.ravel(), up.ravel() + hills.tag_m)
+    tag_east, tag_north = east + dx, north + dy
+    lost = seen.between(seen.which.reshape(east.shape), tag_east, tag_north)
+    height = up - hills.rise_m(tag_east, tag_north)
+    return height.astype(np.float32), lost
 
 
 def information_nats(
@@ -82,32 +113,45 @@ def information_nats(
         prior = belief.prior
         some = belief.hypotheses(hypotheses)
         walked = _walked_m(some, spans)
-        level = expected_levels_db(prior, some, legs, listener.above_tags_m, walked)
+        level, wrong2 = expected_levels_db(prior, some, legs, listener, walked)
         level = np.maximum(level, np.float32(listener.threshold_db))
         pulses = spans / samples / listener.pulse_s * (1.0 - prior.missed_share)
         noise2 = prior.fading_db**2 + _walked_db2(some, legs, spans, listener.above_tags_m)
+        noise2 = noise2 + wrong2
         per_pulse = (pulses[:, None] / noise2).astype(np.float32)
         root = np.sqrt(per_pulse)
         scaled = level * root[:, :, None]
         scaled -= scaled.mean(axis=2, keepdims=True)
-        squares = np.einsum("csp,csp->cp", scaled, scaled)
-        off = np.matmul(scaled.transpose(0, 2, 1), scaled)
-        off *= -2.0
-        off += squares[:, :, None]
-        off += squares[:, None, :]
-        spread = float(np.mean(some.level_variance_db2))
-        if spread > 0.0:
-            # Of K pulses with a common unknown level of variance v, the mean counts only as
-            # 1 / (σ² / K + v).
-            whole = np.einsum("csp,cs->cp", scaled, root)
-            common = whole[:, :, None] - whole[:, None, :]
-            share = spread / (1.0 + spread * per_pulse.sum(axis=1))
-            off -= common * common * share[:, None, None]
-        np.multiply(off, -0.25, out=off)
+        # Of K pulses with a common unknown level of variance v, the mean counts only as
+        # 1 / (σ² / K + v).
+        drift2 = prior.level_drift_db_per_root_s**2 * spans
+        spread = float(np.mean(some.level_variance_db2)) + drift2 / 3.0
+        share = np.sqrt(spread / (1.0 + spread * per_pulse.sum(axis=1)))
+        whole = np.einsum("csp,cs->cp", scaled, root * share[:, None])
+        off = minus_quarter_squares(scaled, whole)
         np.minimum(off, 0.0, out=off)
         np.exp(off, out=off)
         out[number] = -np.mean(np.log(off.mean(axis=1)), axis=1)
     return np.maximum(out, 0.0)
+
+
+def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
+    """(legs, hypotheses, hypotheses) -¼ (|s_i - s_j|² - (w_i - w_j)²), by one product.
+
+    Of (legs, samples, hypotheses) and (legs, hypotheses): with q = |s|² - w² it is
+    ½ (s_i · s_j - w_i w_j) - ¼ q_i - ¼ q_j, and each term a row of both factors.
+    """
+    quarter = np.einsum("csp,csp->cp", scaled, scaled)
+    quarter -= whole * whole
+    quarter *= -0.25
+    legs, samples, count = scaled.shape
+    left = np.empty((legs, samples + 3, count), np.float32)
+    right = np.empty_like(left)
+    left[:, :samples], right[:, :samples] = 0.5 * scaled, scaled
+    left[:, samples], right[:, samples] = -0.5 * whole, whole
+    left[:, samples + 1], right[:, samples + 1] = quarter, 1.0
+    left[:, samples + 2], right[:, samples + 2] = 1.0, quarter
+    return np.asarray(np.matmul(left.transpose(0, 2, 1), right))
 
 
 def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
@@ -166,7 +210,7 @@ def renyi_nats(
     for number, belief in enumerate(beliefs):
         prior = belief.prior
         some = belief.hypotheses(hypotheses)
-        level = expected_levels_db(prior, some, legs, listener.above_tags_m)
+        level, _ = expected_levels_db(prior, some, legs, listener)
         true = rng.integers(0, hypotheses, measurements)
         noise = rng.normal(0.0, prior.fading_db, (*level.shape[:2], measurements))
         drawn = np.maximum(level[:, :, true] + noise, listener.threshold_db)

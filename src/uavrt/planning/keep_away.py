@@ -1,6 +1,7 @@
-"""Keep animals undisturbed: ways that stay far enough from where they may be."""
+"""Leave animals undisturbed: paths that stay far enough from where they may be."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from uavrt.errors import ConfigError
 from uavrt.planning.beliefs import Beliefs
 
 _Floats = NDArray[np.float64]
+_Real = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,7 +24,7 @@ class KeepAway:
     probability : float
         That a way keeps it, for each tag.
     margin : float
-        Factor on the radius when planning: an animal walks meanwhile.
+        Factor on the radius when planning: an animal may turn meanwhile.
     hypotheses : int
         Drawn of each tag.
     """
@@ -41,21 +43,53 @@ class KeepAway:
             )
 
     def kept(
-        self, beliefs: Beliefs, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
+        self,
+        beliefs: Beliefs,
+        start_m: tuple[float, float],
+        east_m: _Floats,
+        north_m: _Floats,
+        *,
+        speed_m_s: float,
+        stays_s: float = 0.0,
     ) -> _Floats:
         """(tags, ways) probability that straight ways keep the planned distance of each tag.
 
-        A tag that may not exist is counted as if it did.
+        A tag that may not exist is counted as if it did; one that travels goes on meanwhile.
+
+        Parameters
+        ----------
+        beliefs : Beliefs
+        start_m : (float, float)
+            East and north.
+        east_m, north_m : (ways,) arrays
+            Their ends.
+        speed_m_s : float
+            Of the drone.
+        stays_s : float
+            At the end.
         """
         out = np.empty((len(beliefs), len(east_m)))
         limit = (self.margin * self.radius_m) ** 2
         way_x, way_y = east_m - start_m[0], north_m - start_m[1]
-        length2 = np.maximum(way_x**2 + way_y**2, 1e-9)
+        span = np.hypot(way_x, way_y) / speed_m_s
+        speed_x, speed_y = (way / np.maximum(span, 1e-6) for way in (way_x, way_y))
         for number, belief in enumerate(beliefs.values()):
             some = belief.hypotheses(self.hypotheses)
             x = (some.east_m - start_m[0])[:, None]
             y = (some.north_m - start_m[1])[:, None]
-            share = np.clip((x * way_x + y * way_y) / length2, 0.0, 1.0)
-            off = (x - share * way_x) ** 2 + (y - share * way_y) ** 2
+            goes_x, goes_y = some.east_m_s[:, None], some.north_m_s[:, None]
+            off = _nearest_m2(x, y, goes_x - speed_x, goes_y - speed_y, span)
+            if stays_s > 0.0:
+                x, y = x + goes_x * span - way_x, y + goes_y * span - way_y
+                off = np.minimum(off, _nearest_m2(x, y, goes_x, goes_y, stays_s))
             out[number] = np.mean(off > limit, axis=0)
         return out
+
+
+def _nearest_m2(
+    x: _Real, y: _Real, speed_x: _Real, speed_y: _Real, span_s: _Real | float
+) -> _Floats:
+    """Square of the least distance from the origin while something goes on for a time."""
+    speed2 = np.maximum(speed_x**2 + speed_y**2, 1e-9)
+    time = np.clip(-(x * speed_x + y * speed_y) / speed2, 0.0, span_s)
+    return np.asarray((x + speed_x * time) ** 2 + (y + speed_y * time) ** 2)

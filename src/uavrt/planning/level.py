@@ -1,8 +1,8 @@
-"""Strengths as others give them, as ours."""
+"""Convert signal strengths given by others to ours."""
 
 from math import log10
 
-from uavrt.localization.level_belief import REFERENCE_M
+from uavrt.localization.position import REFERENCE_M
 
 
 def at_100_m(level_1m_db: float, exponent: float) -> float:

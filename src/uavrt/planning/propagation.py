@@ -1,4 +1,4 @@
-"""Levels over those of plain spreading, where more is known of the ground."""
+"""Level corrections to plain spreading loss where the ground is known."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -47,7 +47,7 @@ class GroundReflection:
         return np.asarray(20.0 * np.log10(np.maximum(both, 1e-3)))
 
     def __call__(self, dx: _Floats, dy: _Floats, height_m: _Floats | float) -> _Floats:
-        """See `uavrt.localization.trackers.PathGain`; one height at a time."""
+        """See `uavrt.localization.position.trackers.PathGain`; one height at a time."""
         height = round(float(np.mean(height_m)), 1)
         table = self._tables.get(height)
         if table is None:

@@ -1,4 +1,4 @@
-"""A search from its first pulse to the way home: what a process or an experiment drives."""
+"""A search from first pulse to flight home, driven by a process or an experiment."""
 
 from dataclasses import dataclass, replace
 
@@ -43,6 +43,8 @@ class SearchSettings:
     pulse_s: float = 1.0
     threshold_db: float = 10.0
     tag_height_m: float = 0.0
+    follows_ground: bool = False
+    """Heights are kept above the ground beneath the drone, else above that at the take-off."""
 
 
 class Search:
@@ -79,7 +81,7 @@ class Search:
             if not (np.isfinite(prior.level_db) and np.isfinite(prior.level_sigma_db)):
                 raise PlanError(
                     f"tag {belief.tag_id} has no strength",
-                    remedy="Give level_db and level_sigma_db of it, wide if it is not known",
+                    remedy="Give its level_db and level_sigma_db, wide if unknown",
                 )
         area = self.settings.area
         here = np.array([state.east_m]), np.array([state.north_m])
@@ -96,7 +98,7 @@ class Search:
             check_reach(area, max(0.0, usable) / (2.0 * per_m))
 
     def listen(self, tag_id: int, time_s: float, heard: Listening) -> None:
-        """Take in a pulse of a tag, or that none was heard when one was due."""
+        """Update with a pulse of a tag, or that none was heard when one was due."""
         belief = self.beliefs[tag_id]
         belief.advance_to(time_s)
         belief.listen(heard)
@@ -104,7 +106,7 @@ class Search:
     def take_bearing(
         self, tag_id: int, time_s: float, east_m: float, north_m: float, posterior: _Floats
     ) -> None:
-        """Take in a rotation's whole posterior; its pulses must not be listened to as well."""
+        """Update with a rotation's whole posterior; its pulses must not count as well."""
         belief = self.beliefs[tag_id]
         belief.advance_to(time_s)
         belief.take_bearing(east_m, north_m, posterior)
@@ -141,6 +143,21 @@ class Search:
         self.decisions.append((state.time_s, decision))
         return decision
 
+    def near(self, state: VehicleState) -> float:
+        """Probability that an animal is too near, or comes so, while the drone stays."""
+        rule = self.settings.keep_away
+        if rule is None:
+            return 0.0
+        place = np.array([state.east_m]), np.array([state.north_m])
+        kept = rule.kept(
+            self.beliefs,
+            (state.east_m, state.north_m),
+            *place,
+            speed_m_s=self.settings.vehicle.speed_m_s,
+            stays_s=self.settings.cycle_s,
+        )
+        return 1.0 - float(kept.min())
+
     def situation(self, state: VehicleState, wind: Wind) -> Situation:
         """What the planner is told."""
         settings = self.settings
@@ -158,6 +175,7 @@ class Search:
             pulse_s=settings.pulse_s,
             threshold_db=settings.threshold_db,
             tag_height_m=settings.tag_height_m,
+            follows_ground=settings.follows_ground,
         )
 
     def _home(
@@ -208,7 +226,7 @@ class Search:
         )
 
     def learn_energy(self, predicted_wh: float, used_wh: float, sigma_wh: float = 0.5) -> None:
-        """Take in what the battery gave over a stretch of the flight."""
+        """Update with what the battery gave over a stretch of the flight."""
         energy = self.settings.energy
         if energy is not None:
             learnt = energy.learnt(predicted_wh, used_wh, sigma_wh)

@@ -1,4 +1,4 @@
-"""What a planner is told, and what it answers."""
+"""Input and output of a planner."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,6 +9,7 @@ from numpy.random import Generator
 from uavrt.planning.actions import Action
 from uavrt.planning.area import SearchArea
 from uavrt.planning.beliefs import Beliefs, TagBelief
+from uavrt.planning.information import Listener
 from uavrt.planning.keep_away import KeepAway
 from uavrt.planning.stopping import StopRule
 from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
@@ -36,6 +37,8 @@ class Situation:
     """SNR from which a pulse is heard."""
     tag_height_m: float = 0.0
     """Above ground."""
+    follows_ground: bool = False
+    """Heights are kept above the ground beneath the drone, else above that at the take-off."""
 
     @property
     def wanted(self) -> list[TagBelief]:
@@ -46,6 +49,16 @@ class Situation:
     def above_tags_m(self) -> float:
         """Height of the drone above the tags."""
         return max(1.0, self.state.height_m - self.tag_height_m)
+
+    @property
+    def listener(self) -> Listener:
+        """What of a pulse reaches the drone."""
+        return Listener(
+            above_tags_m=self.above_tags_m,
+            pulse_s=self.pulse_s,
+            threshold_db=self.threshold_db,
+            follows_ground=self.follows_ground,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,8 +104,7 @@ def summary(candidates: Sequence[Candidate]) -> str:
         (c.nats_per_s for c in candidates if c.nats_per_s is not None and c.refused is None),
         reverse=True,
     )
-    words = [f"{len(candidates)} candidates"]
-    if len(rates) > 1:
-        words.append(f"next best {rates[1]:.3f} nats/s")
+    words = [f"next best {rates[1]:.3f}/s"] if len(rates) > 1 else []
+    words.append(f"{len(candidates)} candidates")
     words += [f"{count} refused: {reason}" for reason, count in refused.items()]
     return "; ".join(words)

@@ -46,7 +46,7 @@ class HonestStop:
         if self.radius95_m <= 0.0 or self.bayes_factor < 1.0:
             raise ConfigError(
                 f"a search until {self.radius95_m:g} m, with evidence of {self.bayes_factor:g}",
-                remedy="Wish for a radius above 0 and an evidence of 1 or more",
+                remedy="Give a radius above 0 and an evidence of 1 or more",
             )
 
     def verdict(self, belief: TagBelief) -> Verdict:
@@ -61,6 +61,9 @@ class HonestStop:
         check = belief.model_check()
         if not check.passed:
             return Verdict(found=False, reason=f"pulses are not as expected ({check})")
+        doubt = belief.doubt()
+        if doubt is not None:
+            return Verdict(found=False, reason=doubt)
         radius = belief.estimate().radius95_m
         if radius > self.radius95_m:
             return Verdict(found=False, reason=f"95 % within {radius:.0f} m")

@@ -4,12 +4,17 @@ The thesis gave each pulse the pose half-way between take-off and now: its searc
 sample before the pulse always found the first one ever, and its fraction was the constant ½,
 so a turn of 90° was logged as 45°. Hence here: integer
 nanoseconds, a bisection, the true fraction.
+
+A pulse that has waited in vain gets the motion of the last 0.2 s carried on for at most 1 s,
+and is marked; across gaps of more than 2 s nothing is interpolated. In a steady turn at 30°/s,
+holding the last pose would be wrong by 15° after half a second. From two samples 20 ms apart,
+noise of 0.1° would become 5°/s; over 0.2 s it is 0.5°/s.
 """
 
 import math
 
 from uavrt.attitude import Quaternion, normalised, slerp
-from uavrt.config.settings import AntennaSettings
+from uavrt.config import AntennaSettings
 from uavrt.errors import PoseUnavailable
 from uavrt.messages import AttitudeSample, Pose, PositionSample
 from uavrt.pose.mounting import Mounting
@@ -60,7 +65,7 @@ class PoseRing:
         """How often everything before was forgotten: time fell, or a flight brought a clock."""
 
     def add_attitude(self, sample: AttitudeSample) -> None:
-        """Take an attitude; one that is no rotation is refused and counted."""
+        """Add an attitude; one that is no rotation is refused and counted."""
         try:
             attitude = normalised(sample.quaternion_wxyz)
         except ValueError:
@@ -71,7 +76,7 @@ class PoseRing:
         )
 
     def add_position(self, sample: PositionSample) -> None:
-        """Take a position; one that is not finite is refused and counted."""
+        """Add a position; one that is not finite is refused and counted."""
         numbers = (
             sample.latitude_deg,
             sample.longitude_deg,

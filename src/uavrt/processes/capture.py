@@ -1,6 +1,6 @@
 """A raw capture: the decimated band of the radio to a file, for a while. Nothing is detected.
 
-Takes the receiver's place in its process; belongs to the receiver process.
+Runs in the receiver process, in place of the receiver.
 """
 
 from collections.abc import Mapping
@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from uavrt.config.settings import RadioSettings
+from uavrt.config import RadioSettings
 from uavrt.dsp import FrontEnd
 from uavrt.ipc import ProcessFrame
 from uavrt.messages import FlightInfo, IQBlock
-from uavrt.radio.sanity import SampleCheck
-from uavrt.recording.iq_recorder import IQRecorder
-from uavrt.recording.layout import FlightLayout
+from uavrt.radio import SampleCheck
+from uavrt.recording import FlightLayout, IQRecorder
 
 
 class Capture:
@@ -90,7 +89,7 @@ class Capture:
         """Nothing waits here."""
 
     def forget(self, *, failed: bool = True) -> None:
-        """Start the filter anew: what comes next does not continue what was."""
+        """Restart the filter: what comes next does not continue what was."""
         self.failures += failed
         self._front_end.reset()
         self._check = SampleCheck("the radio")

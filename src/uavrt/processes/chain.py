@@ -1,7 +1,7 @@
 """The whole chain in one process: radio samples in, pulses out. For a computer with one core.
 
 The same receiver and the same detectors as in processes of their own, without sockets between
-them (`uavrt.supervisor.shapes`).
+them (`uavrt.supervisor.tree.shapes`).
 """
 
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ class Chain(Receiver):
 
 
 def main() -> None:
-    """Receive and detect until told to end."""
+    """Receive and detect until told to stop."""
     run(Chain)
 
 

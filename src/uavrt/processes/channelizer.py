@@ -1,7 +1,7 @@
 """The second stage in a process of its own: the decimated band to the channels of the tags.
 
-For the comparison of shapes (`uavrt.supervisor.shapes`). Its first socket brings the band from
-the decimator, the others lead to the detectors.
+For the comparison of shapes (`uavrt.supervisor.tree.shapes`). Its first socket brings the band
+from the decimator, the others lead to the detectors.
 """
 
 import itertools
@@ -14,9 +14,9 @@ import numpy as np
 
 from uavrt.dsp import FrontEnd
 from uavrt.errors import UavrtError
-from uavrt.ipc import ProcessFrame
-from uavrt.ipc.samples import ChannelReceiver, ChannelSender
+from uavrt.ipc import ChannelReceiver, ChannelSender, ProcessFrame
 from uavrt.messages import ChannelBlock, FlightInfo, IQBlock
+from uavrt.processes.kept_channels import KeptChannels
 
 SELECT_S = 0.2
 GATHER_S = 0.002
@@ -26,7 +26,7 @@ BAND_SAMPLES = 32_768
 
 
 class BandSplitter:
-    """Channelizes what comes by one socket and sends it by others.
+    """Channelizes the band from one socket and sends the channels to others.
 
     Parameters
     ----------
@@ -50,6 +50,7 @@ class BandSplitter:
         for tag in flight.tags:
             channel = self._front_end.channel_of(tag.frequency_hz)
             self._workers.setdefault(channel, set()).add(assignment.worker_of_tag[tag.tag_id])
+        self._kept = KeptChannels(frame, flight)
         self.samples = self.samples_lost = 0
 
     def work(self) -> None:
@@ -59,7 +60,9 @@ class BandSplitter:
         for band in self._bands():
             self.samples += len(band.samples)
             self.samples_lost += band.lost_before
-            for channel in self._front_end.channelize(band):
+            channels = self._front_end.channelize(band)
+            self._kept.put(channels)
+            for channel in channels:
                 for worker in self._workers[channel.channel]:
                     self._senders[worker].send(channel)
             for sender in self._senders:
@@ -85,7 +88,12 @@ class BandSplitter:
             "band_samples": self.samples,
             "samples_lost": self.samples_lost,
             "channel_samples_dropped": sum(s.samples_dropped for s in self._senders),
+            **self._kept.counters(),
         }
+
+    def close(self) -> None:
+        """Finish the recording."""
+        self._kept.close()
 
 
 def _joined(parts: list[ChannelBlock]) -> IQBlock:
@@ -100,7 +108,7 @@ def _joined(parts: list[ChannelBlock]) -> IQBlock:
 
 
 def main() -> None:
-    """Channelize until told to end; then finish what is already here."""
+    """Channelize until told to stop; then finish what is already here."""
     with ProcessFrame.start() as frame:
         flight = frame.assignment.flight
         if flight is None:
@@ -114,6 +122,7 @@ def main() -> None:
             status = "channelizing" if splitter.samples else "waiting for samples"
             frame.report(status, counters=splitter.counters)
         splitter.work()
+        splitter.close()
         frame.report("stopped", counters=splitter.counters, last=True)
 
 

@@ -11,7 +11,7 @@ RETRY_S = 1.0
 
 
 class CommitTimes:
-    """What waits, and since when."""
+    """What is waiting for a commit, and since when."""
 
     def __init__(self) -> None:
         self._pulses_at_s: float | None = None

@@ -12,19 +12,30 @@ from pathlib import Path
 from typing import Any
 
 from uavrt.clock import monotonic_s
-from uavrt.config.parameters import PARAMETERS
-from uavrt.config.settings import Settings
-from uavrt.errors import ConfigError, LinkError, RecordingError, UavrtError
-from uavrt.ipc import TOPICS, ProcessFrame
-from uavrt.ipc.link import SupervisorGone
+from uavrt.config import PARAMETERS, Settings
+from uavrt.errors import (
+    ConfigError,
+    LinkError,
+    PoseUnavailable,
+    RecordingError,
+    UavrtError,
+)
+from uavrt.ipc import TOPICS, ProcessFrame, SupervisorGone
 from uavrt.log import get_logger
-from uavrt.mavlink import Connection, Handlers, Peer, Priority
+from uavrt.mavlink import (
+    WATCHED_HZ,
+    Connection,
+    FileServer,
+    FileTree,
+    Handlers,
+    Message,
+    Peer,
+    Priority,
+    Requests,
+    component_metadata,
+    signing_from,
+)
 from uavrt.mavlink.dialect import ParamRequestList, ParamValue, RadioStatus
-from uavrt.mavlink.ftp_files import FileTree
-from uavrt.mavlink.ftp_server import FileServer
-from uavrt.mavlink.metadata import component_metadata
-from uavrt.mavlink.parameters import Requests
-from uavrt.mavlink.signing import signing_from
 from uavrt.messages import (
     STATION_COUNTER,
     AttitudeSample,
@@ -33,6 +44,7 @@ from uavrt.messages import (
     Delivered,
     FlightInfo,
     LiveBearing,
+    MotionOffer,
     Operation,
     Pose,
     Poses,
@@ -44,23 +56,38 @@ from uavrt.messages import (
     StatusText,
     SystemState,
     SystemStatus,
+    VehicleWish,
 )
 from uavrt.pose import PoseAttacher, PoseRing
 from uavrt.processes.crowd import Crowd
 from uavrt.processes.disk_thread import DiskThread
 from uavrt.processes.ground_status import GroundStatus
 from uavrt.processes.heard_tags import HeardTags
+from uavrt.processes.motion_desk import NEVER_S, MotionDesk, Outlets
 from uavrt.processes.named_values import NamedValues
+from uavrt.processes.own_pose import SILENCE_NS, WAIT_S, OwnPose
 from uavrt.processes.parameter_desk import ParameterDesk
 from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.processes.signing_memory import SigningMemory
-from uavrt.recording.heard import heard_tags
-from uavrt.tunnel.delivery import PulseDelivery
-from uavrt.tunnel.exchange import Answer, Exchange
-from uavrt.tunnel.gate import Gate
-from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
-from uavrt.tunnel.private import RECEIPT_TYPE, SEALED_TYPE, SESSION_TYPE
-from uavrt.tunnel.seal import PARAMETER_INSIDE, PLAIN_INSIDE
+from uavrt.recording import heard_tags
+from uavrt.tunnel import (
+    BEARING_TYPE,
+    MOTION_INSIDE,
+    MOTION_STATE_TYPE,
+    MOTION_TYPE,
+    PARAMETER_INSIDE,
+    PLAIN_INSIDE,
+    RECEIPT_TYPE,
+    SEALED_TYPE,
+    SESSION_TYPE,
+    Answer,
+    Exchange,
+    Gate,
+    MotionState,
+    PulseDelivery,
+    encode_bearing,
+    encode_state,
+)
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 log = get_logger()
@@ -69,6 +96,10 @@ TICK_S = 0.05
 POSE_PERIOD_NS = 50_000_000
 """Recorded poses: 20 a second; the attitude comes 50 times a second, and a slerp over 50 ms
 errs by less than 0.1° when a turn of 60°/s begins."""
+OWN_POSE_PERIOD_NS = 250_000_000
+"""The same without an autopilot."""
+TOLD_NS = NANOSECONDS_PER_SECOND
+"""How often such a station says where it is."""
 SESSION_NS = NANOSECONDS_PER_SECOND
 POSES_PER_RECORD = ns_from_s(TOPICS["poses"].every_s or 0.5) // POSE_PERIOD_NS
 LINK_RETRY_S = 3.0
@@ -99,7 +130,16 @@ class ConnectionProcess:
         }
         self._disk = DiskThread()
         self._ring = PoseRing(settings.antenna)
+        self._own_pose: OwnPose | None = None
         wait_s = settings.antenna.pose_wait_s if mavlink.address else 0.0
+        if settings.pose.source != "autopilot":
+            self._own_pose = OwnPose(
+                settings.pose,
+                frame.clock.now_ns,
+                attitude=self._attitude,
+                position=self._position,
+            )
+            wait_s = max(settings.antenna.pose_wait_s, WAIT_S)
         self._attacher = PoseAttacher(self._ring, wait_s=wait_s)
         self._delivery = PulseDelivery()
         self._exchange = Exchange(
@@ -110,8 +150,11 @@ class ConnectionProcess:
         signing = signing_from(mavlink, frame.clock.now_ns)
         flights = Path(settings.recording.directory)
         self._signing_memory = None if signing is None else SigningMemory(signing, flights)
+        guidance = frame.assignment.settings.guidance
         self._link = Connection(
             Handlers(
+                vehicle=self._vehicle_message,
+                autopilot_found=self._autopilot_found,
                 attitude=self._attitude,
                 position=self._position,
                 tunnel=self._tunnel,
@@ -128,7 +171,23 @@ class ConnectionProcess:
             gap_s=mavlink.tunnel_gap_s,
             parameter_encoding=mavlink.parameter_encoding,
             signing=signing,
+            watched_hz=WATCHED_HZ if guidance.enabled else {},
+            own_system_id=mavlink.system_id if self._own_pose is not None else None,
         )
+        self._motion: MotionDesk | None = None
+        if guidance.enabled:
+            self._motion = MotionDesk(
+                guidance,
+                Outlets(
+                    command=self._link.command_autopilot,
+                    state=self._tell_motion,
+                    ask=lambda command: frame.send("command", command),
+                    record=frame.send,
+                    tell=lambda text: frame.send("status_text", text),
+                ),
+                own_place=lambda: self._link.place,
+                next_request_id=self._exchange.next_request_id,
+            )
         flight = frame.assignment.flight
         self._parameters = ParameterDesk(
             settings,
@@ -177,6 +236,10 @@ class ConnectionProcess:
         self._heard = (False, False)
         self._poses: list[Pose] = []
         self._next_pose_ns = 0
+        self._next_told_ns = 0
+        self._pose_missing: str | None = None
+        # A mast or a person turns no 60°/s.
+        self._pose_period_ns = POSE_PERIOD_NS if self._own_pose is None else OWN_POSE_PERIOD_NS
         self._link_faults: dict[int, str] = {}
         self._clock_stale = False
         self._on_stale_clock = 0
@@ -192,6 +255,8 @@ class ConnectionProcess:
         ]
         if tasks:
             tasks.append(asyncio.create_task(self._link.keep_time()))
+        if self._own_pose is not None:
+            tasks.append(asyncio.create_task(self._own_pose.run()))
         try:
             while self._frame.running:
                 self._tick()
@@ -258,8 +323,16 @@ class ConnectionProcess:
                     self._crowd.commander(answer.asker)  # until the supervisor says who it is
                 self._answer(answer)
                 self._parameters.reply(record)
+                if self._motion is not None:
+                    self._motion.reply(record)
+            case MotionOffer() if self._motion is not None:
+                self._motion.offer(record)
+            case VehicleWish() if self._motion is not None:
+                self._motion.wish(record)
             case Settings():
                 self._parameters.changed(record)
+                if self._own_pose is not None:
+                    self._own_pose.use(record.pose)
             case StatusText() if self._addresses:
                 self._status.text(record, self._base.now_ns())
             case SystemStatus():
@@ -300,8 +373,12 @@ class ConnectionProcess:
             times = self._signing_memory.due(now_ns)
             if times is not None:
                 self._disk(partial(self._signing_memory.write, times), lambda _done: None)
+        if self._motion is not None:
+            silent = self._link.stations_silent_s().values()
+            self._motion.tick(min(silent, default=NEVER_S))
         if self._addresses:
             self._tell_session(now_ns)
+            self._tell_own_pose(now_ns)
             self._status.tick(self._shown_state(), now_ns)
             self._say_who_is_there()
         self._link.tunnel.wake()
@@ -309,6 +386,8 @@ class ConnectionProcess:
             raise self._disk.failure
         fault = 0 in self._addresses and self._link.link is None and 0 in self._link_faults
         status = self._link.status() if self._addresses else "no autopilot configured"
+        if self._own_pose is not None:
+            status = self._watch_own_pose() or (status if self._addresses else "ready")
         if self._disk.stalled_s(monotonic_s()):
             status = "waiting for disk"
         self._frame.report(
@@ -318,7 +397,7 @@ class ConnectionProcess:
         )
 
     def _watch_clock(self) -> None:
-        """Tell it when the autopilot no longer says what its clock shows, and when it does."""
+        """Report when the autopilot no longer says what its clock shows, and when it does."""
         stale = self._link.clock_is_stale
         if stale == self._clock_stale:
             return
@@ -339,7 +418,7 @@ class ConnectionProcess:
         return replace(pose, extrapolated=True)
 
     def _tell_session(self, now_ns: int) -> None:
-        """Tell once a second what commands must be sealed for."""
+        """Report once a second what commands must be sealed for."""
         if now_ns < self._next_session_ns:
             return
         self._next_session_ns = now_ns + SESSION_NS
@@ -382,7 +461,7 @@ class ConnectionProcess:
         self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self._shift_ns))
 
     def _position(self, sample: PositionSample) -> None:
-        """Take a position; record the poses that are known now."""
+        """Add a position; record the poses that are known now."""
         self._ring.add_position(replace(sample, time_ns=sample.time_ns + self._shift_ns))
         newest_ns = self._ring.newest_ns
         if newest_ns is None:
@@ -393,10 +472,66 @@ class ConnectionProcess:
             with suppress(UavrtError):
                 pose = self._ring.vehicle_pose(self._next_pose_ns)
                 self._poses.append(self._by_the_clock(pose))
-            self._next_pose_ns += POSE_PERIOD_NS
-        if len(self._poses) >= POSES_PER_RECORD:
+            self._next_pose_ns += self._pose_period_ns
+        if len(self._poses) * self._pose_period_ns >= POSES_PER_RECORD * POSE_PERIOD_NS:
             self._frame.send("poses", Poses(poses=tuple(self._poses)))
             self._poses.clear()
+
+    def _watch_own_pose(self) -> str | None:
+        """Report when a station's place or heading is missing, and when it is known again."""
+        assert self._own_pose is not None
+        missing = self._own_pose.status
+        if missing != self._pose_missing:
+            self._pose_missing = missing
+            text = "Place and heading known" if missing is None else missing.capitalize()
+            log.info("own pose", missing=missing or "nothing")
+            severity = 6 if missing is None else 4
+            self._frame.send("status_text", StatusText(severity=severity, text=text[:200]))
+        return missing
+
+    def _tell_own_pose(self, now_ns: int) -> None:
+        """Say once a second where this station is; there is no autopilot to say it."""
+        if self._own_pose is None or now_ns < self._next_told_ns:
+            return
+        self._next_told_ns = now_ns + TOLD_NS
+        newest_ns = self._ring.newest_ns
+        if newest_ns is None or now_ns + self._shift_ns - newest_ns > SILENCE_NS:
+            return
+        with suppress(PoseUnavailable):  # the receiver has just come back
+            pose = self._ring.vehicle_pose(newest_ns, extrapolate=True)
+            self._link.component.tell_pose(pose, now_ns)
+
+    def _vehicle_message(self, message: Message, arrived_ns: int) -> None:
+        if self._motion is not None:
+            age_s = (self._base.now_ns() - arrived_ns) / NANOSECONDS_PER_SECOND
+            self._motion.vehicle(message, max(0.0, age_s))
+
+    def _autopilot_found(self) -> None:
+        if self._motion is not None:
+            self._motion.autopilot_found()
+
+    def _take_motion(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+        """Handle an order of motion; where none are flown it is refused with the remedy."""
+        asker = (peer.system_id, peer.component_id)
+        self._asked_on[asker] = peer.link
+        if self._motion is None:
+            text = "this drone takes no orders of motion: see guidance.enabled"
+            state = MotionState(
+                kind="refused",
+                standing="out",
+                text=text,
+                request_id=int.from_bytes(payload[4:8], "little"),
+            )
+            self._tell_motion(encode_state(state), asker)
+            return
+        refusal = self._gate.refusal(asker, sealed=sealed)
+        self._motion.receive(payload, asker, refusal, sealed=sealed)
+
+    def _tell_motion(self, payload: bytes, asker: tuple[int, int] | None) -> None:
+        """Report the progress of an order: who asked, or all."""
+        peer = None if asker is None else Peer(*asker, self._asked_on.get(asker, 0))
+        priority = Priority.STATUS if peer is None else Priority.ACK
+        self._link.tunnel.send_tunnel(payload, priority, peer, MOTION_STATE_TYPE)
 
     def _admits(self, peer: Peer, answers: int = 0) -> bool:
         place = (peer.system_id, peer.component_id)
@@ -407,7 +542,7 @@ class ConnectionProcess:
             self._take_command(payload, peer, sealed=False)
 
     def _take_command(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        """Take a command from who may command, or say why not."""
+        """Handle a command from who may command, or say why not."""
         asker = (peer.system_id, peer.component_id)
         self._asked_on[asker] = peer.link
         reason = self._gate.refusal(asker, sealed=sealed)
@@ -433,11 +568,17 @@ class ConnectionProcess:
             if kind == PLAIN_INSIDE:
                 self._take_command(payload, peer, sealed=True)
                 return
+            if kind == MOTION_INSIDE:
+                self._take_motion(payload, peer, sealed=True)
+                return
             if kind == PARAMETER_INSIDE:
                 refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=True)
                 number = self._exchange.next_request_id()
                 self._parameters.receive_sealed(payload, peer, refusal, number)
                 return
+        elif payload_type == MOTION_TYPE:
+            self._take_motion(payload, peer, sealed=False)
+            return
         elif payload_type != RECEIPT_TYPE or self._gate.locked:
             return
         place = (peer.system_id, peer.component_id)
@@ -483,7 +624,7 @@ class ConnectionProcess:
             self._link.tunnel.send_tunnel(answer.payload, priority, self._asker(answer))
 
     def _send_parameter(self, value: ParamValue, asker: Peer | None) -> None:
-        """Tell a value: to all, or to one who asks and does not command, after pulses."""
+        """Report a value: to all, or to one who asks and does not command, after pulses."""
         tunnel = self._link.tunnel
         if asker is None or self._crowd.commands((asker.system_id, asker.component_id)):
             tunnel.send_message(value)
@@ -508,7 +649,7 @@ class ConnectionProcess:
             self._named_values.heard_before({tag: count for tag, (count, _) in heard.items()})
 
     def _tell_of_tag(self, pulse: Pulse) -> None:
-        """Tell those who do not know our pulses."""
+        """Inform those who do not know our pulses."""
         now_ns = self._base.now_ns()
         self._named_values.heard(pulse, now_ns)
         text = self._heard_tags.text(pulse)
@@ -523,6 +664,7 @@ class ConnectionProcess:
             "pulses_without_pose": self._attacher.without_pose,
             "pulses_waiting_for_recorder": self._delivery.unrecorded,
             "pose_resets": self._ring.resets,
+            **({} if self._own_pose is None else self._own_pose.health()),
             "poses_on_stale_clock": self._on_stale_clock,
             **{name: float(count) for name, count in self._exchange.counters.items()},
             **self._outlet.counters(),
@@ -532,6 +674,7 @@ class ConnectionProcess:
             "parameters_refused": self._parameters.refused,
             "texts_left_out": self._status.texts_left_out,
             "disk_jobs_waiting": self._disk.waiting,
+            **({} if self._motion is None else self._motion.counters()),
             **self._link.counters(),
             **{
                 f"{STATION_COUNTER}{system_id}_{component_id}": silent_s
@@ -552,7 +695,7 @@ def _heard_before(directory: str) -> tuple[str, dict[int, tuple[int, int]]]:
 
 
 def main() -> None:
-    """Connect until told to end."""
+    """Connect until told to stop."""
     with ProcessFrame.start() as frame:
         asyncio.run(ConnectionProcess(frame).run())
 

@@ -1,4 +1,4 @@
-"""How many messages of ground stations are looked at: a flood must not hold up the pulses.
+"""Limit the ground station messages we process: a flood must not hold up the pulses.
 
 The station whose commands were carried out has a share of its own; all others, who may be one
 sender with many names, share one. What is beyond is counted, neither answered nor written.
@@ -21,7 +21,7 @@ FILES_BURST, FILES_PER_S = 200, 100
 
 
 class Crowd:
-    """Says which messages are looked at."""
+    """Decides which messages to process."""
 
     def __init__(self) -> None:
         self._commander: Place | None = None
@@ -38,7 +38,7 @@ class Crowd:
         return self._commander is not None
 
     def commander(self, place: Place) -> None:
-        """Take note of who commands."""
+        """Note who commands."""
         if place != self._commander:
             self._commander = place
             self._own = Allowance(burst=OWN_BURST, per_s=OWN_PER_S)

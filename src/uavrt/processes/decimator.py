@@ -1,7 +1,7 @@
 """The first stage in a process of its own: radio samples to the decimated band.
 
-For the comparison of shapes (`uavrt.supervisor.shapes`): the receiver does this and the next
-stage in one process.
+For the comparison of shapes (`uavrt.supervisor.tree.shapes`): the receiver does this and the
+next stage in one process.
 """
 
 from uavrt.messages import ChannelBlock, IQBlock
@@ -9,7 +9,9 @@ from uavrt.processes.receiver import Receiver, run
 
 
 class BandReceiver(Receiver):
-    """A receiver that leaves the channels to another process."""
+    """A receiver that leaves the channels, and their keeping, to another process."""
+
+    makes_channels = False
 
     def _pass_on(self, band: IQBlock) -> None:
         """Send the band as if it were one channel."""
@@ -28,7 +30,7 @@ class BandReceiver(Receiver):
 
 
 def main() -> None:
-    """Receive until told to end."""
+    """Receive until told to stop."""
     run(BandReceiver)
 
 

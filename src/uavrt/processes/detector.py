@@ -10,12 +10,11 @@ from dataclasses import asdict, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config.settings import DetectionSettings
+from uavrt.config import DetectionSettings
 from uavrt.detection import DetectorGroup, PulseDetector, Receiver
 from uavrt.dsp import ClippedTimes
 from uavrt.errors import UavrtError
-from uavrt.ipc import ProcessFrame
-from uavrt.ipc.samples import ChannelReceiver
+from uavrt.ipc import ChannelReceiver, ProcessFrame
 from uavrt.log import get_logger
 from uavrt.messages import ChannelBlock, FlightInfo, Pulse, Tag
 from uavrt.processes.hang_watch import HangWatch
@@ -116,7 +115,7 @@ class DetectorBank:
 
     @contextmanager
     def _surviving(self) -> Iterator[None]:
-        """Let no failure of one tag's search be the others' end."""
+        """Keep a failure of one tag's search from ending the others."""
         try:
             with self._watch:
                 yield
@@ -126,7 +125,7 @@ class DetectorBank:
             self._start_anew(error)
 
     def _start_anew(self, error: Exception) -> None:
-        """Go on without what failed: with new detectors, in the end without the tag."""
+        """Continue without what failed: with new detectors, and finally without the tag."""
         suspects = [detector.tag for detector in self._group.in_hand]
         self.failures += 1
         # Of several, one: they are told apart alone, or all go where that is not possible.
@@ -145,7 +144,7 @@ class DetectorBank:
         log.error("tag is searched no more: its detector failed", tag=name, reason=str(error))
 
     def _finite(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Put zeros for what is no number: a noise level would never get rid of it."""
+        """Replace values that are not numbers by zeros: the noise level would never recover."""
         if np.isfinite(samples.sum()):  # one number tells, and costs 2 µs
             return samples
         good = np.isfinite(samples)
@@ -228,7 +227,7 @@ def _numbers(detector: PulseDetector) -> Iterator[tuple[str, int]]:
 
 
 def main() -> None:
-    """Detect until told to end; then finish the samples that are already here."""
+    """Detect until told to stop; then finish the samples that are already here."""
     with ProcessFrame.start() as frame:
         assignment = frame.assignment
         receiver = ChannelReceiver(socket.socket(fileno=assignment.sample_fds[0]))
@@ -267,7 +266,7 @@ class Searcher:
         """Of the blocks that are yet to be searched."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Take the next block of a channel; the channels of one radio block belong together."""
+        """Process a channel's next block; the channels of one radio block belong together."""
         if block.time_ns != self._time_ns:
             self._search()
             self._time_ns = block.time_ns

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from uavrt.errors import UsageError
 from uavrt.ipc import ProcessFrame
-from uavrt.localization.live_bearings import LiveBearings
+from uavrt.localization.bearing import LiveBearings
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, LiveBearing, Poses, PulsePose
 from uavrt.units import ns_from_s
@@ -55,7 +55,7 @@ class Outgoing:
         self._waiting[key] = _Waiting(bearing, due_ns)
 
     def take(self, now_ns: int) -> LiveBearing | None:
-        """Give the bearing that is due, if it is time."""
+        """Return the bearing that is due, if it is time."""
         if now_ns < self._next_ns or not self._waiting:
             return None
         key, first = min(self._waiting.items(), key=lambda item: item[1].due_ns)
@@ -89,7 +89,7 @@ class Estimation:
         self.made = self.sent = 0
 
     def take(self, topic: str, record: object) -> None:
-        """Take a record of the hub."""
+        """Handle a record of the hub."""
         match record:
             case PulsePose():
                 self._stage.add_pulse(record)
@@ -127,7 +127,7 @@ class Estimation:
 
 
 def main() -> None:
-    """Estimate until told to end."""
+    """Estimate until told to stop."""
     os.nice(NICENESS)
     with ProcessFrame.start() as frame:
         try:

@@ -10,12 +10,10 @@ import time
 from functools import partial
 from pathlib import Path
 
-from uavrt.mavlink import Peer, Priority, TunnelSender
+from uavrt.mavlink import Disk, Peer, Priority, TextLimiter, TunnelSender, at_once
 from uavrt.mavlink.dialect import MavSeverity, OnboardComputerStatus
-from uavrt.mavlink.ftp_state import Disk, at_once
-from uavrt.mavlink.statustext import TextLimiter
 from uavrt.messages import SearchReport, StatusText, SystemState
-from uavrt.tunnel.exchange import Exchange
+from uavrt.tunnel import Exchange
 from uavrt.units import ns_from_s
 
 HEARTBEAT_NS = ns_from_s(1.0)
@@ -35,7 +33,7 @@ UNKNOWN_U32 = 0xFFFFFFFF
 
 
 class GroundStatus:
-    """Says what is due.
+    """Decides which status messages are due.
 
     Parameters
     ----------
@@ -98,7 +96,7 @@ class GroundStatus:
         return allowed
 
     def search_report(self, report: SearchReport, now_ns: int) -> None:
-        """A tag was searched: tell it now and then."""
+        """A tag was searched: tell it from time to time."""
         if self._due(f"search {report.tag_id}", SEARCH_REPORT_NS, now_ns):
             self._send(self._exchange.search_report(report))
         else:
@@ -121,7 +119,7 @@ class GroundStatus:
             self._sender.send_tunnel(payload, Priority.STATUS)
 
     def _tell_computer(self) -> None:
-        """Tell the computer's load with the free space; while the disk stalls, the last known.
+        """Report the computer's load and free space; while the disk stalls, the last known.
 
         Asked again and again it would keep file clients from the disk when it comes back.
         """

@@ -1,4 +1,4 @@
-"""Break off a search that does not end, and know whose it was.
+"""Abort a search that hangs, and name the tag it was for.
 
 Whoever searches says whose turn it is (`DetectorGroup.in_hand`). A timer of processor time
 looks at that; the same turn for several looks in a row is a search that hangs. It is broken off
@@ -26,7 +26,7 @@ class SearchHangs(RuntimeError):
 
 
 class HangWatch:
-    """A context in which a search is watched; it may be entered again and again.
+    """A reusable context that watches a search.
 
     Parameters
     ----------

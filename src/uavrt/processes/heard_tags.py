@@ -38,7 +38,7 @@ class HeardTags:
                 del self._due[tag_id]
 
     def text(self, pulse: Pulse) -> str | None:
-        """Take a pulse; get the text that is due. Only confirmed pulses count."""
+        """Add a pulse; get the text that is due. Only confirmed pulses count."""
         if not pulse.confirmed:
             return None
         tag_id = pulse.tag_id
@@ -53,7 +53,7 @@ class HeardTags:
         return self._words(pulse) if tag_id in self._due else None
 
     def told(self, tag_id: int) -> None:
-        """Take note that the text was sent."""
+        """Note that the text was sent."""
         self._due.pop(tag_id, None)
 
     def _silence_s(self, tag_id: int) -> float:

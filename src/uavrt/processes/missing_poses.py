@@ -1,4 +1,4 @@
-"""Pulses whose pose has not come, and may never come: the recorder makes up for it.
+"""Pulses whose pose has not come and may never come: the recorder fills them in.
 
 The connection gives each pulse its pose. When it is killed or stopped, the pulses that wait
 there are gone with it; the recorder has them all the same, and its recorded poses of the
@@ -8,11 +8,10 @@ vehicle. Belongs to the recorder process.
 from collections import OrderedDict
 from collections.abc import Iterable
 
-from uavrt.config.settings import AntennaSettings
+from uavrt.config import AntennaSettings
 from uavrt.errors import PoseUnavailable
 from uavrt.messages import AttitudeSample, Pose, PositionSample, Pulse, PulsePose
-from uavrt.pose import PoseRing
-from uavrt.pose.ring import MAX_EXTRAPOLATION_S, MAX_GAP_S
+from uavrt.pose import MAX_EXTRAPOLATION_S, MAX_GAP_S, PoseRing
 from uavrt.units import ns_from_s
 
 REACH_NS = ns_from_s(MAX_GAP_S + MAX_EXTRAPOLATION_S)
@@ -21,7 +20,7 @@ MOST_POSES = 200
 
 
 class AwaitedPoses:
-    """Which pulses still wait for their pose, and which wait in vain.
+    """Pulses still waiting for their pose, and those that wait in vain.
 
     The poses of a tag's pulses come in the order of the pulses. So a pulse waits in vain when
     the pose of a later one of its tag has come, or when it has waited too long.
@@ -40,12 +39,12 @@ class AwaitedPoses:
         return sum(map(len, self._tags.values()))
 
     def add(self, pulse: Pulse, now_s: float) -> None:
-        """Take a pulse; one that waits already goes on waiting."""
+        """Add a pulse; one that waits already goes on waiting."""
         waiting = self._tags.setdefault(pulse.tag_id, OrderedDict())
         waiting.setdefault(pulse.start_time_ns, (pulse, now_s + self._patience_s))
 
     def came(self, pulse: Pulse) -> list[Pulse]:
-        """Take note of a pulse's pose; get those before it, which wait in vain."""
+        """Note a pulse's pose; get those before it, which wait in vain."""
         waiting = self._tags.get(pulse.tag_id)
         if waiting is None or pulse.start_time_ns not in waiting:
             return []

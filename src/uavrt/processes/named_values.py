@@ -6,8 +6,8 @@ They never hold up a pulse: they leave when no pulse waits, and few of them.
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping
 
-from uavrt.config.settings import NamedValuesName
-from uavrt.mavlink.named_value import NamedValueFloat, value_name
+from uavrt.config import NamedValuesName
+from uavrt.mavlink import NamedValueFloat, value_name
 from uavrt.messages import Pulse
 from uavrt.units import ns_from_s
 
@@ -60,7 +60,7 @@ class NamedValues:
         self._counts.update(counts)
 
     def heard(self, pulse: Pulse, now_ns: int) -> None:
-        """Take a pulse; only confirmed ones count."""
+        """Add a pulse; only confirmed ones count."""
         if pulse.confirmed and self._which != "off":
             self._counts[pulse.tag_id] += 1
             self._news[pulse.tag_id] = now_ns, pulse.snr_db
@@ -78,7 +78,7 @@ class NamedValues:
         return None if first_ns is None else max(gap_ns, first_ns)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> NamedValueFloat | None:
-        """Give one; a tag's count follows its SNR."""
+        """Return one; a tag's count follows its SNR."""
         if self.wait_ns(now_ns) != 0:
             return None
         if not self._outgoing:

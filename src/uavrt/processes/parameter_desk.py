@@ -7,15 +7,13 @@ supervisor, who alone changes a setting. Belongs to the connection process.
 from collections import OrderedDict
 from collections.abc import Callable
 
-from uavrt.config.parameters import OFFERED, RUN, parameter_values
-from uavrt.config.settings import Settings
+from uavrt.config import OFFERED, RUN, Settings, parameter_values
 from uavrt.errors import TunnelError
 from uavrt.log import get_logger
+from uavrt.mavlink import ParameterServer, Peer, Requests
 from uavrt.mavlink.dialect import MavParamType, ParamSet, ParamValue
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.parameters import ParameterServer, Requests
 from uavrt.messages import Command, CommandReply, StatusText
-from uavrt.tunnel.seal import parameter_of
+from uavrt.tunnel import parameter_of
 
 log = get_logger()
 
@@ -23,7 +21,7 @@ PENDING = 64
 
 
 class ParameterDesk:
-    """Answers, and passes wishes on.
+    """Answers requests and passes changes to the supervisor.
 
     Parameters
     ----------
@@ -76,7 +74,7 @@ class ParameterDesk:
         *,
         sealed: bool = False,
     ) -> None:
-        """Take a request.
+        """Handle a request.
 
         Parameters
         ----------
@@ -115,7 +113,7 @@ class ParameterDesk:
     def receive_sealed(
         self, inside: bytes, peer: Peer, refusal: str | None, request_id: int
     ) -> None:
-        """Take the sealed wish to set a parameter; the rest is as for `receive`."""
+        """Handle the sealed wish to set a parameter; the rest is as for `receive`."""
         try:
             name, value = parameter_of(inside)
         except TunnelError as error:
@@ -131,7 +129,7 @@ class ParameterDesk:
         self.receive(wish, peer, refusal, request_id, sealed=True)
 
     def reply(self, reply: CommandReply) -> None:
-        """Take the supervisor's answer: the asker hears the value in force, and why not.
+        """Handle the supervisor's answer: the asker hears the value in force, and why not.
 
         Changed settings come before the reply, so the value is the new one.
         """
@@ -144,7 +142,7 @@ class ParameterDesk:
             self._refuse(name, reply.message, peer)
 
     def changed(self, settings: Settings) -> None:
-        """Take changed settings; what somebody else has set is shown, too."""
+        """Apply changed settings; what somebody else has set is shown, too."""
         before, now = parameter_values(self._settings), parameter_values(settings)
         self._settings = settings
         for name, value in now.items():

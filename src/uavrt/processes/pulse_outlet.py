@@ -1,4 +1,4 @@
-"""Pulses on their way to the ground: memory, the flight's database, and who has what.
+"""Pulses on their way to the ground: in memory, in the flight's database, delivered to whom.
 
 Joins the sender (`uavrt.tunnel.reliable`) to the spool (`uavrt.recording.spool`). Belongs to
 the connection process. The database is read where a slow disk does no harm (`Disk`): what is in
@@ -12,11 +12,10 @@ from pathlib import Path
 
 from uavrt.errors import RecordingError, TunnelError
 from uavrt.log import get_logger
-from uavrt.mavlink.ftp_state import Disk, at_once
+from uavrt.mavlink import Disk, at_once
 from uavrt.messages import Delivered, PulsePose
-from uavrt.recording.spool import undelivered
-from uavrt.tunnel.private import Receipt
-from uavrt.tunnel.reliable import PLAIN, Key, ReliableSender
+from uavrt.recording import undelivered
+from uavrt.tunnel import PLAIN, ItemKey, Receipt, ReliableSender
 from uavrt.units import ns_from_s
 
 log = get_logger()
@@ -32,7 +31,7 @@ REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
 class PulseOutlet:
-    """Everything that is still to be sent.
+    """Everything still to send.
 
     Parameters
     ----------
@@ -59,7 +58,7 @@ class PulseOutlet:
         self._disk = disk
         self._reading = False
         self._flights: deque[str] = deque(maxlen=FLIGHTS)
-        self._recent: OrderedDict[tuple[int, Key], int] = OrderedDict()
+        self._recent: OrderedDict[tuple[int, ItemKey], int] = OrderedDict()
         self._next_refill_ns = first_refill_ns
         self.bad_receipts = 0
         self.receipts = 0
@@ -79,13 +78,13 @@ class PulseOutlet:
         self.sender.disk_has_news()
 
     def add(self, pulse_pose: PulsePose) -> None:
-        """Take a pulse with its pose."""
+        """Add a pulse with its pose."""
         self.sender.add(pulse_pose.pulse.key, pulse_pose)
 
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
     ) -> tuple[bool, float | None]:
-        """Take a ground station's receipt.
+        """Handle a ground station's receipt.
 
         Returns
         -------
@@ -129,7 +128,7 @@ class PulseOutlet:
             "receipts_of_too_many": sender.stores_refused,
         }
 
-    def _delivered(self, store: int, keys: list[Key], now_ns: int) -> None:
+    def _delivered(self, store: int, keys: list[ItemKey], now_ns: int) -> None:
         if not keys:
             return
         for key in keys:
@@ -161,7 +160,7 @@ class PulseOutlet:
 
 
 def _read(
-    flights: Sequence[str], store: int, room: int, without: Collection[Key]
+    flights: Sequence[str], store: int, room: int, without: Collection[ItemKey]
 ) -> tuple[list[PulsePose], bool]:
     """Get up to `room` pulses that a store lacks, and whether there are more."""
     found: list[PulsePose] = []

@@ -1,7 +1,7 @@
 """The receiver process: radio samples to the channels of the tags.
 
 Reads the radio, decimates, channelizes and sends each channel in use to the detectors that
-serve its tags. If asked, records the decimated band at the same time.
+serve its tags. Keeps the channels' samples and, if asked, records the decimated band.
 """
 
 import socket
@@ -11,19 +11,16 @@ from pathlib import Path
 from typing import Protocol
 
 from uavrt.clock import monotonic_s
-from uavrt.config.settings import Settings
+from uavrt.config import Settings
 from uavrt.dsp import Carriers, Clipping, FrontEnd
 from uavrt.errors import RecordingError, UavrtError
-from uavrt.ipc import ProcessFrame
-from uavrt.ipc.samples import ChannelSender
+from uavrt.ipc import ChannelSender, ProcessFrame
 from uavrt.log import get_logger
 from uavrt.messages import ChannelBlock, FlightInfo, IQBlock
 from uavrt.processes.capture import Capture
-from uavrt.radio import SampleSource, open_radio
-from uavrt.radio.channel_output import ChannelOutput
-from uavrt.radio.sanity import SampleCheck
-from uavrt.recording.iq_recorder import IQRecorder
-from uavrt.recording.layout import FlightLayout
+from uavrt.processes.kept_channels import KeptChannels
+from uavrt.radio import ChannelOutput, SampleCheck, SampleSource, open_radio
+from uavrt.recording import FlightLayout, IQRecorder
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()
@@ -45,7 +42,7 @@ class ChannelSink(Protocol):
     samples_dropped: int
 
     def send(self, block: ChannelBlock) -> None:
-        """Take the next block of a channel."""
+        """Process the next block of a channel."""
 
     def flush(self) -> None:
         """End a radio block; try again what could not be done yet."""
@@ -66,6 +63,8 @@ class Receiver:
 
     status: str | None = None
     """It is never over by itself."""
+    makes_channels = True
+    """Then it keeps them, too."""
 
     def __init__(
         self,
@@ -89,6 +88,7 @@ class Receiver:
             worker = assignment.worker_of_tag[tag.tag_id]
             self._workers_of_channel.setdefault(channel, set()).add(worker)
         self._recorder = self._open_recorder(frame, flight)
+        self._kept = KeptChannels(frame, flight, switched_on=self.makes_channels)
         self._output = self._open_output(frame, flight)
         self._check = SampleCheck("the radio")
         self._clipping = Clipping()
@@ -175,13 +175,14 @@ class Receiver:
         return max(0, round(missed_ns * 1e-9 * self._sample_rate_hz) - block.lost_before)
 
     def _tell_of_clipping(self) -> None:
-        """Say once what the operator can do, when pulses may be clipped."""
+        """Report once what the operator can do, when pulses may be clipped."""
         if self._clipping.clipped_s > CLIPPED_S and not self._told:
             self._told = True
             self._tell(4, "Radio clipped: SNR too low. Reduce gain")
 
     def _pass_on(self, band: IQBlock) -> None:
         channels = self._front_end.channelize(band)
+        self._kept.put(channels)
         # The channels are behind the radio by the filters: they wait for no news of this kind.
         clipped_ns = self._clipping.take_new() if channels else ()
         carriers_hz = self._carriers.frequencies_hz
@@ -192,7 +193,7 @@ class Receiver:
                 self._sinks[worker].send(channel)
 
     def tell_losses(self, frame: ProcessFrame) -> None:
-        """Tell the ground of samples lost: the first tenth of a second, then each doubling."""
+        """Report lost samples to the ground: the first tenth of a second, then doublings."""
         lost_s = self.samples_lost / self._sample_rate_hz
         if lost_s < self._loss_to_tell_s:
             return
@@ -201,7 +202,7 @@ class Receiver:
         frame.tell(4, f"Radio has lost {lost_s:.1f} s of samples ({100.0 * share:.1f} %)")
 
     def forget(self, *, failed: bool = True) -> None:
-        """Start the filters anew: what comes next does not continue what was."""
+        """Restart the filters: what comes next does not continue what was."""
         self.failures += failed
         self._opened_anew = True
         self._front_end.reset()
@@ -215,7 +216,8 @@ class Receiver:
             sink.flush()
 
     def close(self) -> None:
-        """Finish the recording."""
+        """Finish the recordings."""
+        self._kept.close()
         if self._recorder is not None:
             self._recorder.close()
         if self._output is not None:
@@ -233,6 +235,7 @@ class Receiver:
             "last_sample_ns": float(self.last_sample_ns),
             "clipped_s": self._clipping.clipped_s,
             "channel_samples_dropped": sum(s.samples_dropped for s in self._sinks),
+            **self._kept.counters(),
         }
         if self._recorder is not None:
             counters["recording_samples"] = self._recorder.written_samples
@@ -251,12 +254,12 @@ def new_recording_name(directory: Path) -> Path:
 
 
 def main() -> None:
-    """Receive until told to end."""
+    """Receive until told to stop."""
     run(Receiver)
 
 
 def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
-    """Be a receiver of this kind; a radio that fails is opened again and again."""
+    """Run a receiver of this kind; a radio that fails is reopened until it works."""
     with ProcessFrame.start() as frame:
         flight = frame.assignment.flight
         if flight is None:
@@ -284,7 +287,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
 
 
 def receive(frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInfo) -> None:
-    """Pass samples on from one opened radio until it fails, is set anew, or all is to end."""
+    """Pass samples on from one opened radio until it fails, is set again, or all is to end."""
     radio = receiver.radio
     source: SampleSource = open_radio(radio, flight.center_frequency_hz, clock=frame.clock)
     flowing = False
@@ -311,7 +314,7 @@ def receive(frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInf
 
 
 def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Capture) -> None:
-    """Take changed settings: gain, bias-tee and correction of the radio.
+    """Apply changed settings: gain, bias-tee and correction of the radio.
 
     Its programs take them on their command line only, so it is opened again, which costs what a
     failed radio costs; the frequency stays, for the filters are made for it.

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from uavrt.clock import monotonic_s
 from uavrt.errors import RecordingError
-from uavrt.ipc import ProcessFrame
-from uavrt.ipc.link import SupervisorGone
+from uavrt.ipc import ProcessFrame, SupervisorGone
 from uavrt.log import get_logger
 from uavrt.messages import (
     Command,
@@ -27,6 +26,7 @@ from uavrt.messages import (
     PulseKey,
     PulsePose,
     Recorded,
+    SearchNote,
     SearchReport,
     StatusText,
     Taken,
@@ -34,9 +34,7 @@ from uavrt.messages import (
 from uavrt.processes.commit_times import CommitTimes
 from uavrt.processes.missing_poses import REACH_NS, AwaitedPoses, made_up
 from uavrt.processes.told_health import ToldHealth
-from uavrt.recording import FlightRecorder
-from uavrt.recording.spool import note_deliveries
-from uavrt.recording.writer_lock import WriterLock
+from uavrt.recording import FlightRecorder, WriterLock, note_deliveries
 
 log = get_logger()
 
@@ -221,6 +219,8 @@ class Recorder:
                 flight.write_status_text(record, now_ns)
             case SearchReport():
                 flight.write_search_report(record)
+            case SearchNote():
+                flight.write_search_note(record)
             case CommandReply():
                 command = self._commands.pop(record.request_id, None)
                 if command is not None:
@@ -274,7 +274,7 @@ class Recorder:
             self._frame.send("pulse_pose", pulse_pose)
 
     def _tell_of_poses(self, now_s: float) -> None:
-        """Say now and then that poses never came."""
+        """Report occasionally that poses never came."""
         if not self._untold or now_s < self._tell_at_s:
             return
         self._tell_at_s = now_s + TELL_S
@@ -309,7 +309,7 @@ class Recorder:
             self._unsaid.clear()
 
     def _say_taken(self) -> None:
-        """Say how far this process is, at once: what was committed must not be sent again.
+        """Describe how far this process is, at once: what was committed must not be sent again.
 
         Only when all that was received is committed, never in the middle of a turn.
         """
@@ -319,7 +319,7 @@ class Recorder:
             self._frame.link.send("taken", Taken(records=lines))
 
     def _complain(self, error: RecordingError) -> None:
-        """Say it once until it is mended."""
+        """Report it once until it is fixed."""
         if not self._fault:
             log.error("not recorded", reason=str(error))
         self._fault = str(error)
@@ -363,7 +363,7 @@ class Recorder:
 
 
 def main() -> None:
-    """Record until told to end."""
+    """Record until told to stop."""
     with ProcessFrame.start(finishes=True) as frame:
         recorder = Recorder(frame)
         try:

@@ -13,10 +13,10 @@ from uavrt.errors import ConfigError, LinkError
 from uavrt.ipc import ProcessFrame
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo
-from uavrt.ros2.gateway import Gateway
+from uavrt.ros2 import Gateway
 
 if TYPE_CHECKING:
-    from uavrt.ros2.dds import Participant
+    from uavrt.ros2 import Participant
 
 log = get_logger()
 
@@ -28,7 +28,7 @@ RETRY_S = 10.0
 
 
 def main() -> None:
-    """Show and listen until told to end."""
+    """Show and listen until told to stop."""
     os.nice(NICENESS)
     with ProcessFrame.start() as frame:
         participant = join(frame)
@@ -46,7 +46,7 @@ def join(frame: ProcessFrame) -> "Participant | None":
     while frame.running:
         try:
             # Imported here: without the extra, the gateway says so and stays off.
-            from uavrt.ros2.dds import Participant
+            from uavrt.ros2 import Participant
 
             return Participant(frame.assignment.settings.ros2)
         except ImportError as error:

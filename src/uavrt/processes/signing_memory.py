@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from uavrt.log import get_logger
-from uavrt.mavlink.signing import Signing, SigningTimes
+from uavrt.mavlink import Signing, SigningTimes
 
 log = get_logger()
 

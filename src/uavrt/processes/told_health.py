@@ -1,4 +1,4 @@
-"""Which signs of life are recorded: what is new, and one in thirty of the others.
+"""Which health reports are recorded: every change, and one in thirty of the rest.
 
 Each process speaks once a second, some 450 bytes, and its counters only rise: thirty of them
 say hardly more than the last.
@@ -11,7 +11,7 @@ PERIOD_NS = ns_from_s(30.0)
 
 
 class ToldHealth:
-    """Chooses; the last of each process is never lost."""
+    """Selects reports; never loses the last one of a process."""
 
     def __init__(self) -> None:
         self._recorded: dict[str, Health] = {}
@@ -36,7 +36,7 @@ class ToldHealth:
         return [last, health]
 
     def last(self) -> list[Health]:
-        """Get what each process said last, at the end of a flight; then begin anew."""
+        """Get what each process said last, at the end of a flight; then begin again."""
         last = list(self._last.values())
         self._last.clear()
         self._recorded.clear()

@@ -1,6 +1,6 @@
 """The Airspy Mini and R2 by ``airspy_rx``."""
 
-from uavrt.config.settings import RadioSettings
+from uavrt.config import RadioSettings
 from uavrt.radio.arguments import megahertz, rate, serial
 
 

@@ -1,6 +1,6 @@
 """The Airspy HF+ by ``airspyhf_rx``."""
 
-from uavrt.config.settings import RadioSettings
+from uavrt.config import RadioSettings
 from uavrt.errors import ConfigError
 from uavrt.radio.arguments import megahertz, rate, serial
 

@@ -1,6 +1,6 @@
 """What the arguments of several radios' programs have in common."""
 
-from uavrt.config.settings import RadioSettings
+from uavrt.config import RadioSettings
 
 
 def corrected(settings: RadioSettings, frequency_hz: float) -> float:

@@ -167,7 +167,7 @@ class ByteJoiner:
             What is before the last gap has not been taken.
         """
         if self.has_gap:
-            raise ValueError("take what is before the gap first")
+            raise ValueError("read what comes before the gap first")
         if lost:
             self._after = payload
             self._lost_bytes = lost * (self._last_size or len(payload))

@@ -78,7 +78,7 @@ def encode_channel_datagram(
         else:
             stamp = _MILLISECONDS.pack(*divmod(time_ns // _NS_PER_MS, _SPLIT))
     except struct.error:
-        raise ValueError(f"{time_ns} ns does not fit a stamp") from None
+        raise ValueError(f"{time_ns} ns does not fit a timestamp") from None
     return stamp + np.ascontiguousarray(samples, dtype="<c8").tobytes()
 
 
@@ -108,8 +108,8 @@ def decode_channel_datagram(
     """
     if len(payload) < 16 or len(payload) % 8:
         raise FormatError(
-            f"a datagram of {len(payload)} bytes is not a stamp and complex64 samples",
-            remedy="Check that the port is a channel's, 20000 and up",
+            f"a datagram of {len(payload)} bytes is not a timestamp and complex64 samples",
+            remedy="Check that the port belongs to a channel, 20000 and up",
         )
     style = stamp_style(payload) if style is None else style
     if style == "seconds":
@@ -123,14 +123,14 @@ def decode_channel_datagram(
         time_ns = round(high * _SPLIT) * _NS_PER_MS + round(low * _NS_PER_MS) if good else 0
     if not good:
         raise FormatError(
-            f"the first 8 bytes of a datagram, {payload[:8].hex()}, are no time",
-            remedy="Check that the port is a channel's, 20000 and up",
+            f"the first 8 bytes of a datagram, {payload[:8].hex()}, are not a time",
+            remedy="Check that the port belongs to a channel, 20000 and up",
         )
     return time_ns, np.frombuffer(payload, "<c8", offset=8).astype(np.complex64)
 
 
 def stamp_style(payload: bytes) -> StampStyle:
-    """Tell the style of a frame's stamp.
+    """Find the style of a frame's stamp.
 
     Milliseconds of at least 1 are floats whose bits exceed 10⁹, which no nanoseconds do; at 0
     the other half decides, which is off only for a frame at a full second in 2007 to 2009.
@@ -161,7 +161,7 @@ def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool =
         The thesis's plan has no second port, or the channel has no port below 65536.
     """
     if second and scheme == "thesis":
-        raise ValueError("the thesis's ports have no second one for a channel")
+        raise ValueError("the thesis's layout has no second port for a channel")
     port = FIRST_PORT + (channel if scheme == "thesis" else 2 * channel + second)
     if not FIRST_PORT <= port < 65_536:
         raise ValueError(f"channel {channel} has no port")

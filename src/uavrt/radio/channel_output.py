@@ -7,7 +7,7 @@ mode: 0.2 % of a core for one channel, 0.3 % for ten, 1.3 % for all hundred (mea
 
 from collections.abc import Mapping, Sequence
 
-from uavrt.config.settings import UdpChannelSettings
+from uavrt.config import UdpChannelSettings
 from uavrt.dsp import FrontEnd
 from uavrt.messages import IQBlock, Tag
 from uavrt.radio.channel_datagram import channel_port
@@ -69,13 +69,13 @@ class ChannelOutput:
         )
 
     def process(self, band: IQBlock) -> None:
-        """Take the next block of the decimated band."""
+        """Process the next block of the decimated band."""
         if self.ports:
             for channel in self._front_end.process(band):
                 self._sender.send(channel)
 
     def reset(self) -> None:
-        """Start the filters anew after the radio has failed."""
+        """Restart the filters after the radio has failed."""
         self._front_end.reset()
 
     def counters(self) -> dict[str, float]:

@@ -64,7 +64,7 @@ class ChannelDatagramSender:
         """Not sent, for want of room."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Take the next block of a channel; send the frames that it completes.
+        """Process the next block of a channel; send the frames that it completes.
 
         A frame has no place for a gap within it: the gap is filled with zeros as far as the
         frame goes, and the next frame begins where samples begin again.

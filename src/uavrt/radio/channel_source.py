@@ -101,7 +101,7 @@ class ChannelDatagramSource(LiveSource):
         self._sockets = []
 
     def _receive(self) -> None:
-        """Take in what waits, as much as can be put in order at once."""
+        """Read what waits, as much as can be put in order at once."""
         for sock in self._sockets:
             while self._frames.waiting <= HELD_FRAMES:
                 try:

@@ -1,4 +1,4 @@
-"""What the name of a recording tells: frequency, rate, and when it began.
+"""Read frequency, rate and start time from a recording's file name.
 
 Names as the programs write them by default: SDR# ``SDRSharp_20150804_204121Z_145000000Hz_IQ``,
 HDSDR ``HDSDR_20130105_123456Z_14100kHz_RF``, gqrx ``gqrx_20200101_123456_145000000_1800000_fc``
@@ -23,7 +23,7 @@ _STAMPED: Final = rf"_{_DATE}_{_TIME}(?P<zulu>Z?)_(?P<frequency>{_NUMBER})(?P<un
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NameFacts:
-    """What a name tells; None for what it does not."""
+    """Facts read from a name; None where it has none."""
 
     program: str
     """Who names recordings so."""

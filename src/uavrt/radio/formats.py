@@ -141,12 +141,12 @@ def sigmf_format(datatype: str) -> SampleFormat:
         )
     raise FormatError(
         f"unknown core:datatype {datatype!r}",
-        remedy=f"Known are {', '.join(sorted(_SIGMF))}",
+        remedy=f"Choose from {', '.join(sorted(_SIGMF))}",
     )
 
 
 def look_like_floats(data: bytes) -> bool:
-    """Tell whether bytes that are said to be integers are float32 samples.
+    """Return whether bytes that are said to be integers are float32 samples.
 
     The last byte of a little-endian float32 is its sign and most of the exponent: 0x30 to 0x46
     for 1e-9 to 1e4 in size, with the sign 0xb0 to 0xc6. Integers that take both signs pass

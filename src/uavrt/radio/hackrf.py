@@ -1,6 +1,6 @@
 """The HackRF One by ``hackrf_transfer``."""
 
-from uavrt.config.settings import RadioSettings
+from uavrt.config import RadioSettings
 from uavrt.radio.arguments import corrected, rate, serial
 
 

@@ -1,4 +1,4 @@
-"""Samples that a radio lost without a word, found in the arrivals of those that came.
+"""Detect samples that a radio lost silently, from the arrival times of the others.
 
 A loss makes everything after it late, for good and by one amount. A machine that is held up
 makes a few arrivals late, and catches up: what it held comes at once. Jitter makes single ones
@@ -117,7 +117,7 @@ class LossFinder:
         self._known_until_s = at_s + _KNOWN_S
 
     def put(self, at_s: float, arrived_s: float, late_s: float) -> Loss | None:
-        """Take an arrival; get the loss that it proves.
+        """Add an arrival; get the loss that it proves.
 
         Parameters
         ----------
@@ -168,12 +168,12 @@ class LossFinder:
         return second_s
 
     def shift(self, seconds: float) -> None:
-        """Take note that the envelope has moved: what was late is less so by this."""
+        """Note that the envelope has moved: what was late is less so by this."""
         for cell in self._cells:
             cell.late_s -= seconds
 
     def skip(self, seconds: float) -> None:
-        """Take note that nominal seconds have been left out."""
+        """Note that nominal seconds have been left out."""
         if self._from is not None:
             self._from = (self._from[0] + seconds, self._from[1])
         if self.question_s is not None:
@@ -325,7 +325,7 @@ class LossFinder:
         return lost_s > _SURE_SHARE * min(_SHARE_S, max(now_s - began_s, 5.0))
 
     def _take(self, loss: Loss) -> None:
-        """Go on behind a loss: its cells are late no longer."""
+        """Continue behind a loss: its cells are late no longer."""
         now_s = self._cells[-1].end_s
         self._slow.append((now_s, loss.duration_s))
         for cell in self._cells:

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from uavrt.clock import Clock
-from uavrt.config.radios import RADIOS
-from uavrt.config.settings import RADIO_GROUP, RadioSettings
+from uavrt.config import RADIO_GROUP, RADIOS, RadioSettings
 from uavrt.errors import FormatError
 from uavrt.plugins import Registry
 from uavrt.radio.channel_source import ChannelDatagramSource
@@ -221,7 +220,7 @@ def _layout(
     if kind is None:
         file_size(path)  # a missing file is the more helpful complaint
         raise FormatError(
-            f"the name of {path} does not tell its format",
+            f"the name of {path} does not reveal its format",
             remedy=f"Give --format: {', '.join(FORMATS)}, sigmf or wav",
         )
     stored = sample_format(kind)

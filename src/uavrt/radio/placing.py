@@ -148,7 +148,7 @@ class Placer:
             self._before += left
 
     def expect_losses(self) -> None:
-        """Learn that the radio tells of losses, without their number."""
+        """Learn that the radio reports losses, without their number."""
         self._keeper.expect_losses()
 
     def place(self, samples: NDArray[np.complex64]) -> IQBlock:

@@ -1,4 +1,4 @@
-"""A radio's program as a child process: its samples, its words, its end."""
+"""A radio's program as a child process: its samples, messages and exit."""
 
 import os
 import re
@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config.radios import RadioRow
-from uavrt.config.settings import RadioSettings
+from uavrt.config import RadioRow, RadioSettings
 from uavrt.errors import RadioMissing, RadioStalled
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
@@ -160,7 +159,7 @@ class ProgramSource(StreamSource):
         until_stall_s = self._last_byte_s + allowed_s - monotonic_s()
         if until_stall_s < 0.0:
             raise RadioStalled(
-                f"{self._program.title}: {self.name} runs but has given no samples for "
+                f"{self._program.title}: {self.name} is running but has given no samples for "
                 f"{allowed_s:.0f} s{self._tail()}",
                 remedy="Unplug the radio and plug it in again; try another cable or port",
             )
@@ -176,7 +175,7 @@ class ProgramSource(StreamSource):
         return ready
 
     def _listen(self) -> None:
-        """Take in what the program says on stderr."""
+        """Read what the program says on stderr."""
         try:
             said = os.read(self._words, 65536)
         except BlockingIOError:
@@ -213,7 +212,7 @@ class ProgramSource(StreamSource):
         return lost
 
     def _check_end(self) -> None:
-        """Say why the program ended, once its last whole samples are given."""
+        """Explain why the program ended, once its last whole samples are given."""
         enough = self._placer.index > 0 and self._filled >= self._format.bytes_per_sample
         try:
             code = self._child.wait(1.0)

@@ -6,8 +6,7 @@ programs are run as they are; nothing of them is linked.
 
 from importlib import import_module
 
-from uavrt.config.radios import RADIOS, RadioRow
-from uavrt.config.settings import RadioSettings
+from uavrt.config import RADIOS, RadioRow, RadioSettings
 from uavrt.errors import ConfigError, RadioError, RadioMissing, RadioStopped
 
 PROGRAMS: dict[str, RadioRow] = {kind: row for kind, row in RADIOS.items() if row.receive}

@@ -7,7 +7,7 @@ the samples lie and what is known of them, as a `Layout`; `RecordingSource` read
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -59,6 +59,36 @@ class Layout:
     """Why the recording is not whole; raised after all its whole samples have been given."""
 
 
+class SampleBytes(Protocol):
+    """A file that is read from any place."""
+
+    def read_at(self, view: memoryview, offset: int) -> int:
+        """Fill a piece of memory from a place on; how much was got, 0 at the end."""
+
+    def close(self) -> None:
+        """Close it."""
+
+
+class _FileBytes:
+    """A file of this machine."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = path.open("rb", buffering=0)
+        except OSError as error:
+            raise cannot_read(path, error) from error
+
+    def read_at(self, view: memoryview, offset: int) -> int:
+        try:
+            return os.preadv(self._file.fileno(), [view], offset)
+        except OSError as error:
+            raise cannot_read(self._path, error) from error
+
+    def close(self) -> None:
+        self._file.close()
+
+
 class RecordingSource:
     """Samples of a recording, as fast as they can be read.
 
@@ -66,6 +96,8 @@ class RecordingSource:
     ----------
     layout : Layout
         Where they lie.
+    stored : SampleBytes, optional
+        The file, if it is not one of this machine.
 
     Raises
     ------
@@ -73,7 +105,7 @@ class RecordingSource:
         The file cannot be opened, or holds no samples.
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, stored: SampleBytes | None = None) -> None:
         check_rates(layout.sample_rate_hz, layout.center_frequency_hz)
         self.name = str(layout.path)
         self.invalid_values = 0
@@ -99,10 +131,7 @@ class RecordingSource:
         self._times = NominalTimes(self._segment.time_ns, rate_hz)
         self._done = 0
         self._pending_lost = self._segment.lost_before
-        try:
-            self._file = layout.path.open("rb", buffering=0)
-        except OSError as error:
-            raise cannot_read(layout.path, error) from error
+        self._file: SampleBytes = stored or _FileBytes(layout.path)
 
     @property
     def sample_rate_hz(self) -> float:
@@ -123,6 +152,34 @@ class RecordingSource:
     def start_time_ns(self) -> int:
         """Time of the recording's first sample [ns, UTC]."""
         return self._layout.segments[0].time_ns
+
+    @property
+    def layout(self) -> Layout:
+        """Where its samples lie, and what is known of them."""
+        return self._layout
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """Where its samples lie."""
+        return self._layout.segments
+
+    def skip_to(self, place: int) -> None:
+        """Go on with another sample of the file, as if all before it had been read.
+
+        Parameters
+        ----------
+        place : int
+            Counted from 0 over all segments; at the end of the file there is nothing left.
+        """
+        held = [one for one in self._layout.segments if one.count]
+        for number, segment in enumerate(held):
+            if place < segment.count or number == len(held) - 1:
+                break
+            place -= segment.count
+        self._segments = iter(held[number + 1 :])
+        self._segment, self._done = segment, min(place, segment.count)
+        self._times = NominalTimes(segment.time_ns, self.sample_rate_hz)
+        self._pending_lost = 0 if self._done else segment.lost_before
 
     @property
     def origin(self) -> str:
@@ -183,10 +240,7 @@ class RecordingSource:
         view = self._raw.data[:count]
         filled = 0
         while filled < count:
-            try:
-                got = os.preadv(self._file.fileno(), [view[filled:]], offset + filled)
-            except OSError as error:
-                raise cannot_read(self._layout.path, error) from error
+            got = self._file.read_at(view[filled:], offset + filled)
             if got == 0:
                 raise FormatError(
                     f"{self.name} became shorter while it was read",
@@ -196,7 +250,7 @@ class RecordingSource:
 
 
 def name_says(facts: NameFacts, *, time: bool = False) -> str:
-    """Say that a file's name tells something, and on whose clock."""
+    """Report that a file's name tells something, and on whose clock."""
     said = f"the file's name (as {facts.program} gives)"
     if time and facts.local_time:
         said += ", the local time of the computer that recorded, taken to be this one's zone"

@@ -1,6 +1,6 @@
 """RTL-SDR dongles by ``rtl_sdr``."""
 
-from uavrt.config.settings import RadioSettings
+from uavrt.config import RadioSettings
 from uavrt.radio.arguments import rate, serial
 
 

@@ -8,7 +8,7 @@ brings a JSON-schema validator along.
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from uavrt.radio.recording import (
     file_start_ns,
 )
 from uavrt.radio.times import NominalTimes
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.units import NANOSECONDS_PER_SECOND, SIGMF_FULL_SCALE
 
 
 def sigmf_layout(
@@ -59,6 +59,11 @@ def sigmf_layout(
     if about.get("core:num_channels", 1) != 1:
         raise _fault(meta_path, "holds several channels", "Split it, one receiver in each")
     sample_format = sigmf_format(_text(about, "core:datatype", meta_path))
+    scale = _number(about, SIGMF_FULL_SCALE, meta_path)
+    if scale is not None:
+        if scale <= 0.0:
+            raise _fault(meta_path, f"has {SIGMF_FULL_SCALE} {scale}", "It must be above 0")
+        sample_format = replace(sample_format, full_scale=sample_format.full_scale / scale)
     rate_hz = _number(about, "core:sample_rate", meta_path)
     if rate_hz is None:
         raise _fault(meta_path, "lacks core:sample_rate", "Add it to the file's global part")

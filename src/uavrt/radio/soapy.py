@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config.settings import RadioSettings
+from uavrt.config import RadioSettings
 from uavrt.errors import RadioMissing, RadioStalled, RadioStopped
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
@@ -103,7 +103,7 @@ class SoapySource(LiveSource):
                 return None
             if now_s - self._last_s > self._stall_s:
                 raise RadioStalled(
-                    "SoapySDR gives no samples", remedy="Plug the radio out and in again"
+                    "SoapySDR gives no samples", remedy="Unplug the radio and plug it in again"
                 )
             left_s = _SLICE_S if deadline_s is None else min(_SLICE_S, deadline_s - now_s)
             self._read_some(max(left_s, 0.0))

@@ -217,11 +217,11 @@ class TimeKeeper:
         return round((self._finder.question_s or 0.0) * self._nominal_hz)
 
     def expect_losses(self) -> None:
-        """Learn that the radio tells of losses, without their number."""
+        """Learn that the radio reports losses, without their number."""
         self._finder.expect(self._given_s)
 
     def _lose(self, loss: Loss, nominal_s: float) -> None:
-        """Take note of a loss: what has been learnt since it began was not the envelope."""
+        """Note a loss: what has been learnt since it began was not the envelope."""
         self._lost_s += loss.duration_s
         if not loss.sure:
             self._unsure_s += loss.duration_s
@@ -250,7 +250,7 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Tell how many samples must have been lost, judging by arrivals; then forget them.
+        """Return how many samples must have been lost, judging by arrivals; then forget them.
 
         The caller adds the number to its index, and shows it as a gap.
         """

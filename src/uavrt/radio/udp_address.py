@@ -19,7 +19,7 @@ _PREFIX: Final = "udp://"
 
 
 def is_udp_address(text: str) -> bool:
-    """Tell whether a text is meant as ``udp://HOST:PORT``."""
+    """Return whether a text is meant as ``udp://HOST:PORT``."""
     return text.startswith(_PREFIX)
 
 
@@ -49,7 +49,7 @@ def listen(host: str, port: int) -> list[socket.socket]:
     Raises
     ------
     RadioError
-        The port is in use, or the address is not of this computer.
+        The port is in use, or the address does not belong to this computer.
     """
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)

@@ -110,7 +110,7 @@ def wav_layout(
         raise cannot_read(path, error) from error
     if header.channels != 2:
         raise FormatError(
-            f"{path} has {header.channels} channel(s), and I and Q are two",
+            f"{path} has {header.channels} channel(s), but I/Q needs two",
             remedy="Record I/Q, not demodulated audio",
         )
     sample_format = _FORMATS.get((header.kind, header.bits))

@@ -1,47 +1,175 @@
-"""The flight directory: written so that nothing is lost, read whatever happened to it.
+"""The flight directory: written so that nothing is lost, readable even when damaged.
 
 The recorder of samples, `uavrt.recording.iq_recorder`, needs NumPy and is not loaded here.
 """
 
-from uavrt.recording.detector_config import (
-    DetectorConfig,
-    detector_config,
-    read_detector_config,
-    write_detector_config,
-)
-from uavrt.recording.flight_reader import Flight, read_flight, read_health, read_search_reports
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.layout import FlightLayout, new_flight_directory, require_writable
-from uavrt.recording.process_log import ProcessLog
-from uavrt.recording.pulse_files import (
-    PulseFormat,
-    PulseWriter,
-    pulse_format,
-    pulse_from_record,
-    pulse_record,
-    read_pulse_file,
-)
-from uavrt.recording.pulse_pose_log import read_pulse_pose_log
+from typing import TYPE_CHECKING
+
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.recording.channel_recorder import ChannelRecorder
+    from uavrt.recording.csv_line import csv_cells
+    from uavrt.recording.detector_configs import (
+        DetectorConfig,
+        detector_config,
+        read_detector_config,
+        write_detector_config,
+    )
+    from uavrt.recording.fields import fields_of
+    from uavrt.recording.flight_reader import (
+        Flight,
+        read_flight,
+        read_health,
+        read_search_notes,
+        read_search_reports,
+        read_stops,
+    )
+    from uavrt.recording.flight_recorder import FlightRecorder
+    from uavrt.recording.heard import heard_tags
+    from uavrt.recording.integrated import (
+        FlightFold,
+        IntegratedVerdict,
+        read_folds,
+        read_integrated,
+        write_integrated,
+    )
+    from uavrt.recording.iq_recorder import IQRecorder
+    from uavrt.recording.layout import FlightLayout, new_flight_directory, require_writable
+    from uavrt.recording.places import (
+        Mark,
+        Places,
+        home_note,
+        mark_note,
+        places_of,
+        vehicle_note,
+        vehicle_of,
+    )
+    from uavrt.recording.plain_database import ended, open_plain, watch
+    from uavrt.recording.process_log import ProcessLog
+    from uavrt.recording.pulse_files import (
+        PulseFormat,
+        PulseWriter,
+        pulse_format,
+        pulse_from_record,
+        pulse_record,
+        read_pulse_file,
+    )
+    from uavrt.recording.pulse_pose_log import read_pulse_pose_log
+    from uavrt.recording.schema import (
+        POSE_COLUMNS,
+        TAG_COLUMNS,
+        pose_row,
+        read_older,
+        tag_from_row,
+    )
+    from uavrt.recording.spool import note_deliveries, undelivered
+    from uavrt.recording.writer_lock import WriterLock
 
 __all__ = [
+    "POSE_COLUMNS",
+    "TAG_COLUMNS",
+    "ChannelRecorder",
     "DetectorConfig",
     "Flight",
+    "FlightFold",
     "FlightLayout",
     "FlightRecorder",
+    "IQRecorder",
+    "IntegratedVerdict",
+    "Mark",
+    "Places",
     "ProcessLog",
     "PulseFormat",
     "PulseWriter",
+    "WriterLock",
+    "csv_cells",
     "detector_config",
+    "ended",
+    "fields_of",
+    "heard_tags",
+    "home_note",
+    "mark_note",
     "new_flight_directory",
+    "note_deliveries",
+    "open_plain",
+    "places_of",
+    "pose_row",
     "pulse_format",
     "pulse_from_record",
     "pulse_record",
     "read_detector_config",
     "read_flight",
+    "read_folds",
     "read_health",
+    "read_integrated",
+    "read_older",
     "read_pulse_file",
     "read_pulse_pose_log",
+    "read_search_notes",
     "read_search_reports",
+    "read_stops",
     "require_writable",
+    "tag_from_row",
+    "undelivered",
+    "vehicle_note",
+    "vehicle_of",
+    "watch",
     "write_detector_config",
+    "write_integrated",
 ]
+__getattr__ = lazily(
+    __name__,
+    {
+        "ChannelRecorder": "channel_recorder",
+        "DetectorConfig": "detector_configs",
+        "Flight": "flight_reader",
+        "FlightLayout": "layout",
+        "FlightRecorder": "flight_recorder",
+        "IQRecorder": "iq_recorder",
+        "FlightFold": "integrated",
+        "IntegratedVerdict": "integrated",
+        "Mark": "places",
+        "POSE_COLUMNS": "schema",
+        "Places": "places",
+        "ProcessLog": "process_log",
+        "PulseFormat": "pulse_files",
+        "PulseWriter": "pulse_files",
+        "TAG_COLUMNS": "schema",
+        "WriterLock": "writer_lock",
+        "csv_cells": "csv_line",
+        "detector_config": "detector_configs",
+        "ended": "plain_database",
+        "fields_of": "fields",
+        "heard_tags": "heard",
+        "home_note": "places",
+        "mark_note": "places",
+        "new_flight_directory": "layout",
+        "note_deliveries": "spool",
+        "open_plain": "plain_database",
+        "places_of": "places",
+        "vehicle_note": "places",
+        "vehicle_of": "places",
+        "pose_row": "schema",
+        "pulse_format": "pulse_files",
+        "pulse_from_record": "pulse_files",
+        "pulse_record": "pulse_files",
+        "read_detector_config": "detector_configs",
+        "read_flight": "flight_reader",
+        "read_health": "flight_reader",
+        "read_folds": "integrated",
+        "read_integrated": "integrated",
+        "read_older": "schema",
+        "read_pulse_file": "pulse_files",
+        "read_pulse_pose_log": "pulse_pose_log",
+        "read_search_notes": "flight_reader",
+        "read_search_reports": "flight_reader",
+        "read_stops": "flight_reader",
+        "require_writable": "layout",
+        "tag_from_row": "schema",
+        "undelivered": "spool",
+        "watch": "plain_database",
+        "write_detector_config": "detector_configs",
+        "write_integrated": "integrated",
+    },
+)

@@ -1,4 +1,4 @@
-"""Lines of a log that are no pulses: read around and told, unless the file is none at all."""
+"""Skip and report log lines that are not pulses, unless the file is not a log at all."""
 
 from uavrt.errors import FormatError
 from uavrt.log import get_logger
@@ -7,7 +7,7 @@ log = get_logger()
 
 
 class DamagedLines:
-    """Collects what cannot be read of one file.
+    """Collects the unreadable lines of one file.
 
     Parameters
     ----------
@@ -22,11 +22,11 @@ class DamagedLines:
         self._faults: list[tuple[int, str]] = []
 
     def add(self, number: int, reason: Exception) -> None:
-        """Take a line that is no pulse."""
+        """Add a line that is no pulse."""
         self._faults.append((number, str(reason)))
 
     def judge(self, good: int) -> None:
-        """Tell how many lines were passed over beside the good ones.
+        """Return how many lines were passed over beside the good ones.
 
         Raises
         ------

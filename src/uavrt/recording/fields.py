@@ -69,21 +69,20 @@ class RecordField:
 
     @property
     def to_sql(self) -> Callable[[Any], Any] | None:
-        """What turns a value into a cell of the database; None where nothing does."""
-        if self.kind == "switch":
-            return int
+        """What turns a value into a cell of the database; None where it is one already."""
         return _joined if self.kind == "wholes" else None
 
     @property
     def from_sql(self) -> Callable[[Any], Any] | None:
-        """What turns a cell of the database into a value; None where nothing does."""
+        """What turns a cell of the database into a value; None where nothing does.
+
+        A real number that was NaN is NULL in the database: that is the table's to know.
+        """
         match self.kind:
             case "switch":
                 return bool
             case "wholes":
                 return _parted
-            case "real" if not self.optional:
-                return _number
         return None
 
 
@@ -129,12 +128,8 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
 
 
 def _joined(numbers: tuple[int, ...]) -> str | None:
-    return " ".join(map(str, numbers)) or None
+    return " ".join(map(str, numbers)) if numbers else None
 
 
 def _parted(text: str | None) -> tuple[int, ...]:
-    return tuple(map(int, str(text or "").split()))
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value
+    return tuple(map(int, str(text).split())) if text else ()

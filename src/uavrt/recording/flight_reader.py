@@ -10,7 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.errors import FormatError
-from uavrt.messages import FlightInfo, Health, Pose, PulsePose, SearchReport, StatusText
+from uavrt.messages import (
+    FlightInfo,
+    Health,
+    Pose,
+    PulsePose,
+    SearchNote,
+    SearchReport,
+    StatusText,
+)
 from uavrt.recording import schema
 from uavrt.recording.layout import FlightLayout
 from uavrt.recording.plain_database import open_plain, require_plain_files
@@ -107,6 +115,24 @@ def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport
         return tuple(map(schema.search_report_from_row, rows))
 
 
+def read_search_notes(directory: str | os.PathLike[str]) -> tuple[SearchNote, ...]:
+    """Read what searches have decided and found; nothing of flights of before there were any.
+
+    Raises
+    ------
+    FormatError
+        There is no flight, or its database is damaged.
+    """
+    with _database(Path(directory)) as database:
+        tables = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'search_notes'"
+        if database.execute(tables).fetchone() is None:
+            return ()
+        rows = database.execute(
+            f"SELECT {schema.SEARCH_NOTE_COLUMNS} FROM search_notes ORDER BY time_ns, rowid"
+        )
+        return tuple(map(schema.search_note_from_row, rows))
+
+
 def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
     """Read when detection was stopped by order [ns, UTC]; nothing for a dead battery.
 
@@ -160,7 +186,7 @@ def _info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
     if row is None:
         raise ValueError("the flight was cut off before it began")
     if database.execute(_NO_NUMBERS).fetchone() is not None:
-        raise ValueError("a pulse has words in the place of numbers")
+        raise ValueError("a pulse has text in place of numbers")
     tags = database.execute(f"SELECT {schema.TAG_COLUMNS} FROM tags ORDER BY tag_id")
     return FlightInfo(
         directory=str(directory),

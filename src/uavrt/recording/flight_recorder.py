@@ -20,7 +20,7 @@ from pathlib import Path
 
 import uavrt
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config.settings import DetectionSettings, Settings
+from uavrt.config import DetectionSettings, Settings
 from uavrt.errors import RecordingError
 from uavrt.messages import (
     Command,
@@ -32,11 +32,12 @@ from uavrt.messages import (
     Poses,
     Pulse,
     PulsePose,
+    SearchNote,
     SearchReport,
     StatusText,
 )
 from uavrt.recording import schema
-from uavrt.recording.detector_config import detector_config, write_detector_config
+from uavrt.recording.detector_configs import detector_config, write_detector_config
 from uavrt.recording.layout import FlightLayout
 from uavrt.recording.pulse_logs import AT_ONCE, PulseLogs
 from uavrt.recording.pulse_pose_log import PulsePoseLog
@@ -108,7 +109,7 @@ class FlightRecorder:
         recorder = cls(Path(info.directory))
         if recorder.layout.database.exists():
             raise RecordingError(
-                f"{info.directory} holds a flight already",
+                f"{info.directory} already holds a flight",
                 remedy="Reopen it, or choose another directory",
             )
         recorder._origin, recorder._begun = (info, settings), False
@@ -117,7 +118,7 @@ class FlightRecorder:
 
     @classmethod
     def reopen(cls, directory: str | Path) -> "FlightRecorder":
-        """Go on with a flight after a kill or a power cut: nothing lost, nothing doubled.
+        """Continue with a flight after a kill or a power cut: nothing lost, nothing doubled.
 
         Raises
         ------
@@ -127,7 +128,7 @@ class FlightRecorder:
         recorder = cls(Path(directory))
         if not recorder.layout.database.exists():
             raise RecordingError(
-                f"{directory} holds no flight.sqlite", remedy="Begin the flight anew"
+                f"{directory} holds no flight.sqlite", remedy="Start a new flight"
             )
         try:
             recorder._logs.complete_from(recorder._connected())
@@ -158,12 +159,12 @@ class FlightRecorder:
         return len(self._pulses) + len(self._urgent) + len(self._others)
 
     def write_pulses(self, pulses: Iterable[Pulse]) -> None:
-        """Take pulses as detected; recorded with the next commit."""
+        """Add pulses as detected; recorded with the next commit."""
         self._pulses.extend(pulses)
         self._bound(self._pulses, MAX_WAITING_PULSES)
 
     def write_pulse_poses(self, pulse_poses: Iterable[PulsePose]) -> None:
-        """Take pulses with their poses, whether the pulse itself was written before or not."""
+        """Add pulses with their poses, whether the pulse itself was written before or not."""
         self._pulses.extend(pulse_poses)
         self._bound(self._pulses, MAX_WAITING_PULSES)
 
@@ -188,35 +189,39 @@ class FlightRecorder:
         return []
 
     def write_poses(self, poses: Poses) -> None:
-        """Take raw vehicle poses."""
+        """Add raw vehicle poses."""
         for pose in poses.poses:
             self._take(schema.INSERT_POSE, schema.pose_row(pose))
 
     def write_health(self, health: Health) -> None:
-        """Take a process's sign of life."""
+        """Add a process's sign of life."""
         self._take(schema.INSERT_HEALTH, schema.health_row(health))
 
     def write_status_text(self, text: StatusText, time_ns: int) -> None:
-        """Take a text for the operator, shown at `time_ns`."""
+        """Add a text for the operator, shown at `time_ns`."""
         self._take(schema.INSERT_STATUS_TEXT, (time_ns, text.severity, text.text))
 
     def write_search_report(self, report: SearchReport) -> None:
-        """Take what was searched without a detection, with its noise floor."""
+        """Add what was searched without a detection, with its noise floor."""
         self._take(schema.INSERT_SEARCH_REPORT, schema.search_report_row(report))
 
+    def write_search_note(self, note: SearchNote) -> None:
+        """Take what a search has decided or found."""
+        self._take(schema.INSERT_SEARCH_NOTE, schema.search_note_row(note))
+
     def write_delivered(self, delivered: Delivered) -> None:
-        """Take which pulses have reached the ground."""
+        """Record which pulses have reached the ground."""
         for tag_id, start_time_ns in delivered.pulses:
             row = (delivered.store, delivered.time_ns, tag_id, start_time_ns)
             self._urgent.append((schema.INSERT_DELIVERY, row))
         self._bound(self._urgent, MAX_WAITING_OTHERS)
 
     def write_command(self, command: Command, reply: CommandReply | None, time_ns: int) -> None:
-        """Take a command and how it was answered."""
+        """Add a command and how it was answered."""
         self._take(schema.INSERT_COMMAND, schema.command_row(command, reply, time_ns))
 
     def write_note(self, text: str, time_ns: int) -> None:
-        """Take a remark on the flight: a corrected clock, a restart."""
+        """Add a remark on the flight: a corrected clock, a restart."""
         self._take(schema.INSERT_NOTE, (time_ns, text))
 
     def commit(self, *, pulses_only: bool = False) -> None:
@@ -444,7 +449,7 @@ class FlightRecorder:
         waiting = f"{self.waiting_records} records wait in memory"
         return RecordingError(
             f"cannot write the flight {self.layout.root}: {error}",
-            remedy=f"Free space or mend the disk; {waiting}",
+            remedy=f"Free space or repair the disk; {waiting}",
         )
 
 

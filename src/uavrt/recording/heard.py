@@ -1,4 +1,4 @@
-"""Which tags were heard in a flight that still goes on: how often, and when last."""
+"""Tags heard so far in the current flight: how often, and when last."""
 
 import sqlite3
 from contextlib import closing

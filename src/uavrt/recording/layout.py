@@ -14,6 +14,7 @@
     │       ├── config/detectorConfig.txt     the tag as the original detector reads it
     │       └── output/pulse_pose_log.txt     this tag's pulses
     ├── process_log/                          what the other processes said
+    ├── integrated/                           what ``uavrt integrate`` found in hindsight
     └── iq/                                   SigMF recordings, when asked for
 
 As in the thesis, §4.5.
@@ -24,7 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.clock import flight_stamp
-from uavrt.config.radios import RADIOS
+from uavrt.config import RADIOS
 from uavrt.errors import RecordingError
 
 _RADIO_PROCESSES = {"radio", *(row.receive for row in RADIOS.values())}
@@ -60,6 +61,16 @@ class FlightLayout:
     def iq_directory(self) -> Path:
         """Where samples are recorded."""
         return self.root / "iq"
+
+    @property
+    def channels_directory(self) -> Path:
+        """Where the samples of the tags' channels are kept."""
+        return self.iq_directory / "channels"
+
+    @property
+    def integrated_directory(self) -> Path:
+        """What was found in hindsight, over the whole flight."""
+        return self.root / "integrated"
 
     def tag_directory(self, tag_id: int) -> Path:
         """Directory of one tag."""
@@ -137,6 +148,6 @@ def require_writable(directory: Path) -> None:
         probe.unlink()
     except OSError as error:
         raise RecordingError(
-            f"flights cannot be kept in {directory}: {error.strerror}",
+            f"flights cannot be saved in {directory}: {error.strerror}",
             remedy="Set recording.directory, or --flight-dir, to a writable place",
         ) from error

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 _PLACE = re.compile(r"(home|mark) at (-?\d{1,2}\.\d+), (-?\d{1,3}\.\d+)(?:: (.*))?", re.DOTALL)
 
+_VEHICLE = re.compile(r"vehicle \d{1,3}(?:, .{1,60})?", re.DOTALL)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
@@ -25,7 +27,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Places:
-    """What a flight's notes tell of places."""
+    """Places found in a flight's notes."""
 
     home: tuple[float, float] | None
     """Latitude and longitude; the last one told."""
@@ -35,6 +37,18 @@ class Places:
 def home_note(latitude_deg: float, longitude_deg: float) -> str:
     """Write where the vehicle took off."""
     return f"home at {latitude_deg:.7f}, {longitude_deg:.7f}"
+
+
+def vehicle_note(system_id: int, name: str = "") -> str:
+    """Write which vehicle a ground station's flight is of."""
+    said = f", {name.strip()[:60]}" if name.strip() else ""
+    return f"vehicle {system_id}{said}"
+
+
+def vehicle_of(notes: Iterable[tuple[int, str]]) -> str | None:
+    """Read which vehicle a flight is of, from `vehicle_note`; None where none is told."""
+    found = [text for _, text in notes if _VEHICLE.fullmatch(text)]
+    return found[-1].removeprefix("vehicle ") if found else None
 
 
 def mark_note(latitude_deg: float, longitude_deg: float, text: str = "") -> str:

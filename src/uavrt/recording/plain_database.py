@@ -1,8 +1,7 @@
 """Open a flight's database that somebody else has made.
 
-A view in the place of a table may never come to an end, a pipe beside the database is waited
-for by SQLite, and a query that runs is deaf to Ctrl-C. What is in a flight's directory concerns
-that flight alone.
+A view in place of a table may never finish, SQLite waits for a pipe beside the database, and a
+running query ignores Ctrl-C. A bad flight directory must affect only that flight.
 """
 
 import os
@@ -28,7 +27,7 @@ ended = threading.Event()
 
 
 def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
-    """Open a database for reading; only tables are in it, and no query runs for ever.
+    """Open a database for reading; only tables are in it, and no query runs forever.
 
     With ``"rw"`` as `mode` SQLite may fold what was not yet folded: for a copy.
 
@@ -49,7 +48,7 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
         raise
     if odd is not None:
         database.close()
-        raise sqlite3.DatabaseError(f"{odd[0][:80]!r} in it is no table")
+        raise sqlite3.DatabaseError(f"{odd[0][:80]!r} in it is not a table")
     return database
 
 

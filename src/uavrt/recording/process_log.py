@@ -1,4 +1,4 @@
-"""What a process says, line by line, in a file that cannot fill the disk."""
+"""Log the output of a process line by line, in a file that cannot fill the disk."""
 
 from pathlib import Path
 

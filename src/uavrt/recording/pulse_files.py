@@ -107,7 +107,7 @@ class PulseWriter:
 
 
 def pulse_format(name: str) -> PulseFormat:
-    """Tell the format by a file's name: CSV when it ends so, else JSON lines (also ``-``)."""
+    """Find the format by a file's name: CSV when it ends so, else JSON lines (also ``-``)."""
     return "csv" if name.lower().endswith(".csv") else "jsonl"
 
 
@@ -128,7 +128,7 @@ def read_pulse_file(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
         raise FormatError(f"cannot read {name}: {error}", remedy="Check the name") from error
     text = content.decode("utf-8", errors="replace")
     if text.count("\ufffd") > len(text) // 100:
-        raise FormatError(f"cannot read {name}: it is no text", remedy="Check the name")
+        raise FormatError(f"cannot read {name}: it is not text", remedy="Check the name")
     lines = text.split("\n")[:-1]
     is_csv = bool(lines) and lines[0].startswith(FIELDS[0])
     records = _csv_records(lines) if is_csv else _json_records(lines)

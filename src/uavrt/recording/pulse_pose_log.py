@@ -212,7 +212,7 @@ class PulsePoseLog:
             os.truncate(self._path, whole)
 
     def keys(self) -> Iterator[tuple[int, int]]:
-        """Give tag id and start time [ns] of every line, one after the other.
+        """Return tag id and start time [ns] of every line, one after the other.
 
         Raises
         ------
@@ -229,7 +229,7 @@ class PulsePoseLog:
                 yield key
 
     def pulse_poses(self) -> Iterator[PulsePose]:
-        """Give every line that is a pulse, one after the other, its groups numbered.
+        """Return every line that is a pulse, one after the other, its groups numbered.
 
         Raises
         ------
@@ -247,7 +247,7 @@ class PulsePoseLog:
                 yield replace(found, pulse=numbered)
 
     def _lines(self) -> Iterator[bytes]:
-        """Give the lines; what is too long for one comes in pieces, which are none."""
+        """Return the lines; what is too long for one comes in pieces, which are none."""
         if not self._path.exists():
             return
         with self._path.open("rb") as file:

@@ -10,11 +10,22 @@ import sqlite3
 from operator import attrgetter
 from typing import Any
 
-from uavrt.messages import Command, CommandReply, Health, Pose, Pulse, SearchReport, Tag
+import msgspec
+
+from uavrt.messages import (
+    Command,
+    CommandReply,
+    Health,
+    Pose,
+    Pulse,
+    SearchNote,
+    SearchReport,
+    Tag,
+)
 from uavrt.recording.fields import SQL_TYPES, fields_of
 
-VERSION = 2
-"""2: pulses say what is in doubt about them."""
+VERSION = 3
+"""2: pulses say what is in doubt about them; 3: searches are noted."""
 
 _PULSE_FIELDS = fields_of(Pulse)
 _PULSE_TYPES = {one.name: SQL_TYPES[one.kind] for one in _PULSE_FIELDS}
@@ -65,6 +76,9 @@ CREATE TABLE IF NOT EXISTS commands (
 CREATE TABLE IF NOT EXISTS search_reports (
     time_ns INTEGER, tag_id INTEGER, frequency_hz REAL, noise_psd REAL, best_score REAL
 );
+CREATE TABLE IF NOT EXISTS search_notes (
+    time_ns INTEGER, order_id INTEGER, event TEXT, text TEXT, reason TEXT, detail TEXT
+);
 CREATE TABLE IF NOT EXISTS deliveries (
     pulse_id INTEGER, store INTEGER, time_ns INTEGER, PRIMARY KEY (pulse_id, store)
 ) WITHOUT ROWID;
@@ -97,6 +111,9 @@ INSERT_COMMAND = insertion(
 INSERT_SEARCH_REPORT = insertion(
     "search_reports", "time_ns, tag_id, frequency_hz, noise_psd, best_score"
 )
+SEARCH_NOTE_COLUMNS = "time_ns, order_id, event, text, reason, detail"
+"""Those that people ask for; the whole record is in ``detail``."""
+INSERT_SEARCH_NOTE = insertion("search_notes", SEARCH_NOTE_COLUMNS)
 INSERT_DELIVERY = (
     "INSERT OR IGNORE INTO deliveries (pulse_id, store, time_ns) "
     "SELECT pulse_id, ?, ? FROM pulses WHERE tag_id = ? AND start_time_ns = ?"
@@ -150,6 +167,7 @@ def _lacking(database: sqlite3.Connection) -> list[str]:
 _pulse_values = attrgetter(*_PULSE_TYPES)
 _TO_SQL = [(i, one.to_sql) for i, one in enumerate(_PULSE_FIELDS) if one.to_sql]
 _FROM_SQL = [(i, one.from_sql) for i, one in enumerate(_PULSE_FIELDS) if one.from_sql]
+_REALS = [i for i, one in enumerate(_PULSE_FIELDS) if one.kind == "real" and not one.optional]
 
 
 def pulse_row(pulse: Pulse) -> Row:
@@ -163,9 +181,16 @@ def pulse_row(pulse: Pulse) -> Row:
 def pulse_from_row(row: Row) -> Pulse:
     """Pulse of a row; a number that was NaN is NaN again."""
     values = list(row)
+    for place in _REALS:
+        if values[place] is None:
+            values[place] = math.nan
     for place, converted in _FROM_SQL:
         values[place] = converted(values[place])
-    return Pulse(**dict(zip(_PULSE_TYPES, values, strict=True)))
+    record = dict(zip(_PULSE_TYPES, values, strict=True))
+    try:
+        return msgspec.convert(record, Pulse)  # faster than the dataclass's own constructor
+    except msgspec.ValidationError:
+        return Pulse(**record)  # odd, such as a status of a newer version
 
 
 def pose_row(pose: Pose | None) -> Row:
@@ -253,6 +278,17 @@ def search_report_from_row(row: Row) -> SearchReport:
         noise_psd=_number(row[3]),
         best_score=_number(row[4]),
     )
+
+
+def search_note_row(note: SearchNote) -> Row:
+    """Row of a note of a search."""
+    detail = msgspec.json.encode(note).decode()
+    return (note.time_ns, note.order_id, note.event, note.text, note.reason, detail)
+
+
+def search_note_from_row(row: Row) -> SearchNote:
+    """Note of a row."""
+    return msgspec.json.decode(row[5], type=SearchNote)
 
 
 def health_row(health: Health) -> Row:

@@ -11,10 +11,11 @@ from typing import Any
 
 import uavrt
 from uavrt.clock import iso_utc
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.units import NANOSECONDS_PER_SECOND, SIGMF_FULL_SCALE
 
-FULL_SCALE = 32_768.0
-"""An input of 1.0 is stored as 32 767: readers of ``ci16`` divide by 32 768."""
+FULL_SCALE = {8: 128.0, 16: 32_768.0}
+"""By bits: an input of 1.0 is stored as one less, and readers divide by this."""
+_DATATYPES = {8: "ci8", 16: "ci16_le"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,8 +36,10 @@ def sigmf_metadata(
     center_frequency_hz: float,
     hardware: str,
     description: str,
+    full_scale: float = 1.0,
+    bits: int = 16,
 ) -> dict[str, Any]:
-    """Make the metadata of a ``ci16_le`` recording."""
+    """Make the metadata of a ``ci16_le`` recording, or of a ``ci8`` one of 8 bits."""
     annotations = []
     for before, after in itertools.pairwise(stretches):
         recorded = after.sample_start - before.sample_start
@@ -52,13 +55,14 @@ def sigmf_metadata(
         )
     return {
         "global": {
-            "core:datatype": "ci16_le",
+            "core:datatype": _DATATYPES[bits],
             "core:version": "1.2.0",
             "core:sample_rate": sample_rate_hz,
             "core:num_channels": 1,
             "core:hw": hardware,
             "core:description": description,
             "core:recorder": f"uavrt {uavrt.__version__}",
+            **_own_scale(full_scale),
         },
         "captures": [
             {
@@ -71,6 +75,14 @@ def sigmf_metadata(
         ],
         "annotations": annotations,
     }
+
+
+def _own_scale(full_scale: float) -> dict[str, Any]:
+    """Entries of the global part that say what a stored value means; none for the usual."""
+    if full_scale == 1.0:
+        return {}
+    extension = {"name": "uavrt", "version": "1.0.0", "optional": True}
+    return {"core:extensions": [extension], SIGMF_FULL_SCALE: full_scale}
 
 
 def _nanosecond_stamp(time_ns: int) -> str:

@@ -1,6 +1,7 @@
 """Which recorded pulses have not reached the ground; the flight's database is the spool.
 
-Nothing is kept twice: a pulse is recorded before it is sent, and a delivery is a row beside it.
+Nothing is kept twice: what was not delivered is read from the recorded pulses, and a delivery
+is a row beside its pulse.
 """
 
 import sqlite3

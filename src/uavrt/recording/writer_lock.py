@@ -1,4 +1,4 @@
-"""One writer for each flight: a lock that the kernel lets go of whatever ends the writer."""
+"""One writer per flight: a lock that the kernel releases however the writer ends."""
 
 import contextlib
 import fcntl
@@ -38,7 +38,7 @@ class WriterLock:
         return False
 
     def release(self) -> None:
-        """Let another have it."""
+        """Release it for another process."""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None

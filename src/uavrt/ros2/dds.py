@@ -43,7 +43,7 @@ from cyclonedds.sub import DataReader, Subscriber
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from uavrt.config.settings import Ros2Settings
+from uavrt.config import Ros2Settings
 from uavrt.errors import ConfigError, LinkError
 from uavrt.log import get_logger
 from uavrt.ros2 import messages
@@ -377,7 +377,7 @@ class Participant:
         return [self._received.popleft() for _ in range(min(limit, len(self._received)))]
 
     def _read(self) -> None:
-        """Take in samples until the end; the only reader (a thread of its own)."""
+        """Read samples until the end; the only reader (a thread of its own)."""
         while not self._closing.is_set():
             try:
                 if self._waitset.wait(duration(milliseconds=200)):
@@ -431,7 +431,7 @@ class Participant:
         return found
 
     def _learn_senders(self) -> None:
-        """Take in who is there; DDS tells of a publisher before it gives its messages."""
+        """Take in who is there; DDS reports a publisher before it gives its messages."""
         for participant in self._announced(self._participants):
             data = _user_data(participant.qos)
             self._senders.add_participant(str(participant.key), data)
@@ -523,7 +523,7 @@ class Participant:
         return messages.ParticipantEntitiesInfo24
 
     def _introduce(self, nodes: Collection[str]) -> None:
-        """Tell ROS 2 which nodes there are and what is theirs."""
+        """Announce to ROS 2 which nodes there are and what is theirs."""
         wide = self._gid_bytes == 24
         gid: Any = messages.Gid24 if wide else messages.Gid16
         node_info: Any = messages.NodeEntitiesInfo24 if wide else messages.NodeEntitiesInfo16

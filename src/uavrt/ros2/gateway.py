@@ -1,4 +1,4 @@
-"""What the gateway says and hears: the drone's records as ROS 2 messages, and commands back.
+"""The gateway's translation: the drone's records to ROS 2 messages, and commands back.
 
 It knows nothing of sockets: it is given records, messages and the time, and returns records.
 """
@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from uavrt.allowance import Allowance
-from uavrt.config.settings import Settings
+from uavrt.config import Settings
 from uavrt.errors import FormatError, LinkError
 from uavrt.messages import (
     Command,
@@ -285,7 +285,7 @@ class Gateway:
             self._bus.publish(f"status_{component}_subprocess", array)
 
     def _show_heartbeats(self, now_ns: int) -> None:
-        """Say that detectors live, each tag in its turn within the second."""
+        """Report that detectors live, each tag in its turn within the second."""
         status = self._status
         if status is None or status.state is not SystemState.DETECTING:
             self._next_heartbeat_ns.clear()
@@ -370,7 +370,7 @@ class Gateway:
                 self._refuse_part(topic, message)
 
     def _refusal_of(self, arrival: Arrival) -> str | None:
-        """Say why whoever sent this may not change anything."""
+        """Explain why whoever sent this may not change anything."""
         if not self._settings.ros2.accept_commands:
             return "commands from ROS 2 are off (accept_commands = false)"
         return "its sender is not known to DDS" if arrival.sender == UNKNOWN else None

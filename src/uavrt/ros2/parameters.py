@@ -8,8 +8,7 @@ from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from uavrt.config.parameters import OFFERED, RUN, Parameter, parameter_values, with_parameter
-from uavrt.config.settings import Settings
+from uavrt.config import OFFERED, RUN, Parameter, Settings, parameter_values, with_parameter
 from uavrt.errors import ConfigError
 from uavrt.messages import CommandReply
 from uavrt.ros2.parameter_messages import (
@@ -84,7 +83,7 @@ class ParameterServices:
         self._pending: OrderedDict[int, _Setting] = OrderedDict()
 
     def hear(self, request: ServiceMessage, refusal: str | None = None) -> None:
-        """Take a request; `refusal` says why nothing may be set by its sender."""
+        """Handle a request; `refusal` says why nothing may be set by its sender."""
         asker = {"guid": request.guid, "sequence": request.sequence}
         match request:
             case ListRequest():
@@ -104,7 +103,7 @@ class ParameterServices:
                 self._begin(request, refusal)
 
     def answered(self, reply: CommandReply) -> None:
-        """Take the supervisor's answer."""
+        """Handle the supervisor's answer."""
         setting = self._pending.pop(reply.request_id, None)
         if setting is None:
             return
@@ -125,7 +124,7 @@ class ParameterServices:
         self._go_on(setting)
 
     def _fault_of_all(self, parameters: Iterable[RosParameter]) -> str | None:
-        """Say what is wrong with any of the values, before the first is set."""
+        """Describe what is wrong with any of the values, before the first is set."""
         settings = self._settings()
         try:
             for parameter in parameters:

@@ -53,7 +53,7 @@ class Arrival:
 
 
 class Senders:
-    """What is known of those who publish, living or just gone."""
+    """What is known about publishers, present or just gone."""
 
     def __init__(self) -> None:
         self._marked: _Newest[str, bool] = _Newest()
@@ -61,11 +61,11 @@ class Senders:
         self._writers: _Newest[int, str] = _Newest()
 
     def add_participant(self, key: str, user_data: bytes) -> None:
-        """Take note of a participant."""
+        """Note a participant."""
         self._marked[key] = GATEWAY_MARK in user_data
 
     def add_writer(self, handle: int, participant: str, topic: str) -> None:
-        """Take note that a participant publishes a topic (its name as DDS has it)."""
+        """Note that a participant publishes a topic (its name as DDS has it)."""
         self._writers[handle] = participant
         if topic.rpartition("/")[2] == SYSTEM_TOPIC:
             self._systems[participant] = True

@@ -21,7 +21,7 @@ class Upload:
         self._released: tuple[Sender, int] | None = None
 
     def add(self, tag_id: int | None, lost: int) -> None:
-        """Take note of a tag; None where it could not be read.
+        """Note a tag; None where it could not be read.
 
         `lost` is the number of tags that the network has lost until now.
         """
@@ -35,17 +35,17 @@ class Upload:
         self._lost = lost
 
     def add_late(self, tag_id: int) -> None:
-        """Take note of a tag that was sent before the release and came after it."""
+        """Note a tag that was sent before the release and came after it."""
         if len(self._ids) < MOST:
             self._ids.add(tag_id)
 
     def quiet(self, lost: int) -> None:
-        """Take note of how many were lost before the next upload."""
+        """Note how many were lost before the next upload."""
         if not self.open:
             self._lost_before = lost
 
     def release(self, sender: Sender, sent_ns: int) -> None:
-        """Take note that it was the last."""
+        """Note that it was the last."""
         self.open = False
         self._released = (sender, sent_ns)
 

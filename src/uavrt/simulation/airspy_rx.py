@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from uavrt.clock import Clock
 from uavrt.errors import UavrtError
+from uavrt.simulation.flown_path import FlownPath
 from uavrt.simulation.scenario_file import load_scenario
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer, encode
 
@@ -36,6 +37,8 @@ SERIAL = 0x644064DC2F5A5ECD
 """Serial number of the simulated device."""
 LONGEST_S = 86_400.0
 """A world is simulated within a day of its start: every pulse since then is counted."""
+PATH_KEPT_S = 10.0
+"""Of where the drone was: pulses are made as they come."""
 STALL_S = (0.05, 0.3)
 """Shortest and longest stall of `scenario.Radio.stall_share`."""
 NOT_FOUND = "airspy_open() failed: AIRSPY_ERROR_NOT_FOUND (-5)"
@@ -45,6 +48,7 @@ airspy_rx (simulated)
 Usage:
 --world <file>: Scenario file of the simulated world
 [--start-time-ns <ns>]: Start of the scenario, UTC, in place of the file's
+[--flown <file>]: Where the drone is, as a simulated autopilot that flies commands writes it
 [--absent]: Behave as with no device attached
 -r <filename>: Receive data into file
 [-s serial_number_64bits]: Open device with specified 64bits serial number
@@ -75,6 +79,7 @@ class Arguments:
     output: str
     """File name, or ``-`` for standard output."""
     start_time_ns: int | None
+    flown: Path | None
     absent: bool
     serial: int | None
     frequency_hz: float
@@ -99,7 +104,7 @@ def parse_arguments(arguments: Sequence[str]) -> Arguments:
         pairs, rest = getopt.getopt(
             list(arguments),
             "r:ws:p:f:a:t:b:v:m:l:g:h:n:d",
-            ["world=", "start-time-ns=", "absent"],
+            ["world=", "start-time-ns=", "flown=", "absent"],
         )
     except getopt.GetoptError as error:
         raise ArgumentFault(f"unknown argument: {error}") from None
@@ -130,6 +135,7 @@ def parse_arguments(arguments: Sequence[str]) -> Arguments:
         world=Path(given["--world"]),
         output=given["-r"],
         start_time_ns=int(given["--start-time-ns"]) if "--start-time-ns" in given else None,
+        flown=Path(given["--flown"]) if "--flown" in given else None,
         absent="--absent" in given,
         serial=_serial(given.get("-s")),
         frequency_hz=frequency_mhz * 1e6,
@@ -339,8 +345,15 @@ def main(command_line: Sequence[str]) -> int:
             "--start-time-ns, or a start_time within a day in the file"
         )
         return 1
+    path = None
+    if arguments.flown is not None:
+        path = FlownPath(arguments.flown, scenario.plane, keep_s=PATH_KEPT_S)
     synthesizer = IQSynthesizer(
-        scenario, arguments.frequency_hz, arguments.sample_rate_hz, gain=arguments.gain
+        scenario,
+        arguments.frequency_hz,
+        arguments.sample_rate_hz,
+        gain=arguments.gain,
+        path=path,
     )
     if arguments.verbose:
         _say(f"frequency_MHz -f {arguments.frequency_hz / 1e6:.6f}MHz")

@@ -2,7 +2,7 @@
 
 Stepped by the receiver's own sample clock, so that the position of every sample is known
 exactly; a recording's metadata hold it (docs/reference/scenario.md). The arithmetic shares
-nothing with `uavrt.localization.array_bearings`, which it is to check.
+nothing with `uavrt.localization.bearing.array_bearings`, which it is to check.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""How a radio's samples arrive: late by jitter, held up, and with pieces missing, unsaid.
+"""How a radio's samples arrive: jittered, held up, and with unreported losses.
 
 Arrivals only, no samples: hours of a stream in a second, for what is measured by counting.
 `uavrt.simulation.airspy_rx` loses and delays real samples in the same ways.
@@ -94,7 +94,7 @@ class DeliveredStream:
         return (index - int(self.losses[at])) / self.true_rate_hz
 
     def transfers(self) -> Iterator[Transfer]:
-        """Give the arrivals in order."""
+        """Return the arrivals in order."""
         delivery, rng = self.delivery, self._rng
         size = round(delivery.transfer_s * delivery.sample_rate_hz)
         free_s = 0.0

@@ -1,430 +1,97 @@
-"""A simulated autopilot that speaks MAVLink to a companion and to a ground station.
+"""Command line of the simulated autopilot; a child process of ``uavrt demo``."""
 
-It streams the vehicle's pose, answers what a real one answers, and passes messages on between
-its two links as PX4 v1.17 or ArduCopter 4.7 do. Run it alone, with
-``--ground HOST:PORT`` as well for the way to a ground station::
-
-    python -m uavrt.simulation.autopilot --scenario FILE --companion HOST:PORT
-"""
-
+import argparse
 import asyncio
-import math
-import random
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import partial
-from typing import Literal
+import contextlib
+import signal
+from collections.abc import Sequence
+from pathlib import Path
 
 from uavrt.clock import Clock
-from uavrt.log import get_logger
-from uavrt.mavlink import dialect
-from uavrt.mavlink.dialect import MavCmd, MavResult
-from uavrt.mavlink.discovery import GCS_SYSTEM_ID
-from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
-from uavrt.mavlink.message import Message
-from uavrt.messages import Pose
-from uavrt.simulation.autopilot_parameters import (
-    COMPANION_PORT,
-    GROUND_PORT,
-    AutopilotParameters,
-)
-from uavrt.simulation.datagrams import DatagramPort
-from uavrt.simulation.forwarding import ForwardRing, Impairment, Routes
-from uavrt.simulation.telemetry import default_intervals_ns, telemetry_message
-from uavrt.units import ns_from_s
-
-log = get_logger()
-
-Flavour = Literal["px4", "ardupilot"]
-
-BUSY_WAKE_S = 0.004
-"""PX4's main loop in simulation; while messages wait to be forwarded."""
-IDLE_WAKE_S = 0.010
-HEARTBEAT_NS = ns_from_s(1.0)
-TIMESYNC_NS: dict[Flavour, int] = {"px4": ns_from_s(0.1), "ardupilot": ns_from_s(10.0)}
-OPERATOR_SILENCE_NS = ns_from_s(5.0)
-"""FS_GCS_TIMEOUT of ArduPilot; PX4's COM_DL_LOSS_T is 10 s."""
-REBOOT_NS = ns_from_s(1.5)
-"""Silence while it starts again."""
-MAX_LATE_NS = ns_from_s(0.5)
-"""Telemetry later than this is skipped: this program was stopped."""
-ARDUPILOT_RING = 256 * 149
-ARDUPILOT_PASS_NS = 1_000
-"""ArduPilot has no such queue; 1000 messages without a gap overran its socket at 256."""
+from uavrt.errors import UavrtError
+from uavrt.log import configure_logging, get_logger
+from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.scenario_file import load_scenario
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AutopilotSettings:
-    """What kind of autopilot, and how good its links are."""
-
-    companion: tuple[str, int]
-    """Where the companion listens, as PX4's onboard link sends to 14540."""
-    ground: tuple[str, int] | None = None
-    """Where the ground station listens, as PX4's ground link sends to 14550."""
-    flavour: Flavour = "px4"
-    system_id: int = 1
-    unique_number: int = 0x75617672
-    """As AUTOPILOT_VERSION tells it."""
-    companion_port: int = 0
-    """Own port towards the companion; 0: any."""
-    ground_port: int = 0
-    clock_skew_ppm: float = 0.0
-    """How much faster the boot clock runs than UTC; PX4 in simulation: -15 000."""
-    mute_clock: bool = False
-    """TIMESYNC is not answered."""
-    boot_time_s: float = 20.0
-    """Boot time at the start."""
-    companion_jitter_s: float = 0.0
-    ground_jitter_s: float = 0.0
-    companion_loss: float = 0.0
-    ground_loss: float = 0.0
-    """Loss of frames of each direction of the ground link."""
-    seed: int = 1
-    armed: bool = True
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    """Parameters that differ from the maker's."""
-
-
-class _Side:
-    """One of the two links."""
-
-    def __init__(self, name: str, settings: AutopilotSettings, *, loss: float, jitter_s: float):
-        self.name = name
-        px4 = settings.flavour == "px4"
-        self.ring = ForwardRing() if px4 else ForwardRing(ARDUPILOT_RING, ARDUPILOT_PASS_NS)
-        self.routes = Routes()
-        self.parser = FrameParser()
-        self.writer = FrameWriter(settings.system_id, 1)
-        seeds = (2 * settings.seed, 2 * settings.seed + 1)
-        self.inward = Impairment(loss=loss, jitter_s=jitter_s, seed=seeds[0])
-        self.outward = Impairment(loss=loss, jitter_s=jitter_s, seed=seeds[1])
-        self.port: DatagramPort | None = None
-        self.intervals_ns: dict[int, int] = {}
-        self.due_ns: dict[int, int] = {}
-
-
-class FakeAutopilot:
-    """The autopilot; `run` serves it until cancelled.
-
-    Parameters
-    ----------
-    vehicle : callable
-        Pose of the vehicle at a time [ns, UTC].
-    settings : AutopilotSettings
-        Kind, peers and links.
-    clock : Clock
-        UTC; the boot clock derives from it.
-    """
-
-    def __init__(
-        self, vehicle: Callable[[int], Pose], settings: AutopilotSettings, clock: Clock
-    ) -> None:
-        self._vehicle = vehicle
-        self._settings = settings
-        self._clock = clock
-        self.parameters = AutopilotParameters(settings.flavour, settings.parameters)
-        self._operator_heard_ns: int | None = None
-        self._booted_ns = clock.now_ns() - ns_from_s(settings.boot_time_s)
-        self._silent_until_ns = 0
-        self._heartbeat_ns = 0
-        self._timesync_ns = 0
-        self._px4 = settings.flavour == "px4"
-        self._random = random.Random(settings.seed)
-        self.companion = _Side(
-            "companion",
-            settings,
-            loss=settings.companion_loss,
-            jitter_s=settings.companion_jitter_s,
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the autopilot until SIGTERM or SIGINT."""
+    options = _parser().parse_args(arguments)
+    configure_logging("fake autopilot")
+    clock = Clock.start() if options.clock_offset_ns is None else Clock(options.clock_offset_ns)
+    try:
+        scenario = load_scenario(options.scenario)
+        if options.start_time_ns is not None:
+            scenario = scenario.starting_at(options.start_time_ns)
+        settings = AutopilotSettings(
+            companion=options.companion,
+            ground=options.ground,
+            flavour=options.flavour,
+            system_id=options.system_id,
+            clock_skew_ppm=options.clock_skew_ppm,
+            companion_jitter_s=options.companion_jitter_s,
+            ground_loss=options.ground_loss,
+            seed=options.seed,
+            parameters=dict(options.parameter),
+            flies=options.flies,
+            sticks=options.sticks,
+            on_ground=options.on_ground,
+            path=options.path,
         )
-        self.ground = _Side(
-            "ground", settings, loss=settings.ground_loss, jitter_s=settings.ground_jitter_s
-        )
-        self._restart_streams()
+        asyncio.run(_serve(FakeAutopilot(scenario.vehicle_pose, settings, clock)))
+    except UavrtError as error:
+        raise SystemExit(f"error: {error}") from error
 
-    async def run(self) -> None:
-        """Open the ports and fly until cancelled; raises `LinkError`."""
-        self.open()
-        try:
-            while True:
-                self.step(self._clock.now_ns())
-                busy = len(self.companion.ring) or len(self.ground.ring)
-                await asyncio.sleep(BUSY_WAKE_S if busy else IDLE_WAKE_S)
-        finally:
-            self.close()
 
-    def open(self) -> None:
-        """Open the ports on the running loop; raises `LinkError`."""
-        settings = self._settings
-        for side, peer, port in (
-            (self.companion, settings.companion, settings.companion_port),
-            (self.ground, settings.ground, settings.ground_port),
-        ):
-            if peer is not None:
-                side.port = DatagramPort(peer, port, self._taker(side), self._clock)
-                side.port.open()
+async def _serve(autopilot: FakeAutopilot) -> None:
+    task = asyncio.current_task()
+    assert task is not None
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, task.cancel)
+    with contextlib.suppress(asyncio.CancelledError):
+        await autopilot.run()
+    get_logger().info("stopped", **autopilot.counters())
 
-    def close(self) -> None:
-        """Close the ports."""
-        for side in (self.companion, self.ground):
-            if side.port is not None:
-                side.port.close()
 
-    def reboot(self) -> None:
-        """Start again: boot time from zero, default streams, silence for a while."""
-        now_ns = self._clock.now_ns()
-        self._booted_ns = self._silent_until_ns = now_ns + REBOOT_NS
-        self._restart_streams()
-        self.parameters.restart()
-        log.info("autopilot starts again")
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m uavrt.simulation.autopilot", description="Simulated autopilot"
+    )
+    parser.add_argument("--scenario", required=True, help="scenario file; its flight is flown")
+    parser.add_argument("--companion", required=True, type=_place, metavar="HOST:PORT")
+    parser.add_argument("--ground", type=_place, metavar="HOST:PORT")
+    parser.add_argument("--flavour", choices=("px4", "ardupilot"), default="px4")
+    parser.add_argument("--system-id", type=int, default=1)
+    parser.add_argument("--start-time-ns", type=int, help="start of the scenario [ns, UTC]")
+    parser.add_argument("--clock-offset-ns", type=int, help="UTC minus CLOCK_MONOTONIC [ns]")
+    parser.add_argument("--clock-skew-ppm", type=float, default=0.0)
+    parser.add_argument("--companion-jitter-s", type=float, default=0.0)
+    parser.add_argument("--ground-loss", type=float, default=0.0)
+    parser.add_argument(
+        "--parameter", type=_parameter, action="append", default=[], metavar="NAME=VALUE"
+    )
+    parser.add_argument("--flies", action="store_true", help="fly what is commanded")
+    parser.add_argument("--on-ground", action="store_true", help="with --flies: disarmed below")
+    parser.add_argument("--path", type=Path, help="with --flies: file of where it was")
+    parser.add_argument("--sticks", action="store_true", help="with a remote control")
+    parser.add_argument("--seed", type=int, default=1)
+    return parser
 
-    def boot_ns(self, time_ns: int) -> int:
-        """Boot time at a time [ns]."""
-        elapsed = time_ns - self._booted_ns
-        return elapsed + round(elapsed * self._settings.clock_skew_ppm * 1e-6)
 
-    def time_ns(self, boot_ns: int) -> int:
-        """Time at which the boot clock shows `boot_ns` [ns, UTC]."""
-        elapsed = boot_ns / (1 + self._settings.clock_skew_ppm * 1e-6)
-        return self._booted_ns + round(elapsed)
+def _parameter(text: str) -> tuple[str, float]:
+    """Read NAME=VALUE."""
+    name, _, value = text.partition("=")
+    return name, float(value)
 
-    def operator_lost(self, now_ns: int) -> bool:
-        """Whether the failsafe for a lost ground station would act, had there been one."""
-        heard_ns = self._operator_heard_ns
-        return heard_ns is not None and now_ns - heard_ns > OPERATOR_SILENCE_NS
 
-    def _is_operator(self, message: dialect.Heartbeat, frame: Frame) -> bool:
-        """Whose heartbeat counts: PX4 1.17 goes by the type, ArduPilot by MAV_GCS_SYSID."""
-        if self._px4:
-            return message.type == dialect.MavType.GCS
-        return frame.system_id == GCS_SYSTEM_ID
-
-    def counters(self) -> dict[str, int]:
-        """What was passed on and lost, for the attribution of losses."""
-        return {
-            "forwarded_to_ground": self.ground.ring.forwarded,
-            "dropped_to_ground": self.ground.ring.dropped,
-            "forwarded_to_companion": self.companion.ring.forwarded,
-            "dropped_to_companion": self.companion.ring.dropped,
-            "lost_ground_link": self.ground.inward.lost + self.ground.outward.lost,
-            "lost_companion_link": self.companion.inward.lost + self.companion.outward.lost,
-        }
-
-    def step(self, now_ns: int) -> None:
-        """Do what is due."""
-        if now_ns < self._silent_until_ns:
-            return
-        for side in (self.companion, self.ground):
-            if side.port is not None:
-                self._forward(side, now_ns)
-                self._stream(side, now_ns)
-        if now_ns - self._heartbeat_ns >= HEARTBEAT_NS:
-            self._heartbeat_ns = now_ns
-            for side in (self.companion, self.ground):
-                self._send(side, self._heartbeat())
-        if now_ns - self._timesync_ns >= TIMESYNC_NS[self._settings.flavour]:
-            self._timesync_ns = now_ns
-            self._send(self.companion, dialect.Timesync(tc1=0, ts1=self.boot_ns(now_ns)))
-
-    def _taker(self, side: _Side) -> Callable[[bytes, int], None]:
-        def take(data: bytes, arrival_ns: int) -> None:
-            side.parser.reset()
-            for frame in side.parser.feed(data):
-                release_ns = side.inward.release_ns(arrival_ns)
-                if release_ns is not None:
-                    self._later(release_ns, partial(self.receive, side, frame, release_ns))
-
-        return take
-
-    def _later(self, time_ns: int, action: Callable[[], None]) -> None:
-        """Do something at a time; at once when it has come."""
-        wait_s = (time_ns - self._clock.now_ns()) / 1e9
-        if wait_s <= 0.0:
-            action()
-        else:
-            asyncio.get_running_loop().call_later(wait_s, action)
-
-    def receive(self, side: _Side, frame: Frame, arrival_ns: int) -> None:
-        """Take a frame of a link: answer it, pass it on, or both."""
-        if arrival_ns < self._silent_until_ns:
-            return
-        side.routes.saw(frame)
-        message = frame.message()
-        if isinstance(message, dialect.Heartbeat) and self._is_operator(message, frame):
-            self._operator_heard_ns = arrival_ns
-        system_id = getattr(message, "target_system", 0)
-        component_id = getattr(message, "target_component", 0)
-        own = (self._settings.system_id, 1)
-        if message is not None and system_id in (0, own[0]) and component_id in (0, own[1]):
-            self._answer(side, message, frame, arrival_ns)
-        other = self.ground if side is self.companion else self.companion
-        if other.port is None or (system_id, component_id) == own:
-            return
-        if isinstance(message, dialect.RadioStatus) and self._settings.flavour == "ardupilot":
-            return
-        if not self._passes_on():
-            return
-        if other.routes.leads_to(system_id, component_id):
-            self._forward(other, arrival_ns)
-            other.ring.push(frame)
-
-    def _passes_on(self) -> bool:
-        """Whether the parameters let messages through, from one port to the other."""
-        return all(map(self.parameters.passes_on, (COMPANION_PORT, GROUND_PORT)))
-
-    def _forward(self, side: _Side, now_ns: int) -> None:
-        """Let the main loop's passes happen up to a time."""
-        for frame in side.ring.passes(now_ns):
-            self._emit(side, frame.raw)
-
-    def _send(self, side: _Side, message: Message) -> None:
-        self._emit(side, side.writer.encode(message))
-
-    def _emit(self, side: _Side, frame: bytes) -> None:
-        port = side.port
-        release_ns = side.outward.release_ns(self._clock.now_ns())
-        if port is not None and release_ns is not None:
-            self._later(release_ns, lambda: port.send(frame))
-
-    def _stream(self, side: _Side, now_ns: int) -> None:
-        boot_ns = self.boot_ns(now_ns)
-        for message_id, interval_ns in side.intervals_ns.items():
-            due_ns = side.due_ns.setdefault(message_id, boot_ns)
-            if boot_ns - due_ns > MAX_LATE_NS:
-                due_ns = boot_ns
-            while due_ns <= boot_ns:
-                time_ns = self.time_ns(due_ns)
-                message = telemetry_message(
-                    message_id, self._vehicle(time_ns), due_ns // 1_000_000, time_ns
-                )
-                self._send(side, message)
-                due_ns += interval_ns
-            side.due_ns[message_id] = due_ns
-
-    def _answer(self, side: _Side, message: Message, frame: Frame, now_ns: int) -> None:
-        sender = (frame.system_id, frame.component_id)
-        match message:
-            case dialect.Timesync() if message.tc1 == 0 and not self._settings.mute_clock:
-                target = self._random_target() if self._px4 else sender
-                answer = dialect.Timesync(
-                    tc1=self.boot_ns(self._clock.now_ns()),
-                    ts1=message.ts1,
-                    target_system=target[0],
-                    target_component=target[1],
-                )
-                self._send(side, answer)
-            case dialect.Ping() if message.target_system == 0:
-                if self._settings.flavour == "px4":
-                    answer_ping = dialect.Ping(
-                        time_usec=message.time_usec,
-                        seq=message.seq,
-                        target_system=sender[0],
-                        target_component=sender[1],
-                    )
-                    self._send(side, answer_ping)
-            case dialect.ParamRequestList() | dialect.ParamRequestRead() | dialect.ParamSet():
-                for value in self.parameters.receive(message):
-                    self._send(side, value)
-            case dialect.CommandLong() | dialect.CommandInt():
-                if message.target_component == 1:
-                    self._command(side, message, sender)
-
-    def _random_target(self) -> tuple[int, int]:
-        """Make up numbers as PX4 1.17 leaves in the targets of its answers."""
-        return self._random.randrange(256), self._random.randrange(256)
-
-    def _command(
-        self,
-        side: _Side,
-        message: dialect.CommandLong | dialect.CommandInt,
-        sender: tuple[int, int],
-    ) -> None:
-        result = MavResult.UNSUPPORTED
-        match message.command:
-            case MavCmd.SET_MESSAGE_INTERVAL:
-                result = self._set_interval(side, message.param1, message.param2)
-            case MavCmd.REQUEST_MESSAGE if message.param1 in (
-                dialect.AutopilotVersion.ID,
-                dialect.HomePosition.ID,
-            ):
-                result = MavResult.ACCEPTED
-            case MavCmd.PREFLIGHT_REBOOT_SHUTDOWN if message.param1 == 1:
-                result = MavResult.ACCEPTED
-        ack = dialect.CommandAck(
-            command=message.command,
-            result=result,
-            target_system=sender[0],
-            target_component=sender[1],
-        )
-        self._send(side, ack)
-        if message.command == MavCmd.REQUEST_MESSAGE and result == 0:
-            self._send(side, self._fact(int(message.param1)))
-        if message.command == MavCmd.PREFLIGHT_REBOOT_SHUTDOWN and result == 0:
-            self.reboot()
-
-    def _fact(self, message_id: int) -> Message:
-        """What is told when it is asked for: which autopilot this is, or where home is."""
-        if message_id == dialect.AutopilotVersion.ID:
-            return dialect.AutopilotVersion(
-                capabilities=0,
-                flight_sw_version=0,
-                middleware_sw_version=0,
-                os_sw_version=0,
-                board_version=0,
-                flight_custom_version=bytes(8),
-                middleware_custom_version=bytes(8),
-                os_custom_version=bytes(8),
-                vendor_id=0,
-                product_id=0,
-                uid=self._settings.unique_number,
-            )
-        home = self._vehicle(self._booted_ns)
-        return dialect.HomePosition(
-            latitude=round(home.latitude_deg * 1e7),
-            longitude=round(home.longitude_deg * 1e7),
-            altitude=round(home.altitude_amsl_m * 1e3),
-            x=0.0,
-            y=0.0,
-            z=0.0,
-            q=(1.0, 0.0, 0.0, 0.0),
-            approach_x=0.0,
-            approach_y=0.0,
-            approach_z=0.0,
-        )
-
-    def _set_interval(self, side: _Side, number: float, interval_us: float) -> MavResult:
-        known = default_intervals_ns("px4", "companion")
-        if number not in known or not math.isfinite(interval_us):
-            return MavResult.DENIED
-        message_id = int(number)
-        side.due_ns.pop(message_id, None)
-        side.intervals_ns.pop(message_id, None)
-        if interval_us == 0:
-            interval = default_intervals_ns(self._settings.flavour, side.name).get(message_id)
-            if interval is not None:
-                side.intervals_ns[message_id] = interval
-        elif interval_us > 0:
-            side.intervals_ns[message_id] = max(1_000_000, round(interval_us * 1000))
-        return MavResult.ACCEPTED
-
-    def _restart_streams(self) -> None:
-        for side in (self.companion, self.ground):
-            side.intervals_ns = default_intervals_ns(self._settings.flavour, side.name)
-            side.due_ns = {}
-
-    def _heartbeat(self) -> dialect.Heartbeat:
-        px4 = self._settings.flavour == "px4"
-        return dialect.Heartbeat(
-            type=dialect.MavType.QUADROTOR,
-            autopilot=dialect.MavAutopilot.PX4 if px4 else dialect.MavAutopilot.ARDUPILOTMEGA,
-            base_mode=dialect.MavModeFlag.CUSTOM_MODE_ENABLED
-            | (dialect.MavModeFlag.SAFETY_ARMED if self._settings.armed else 0),
-            custom_mode=0,
-            system_status=dialect.MavState.ACTIVE,
-            mavlink_version=3,
-        )
+def _place(text: str) -> tuple[str, int]:
+    """Read HOST:PORT."""
+    host, separator, port = text.rpartition(":")
+    if not separator or not host:
+        raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT")
+    return host.strip("[]"), int(port)
 
 
 if __name__ == "__main__":
-    from uavrt.simulation.autopilot_program import main
-
     main()

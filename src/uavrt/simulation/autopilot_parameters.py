@@ -7,8 +7,8 @@ restart only: `active` is what the last start has found.
 from collections.abc import Mapping
 from typing import Literal
 
+from uavrt.mavlink import ParameterServer, Requests
 from uavrt.mavlink.dialect import MavParamType, ParamValue
-from uavrt.mavlink.parameters import ParameterServer, Requests
 
 Flavour = Literal["px4", "ardupilot"]
 
@@ -27,6 +27,7 @@ PX4_DEFAULTS: dict[str, float] = {
     "SER_TEL2_BAUD": 57_600,
     "NAV_DLL_ACT": 0,
     "MPC_XY_VEL_MAX": 12.0,
+    "MIS_TAKEOFF_ALT": 2.5,
 }
 ARDUPILOT_DEFAULTS: dict[str, float] = {
     "SERIAL1_PROTOCOL": 2,
@@ -46,7 +47,7 @@ _SIZES = {"PROTOCOL": MavParamType.INT8, "BAUD": MavParamType.INT32}
 
 
 class AutopilotParameters:
-    """What is set, what is in force, and the answers.
+    """Parameters set and in force, and the answers to requests.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ class AutopilotParameters:
         )
 
     def receive(self, request: Requests) -> list[ParamValue]:
-        """Take a request; give the answers. A set is taken as it is."""
+        """Handle a request; return the answers. A set is taken as it is."""
         answer = self._server.receive(request)
         if isinstance(answer, list):
             return answer
@@ -89,7 +90,7 @@ class AutopilotParameters:
 
 
 def _type_of(name: str) -> MavParamType:
-    if name.startswith(("MPC_", "WPNAV_")):
+    if name.startswith(("MPC_", "MIS_", "WPNAV_")):
         return MavParamType.REAL32
     if name.startswith("SERIAL"):
         return _SIZES.get(name.partition("_")[2], MavParamType.INT16)

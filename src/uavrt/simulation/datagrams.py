@@ -60,7 +60,7 @@ class DatagramPort:
             opened.close()
             raise LinkError(
                 f"UDP port {self._local_port}: {error.strerror}",
-                remedy="Stop the program that holds it, or choose another port",
+                remedy="Stop the program that uses it, or choose another port",
             ) from error
         opened.setblocking(False)
         self._socket = opened

@@ -9,7 +9,7 @@ thesis's Tables 5.10 to 5.13.
 import random
 from collections import deque
 
-from uavrt.mavlink.frame import Frame
+from uavrt.mavlink import Frame
 from uavrt.units import ns_from_s
 
 RING_BYTES = 583
@@ -58,7 +58,7 @@ class ForwardRing:
         return True
 
     def passes(self, now_ns: int) -> list[Frame]:
-        """Give what the passes up to `now_ns` send, one message each."""
+        """Return what the passes up to `now_ns` send, one message each."""
         if self._next_pass_ns is None:
             self._next_pass_ns = now_ns + self._pass_ns
         sent: list[Frame] = []
@@ -86,7 +86,7 @@ class Routes:
         self._seen.add((frame.system_id, frame.component_id))
 
     def leads_to(self, system_id: int, component_id: int) -> bool:
-        """Tell whether a message with this target belongs on the link."""
+        """Return whether a message with this target belongs on the link."""
         if system_id == 0:
             return True
         return any(

@@ -1,6 +1,6 @@
 """Quaternions and a local tangent plane, as the simulator needs them.
 
-Kept apart from `uavrt.pose` on purpose: the truth must not share the code that it is to check.
+Kept apart from `uavrt.pose` on purpose: the truth must not share the code that it checks.
 """
 
 import math

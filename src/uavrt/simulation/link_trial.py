@@ -9,14 +9,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
-from uavrt.mavlink.message import Message
-from uavrt.mavlink.pacing import PacedQueue, Priority, Tunnelled
+from uavrt.mavlink import (
+    Frame,
+    FrameParser,
+    FrameWriter,
+    Message,
+    PacedQueue,
+    Priority,
+    Tunnelled,
+    dialect,
+)
 from uavrt.simulation.forwarding import ForwardRing
 from uavrt.simulation.radio_link import STATUS_NS, RadioLink, RadioLinkSettings, VirtualTime
-from uavrt.tunnel.private import RECEIPT_TYPE, Receipt, payload_hash
-from uavrt.tunnel.reliable import ReliableSender
+from uavrt.tunnel import RECEIPT_TYPE, Receipt, ReliableSender, payload_hash
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 PASS_NS = 8_333_333
@@ -29,16 +34,16 @@ TELEMETRY_FRAME = bytes(40)
 
 
 class Acknowledger(Protocol):
-    """The ground's half, as `uavrt.ground.receipts.Receipts`."""
+    """The ground's half, as `uavrt.ground.link.delivery_receipts.Receipts`."""
 
     def seen(self, payload: bytes) -> bool:
-        """Tell whether a pulse is known."""
+        """Return whether a pulse is known."""
 
     def stored(self, payload: bytes) -> None:
         """A pulse is safe."""
 
     def take(self, now_ns: int) -> Receipt | None:
-        """Give the receipt that is due."""
+        """Return the receipt that is due."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

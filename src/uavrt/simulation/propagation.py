@@ -144,15 +144,27 @@ def _rays(
     tag: geometry.Vector,
     antenna: geometry.Vector,
     frequency_hz: float,
+    heights_m: tuple[float, float],
     *,
     horizontal: bool,
 ) -> Iterator[tuple[geometry.Vector, complex]]:
-    """Sources as seen from the antenna, real and mirrored, each with its reflection factor."""
+    """Sources as seen from the antenna, real and mirrored, each with its reflection factor.
+
+    The ground that reflects is a plane through the ground beneath both ends.
+    """
     yield tag, 1.0
     if propagation.model == "two_ray":
-        image = (tag[0], tag[1], -tag[2])
-        ray = geometry.subtract(image, antenna)
-        grazing = math.asin(min(1.0, ray[2] / max(geometry.length(ray), 1e-9)))
+        over_ground = math.hypot(tag[0] - antenna[0], tag[1] - antenna[1])
+        grazing = math.atan2(sum(heights_m), max(over_ground, 1e-9))
+        straight = math.hypot(over_ground, heights_m[0] - heights_m[1])
+        longer = math.hypot(over_ground, sum(heights_m)) - straight
+        # The image that is so much farther away, straight beneath the tag.
+        away = geometry.length(geometry.subtract(tag, antenna)) + longer
+        image = (
+            tag[0],
+            tag[1],
+            antenna[2] + math.sqrt(max(away**2 - over_ground**2, 0.0)),
+        )
         yield (
             image,
             ground_reflection(propagation, grazing, frequency_hz, horizontal=horizontal),
@@ -172,6 +184,7 @@ def link(
     antenna_quaternion_wxyz: geometry.Quaternion,
     polarization_deg: float,
     frequency_hz: float,
+    heights_m: tuple[float, float] | None = None,
 ) -> Link:
     """Compute the link from a tag to the antenna, without fading.
 
@@ -182,21 +195,31 @@ def link(
     antenna : Antenna
         Pattern and polarization; the mounting is already in the quaternion.
     tag_ned_m, antenna_ned_m : tuple of 3 floats
-        Places from home [m], down positive; both are kept above the ground by 0.1 m.
+        Places from home [m], down positive; both are kept above level ground by 0.1 m.
     antenna_quaternion_wxyz : tuple of 4 floats
         Antenna's frame to north-east-down.
     polarization_deg : float
         Tilt of the tag's field from upright across the ray; 90 is horizontal.
     frequency_hz : float
         Carrier frequency [Hz].
+    heights_m : (float, float), optional
+        Of antenna and tag above the ground beneath them, where that is not level.
     """
-    tag = (tag_ned_m[0], tag_ned_m[1], min(tag_ned_m[2], -0.1))
-    place = (antenna_ned_m[0], antenna_ned_m[1], min(antenna_ned_m[2], -0.1))
+    tag, place = tag_ned_m, antenna_ned_m
+    if heights_m is None:
+        tag = (tag_ned_m[0], tag_ned_m[1], min(tag_ned_m[2], -0.1))
+        place = (antenna_ned_m[0], antenna_ned_m[1], min(antenna_ned_m[2], -0.1))
+        heights_m = (-place[2], -tag[2])
     wavelength = SPEED_OF_LIGHT_M_S / frequency_hz
     tilt = math.radians(polarization_deg)
     total = 0j
     for source, factor in _rays(
-        propagation, tag, place, frequency_hz, horizontal=abs(math.sin(tilt)) > math.sqrt(0.5)
+        propagation,
+        tag,
+        place,
+        frequency_hz,
+        heights_m,
+        horizontal=abs(math.sin(tilt)) > math.sqrt(0.5),
     ):
         ray = geometry.subtract(source, place)
         distance = max(geometry.length(ray), _MINIMUM_DISTANCE_M)

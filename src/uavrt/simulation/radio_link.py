@@ -81,7 +81,7 @@ class RadioLinkSettings:
 
 @dataclass(slots=True)
 class RadioCounters:
-    """What became of the frames that one radio was given."""
+    """What became of the frames handed to one radio."""
 
     given: int = 0
     carried: int = 0

@@ -9,12 +9,13 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Len
 
-from uavrt.messages import Pose, Tag
+from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Pose, Tag
 from uavrt.simulation import geometry
 from uavrt.simulation.antenna import Antenna
 from uavrt.simulation.flight import Flight, VehicleState, vehicle_state
 from uavrt.simulation.propagation import Propagation
 from uavrt.simulation.record import ScenarioRecord
+from uavrt.simulation.relief import Terrain
 
 Positive = Annotated[float, Gt(0)]
 NonNegative = Annotated[float, Ge(0)]
@@ -67,7 +68,7 @@ class SimulatedTag(ScenarioRecord):
     interval_uncertainty_s: NonNegative = 0.0
     interval_jitter_s: NonNegative = 0.0
     k: Annotated[int, Ge(1)] = 3
-    false_alarm_probability: Annotated[float, Gt(0), Le(1)] = 0.01
+    false_alarm_probability: Annotated[float, Gt(0), Le(1)] = DEFAULT_FALSE_ALARM_PROBABILITY
     name: str | None = None
 
     listed: bool = True
@@ -145,6 +146,7 @@ class Scenario(ScenarioRecord):
     radio: Radio = field(default_factory=Radio)
     antenna: Antenna = field(default_factory=Antenna)
     propagation: Propagation = field(default_factory=Propagation)
+    terrain: Terrain = field(default_factory=Terrain)
     tag: tuple[SimulatedTag, ...] = ()
     interferer: tuple[Interferer, ...] = ()
     flight: Flight = field(default_factory=Flight)
@@ -190,7 +192,10 @@ class Scenario(ScenarioRecord):
 
     def antenna_state(self, time_ns: int) -> tuple[geometry.Vector, geometry.Quaternion]:
         """Place from home [m, NED] and attitude of the antenna."""
-        state = self.vehicle_state(time_ns)
+        return self.antenna_on(self.vehicle_state(time_ns))
+
+    def antenna_on(self, state: VehicleState) -> tuple[geometry.Vector, geometry.Quaternion]:
+        """Place from home [m, NED] and attitude of the antenna of a vehicle in that state."""
         antenna = self.antenna
         arm = (antenna.offset_forward_m, antenna.offset_right_m, antenna.offset_down_m)
         mounting = geometry.from_euler_deg(

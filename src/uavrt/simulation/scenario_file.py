@@ -3,7 +3,7 @@
 import json
 import math
 import tomllib
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,12 @@ def load_scenario(path: str | Path) -> Scenario:
             f"the scenario {path} cannot be read: {why}",
             remedy="Name an existing TOML file, or 'demo' for the built-in world",
         ) from error
-    return parse_scenario(text, source=str(path))
+    scenario = parse_scenario(text, source=str(path))
+    dem = scenario.terrain.dem
+    if dem is None:
+        return scenario
+    beside = str((Path(path).parent / dem).resolve())
+    return replace(scenario, terrain=replace(scenario.terrain, dem=beside))
 
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:

@@ -44,7 +44,6 @@ def steady_tags(count: int, center_frequency_hz: float) -> tuple[Tag, ...]:
             interval_uncertainty_s=0.06,
             interval_jitter_s=0.01,
             k=3,
-            false_alarm_probability=0.01,
         )
         for number in range(1, count + 1)
     )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uavrt.simulation.antenna_switch import gate
 from uavrt.simulation.counter_random import stream_key
+from uavrt.simulation.flown_path import FlownPath
 from uavrt.simulation.scenario import Interferer, Scenario, SimulatedTag
 from uavrt.simulation.world import TruePulse, World, full_scale_factor
 
@@ -37,6 +38,8 @@ class IQSynthesizer:
         Nominal sample rate [Hz]; by default the scenario's.
     gain : int, optional
         Gain step 0 to 21; by default the scenario's.
+    path : FlownPath, optional
+        Where the drone really is, when it flies by commands.
     """
 
     def __init__(
@@ -46,10 +49,11 @@ class IQSynthesizer:
         sample_rate_hz: float | None = None,
         *,
         gain: int | None = None,
+        path: FlownPath | None = None,
     ) -> None:
         radio = scenario.radio
         self.scenario = scenario
-        self.world = World(scenario)
+        self.world = World(scenario, path)
         self.center_frequency_hz = center_frequency_hz or scenario.center_frequency_hz
         self.sample_rate_hz = sample_rate_hz or radio.sample_rate_hz
         self.true_sample_rate_hz = self.sample_rate_hz * (

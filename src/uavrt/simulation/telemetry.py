@@ -2,8 +2,7 @@
 
 import math
 
-from uavrt.mavlink import dialect
-from uavrt.mavlink.message import Message
+from uavrt.mavlink import Message, dialect
 from uavrt.messages import Pose
 
 

@@ -2,7 +2,7 @@
 
 import bisect
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from uavrt.simulation import geometry
 from uavrt.simulation.antenna_switch import AntennaSwitch, position_weights
 from uavrt.simulation.counter_random import stream_key, uniform
+from uavrt.simulation.flown_path import FlownPath
 from uavrt.simulation.propagation import (
     SPEED_OF_LIGHT_M_S,
     Link,
@@ -17,6 +18,7 @@ from uavrt.simulation.propagation import (
     link,
     water_loss_db,
 )
+from uavrt.simulation.relief import Heights, Relief
 from uavrt.simulation.scenario import Scenario, SimulatedTag
 
 THERMAL_NOISE_DBM_HZ = -173.975
@@ -81,10 +83,31 @@ class World:
     ----------
     scenario : Scenario
         The world; the pulses' times are counted from its start.
+    path : FlownPath, optional
+        Where the drone really is, when it flies by commands; else it flies the scenario's.
+    ground : callable, optional
+        Heights of the ground in place of the scenario's elevation files.
+
+    Raises
+    ------
+    FormatError
+        The elevation files cannot be read.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        path: FlownPath | None = None,
+        *,
+        ground: Heights | None = None,
+    ) -> None:
         self.scenario = scenario
+        self._relief = (
+            Relief.of_files(scenario.terrain, scenario.plane)
+            if ground is None
+            else Relief(ground)
+        )
+        self._path = path
         self._trains = {tag.tag_id: _PulseTrain(scenario, tag) for tag in scenario.tag}
         self._noise_dbm_hz = noise_psd_dbm_hz(scenario)
         self._full_scale = full_scale_factor(scenario)
@@ -143,29 +166,53 @@ class World:
             off_boresight_deg=way.off_boresight_deg,
         )
 
+    def antenna_state(self, time_ns: int) -> tuple[geometry.Vector, geometry.Quaternion]:
+        """Place from home [m, NED] and attitude of the antenna."""
+        state = None if self._path is None else self._path.state(time_ns)
+        if state is None:
+            return self.scenario.antenna_state(time_ns)
+        return self.scenario.antenna_on(state)
+
     def position_weights(
         self, switch: AntennaSwitch, pulse: TruePulse
     ) -> NDArray[np.complex128]:
         """Complex amplitudes (positions,) of a pulse at the positions of an antenna switch."""
         tag = next(one for one in self.scenario.tag if one.tag_id == pulse.tag_id)
-        place, rotation = self.scenario.antenna_state(pulse.start_time_ns)
-        there = self.scenario.tag_position_ned_m(tag, pulse.start_time_ns)
+        place, rotation = self.antenna_state(pulse.start_time_ns)
+        there = self._tag_place(tag, pulse.start_time_ns)
         ray = geometry.subtract(there, place)
         direction = geometry.scale(ray, 1.0 / max(geometry.length(ray), 1e-9))
         body = geometry.unrotate(rotation, direction)
         return position_weights(switch, body, SPEED_OF_LIGHT_M_S / pulse.frequency_hz)
 
+    def _tag_place(self, tag: SimulatedTag, time_ns: int) -> geometry.Vector:
+        """Place of a tag from home, on the ground as it is there."""
+        north, east, down = self.scenario.tag_position_ned_m(tag, time_ns)
+        if self._relief is None:
+            return north, east, down
+        return north, east, down - self._relief.height_m(north, east)
+
     def _link(self, tag: SimulatedTag, time_ns: int) -> Link:
-        place, rotation = self.scenario.antenna_state(time_ns)
-        return link(
+        place, rotation = self.antenna_state(time_ns)
+        there = self._tag_place(tag, time_ns)
+        heights = None
+        if self._relief is not None:
+            beneath = self._relief.height_m(place[0], place[1])
+            heights = (max(-place[2] - beneath, 0.1), max(tag.height_m, 0.1))
+        found = link(
             self.scenario.propagation,
             self.scenario.antenna,
-            tag_ned_m=self.scenario.tag_position_ned_m(tag, time_ns),
+            tag_ned_m=there,
             antenna_ned_m=place,
             antenna_quaternion_wxyz=rotation,
             polarization_deg=tag.polarization_deg,
             frequency_hz=tag.frequency_hz,
+            heights_m=heights,
         )
+        if self._relief is None:
+            return found
+        loss_db = self._relief.loss_db(place, there, SPEED_OF_LIGHT_M_S / tag.frequency_hz)
+        return replace(found, gain_db=found.gain_db - loss_db)
 
     def _frequency_hz(self, tag: SimulatedTag, time_ns: int) -> float:
         elapsed_s = self.scenario.elapsed_s(time_ns)
@@ -179,8 +226,8 @@ class World:
         # The change of distance over 2 ms, about the pulse's start, is the closing speed.
         before, after = (
             math.dist(
-                self.scenario.tag_position_ned_m(tag, moment),
-                self.scenario.antenna_state(moment)[0],
+                self._tag_place(tag, moment),
+                self.antenna_state(moment)[0],
             )
             for moment in (time_ns - 1_000_000, time_ns + 1_000_000)
         )

@@ -1,7 +1,7 @@
-"""The supervisor: a hub for records, and a loop that makes what runs what should run.
+"""The supervisor: a hub for records, and a loop that keeps the right processes running.
 
-It is a loop that asks "what should run now?" and makes it so. Records between processes pass
-through it by the tables; samples do not.
+The loop asks "what should run now?" and makes it so. Records between processes pass through it
+by the tables; samples do not.
 """
 
 import asyncio
@@ -13,11 +13,9 @@ from functools import partial
 from pathlib import Path
 
 from uavrt.clock import Clock
-from uavrt.config.settings import Settings
+from uavrt.config import Settings
 from uavrt.heap import HeapKeeper
-from uavrt.ipc import TOPICS, decode_record, encode_record
-from uavrt.ipc.parent import adopt_orphans
-from uavrt.ipc.topics import topic_of
+from uavrt.ipc import TOPICS, adopt_orphans, decode_record, encode_record, topic_of
 from uavrt.log import get_logger
 from uavrt.messages import (
     STATION_COUNTER,
@@ -30,24 +28,31 @@ from uavrt.messages import (
     SystemStatus,
     Taken,
 )
-from uavrt.supervisor.background import in_background
-from uavrt.supervisor.disk import DiskGuard
-from uavrt.supervisor.fleet import Fleet
-from uavrt.supervisor.instance import Instance, self_status
-from uavrt.supervisor.last_pulses import LastPulses
-from uavrt.supervisor.launcher import Launcher
-from uavrt.supervisor.memory import StateStore
-from uavrt.supervisor.mission import Mission
-from uavrt.supervisor.operations import Operations
-from uavrt.supervisor.output import OutputLog, warning_text
-from uavrt.supervisor.progress import FlightProgress
-from uavrt.supervisor.radio_check import RadioQuestion
-from uavrt.supervisor.shapes import rows_for
-from uavrt.supervisor.systemd import SystemdNotifier
-from uavrt.supervisor.table import SUPERVISOR_TOPICS, consumers_of
-from uavrt.supervisor.tuning import ask_tuner
-from uavrt.supervisor.usage import own_usage
-from uavrt.supervisor.wall_clock import WallClockWatch
+from uavrt.supervisor.mission import (
+    DiskGuard,
+    FlightProgress,
+    LastPulses,
+    Mission,
+    Operations,
+    RadioQuestion,
+    StateStore,
+    WallClockWatch,
+    ask_tuner,
+    in_background,
+)
+from uavrt.supervisor.tree import (
+    SUPERVISOR_TOPICS,
+    Fleet,
+    Instance,
+    Launcher,
+    OutputLog,
+    SystemdNotifier,
+    consumers_of,
+    own_usage,
+    rows_for,
+    self_status,
+    warning_text,
+)
 
 log = get_logger()
 

@@ -1,14 +1,14 @@
 """Do a process's records come as often as the table of topics says?
 
-A process that falls behind is alive, and not over its budget; its records tell. One that sends
-nothing at all is somebody else's case: silent ones are killed, and what a radio or an autopilot
-that is away holds up says so itself. So one gap, however long, is forgiven.
+A process that falls behind is alive and within its budget; only its records show it. A process
+that sends nothing is handled elsewhere: silent ones are killed, and one held up by a missing
+radio or autopilot reports that itself. So one gap, however long, is forgiven.
 """
 
 from collections import deque
 from itertools import pairwise
 
-from uavrt.ipc.topics import TOPICS
+from uavrt.ipc import TOPICS
 
 RECORDS = 20
 """Of a topic in a row are judged, for each tag where a topic has one for each."""
@@ -39,14 +39,14 @@ class PaceWatch:
         """Topics whose records come too slowly, and the time between two [s]."""
 
     def started(self, tags: int) -> None:
-        """Begin anew with a new process, that serves so many tags."""
+        """Start over with a new process, that serves so many tags."""
         self._tags = max(1, tags)
         self.slow = {}
         for came_s in self._came_s.values():
             came_s.clear()
 
     def came(self, topic: str, now_s: float) -> None:
-        """Take note of a record."""
+        """Note a record."""
         came_s = self._came_s.get(topic)
         if came_s is not None:
             came_s.append(now_s)

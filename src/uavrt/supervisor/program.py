@@ -9,12 +9,12 @@ from contextlib import suppress
 
 import msgspec
 
-from uavrt.config.settings import Settings
+from uavrt.config import Settings
 from uavrt.errors import UavrtError
 from uavrt.log import get_logger
 from uavrt.messages import Command, SystemState, Tag
 from uavrt.supervisor.core import Supervisor
-from uavrt.supervisor.launcher import Launcher
+from uavrt.supervisor.tree import Launcher
 from uavrt.supervisor.viewers import Viewers, require_unserved
 
 

@@ -2,8 +2,8 @@
 
 For the terminal view, the demo and the command line on the same computer. Each line is a
 record, as between the processes. A viewer that does not keep up is disconnected; it never
-slows the system. The socket is open to its owner, and to the owner's own group: who is a member
-of the service's group ``uavrt`` may watch and command.
+slows the system. The socket is open to its owner and the owner's own group: members of the
+service's group ``uavrt`` may watch and command.
 """
 
 import asyncio
@@ -97,7 +97,7 @@ class Viewers:
 
 
 def require_unserved(path: str) -> None:
-    """Make sure that nobody listens at a socket; what a killed system left is nobody's.
+    """Make sure that nobody listens on a socket; one that a killed system left is free.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def require_unserved(path: str) -> None:
         if asking.connect_ex(path):
             return
     raise ConfigError(
-        f"another uavrt shows itself at {path}",
+        f"another uavrt is already using {path}",
         remedy="Stop it first (uavrt monitor shows it), or set another status_socket",
     )
 

@@ -311,7 +311,7 @@ def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
 
 
 def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
-    """Tell which of the tag's intervals a pulse has, from 1, by when its next one is expected.
+    """Find which of the tag's intervals, from 1, a pulse has, by the next one expected.
 
     The message has the start of that window: the interval less what may be wrong of it.
     """

@@ -1,4 +1,4 @@
-"""Which pulses have gone out already: each goes to the ground once, and at once.
+"""Track which pulses have gone out: each goes to the ground once, and at once.
 
 The word that a pulse is recorded comes later. Of a pulse that this process has not let out,
 because another one before it did or died over it, the flight's database knows what became of
@@ -17,7 +17,7 @@ MOST_UNRECORDED = 20_000
 
 
 class PulseDelivery:
-    """Lets each pulse out once."""
+    """Sends each pulse once."""
 
     def __init__(self) -> None:
         self._unrecorded: OrderedDict[PulseKey, None] = OrderedDict()

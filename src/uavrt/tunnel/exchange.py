@@ -54,7 +54,7 @@ STATES = {
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A payload for the one who asked."""
+    """A payload for the station that asked."""
 
     payload: bytes
     asker: Asker
@@ -62,7 +62,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Question:
-    """Who asked what, in which words."""
+    """Who asked what, and in which generation."""
 
     asker: Asker
     number: int
@@ -109,7 +109,7 @@ class Exchange:
         if generation == "G2" and not experimental:
             raise ConfigError(
                 "some layouts of the tunnel's generation G2 were inferred, not seen",
-                remedy="Set mavlink.tunnel_experimental = true to use it all the same",
+                remedy="Set mavlink.tunnel_experimental = true to use it anyway",
             )
         self._fixed: Generation | None = None if generation == "auto" else generation
         self._version, self._experimental = version, experimental
@@ -134,7 +134,7 @@ class Exchange:
         return self._refusal(payload, reason, asker)
 
     def receive(self, payload: bytes, asker: Asker) -> Command | Answer | None:
-        """Take a payload of a ground station.
+        """Handle a payload of a ground station.
 
         Returns
         -------
@@ -201,7 +201,7 @@ class Exchange:
         ).encode()
 
     def progress(self, operation: Operation) -> Answer | None:
-        """Take a step of an operation; give it to who asked for it, where there is a word."""
+        """Take a step of an operation; return it to who asked for it, where there is a word."""
         self._progress[operation.name] = operation
         answer = self._step(operation)
         if operation.state != "running":
@@ -237,7 +237,7 @@ class Exchange:
     def _request(
         self, message: g2.Requests, payload: bytes, asker: Asker
     ) -> Command | Answer | None:
-        """Take a command of version 4 or later, once."""
+        """Handle a command of version 4 or later, once."""
         known = self._requests.repeated(asker, message.request_id, payload, self._clock_s())
         if known is True:
             return None  # its acknowledgement is on its way
@@ -290,7 +290,7 @@ class Exchange:
         return self._upload
 
     def _command(self, message: TunnelMessage, asker: Asker) -> Command | Answer | None:
-        """Take a command of the generations without request ids."""
+        """Handle a command of the generations without request ids."""
         match message:
             case TagG0() | TagG1():
                 tag = tag_from_wire(message)

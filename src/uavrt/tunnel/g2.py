@@ -189,7 +189,7 @@ class AckG2(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperationProgress(Fixed):
-    """How far a request is that takes longer than its acknowledgement (from version 5 on).
+    """Progress of a request that outlasts its acknowledgement (from version 5 on).
 
     The message is cut to 99 bytes.
     """

@@ -1,10 +1,11 @@
-"""Who may command the drone; and the ground's pen for the seal."""
+"""Who may command the drone, and how the ground seals its commands."""
 
 from uavrt.clock import wall_ns
 from uavrt.errors import LinkError, TunnelError
 from uavrt.log import get_logger
-from uavrt.tunnel.private import RECEIPT_TYPE
+from uavrt.tunnel.private import MOTION_TYPE, RECEIPT_TYPE
 from uavrt.tunnel.seal import (
+    MOTION_INSIDE,
     PARAMETER_INSIDE,
     PLAIN_INSIDE,
     RECEIPT_INSIDE,
@@ -58,7 +59,7 @@ class Gate:
         return self._keeper is not None and self._key_required
 
     def refusal(self, sender: Place, *, sealed: bool) -> str | None:
-        """Say why a sender may not command; None if it may."""
+        """Explain why a sender may not command; None if it may."""
         if self._commanders and sender[0] not in self._commanders:
             return f"system {sender[0]} may not command: see mavlink.commanders"
         if self.locked and not sealed:
@@ -110,10 +111,9 @@ class Sealer:
         self._last = max(self._last, newest)
 
     def __call__(self, payload: bytes, payload_type: int) -> bytes:
-        """Seal a payload of type 0 or a receipt."""
-        return self._seal(
-            payload, RECEIPT_INSIDE if payload_type == RECEIPT_TYPE else PLAIN_INSIDE
-        )
+        """Seal a payload of type 0, a receipt or an order of motion."""
+        kinds = {RECEIPT_TYPE: RECEIPT_INSIDE, MOTION_TYPE: MOTION_INSIDE}
+        return self._seal(payload, kinds.get(payload_type, PLAIN_INSIDE))
 
     def parameter(self, name: str, value: float) -> bytes:
         """Seal the wish to set a parameter."""

@@ -31,6 +31,8 @@ SEALED_TYPE = 60_002
 """A command with a keyed hash, see `uavrt.tunnel.seal`."""
 SESSION_TYPE = 60_004
 """What sealed commands must be sealed for, see `uavrt.tunnel.seal`."""
+MOTION_TYPE, MOTION_STATE_TYPE = 60_005, 60_006
+"""Orders of motion, and what becomes of them, see `uavrt.tunnel.motion`."""
 MAX_HASHES = 15
 MAX_SEALED_HASHES = 12
 """What fits into a seal's 108 bytes."""

@@ -66,7 +66,7 @@ UNANSWERED_NS = ns_from_s(1.2)
 ROUGH_BYTES = 137
 """A pulse as a frame, for the estimate how long the backlog takes."""
 
-Key = tuple[int, int]
+ItemKey = tuple[int, int]
 """Tag id and start time of a pulse."""
 Place = tuple[int, int]
 """A ground station: system and component id."""
@@ -74,7 +74,7 @@ Place = tuple[int, int]
 
 @dataclass(slots=True, eq=False)
 class _Entry(Generic[T]):
-    key: Key
+    key: ItemKey
     time_ns: int
     item: T
     live: bool = True
@@ -134,14 +134,14 @@ class ReliableSender(Generic[T]):
 
     def __init__(self, encode: Callable[[T], bytes]) -> None:
         self._encode = encode
-        self._entries: dict[Key, _Entry[T]] = {}
-        self._waiting: list[tuple[int, Key]] = []
-        self._probes: OrderedDict[Key, _Entry[T]] = OrderedDict()
+        self._entries: dict[ItemKey, _Entry[T]] = {}
+        self._waiting: list[tuple[int, ItemKey]] = []
+        self._probes: OrderedDict[ItemKey, _Entry[T]] = OrderedDict()
         """What is only for stores that may be made up."""
         self._probed_ns = -PROBES * PROBE_NS
-        self._done: OrderedDict[int, tuple[Key, set[int]]] = OrderedDict()
+        self._done: OrderedDict[int, tuple[ItemKey, set[int]]] = OrderedDict()
         """Pulses by their hashes that are no longer waited for, and who has them."""
-        self._sent: OrderedDict[Key, _Entry[T]] = OrderedDict()  # in order of sending
+        self._sent: OrderedDict[ItemKey, _Entry[T]] = OrderedDict()  # in order of sending
         self._by_hash: dict[int, _Entry[T]] = {}
         self._stores: dict[int, _Store] = {}
         self._order = 0
@@ -154,7 +154,7 @@ class ReliableSender(Generic[T]):
         self.fresh_trip_s: float | None = None
         """Round trip that the last receipt showed, if it did."""
         self._unanswered_since_ns: int | None = None
-        self._sent_plain: list[Key] = []
+        self._sent_plain: list[ItemKey] = []
         self._new_stores = Allowance(burst=NEW_STORES, per_s=NEW_STORES_PER_S)
         self._deaf: dict[int, int] = {}
         """When stores that acknowledged nothing were given up."""
@@ -186,7 +186,7 @@ class ReliableSender(Generic[T]):
         """The stores that have acknowledged a pulse: there is somebody."""
         return frozenset(n for n, store in self._stores.items() if store.acknowledges)
 
-    def keys(self) -> set[Key]:
+    def keys(self) -> set[ItemKey]:
         """Pulses in memory."""
         return set(self._entries)
 
@@ -196,16 +196,16 @@ class ReliableSender(Generic[T]):
         most = CAPACITY if known is None or known.acknowledges else MOST_PROBES
         return min(most, CAPACITY - len(self._entries))
 
-    def add(self, key: Key, item: T) -> None:
-        """Take a pulse that is safe on disk; one that is here already is left alone."""
+    def add(self, key: ItemKey, item: T) -> None:
+        """Add a pulse that is safe on disk; one that is here already is left alone."""
         if key not in self._entries:
             entry = _Entry(key, key[1], item, owed=set(self._stores))
             self._entries[key] = entry
             self._wait(entry)
             self._bound()
 
-    def refill(self, store: int, items: Iterable[tuple[Key, T]], *, more: bool) -> None:
-        """Take pulses from disk that a store does not have.
+    def refill(self, store: int, items: Iterable[tuple[ItemKey, T]], *, more: bool) -> None:
+        """Add pulses from disk that a store does not have.
 
         Parameters
         ----------
@@ -246,14 +246,14 @@ class ReliableSender(Generic[T]):
             store.on_disk = True
 
     def station_present(self, present: bool, now_ns: int) -> None:
-        """Say whether any ground station's heartbeats come."""
+        """Report whether any ground station's heartbeats come."""
         if not present:
             self._station_since_ns = None
         elif self._station_since_ns is None:
             self._station_since_ns = now_ns
 
     def unanswered(self, now_ns: int) -> bool:
-        """Tell whether what is under way has been without any answer for too long."""
+        """Return whether what is under way has been without any answer for too long."""
         since_ns = self._unanswered_since_ns
         return since_ns is not None and now_ns - since_ns > UNANSWERED_NS
 
@@ -268,8 +268,8 @@ class ReliableSender(Generic[T]):
 
     def receipt(
         self, store: int, hashes: Iterable[int], place: Place, now_ns: int
-    ) -> list[Key]:
-        """Take a receipt; give the pulses that are new in that store."""
+    ) -> list[ItemKey]:
+        """Handle a receipt; return the pulses that are new in that store."""
         known = self._stores.get(store)
         if known is None and not self._believes_in(store, now_ns):
             self.stores_refused += 1
@@ -282,7 +282,7 @@ class ReliableSender(Generic[T]):
         else:
             known.place, known.heard_ns = place, now_ns
         self.fresh_trip_s = None
-        new: list[Key] = []
+        new: list[ItemKey] = []
         orders: list[int] = []
         for number in hashes:
             entry_or_none = self._by_hash.get(number)
@@ -307,8 +307,8 @@ class ReliableSender(Generic[T]):
         self._overtake(orders, now_ns)
         return new
 
-    def _late_word(self, number: int, store: int) -> list[Key]:
-        """Take the word of a store for a pulse that is no longer waited for."""
+    def _late_word(self, number: int, store: int) -> list[ItemKey]:
+        """Handle a store's acknowledgement of a pulse that is no longer waited for."""
         key, kept = self._done.get(number, (None, set()))
         if key is None or store in kept:
             return []
@@ -367,11 +367,11 @@ class ReliableSender(Generic[T]):
         return max(0, min(due_ns) - now_ns) if due_ns else None
 
     def _probe_due_ns(self, now_ns: int) -> int:
-        """When something may go for stores that may be made up."""
+        """When a pulse may next go to stores that may not exist."""
         return max(self._probed_ns, now_ns - PROBES * PROBE_NS) + PROBE_NS
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Outgoing | None:
-        """Give the payload that goes now.
+        """Return the payload that goes now.
 
         Parameters
         ----------
@@ -428,8 +428,8 @@ class ReliableSender(Generic[T]):
             del self._sent[entry.key]
             self._wait(entry)
 
-    def sent_plain(self) -> list[Key]:
-        """Give what was sent, since the last call, to plain ground stations only: done."""
+    def sent_plain(self) -> list[ItemKey]:
+        """Return what was sent, since the last call, to plain ground stations only: done."""
         done, self._sent_plain = self._sent_plain, []
         return done
 
@@ -451,7 +451,7 @@ class ReliableSender(Generic[T]):
         return entry.sent_ns + ns_from_s(self.trips.timeout_s * backoff)
 
     def _expire(self, now_ns: int) -> None:
-        """What was not acknowledged in time waits again."""
+        """Queue again what was not acknowledged in time."""
         late = [e for e in self._sent.values() if self._deadline_ns(e) <= now_ns]
         for entry in late:
             if entry.kept and not self._waits_for_anyone(entry):
@@ -519,7 +519,7 @@ class ReliableSender(Generic[T]):
         self._forget(entry)
 
     def _wait(self, entry: _Entry[T]) -> None:
-        """Let a pulse wait, behind all others if only for stores that may be made up."""
+        """Queue a pulse, behind all others if it is only for stores that may not exist."""
         entry.state = "waiting"
         new = entry.live and not entry.sends
         if new or not entry.owed or self._is_trusted(entry):
@@ -544,7 +544,7 @@ class ReliableSender(Generic[T]):
         del self._entries[entry.key]
 
     def _bound(self) -> None:
-        """Put the oldest back to the disk, whence they come when there is room."""
+        """Return the oldest to the disk; they are read again when there is room."""
         while len(self._entries) > CAPACITY and self._waiting:
             entry = self._entries[self._waiting[0][1]]
             for number in entry.owed:

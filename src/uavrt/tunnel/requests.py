@@ -1,4 +1,4 @@
-"""What the numbered versions add to a command: requests that may be repeated, uploads as sets.
+"""What the numbered versions add to commands: repeatable requests, uploads as sets.
 
 Rules of version 4 and later: a ground station repeats the same
 bytes until it is acknowledged; the drone keeps its last 16 acknowledgements for 120 s and gives

@@ -1,4 +1,4 @@
-"""How long an acknowledgement takes, and how long to wait for one (RFC 6298). Pure."""
+"""Measure acknowledgement delays and set the time-out (RFC 6298). Pure."""
 
 FIRST_RTO_S = 1.0
 MIN_RTO_S = 0.4
@@ -12,7 +12,7 @@ class RoundTrips:
         self._variation_s = 0.0
 
     def add(self, trip_s: float) -> None:
-        """Take a round trip of a message that was sent once."""
+        """Add a round trip of a message that was sent once."""
         if self.smoothed_s is None:
             self.smoothed_s, self._variation_s = trip_s, trip_s / 2
         else:

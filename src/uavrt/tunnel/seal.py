@@ -6,7 +6,8 @@ the proof is inside the payload, in our own payload type 60002::
     offset  type   field
     0       u8     version, 2
     1       u8     0: what is inside has payload type 0; 1: it is a receipt; 2: a parameter's
-                   name, char[16], and wanted value, f32
+                   name, char[16], and wanted value, f32; 3: an order of motion
+                   (`uavrt.tunnel.motion`)
     2       u16    zero
     4       u64    counter of the sender, strictly rising
     12      u8[8]  keyed BLAKE2b of the session (u64), the drone's system and component id, the
@@ -36,12 +37,12 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavrt.config.key_files import read_key_file
+from uavrt.config import read_key_file
 from uavrt.errors import TunnelError
 
 SEALED_SIZE = 20
 MAX_INSIDE = 108
-PLAIN_INSIDE, RECEIPT_INSIDE, PARAMETER_INSIDE = 0, 1, 2
+PLAIN_INSIDE, RECEIPT_INSIDE, PARAMETER_INSIDE, MOTION_INSIDE = 0, 1, 2, 3
 LEAST_KEY = 16
 MOST_KEY = 256
 _HEAD = struct.Struct("<BBHQ")
@@ -97,7 +98,7 @@ def seal(
 
 
 def session_of(payload: bytes, key: Key, drone: Place) -> tuple[Session, int]:
-    """Read what a drone tells of its session, and the newest counter it has taken.
+    """Read what a drone reports its session, and the newest counter it has taken.
 
     Raises
     ------
@@ -131,7 +132,7 @@ def parameter_of(inside: bytes) -> tuple[str, float]:
 
 
 class SealKeeper:
-    """Opens sealed payloads: right, new, for this drone now, and from whom they say.
+    """Opens sealed payloads that are authentic, new, and meant for this drone and session.
 
     Parameters
     ----------
@@ -164,7 +165,7 @@ class SealKeeper:
             raise TunnelError("a sealed message has at least 20 bytes", payload)
         head, mac, inside = payload[:12], payload[12:20], payload[20:]
         version, kind, _, counter = _HEAD.unpack(head)
-        if version != _VERSION or kind > PARAMETER_INSIDE:
+        if version != _VERSION or kind > MOTION_INSIDE:
             raise TunnelError("a sealed message of another version", payload)
         proven = Session(self._session, drone).mixed_in() + bytes(sender) + head + inside
         if not hmac.compare_digest(mac, _mac(self._key, proven)):

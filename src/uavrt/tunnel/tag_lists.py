@@ -1,4 +1,4 @@
-"""Tag lists by name: whether drone and ground mean the same one.
+"""Tag list digests: do drone and ground mean the same list?
 
 A drone that detects refuses new tags and says in the refusal which it searches, with a digest.
 A ground station that was restarted finds its own list by it and goes on listening.
@@ -26,7 +26,7 @@ def tag_list_digest(tags: Iterable[Tag]) -> str:
 
 
 def searched_text(tags: Iterable[Tag]) -> str:
-    """Say which tags are searched: ``tags 2, 4 (list 0a1b2c3d)``; 64 characters at most."""
+    """Report which tags are searched: ``tags 2, 4 (list 0a1b2c3d)``; 64 characters at most."""
     known = list(tags)
     digest = tag_list_digest(known)
     ids = ", ".join(str(tag.tag_id) for tag in known)

@@ -36,7 +36,7 @@ class Fixed:
 
     def encode(self) -> bytes:
         """Bytes of the payload."""
-        values = [getattr(self, name) for name in self.__slots__]
+        values: list[Any] = [getattr(self, name) for name in self.__slots__]
         if self.TEXT_SIZE:
             values[-1] = bytes_from_text(values[-1], self.TEXT_SIZE)
         return pack(self.LAYOUT, self.COMMAND, *values)
@@ -51,7 +51,7 @@ class Fixed:
 
 
 class Message(Protocol):
-    """What every message can."""
+    """Interface of every message."""
 
     def encode(self) -> bytes:
         """Bytes of the payload."""
@@ -120,9 +120,12 @@ def unpack(layout: struct.Struct, payload: bytes, command: CommandId) -> tuple[A
     TunnelError
         Another length or another command.
     """
-    check(payload, command, layout.size)
-    values: tuple[Any, ...] = layout.unpack(payload)
-    return values[1:]
+    if len(payload) != layout.size:
+        check(payload, command, layout.size)
+    number, *values = layout.unpack(payload)
+    if number != command:
+        check(payload, command, layout.size)
+    return tuple(values)
 
 
 def check(payload: bytes, command: CommandId, size: int) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavrt.analysis.antenna_files import antenna_named, read_antenna, write_antenna
 from uavrt.analysis.bearings import learnt_antenna
+from uavrt.analysis.measure.antenna_files import antenna_named, read_antenna, write_antenna
 from uavrt.cli.app import app
 from uavrt.errors import ConfigError, FormatError, UsageError
 from uavrt.localization import PATTERNS
@@ -48,8 +48,8 @@ def test_both_sides_of_a_measured_pattern_are_averaged_and_boresight_is_zero(
         ("0,0\n30,1,2,3\n", "line 2"),
         ("0,0\n180,nan\n", "line 2"),
         ("0,0\n10,-1\n", "170° without"),
-        ("", "no table"),
-        ("0,0\n90,1,1\n180,0\n", "no table"),
+        ("", "is not a table"),
+        ("0,0\n90,1,1\n180,0\n", "is not a table"),
     ],
 )
 def test_a_file_that_is_no_pattern_is_refused(tmp_path: Path, text: str, word: str) -> None:

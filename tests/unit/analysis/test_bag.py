@@ -4,6 +4,7 @@ import json
 import math
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from uavrt.analysis.bag import export_bag
+from uavrt.analysis.measure.bag import export_bag
 from uavrt.cli.app import app
 from uavrt.config.settings import AntennaSettings, Settings
 from uavrt.errors import FormatError, UsageError
@@ -31,7 +32,7 @@ from uavrt.messages import (
     StatusText,
     Tag,
 )
-from uavrt.recording import FlightRecorder, read_flight
+from uavrt.recording import FlightRecorder, IntegratedVerdict, read_flight, write_integrated
 from uavrt.ros2 import TOPICS, encode, type_hash
 from uavrt.ros2.convert import pulse_pose_to_ros
 from uavrt.ros2.graph import START_STOP
@@ -144,6 +145,32 @@ def test_every_pulse_of_a_flight_is_in_the_bag_byte_for_byte(
     assert len(read) == 31
     last = types.deserialize_cdr(got["/pulse_pose"][-1][1], "uavrt_interfaces/msg/PulsePose")
     assert math.isnan(last.antenna_pose.position.x)
+
+
+def test_pulses_seen_in_hindsight_are_apart_from_those_that_were_heard(
+    flight: Path, tmp_path: Path, types: Any
+) -> None:
+    heard = read_flight(flight).pulse_poses[0]
+    late = replace(heard.pulse, detection_status="integrated", confirmed=False)
+    verdict = IntegratedVerdict(
+        tag_id=2, found=True, false_alarm_probability=1e-6, interval_s=1.2, frequency_hz=148.7e6
+    )
+    before = export_bag(flight, tmp_path / "before")
+    write_integrated(flight, [verdict], [replace(heard, pulse=late)])
+    bag = export_bag(flight, tmp_path / "bag")
+    assert bag.messages == before.messages | {
+        "integrated/pulse": 1,
+        "integrated/pulse_pose": 1,
+    }
+    with AnyReader([bag.directory], default_typestore=types) as reader:
+        ((topic, raw),) = [
+            (c, bytes(raw))
+            for c, _, raw in reader.messages()
+            if c.topic == "/integrated/pulse_pose"
+        ]
+    assert topic.msgtype == "uavrt_interfaces/msg/PulsePose"
+    read = types.deserialize_cdr(raw, topic.msgtype)
+    assert not read.pulse.confirmed_status
 
 
 def test_the_bag_says_types_hashes_and_quality_of_service(flight: Path, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """From a recorded flight to bearings and positions, by library and by command."""
 
+import csv
 import json
 import math
 import subprocess
@@ -13,6 +14,7 @@ from pulses import pulse_at
 
 from uavrt.analysis.bearings import bearings_of_flight, bearings_of_pulses, read_bearings
 from uavrt.analysis.positions import read_positions
+from uavrt.analysis.survey import read_survey
 from uavrt.cli.app import app
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization import PATTERNS, TangentPlane
@@ -220,7 +222,7 @@ def test_pulse_logs_several_flights_and_a_folder_give_positions(tmp_path: Path) 
         read_positions(tmp_path / "nothing")
     bearings = tmp_path / "bearings.csv"
     bearings.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
-    with pytest.raises(UsageError, match="cannot go with"):
+    with pytest.raises(UsageError, match="cannot be combined"):
         read_positions(bearings, parts[0])
 
 
@@ -231,7 +233,7 @@ def test_a_method_that_does_not_exist_is_an_error_once(tmp_path: Path, command: 
     finished = subprocess.run(given, capture_output=True, text=True, check=False)
     assert finished.returncode == 2
     assert (finished.stdout + finished.stderr).count("no method") == 1
-    assert "Known are" in finished.stderr
+    assert "Choose from" in finished.stderr
 
 
 def test_a_line_that_is_no_bearing_is_named(tmp_path: Path) -> None:
@@ -267,3 +269,41 @@ def test_localize_says_what_the_shared_errors_do_to_the_circle(tmp_path: Path) -
     assert "cannot be checked" in told
     assert "95 % radius" in told
     assert "the common heading error of 1.5°" in told
+
+
+def mounted_across(tmp_path: Path) -> Path:
+    """A pulse log of an antenna that points to the right, which the headings leave out."""
+    pulses = [one.pulse for one in flown(offset_deg=90.0, threshold_db=-20.0).pulse_poses]
+    of_the_drone = [
+        PulsePose(pulse=one, pose=pose_at((one.start_time_ns - START_NS) * 1e-9))
+        for one in pulses
+    ]
+    return write(tuple(of_the_drone), tmp_path / "flight.jsonl")
+
+
+def test_every_command_that_makes_bearings_takes_the_antennas_offset(tmp_path: Path) -> None:
+    log = mounted_across(tmp_path)
+    told = ("--antenna-offset", "90")
+    bearings = json.loads(uavrt("bearing", str(log), *told, "--json"))
+    assert len(bearings) == 3
+    for number, one in enumerate(bearings):
+        assert abs(difference_deg(one["bearing_deg"], true_bearing(number))) < 10.0
+    (position,) = json.loads(uavrt("localize", str(log), *told, "--json"))
+    east, north = PLANE.to_local(position["latitude_deg"], position["longitude_deg"])
+    assert math.hypot(float(east) - TAG[0], float(north) - TAG[1]) < 40.0
+    uavrt("export", str(log), *told, "--format", "csv", "-o", str(tmp_path / "export"))
+    with (tmp_path / "export" / "fixes.csv").open(encoding="utf-8") as stream:
+        (fix,) = csv.DictReader(stream)
+    assert float(fix["latitude_deg"]) == pytest.approx(position["latitude_deg"], abs=1e-6)
+    assert float(fix["longitude_deg"]) == pytest.approx(position["longitude_deg"], abs=1e-6)
+    survey = read_survey(log, offset_deg=90.0)
+    assert [one.bearing.bearing_deg for one in survey.bearings] == [
+        one["bearing_deg"] for one in bearings
+    ]
+
+
+def test_bearings_that_are_made_already_are_not_turned_again(tmp_path: Path) -> None:
+    path = tmp_path / "bearings.csv"
+    path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
+    with pytest.raises(UsageError, match="antenna offset"):
+        read_positions(path, offset_deg=90.0)

@@ -3,7 +3,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from uavrt.analysis.detect import DetectionChain, DetectionSummary, detect
+from uavrt.analysis.measure.recorded_pulses import DetectionChain, DetectionSummary, detect
 from uavrt.errors import ConfigError, RadioStopped, TunerError, UsageError
 from uavrt.messages import IQBlock, Pulse, Tag
 from uavrt.radio import NominalTimes

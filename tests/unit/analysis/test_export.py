@@ -24,7 +24,7 @@ from PIL.TiffImagePlugin import TiffImageFile
 from uavrt.analysis.export import EXPORT_FORMATS, export_survey
 from uavrt.analysis.export.geotiff import geotiff_bytes
 from uavrt.analysis.export.tables import movebank_reference_csv
-from uavrt.analysis.shapes import split_at_date_line
+from uavrt.analysis.measure.shapes import split_at_date_line
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.clock import iso_utc
 from uavrt.localization import PositionGrid

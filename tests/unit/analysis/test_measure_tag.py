@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from uavrt.analysis.beats import find_beats
-from uavrt.analysis.interval_fit import fit_beat
-from uavrt.analysis.measure_tag import measure_tags
-from uavrt.analysis.measured_tag import MeasuredTag
-from uavrt.analysis.pulse_fit import fit_pulse
+from uavrt.analysis.measure.beats import find_beats
+from uavrt.analysis.measure.interval_fit import fit_beat
+from uavrt.analysis.measure.measure_tag import measure_tags
+from uavrt.analysis.measure.measured_tag import MeasuredTag
+from uavrt.analysis.measure.pulse_fit import fit_pulse
 from uavrt.config import read_tags
 from uavrt.errors import ConfigError, UsageError
 from uavrt.radio import open_recording

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.analysis.outside import OutsideSearch
-from uavrt.experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
+from uavrt.analysis.measure.outside import OutsideSearch
 from uavrt.messages import ChannelBlock
+from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
 
 RATE_HZ = 7500.0
 WINDOW_HZ = 500.0

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from uavrt.analysis.measure.waterfall import COLUMNS, MaximumHold, Waterfall
 from uavrt.analysis.plots import DetectionPlots, draw_beat, draw_snr, draw_waterfall
-from uavrt.analysis.waterfall import COLUMNS, MaximumHold, Waterfall
 from uavrt.errors import RecordingError
 from uavrt.messages import ChannelBlock, Pulse, Tag
 
@@ -207,9 +207,9 @@ def test_without_matplotlib_the_remedy_is_said(tmp_path: Path) -> None:
         "import sys; sys.modules['matplotlib'] = None\n"
         "from pathlib import Path\n"
         "from uavrt.analysis.plots import DetectionPlots\n"
-        "from uavrt.errors import ConfigError\n"
+        "from uavrt.errors import UsageError\n"
         "try:\n    DetectionPlots(Path(sys.argv[1]), [])\n"
-        "except ConfigError as error:\n    print(error)\n"
+        "except UsageError as error:\n    print(error)\n"
     )
     run = subprocess.run(
         [sys.executable, "-c", code, str(tmp_path / "x")],

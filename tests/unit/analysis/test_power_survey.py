@@ -15,12 +15,13 @@ import pytest
 
 from uavrt.analysis.export import export_survey
 from uavrt.analysis.positions import read_positions
-from uavrt.analysis.power_survey import position_of, power_track, signal_of
+from uavrt.analysis.power_survey import HeardStrength, power_track, signal_of
 from uavrt.analysis.report import html_page, pdf_document, words
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.cli.app import app
 from uavrt.errors import UsageError
-from uavrt.localization import PowerTrack, TangentPlane, monopole_gain_db
+from uavrt.localization import PoseColumns, PowerTrack, TangentPlane, monopole_gain_db
+from uavrt.localization.flight_estimates import located
 from uavrt.recording import read_flight
 from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
 from uavrt.simulation.antenna import Antenna
@@ -101,18 +102,19 @@ def test_the_tag_is_found_and_the_strongest_signal_is_on_its_ring(survey: Survey
 def test_pulses_that_must_have_come_count_as_missed(flight: Path) -> None:
     read = read_flight(flight)
     (tag,) = read.info.tags
-    every = power_track(read.pulse_poses, tag, read.poses)
+    way = PoseColumns.of(read.poses)
+    every = power_track(HeardStrength.of(read.pulse_poses), tag, way)
     thinned = [one for number, one in enumerate(read.pulse_poses) if number % 3]
-    track = power_track(thinned, tag, read.poses)
+    track = power_track(HeardStrength.of(thinned), tag, way)
     missed = np.isnan(track.snr_db)
     assert not np.isnan(every.snr_db).any()
     # The first and the last are not between two that were heard.
     assert missed.sum() == pytest.approx(len(every.snr_db) / 3, abs=2)
     assert np.allclose(track.latitude_deg, every.latitude_deg[-len(track.snr_db) :], atol=1e-5)
-    without = power_track(thinned, None, read.poses)
+    without = power_track(HeardStrength.of(thinned), None, way)
     assert len(without.snr_db) == len(thinned)
     with pytest.raises(UsageError, match="2 times"):
-        power_track(thinned[:2], tag, read.poses)
+        power_track(HeardStrength.of(thinned[:2]), tag, way)
 
 
 def test_the_report_names_the_strongest_signal_and_does_not_take_it_for_the_tag(
@@ -177,7 +179,7 @@ def test_a_survey_at_two_heights_has_a_map_of_each_and_one_from_the_side(
     survey: Survey, tmp_path: Path
 ) -> None:
     track = two_heights()
-    position = position_of(track)
+    position = located(None, track)
     assert miss_m(position.latitude_deg, position.longitude_deg) < 10.0
     signal = signal_of(2, track, position)
     low, high = signal.layers

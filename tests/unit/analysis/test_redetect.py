@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from pulses import pulse_at
 
-from uavrt.analysis.redetect import FlightWriter
+from uavrt.analysis.measure.redetect import FlightWriter
 from uavrt.attitude import from_euler_deg, yaw_deg
 from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
 from uavrt.errors import RecordingError
@@ -110,7 +110,7 @@ def test_pulses_outside_the_flight_are_kept_without_a_pose_and_counted(flown: Fl
 
 
 def test_a_directory_that_holds_a_flight_is_not_overwritten(flown: Flight) -> None:
-    with pytest.raises(RecordingError, match="flight already"):
+    with pytest.raises(RecordingError, match="already holds a flight"):
         FlightWriter(flown, Nothing(), TAGS, Path(flown.info.directory))
 
 

@@ -1,9 +1,11 @@
 """The report: complete in itself, and possible whatever the flight found."""
 
 import re
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -17,6 +19,9 @@ from uavrt.analysis.report.maps import draw_overview
 from uavrt.analysis.report.style import new_figure, styled
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.errors import ConfigError
+from uavrt.messages import SearchNote, SoughtTag
+from uavrt.recording import read_search_notes
+from uavrt.simulation import Scenario
 
 WriteFlight = Callable[..., Path]
 
@@ -169,7 +174,11 @@ def test_the_report_tells_what_people_tell_of_the_flight(write_flight: WriteFlig
 
 @pytest.mark.parametrize(
     ("text", "says"),
-    [("pilot = 'x'", "Known are operator"), ("operator = 3", "no text"), ("=", "Mend it")],
+    [
+        ("pilot = 'x'", "Choose from operator"),
+        ("operator = 3", "not text"),
+        ("=", "Correct it"),
+    ],
 )
 def test_a_wrong_report_toml_is_told(tmp_path: Path, text: str, says: str) -> None:
     (tmp_path / "report.toml").write_text(text, encoding="utf-8")
@@ -178,3 +187,89 @@ def test_a_wrong_report_toml_is_told(tmp_path: Path, text: str, says: str) -> No
     (tmp_path / "report.toml").write_text('time_zone = "Moon/Base"', encoding="utf-8")
     with pytest.raises(ConfigError, match="no time zone"):
         facts_of(tmp_path / "flight")
+
+
+def searched(flight: Path, scenario: Scenario, *, ended: bool = True) -> Survey:
+    """A flight with a search that found one of two tags."""
+    home = scenario.home.latitude_deg, scenario.home.longitude_deg
+    found = SoughtTag(
+        tag_id=2,
+        latitude_deg=home[0] + 0.001,
+        longitude_deg=home[1] + 0.004,
+        radius95_m=22.0,
+        existence=0.999,
+        found_s=150.0,
+        pulses=71,
+        missed=5,
+    )
+    unknown = replace(
+        found,
+        tag_id=3,
+        found_s=None,
+        existence=0.31,
+        pulses=0,
+        missed=160,
+        likely=((home[0] - 0.002, home[1], 0.4), (home[0] - 0.002, home[1] + 0.001, 0.2)),
+    )
+    begun = SearchNote(
+        time_ns=scenario.start_time_ns + 10**9,
+        order_id=5,
+        event="begun",
+        text="search 2 tags in 9.0 ha at 40 m to 25 m, 15 min, then return",
+        reason="mi_rate",
+        elapsed_s=0.0,
+        latitude_deg=home[0],
+        longitude_deg=home[1],
+        height_m=40.0,
+        battery_percent=90.0,
+        tags=(replace(found, found_s=None), replace(unknown, likely=())),
+        area=tuple(
+            (home[0] + a, home[1] + b) for a, b in ((0.0, 0.0), (0.002, 0.0), (0.0, 0.003))
+        ),
+    )
+    decided = replace(
+        begun, event="decision", text="fly 40 m N", reason="0.1 nats/s of <35>", area=()
+    )
+    end = replace(
+        decided,
+        event="ended",
+        time_ns=scenario.start_time_ns + 200 * 10**9,
+        elapsed_s=199.0,
+        text="1 of 2 found",
+        reason="a pilot took over",
+        tags=(found, unknown),
+    )
+    notes = (begun, decided, end) if ended else (begun, decided)
+    return replace(read_survey(flight), search_notes=notes)
+
+
+def test_a_search_is_told_with_its_reasons_minutes_and_what_is_unknown(
+    write_flight: WriteFlight, scenario_of: Callable[[int], Scenario]
+) -> None:
+    survey = searched(write_flight(tags=2, heard=1), scenario_of(2))
+    page = Page(html_page(survey))
+    text = page.text
+    assert "a pilot took over. 1 of 2 found in 3.3 minutes, 3.3 minutes for each animal" in text
+    assert "after 2.5 min" in text
+    assert "Tag 3 was not found: heard 0 times, 160 times not" in text
+    assert "with 31 %" in text
+    assert "(40 %)" in text
+    assert "0.1 nats/s of <35>" in text
+    assert text.count("Search by the drone itself") == 1
+    assert pdf_document(survey).startswith(b"%PDF")
+
+
+def test_a_search_whose_recording_broke_off_is_told_as_far_as_it_went(
+    write_flight: WriteFlight, scenario_of: Callable[[int], Scenario]
+) -> None:
+    survey = searched(write_flight(tags=2, heard=1), scenario_of(2), ended=False)
+    text = Page(html_page(survey)).text
+    assert "the recording breaks off. 0 of 2 found" in text
+
+
+def test_flights_from_before_there_were_searches_have_none(write_flight: WriteFlight) -> None:
+    flight = write_flight(tags=1, name="flight_log_old")
+    with closing(sqlite3.connect(flight / "flight.sqlite")) as database, database:
+        database.execute("DROP TABLE search_notes")
+    assert read_search_notes(flight) == ()
+    assert "Search by" not in Page(html_page(read_survey(flight))).text

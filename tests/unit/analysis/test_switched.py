@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pulses import pulse_at
 
-from uavrt.analysis.switched import (
+from uavrt.analysis.measure.switched import (
     SPEED_OF_LIGHT_M_S,
     SWITCH_KEY,
     read_switched_array,
@@ -19,7 +19,7 @@ from uavrt.analysis.switched import (
 from uavrt.cli.app import app
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.array_bearings import switched_bound_deg
+from uavrt.localization.bearing.array_bearings import switched_bound_deg
 from uavrt.messages import PulsePose
 from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag, World
 from uavrt.simulation.antenna import Antenna
@@ -145,6 +145,9 @@ def test_a_pair_that_turns_a_little_finds_the_tag_by_phase_or_by_modes(
     assert abs(difference_deg(found.bearing.bearing_deg, truth[0].bearing_deg)) < 4.0
     assert found.bearing.second_lobe_probability is not None
     assert found.bearing.second_lobe_probability < 0.01
+    (turned,) = switched_bearings(recording, detected(scenario), offset_deg=30.0)
+    off_deg = difference_deg(turned.bearing.bearing_deg, found.bearing.bearing_deg)
+    assert off_deg == pytest.approx(30.0, abs=0.01)
 
 
 def test_the_whole_way_from_a_scenario_to_a_bearing_by_the_command_line(
@@ -197,7 +200,7 @@ def test_a_recording_that_does_not_name_its_antennas_is_refused(tmp_path: Path) 
 
 def test_a_switch_that_stays_too_long_is_refused(tmp_path: Path) -> None:
     scenario = world(replace(CIRCLE, dwell_s=0.004), duration_s=2.0)
-    with pytest.raises(UsageError, match="misses a position"):
+    with pytest.raises(UsageError, match="does not reach every position"):
         switched_bearings(recorded(scenario, tmp_path / "iq"), detected(scenario))
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from command_line import uavrt
 
-from uavrt.experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
 from uavrt.ipc.pulse_datagram import PulseRecord
+from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
 
 SECONDS = 14.0
 OFFSET_HZ = 300.0

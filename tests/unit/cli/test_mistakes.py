@@ -58,7 +58,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("localize pulses.jsonl", "autopilot connected"),
         ("localize", "Name a flight"),
         ("export empty", "nothing was exported"),
-        ("bearing junk", "Known are"),
+        ("bearing junk", "Choose from"),
         ("simulate nowhere -o world", "No such file"),
         ("simulate junk.toml -o world", "UTF-8"),
         ("simulate demo -o tags.txt --duration 1", "Choose a directory"),

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from uavrt.cli.run import check_link
-from uavrt.config.settings import MavlinkSettings, Settings
+from uavrt.cli.run import check_link, without_autopilot
+from uavrt.config.settings import MavlinkSettings, PoseSettings, Settings
 from uavrt.errors import ConfigError
 
 
@@ -18,7 +18,7 @@ def settings(**mavlink: Any) -> Settings:
 @pytest.mark.parametrize(
     ("mavlink", "words"),
     [
-        ({"address": "udp:14540"}, "no MAVLink address"),
+        ({"address": "udp:14540"}, "not a MAVLink address"),
         ({"key_file": "/nowhere/key"}, "cannot read the key file"),
         ({"signing_key_file": "/nowhere/key"}, "cannot read the signing key"),
         ({"tunnel_generation": "G2"}, "inferred, not seen"),
@@ -44,3 +44,15 @@ def test_a_link_with_both_keys_and_an_experimental_generation_may_begin(tmp_path
             tunnel_experimental=True,
         )
     )
+
+
+def test_a_mast_needs_no_autopilot_and_refuses_a_second_pose() -> None:
+    mast = PoseSettings(source="fixed", latitude_deg=46.5, longitude_deg=8.0, heading_deg=0.0)
+    alone = without_autopilot(replace(Settings(), pose=mast))
+    assert alone.mavlink.address == ""
+    both = replace(settings(address="tcp://127.0.0.1:5760"), pose=mast)
+    with pytest.raises(ConfigError, match="both tell the pose"):
+        without_autopilot(both)
+    with pytest.raises(ConfigError, match="heading_deg"):
+        without_autopilot(replace(Settings(), pose=replace(mast, heading_deg=None)))
+    assert without_autopilot(Settings()) == Settings()

@@ -1,11 +1,16 @@
 """What a user gets for a mistake: a clear error that names the remedy, and an exit code."""
 
+import re
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from cyclopts import App, CycloptsError
+
+from uavrt.cli.app import make_app
 
 
 def uavrt(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -36,6 +41,7 @@ def uavrt(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         (["experiment", "resources", "--shapes", "--tags", "0"], "--tags"),
         (["experiment", "recovery", "--kills", "-1"], "--kills"),
         (["experiment", "localization", "--runs", "0"], "--runs"),
+        (["experiment", "search", "--runs", "0"], "--runs"),
         (["experiment", "rotation", "--walls", "-1"], "--walls"),
         (["experiment", "detection", "--only", "E99"], "E99"),
         (["no-such-command"], "no-such-command"),
@@ -49,6 +55,48 @@ def test_a_mistake_is_refused_with_its_remedy(
     said = finished.stdout + finished.stderr
     assert says in said
     assert "Traceback" not in said
+
+
+def numbers(app: App, path: tuple[str, ...] = ()) -> Iterator[tuple[str, str]]:
+    """Every option of every command that takes a number."""
+    for argument in app.assemble_argument_collection() if app.default_command else ():
+        if argument.name.startswith("--") and re.search(r"\b(int|float)\b", str(argument.hint)):
+            yield " ".join(path), argument.name
+    for name in app:
+        if not name.startswith("-"):
+            yield from numbers(app[name], (*path, name))
+
+
+NEEDED = {
+    "detect": ["recording.sigmf"],
+    "attach": ["pulses.csv", "track.ulg", "--output=posed.csv"],
+    "bearing": ["pulses.csv"],
+    "report": ["flight"],
+    "export": ["flight"],
+    "fly": ["hold"],
+    "range": ["--tag-power=-20"],
+    "coverage": ["area.kml", "--tag-power=-20"],
+    "integrate": ["flight"],
+    "batch": ["archive", "--tags=tags.toml", "--output=searched"],
+    "simulate": ["demo", "--output=world"],
+    "tags measure": ["recording.sigmf"],
+}
+"""What these commands do not start without."""
+
+
+def test_every_number_on_the_command_line_has_limits() -> None:
+    app = make_app()
+    asked = list(numbers(app))
+    assert len(asked) > 50
+    for command, option in asked:
+        for value in ("nan", "-inf", "1e999", str(-(10**12)), "many"):
+            with pytest.raises(CycloptsError) as caught:
+                app.parse_args(
+                    [*command.split(), *NEEDED.get(command, []), f"{option}={value}"],
+                    exit_on_error=False,
+                    print_error=False,
+                )
+            assert option in str(caught.value), (command, option, value)
 
 
 def test_a_port_in_use_is_named(tmp_path: Path) -> None:
@@ -65,7 +113,7 @@ def test_what_holds_no_bearings_is_refused_without_the_systems_own_words(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "picture.csv").write_bytes(b"\xff\xfe\x00\x9f")
-    for name, says in (("nosuch", "No such file"), ("picture.csv", "no pulse log")):
+    for name, says in (("nosuch", "No such file"), ("picture.csv", "not a known pulse log")):
         finished = uavrt("localize", name, cwd=tmp_path)
         assert finished.returncode == 2
         assert says in finished.stderr

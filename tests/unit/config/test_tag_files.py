@@ -1,5 +1,6 @@
 """Tag files as people write them, right and wrong."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 from uavrt.config import parse_tags, read_tags, write_tags
 from uavrt.config.tag_files import faults_of_tags
 from uavrt.errors import ConfigError, TagFileError
-from uavrt.messages import Tag
+from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
 
 HEADING = (
     "# id, freq_hz, ip_msecs, pulse_width_msecs, ip_uncertainty_msecs, ip_jitter_msecs, k, "
@@ -271,3 +272,20 @@ def test_tags_from_elsewhere_are_judged_by_the_rules_of_the_files() -> None:
         "tag 4: pulse_width_ms 1400 must be 1 to 1000 ms",
         "tag 4: k 0 must be a whole number from 1 to 100",
     ]
+
+
+def test_the_default_false_alarm_probability_is_the_same_wherever_a_tag_comes_from() -> None:
+    root = Path(__file__).parents[3]
+    (tag,) = parse_tags(
+        b"[[tag]]\nid = 2\nfrequency_mhz = 148.71\ninterval_ms = 1254\npulse_width_ms = 20\n",
+        name="tags.toml",
+    )
+    page = (root / "page/src/setup.ts").read_text(encoding="utf-8")
+    manual = (root / "docs/reference/tag-files.md").read_text(encoding="utf-8")
+    on_page = re.search(r"DEFAULT_FALSE_ALARM_PERCENT = ([\d.]+);", page)
+    in_manual = re.search(r"^\| `false_alarm_probability` \|[^|]*\| ([\d.]+) \|", manual, re.M)
+    assert on_page is not None
+    assert in_manual is not None
+    assert tag.false_alarm_probability == DEFAULT_FALSE_ALARM_PROBABILITY
+    assert float(on_page[1]) == pytest.approx(100.0 * DEFAULT_FALSE_ALARM_PROBABILITY)
+    assert float(in_manual[1]) == DEFAULT_FALSE_ALARM_PROBABILITY

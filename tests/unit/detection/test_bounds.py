@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from uavrt.detection import OperatingMode, PulseDetector
-from uavrt.experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
-from uavrt.experiments.detection.trials import RATE_HZ, blocks_of
 from uavrt.messages import Pulse, Tag
+from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
+from uavrt_experiments.detection.trials import RATE_HZ, blocks_of
 
 SECONDS = 40.0
 CENTER_HZ = THESIS_TAG.frequency_hz

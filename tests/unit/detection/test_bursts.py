@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from uavrt.detection import OperatingMode
-from uavrt.detection.chance import QUIET, OnAir, log_begin, log_doubt, log_empty, log_odds
-from uavrt.detection.thresholds import decision_interval_s
-from uavrt.experiments.detection.false_alarms import detected_groups
-from uavrt.experiments.detection.on_air import Hopper, Slots
-from uavrt.experiments.detection.signals import THESIS_TAG, make_samples, noise, pulse_train
-from uavrt.experiments.detection.trials import RATE_HZ, compare, detect
+from uavrt.detection.search.thresholds import decision_interval_s
+from uavrt.detection.track.chance import QUIET, OnAir, log_begin, log_doubt, log_empty, log_odds
+from uavrt_experiments.detection.false_alarms import detected_groups
+from uavrt_experiments.detection.on_air import Hopper, Slots
+from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, noise, pulse_train
+from uavrt_experiments.detection.trials import RATE_HZ, compare, detect
 
 FITS = {"width_s": 0.02, "late_s": 0.0, "spread_s": 0.006, "beside_hz": 0.0, "above_db": 0.0}
 

@@ -9,14 +9,14 @@ import pytest
 
 from uavrt.detection import OperatingMode, PulseDetector
 from uavrt.errors import ConfigError
-from uavrt.experiments.detection.signals import (
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     make_samples,
     noise,
     pulse_train,
 )
-from uavrt.experiments.detection.trials import compare, detect
+from uavrt_experiments.detection.trials import compare, detect
 
 
 def rotating_enr_db(time_s: float) -> float:

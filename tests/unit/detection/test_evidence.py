@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from uavrt.detection.evidence import Evidence, gate
-from uavrt.detection.grid import make_grid
-from uavrt.detection.refine import Refiner
-from uavrt.detection.samples import SampleBuffer
-from uavrt.experiments.detection.signals import THESIS_TAG, TruePulse, make_samples
+from uavrt.detection.search.evidence import Evidence, gate
+from uavrt.detection.search.grid import make_grid
+from uavrt.detection.signal.refine import Refiner
+from uavrt.detection.signal.samples import SampleBuffer
+from uavrt_experiments.detection.signals import THESIS_TAG, TruePulse, make_samples
 
 RATE_HZ = 3750.0
 STARTS_S = (0.5, 1.754, 3.008)

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from uavrt.detection import PulseDetector
-from uavrt.detection.noise import RowNoise
-from uavrt.detection.search import Candidate, best_first
-from uavrt.detection.thresholds import USUAL_NOISE_ERROR, young_margin
-from uavrt.experiments.detection.signals import (
+from uavrt.detection.search.hypotheses import Candidate, best_first
+from uavrt.detection.search.noise import RowNoise
+from uavrt.detection.search.thresholds import USUAL_NOISE_ERROR, young_margin
+from uavrt.messages import Pulse
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     make_samples,
     noise,
     pulse_train,
 )
-from uavrt.experiments.detection.trials import Flight, compare, detect
-from uavrt.messages import Pulse
+from uavrt_experiments.detection.trials import Flight, compare, detect
 
 RATE_HZ = 7500.0
 BLOCK = 653

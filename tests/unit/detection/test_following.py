@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from uavrt.detection import PulseDetector
-from uavrt.detection.grid import make_grid
-from uavrt.detection.refine import Measured, Refiner
-from uavrt.detection.samples import SampleBuffer
-from uavrt.experiments.detection.signals import (
+from uavrt.detection.search.grid import make_grid
+from uavrt.detection.signal.refine import Measured, Refiner
+from uavrt.detection.signal.samples import SampleBuffer
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     TruePulse,
@@ -18,7 +18,7 @@ from uavrt.experiments.detection.signals import (
     noise,
     pulse_train,
 )
-from uavrt.experiments.detection.trials import compare, detect
+from uavrt_experiments.detection.trials import compare, detect
 
 RATE_HZ = 3750.0
 

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.analysis.detect import DetectionSummary, detect
+from uavrt.analysis.measure.recorded_pulses import DetectionSummary, detect
 from uavrt.detection import Receiver
-from uavrt.experiments.detection.ghosts import WITH_CARRIER, WITH_SECOND, Ghosts
-from uavrt.experiments.detection.signals import (
+from uavrt.messages import Pulse, Tag
+from uavrt.radio import open_recording
+from uavrt_experiments.detection.ghosts import WITH_CARRIER, WITH_SECOND, Ghosts
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     TruePulse,
     make_samples,
     pulse_train,
 )
-from uavrt.messages import Pulse, Tag
-from uavrt.radio import open_recording
 
 RATE_HZ = 96_000.0
 CENTER_HZ = 148_700_000.0

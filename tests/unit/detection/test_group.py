@@ -7,13 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.detection import DetectorGroup, PulseDetector
-from uavrt.experiments.detection.signals import (
+from uavrt.messages import Pulse, Tag
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     make_samples,
     pulse_train,
 )
-from uavrt.messages import Pulse, Tag
 
 RATE_HZ = 3750.0
 CENTER_HZ = THESIS_TAG.frequency_hz

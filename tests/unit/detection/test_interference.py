@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavrt.detection import Counters, PulseDetector
-from uavrt.detection.cleaning import Cleaner
-from uavrt.detection.lines import LineCanceller
-from uavrt.detection.samples import SampleBuffer
-from uavrt.experiments.detection.interference import carrier, coloured_noise, impulses
-from uavrt.experiments.detection.signals import (
+from uavrt.detection.signal.carrier_lines import LineCanceller
+from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.signal.signal_cleaning import Cleaner
+from uavrt_experiments.detection.interference import carrier, coloured_noise, impulses
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     TruePulse,
@@ -20,7 +20,7 @@ from uavrt.experiments.detection.signals import (
     noise,
     pulse_train,
 )
-from uavrt.experiments.detection.trials import detect
+from uavrt_experiments.detection.trials import detect
 
 RATE_HZ = 3750.0
 

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from uavrt import native
 from uavrt.detection import DetectorGroup, PulseDetector
-from uavrt.detection.grid import Spectrogram, make_grid
-from uavrt.detection.levelling import Leveller
-from uavrt.experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
+from uavrt.detection.search.grid import Spectrogram, make_grid
+from uavrt.detection.search.levelling import Leveller
 from uavrt.messages import Pulse, Tag
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
 
 needs_kernels = pytest.mark.skipif(
     native.kernels() is None, reason=f"{native.description()}: python hatch_build.py kernels"

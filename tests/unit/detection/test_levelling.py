@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.detection import PulseDetector
-from uavrt.detection.grid import make_grid
-from uavrt.detection.levelling import Leveller
-from uavrt.experiments.detection.rising import Rise, rising_noise
-from uavrt.experiments.detection.signals import (
+from uavrt.detection.search.grid import make_grid
+from uavrt.detection.search.levelling import Leveller
+from uavrt_experiments.detection.rising import Rise, rising_noise
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     TruePulse,
@@ -24,7 +24,7 @@ STEP = 176
 
 def levelled(samples: NDArray[np.complex64]) -> tuple[NDArray[np.float32], Leveller]:
     """Cells of a stream after a leveller, and the leveller itself."""
-    from uavrt.detection.grid import Spectrogram
+    from uavrt.detection.search.grid import Spectrogram
 
     power = np.ascontiguousarray(Spectrogram(GRID).push(samples).T)
     leveller = Leveller(rows=GRID.rows, keep=20 * STEP, steepness=9.0)

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from uavrt.detection import PulseDetector
-from uavrt.detection.long_groups import LongSearch
-from uavrt.detection.search import Candidate
-from uavrt.experiments.detection.signals import (
+from uavrt.detection.search.hypotheses import Candidate
+from uavrt.detection.search.long_groups import LongSearch
+from uavrt.messages import Tag
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     make_samples,
     pulse_train,
 )
-from uavrt.messages import Tag
 
 RATE_HZ = 3750.0
 LONG = replace(

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from uavrt.detection import OperatingMode, PulseDetector
-from uavrt.detection.grid import make_grid
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ
-from uavrt.detection.rates import make_searches
-from uavrt.experiments.detection.signals import (
+from uavrt.detection.search.grid import make_grid
+from uavrt.detection.search.rates import make_searches
+from uavrt.messages import Pulse
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     TruePulse,
     make_samples,
     pulse_train,
 )
-from uavrt.experiments.detection.trials import compare, detect
-from uavrt.messages import Pulse
+from uavrt_experiments.detection.trials import compare, detect
 
 HARD = OperatingMode.SEARCH_HARD_LOCK
 SOFT = OperatingMode.SEARCH_SOFT_LOCK

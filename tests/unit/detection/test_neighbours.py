@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from uavrt.detection.grid import make_grid
-from uavrt.detection.refine import Measured, Refiner
-from uavrt.detection.samples import SampleBuffer
-from uavrt.experiments.detection.company import Neighbour
-from uavrt.experiments.detection.signals import TruePulse, make_samples
+from uavrt.detection.search.grid import make_grid
+from uavrt.detection.signal.refine import Measured, Refiner
+from uavrt.detection.signal.samples import SampleBuffer
+from uavrt_experiments.detection.company import Neighbour
+from uavrt_experiments.detection.signals import TruePulse, make_samples
 
 
 def test_a_tag_is_followed_through_the_pulses_of_one_twenty_decibels_stronger() -> None:

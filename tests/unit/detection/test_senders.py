@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from uavrt.detection import DetectorGroup, PulseDetector
-from uavrt.detection.senders import part
-from uavrt.experiments.detection.one_band import OneBand
-from uavrt.experiments.detection.signals import (
+from uavrt.detection.track.senders import part
+from uavrt.messages import Pulse, Tag
+from uavrt_experiments.detection.one_band import OneBand
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     TruePulse,
     make_samples,
     pulse_train,
 )
-from uavrt.experiments.detection.trials import RATE_HZ, blocks_of
-from uavrt.messages import Pulse, Tag
+from uavrt_experiments.detection.trials import RATE_HZ, blocks_of
 
 Sent = tuple[float, float]
 """Interval [s] and ENR [dB]."""

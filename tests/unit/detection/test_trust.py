@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.detection.refine import Measured
-from uavrt.detection.tracks import COAST_PULSES, Slot, Track
-from uavrt.experiments.detection.signals import THESIS_TAG, noise
-from uavrt.experiments.detection.trials import detect
+from uavrt.detection.signal.refine import Measured
+from uavrt.detection.track.tracks import COAST_PULSES, Slot, Track
+from uavrt_experiments.detection.signals import THESIS_TAG, noise
+from uavrt_experiments.detection.trials import detect
 
 VOLUME = 21.0
 """Cells of the window in which the fourth pulse of a group is expected."""

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.detection.rivals import log_evidence
-from uavrt.experiments.detection.signals import (
+from uavrt.detection.track.two_rates import log_evidence
+from uavrt.messages import Pulse
+from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     TruePulse,
     make_samples,
     pulse_train,
 )
-from uavrt.experiments.detection.trials import detect
-from uavrt.messages import Pulse
+from uavrt_experiments.detection.trials import detect
 
 RATES_S = (1.254, 2.508)
 TAG = replace(THESIS_TAG, pulse_intervals_s=RATES_S)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.experiments.detection.integration import long_decision, long_tag
-from uavrt.experiments.detection.signals import (
+from uavrt_experiments.detection.integration import long_decision, long_tag
+from uavrt_experiments.detection.signals import (
     THESIS_TAG,
     TruePulse,
     add_pulse,
@@ -16,7 +16,7 @@ from uavrt.experiments.detection.signals import (
     noise,
     pulse_train,
 )
-from uavrt.experiments.detection.trials import (
+from uavrt_experiments.detection.trials import (
     RATE_HZ,
     Decision,
     compare,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from uavrt.dsp import Carriers
-from uavrt.experiments.detection.signals import START_NS, noise
 from uavrt.messages import IQBlock
+from uavrt_experiments.detection.signals import START_NS, noise
 
 CENTER_HZ = 148_700_000.0
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from uavrt.dsp.medians import medians
+from uavrt.dsp.sliding_medians import medians
 
 
 @pytest.mark.parametrize("times", [1, 2, 3, 7, 64, 501])

@@ -9,12 +9,12 @@ import pytest
 from energy_detector import EnergyDetector
 from original_detector import Group, OriginalDetector
 
-from uavrt.detection.thresholds import decision_span_s
-from uavrt.experiments.detection import original, theory
-from uavrt.experiments.detection.false_alarms import detected_groups
-from uavrt.experiments.detection.interference import carrier, impulses
-from uavrt.experiments.detection.signals import THESIS_TAG, TruePulse, noise
-from uavrt.experiments.detection.trials import RATE_HZ, Decision, detect, group_found
+from uavrt.detection.search.thresholds import decision_span_s
+from uavrt_experiments.detection import original, theory
+from uavrt_experiments.detection.false_alarms import detected_groups
+from uavrt_experiments.detection.interference import carrier, impulses
+from uavrt_experiments.detection.signals import THESIS_TAG, TruePulse, noise
+from uavrt_experiments.detection.trials import RATE_HZ, Decision, detect, group_found
 
 LEVELS_DB = (8.5, 9.5, 10.5)
 TRIALS = 50

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.experiments import measured
-from uavrt.experiments.detection import EXPERIMENTS
-from uavrt.experiments.detection.tables import FOLDERS, read_results, write_results
-from uavrt.experiments.measured import ROOT, SOURCE, digest, enter, main, read_parts, report
+from uavrt_experiments import measured
+from uavrt_experiments.detection import EXPERIMENTS
+from uavrt_experiments.detection.tables import FOLDERS, read_results, write_results
+from uavrt_experiments.measured import ROOT, SOURCE, digest, enter, main, read_parts, report
 
 
 def test_every_table_is_of_the_code_as_it_is_or_says_that_it_is_not() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from uavrt.errors import FormatError
-from uavrt.experiments.packets import match_logs, model_rows
+from uavrt_experiments.packets import match_logs, model_rows
 
 QGC = "CustomPluginLog: PULSE tag_id:frequency_hz:time:snr:confirmed 2 148 {time:.2f} 70.46 1\n"
 ROW = (  # thesis, Figure 5.7, one second apart
@@ -62,7 +62,7 @@ def test_the_model_loses_none_where_the_ground_acknowledges() -> None:
 @pytest.mark.flight
 @pytest.mark.timeout(150)
 def test_a_short_flight_through_a_lossy_radio_brings_every_pulse(tmp_path: Path) -> None:
-    from uavrt.experiments.packets import fly
+    from uavrt_experiments.packets import fly
 
     match: Any = fly(25.0, 0.012, loss=0.15, seed=4, flight_dir=tmp_path)
     assert match.sent > 10

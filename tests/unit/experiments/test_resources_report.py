@@ -1,6 +1,8 @@
 import pytest
 
-from uavrt.experiments.resources.report import (
+from uavrt_experiments.resources.report import (
+    KEEPER,
+    NO_SAMPLES,
     RADIO,
     TOGETHER,
     Moment,
@@ -18,7 +20,7 @@ def report(first: dict[str, float], last: dict[str, float]) -> ResourceReport:
         )
         for minute, pss in ((1.0, first), (30.0, last))
     )
-    written = Written(mb_h={"a": 30.0, RADIO: 999.0}, syncs_h=1200.0)
+    written = Written(mb_h={"a": 30.0, KEEPER: 100.0, RADIO: 999.0}, syncs_h=1200.0)
     return ResourceReport(tags=1, moments=moments, written=written, lost_samples=0.0)
 
 
@@ -42,7 +44,10 @@ def test_memory_of_a_process_that_came_later_counts_in_the_sum_only() -> None:
     assert found.growth[TOGETHER] == pytest.approx(0.5)
 
 
-def test_what_is_written_is_judged_without_the_radios_stand_in() -> None:
+def test_what_is_written_is_judged_without_the_radios_stand_in_and_kept_samples() -> None:
     found = report({"a": 10.0, RADIO: 1.0}, {"a": 10.0, RADIO: 1.0})
     assert found.written.together_mb_h == 30.0
-    assert found.as_dict()["written_mb_h"][TOGETHER] == 30.0
+    assert found.as_dict()["written_mb_h"][NO_SAMPLES] == 30.0
+    judged = {row.case: row for row in found.rows() if row.quantity == "written to disks, MB/h"}
+    assert judged[NO_SAMPLES].met
+    assert not judged[KEEPER].met

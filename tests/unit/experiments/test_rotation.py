@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from uavrt.attitude import yaw_deg
-from uavrt.experiments.rotation import (
+from uavrt.messages import FlightInfo, Poses
+from uavrt.recording import FlightRecorder
+from uavrt_experiments.rotation import (
     BEARING_DEG,
     Case,
     cases,
@@ -16,13 +18,11 @@ from uavrt.experiments.rotation import (
     wall_survey,
     words,
 )
-from uavrt.experiments.rotation.cart import Cart, original_samples, with_poses
-from uavrt.experiments.rotation.figures import rotation_page
-from uavrt.experiments.rotation.original_pose import original_poses
-from uavrt.experiments.rotation.reading import doubled, read_turn, wrapped
-from uavrt.experiments.rotation.run import true_pulses
-from uavrt.messages import FlightInfo, Poses
-from uavrt.recording import FlightRecorder
+from uavrt_experiments.rotation.cart import Cart, original_samples, with_poses
+from uavrt_experiments.rotation.figures import rotation_page
+from uavrt_experiments.rotation.original_pose import original_poses
+from uavrt_experiments.rotation.reading import doubled, read_turn, wrapped
+from uavrt_experiments.rotation.run import true_pulses
 
 
 @pytest.fixture(scope="module")

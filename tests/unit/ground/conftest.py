@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from uavrt.demo.programs import free_udp_port
-from uavrt.ground.page import PageSettings, PageStation
-from uavrt.ground.server import ServerSettings
+from uavrt.ground.web.page import PageSettings, PageStation
+from uavrt.ground.web.server import ServerSettings
 
 
 @dataclass

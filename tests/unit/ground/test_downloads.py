@@ -9,7 +9,7 @@ import pytest
 from file_drone import FileDrone
 
 from uavrt.clock import Clock
-from uavrt.ground.flight_keeper import FlightKeeper
+from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.messages import Tag
 
 TAG = Tag(tag_id=2, frequency_hz=148.7e6, pulse_width_s=0.02, pulse_intervals_s=(1.2,))

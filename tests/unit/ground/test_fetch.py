@@ -11,8 +11,10 @@ from types import SimpleNamespace
 import pytest
 from pulses import pulse_at
 
+from uavrt.cli.fetch import _list_samples, _wanted
 from uavrt.errors import LinkError, RecordingError
-from uavrt.ground.fetch import (
+from uavrt.ground.fetch import BAND, CHANNELS
+from uavrt.ground.fetch.ftp_client import (
     MOST_DEEP,
     PART_SUFFIX,
     FileClient,
@@ -76,8 +78,8 @@ ENTRY = RemoteEntry(path="/flight_log_1/flight.sqlite", size=len(CONTENT))
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """A lost reply is waited for 20 ms and not a second and a half."""
-    monkeypatch.setattr("uavrt.ground.fetch.REPLY_NS", 20_000_000)
-    monkeypatch.setattr("uavrt.ground.fetch.QUIET_NS", 20_000_000)
+    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.REPLY_NS", 20_000_000)
+    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.QUIET_NS", 20_000_000)
 
 
 def test_a_tree_longer_than_a_reply_is_listed_whole(root: Path) -> None:
@@ -162,7 +164,7 @@ def test_the_checksum_of_a_file_here_is_that_of_the_drone(root: Path) -> None:
 )
 def test_names_that_lead_elsewhere_or_steer_a_terminal_are_refused(line: bytes) -> None:
     client = rogue(lambda path, offset: [line])
-    with pytest.raises(LinkError, match="no file's name and size"):
+    with pytest.raises(LinkError, match="not a file name and size"):
         asyncio.run(client.list_directory("/"))
 
 
@@ -249,8 +251,8 @@ def slow_clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
         now_s[0] += 0.002
         return now_s[0]
 
-    monkeypatch.setattr("uavrt.ground.fetch.monotonic_s", clock)
-    monkeypatch.setattr("uavrt.ground.fetch.STALL_NS", round(MINUTE_S * 1e9))
+    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.monotonic_s", clock)
+    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.STALL_NS", round(MINUTE_S * 1e9))
     return now_s
 
 
@@ -265,7 +267,7 @@ def test_a_rogue_that_does_not_get_on_is_given_up_after_a_minute_at_most(
         asyncio.run(fetch_file(drone.client, entry, tmp_path / "flight.sqlite"))
     # The minute and the tries that follow it, in the test's time.
     assert now_s[0] < 2.5 * MINUTE_S
-    assert ("does not get on" in str(caught.value)) == (evil in GETTING_ON)
+    assert ("makes no progress" in str(caught.value)) == (evil in GETTING_ON)
     assert not (tmp_path / "flight.sqlite").exists()
 
 
@@ -302,7 +304,7 @@ def test_what_the_disk_here_has_no_room_for_is_not_begun(
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=150_000_000))
     drone = Rogue(60_000_000, lambda offset: [piece(offset, b"x" * 239)])
     entry = RemoteEntry(path="/a", size=60_000_000)
-    with pytest.raises(RecordingError, match="60 MB are wanted"):
+    with pytest.raises(RecordingError, match="60 MB are needed"):
         asyncio.run(fetch_file(drone.client, entry, tmp_path / "new" / "a"))
     with pytest.raises(RecordingError, match="50 MB free"):
         require_room([entry], tmp_path / "new", samples=False)
@@ -315,9 +317,9 @@ def test_a_list_that_comes_a_name_at_a_time_is_given_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now_s = slow_clock(monkeypatch)
-    monkeypatch.setattr("uavrt.ground.fetch.LEAST_ENTRIES", 200)
+    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.LEAST_ENTRIES", 200)
     client = rogue(lambda path, offset: [f"Ff{offset}\t5".encode()])
-    with pytest.raises(LinkError, match="does not get on"):
+    with pytest.raises(LinkError, match="makes no progress"):
         asyncio.run(client.tree("/"))
     assert now_s[0] < 2 * MINUTE_S
 
@@ -404,7 +406,7 @@ def test_directories_without_end_are_left_out_and_counted() -> None:
 def test_directories_that_double_at_each_level_end_at_the_most_entries(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("uavrt.ground.fetch.MOST_ENTRIES", 90)
+    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.MOST_ENTRIES", 90)
     tree = asyncio.run(
         rogue(lambda path, offset: [] if offset else [b"Da", b"Db", b"Ff\t5"]).tree("/")
     )
@@ -417,12 +419,38 @@ def test_a_path_too_long_to_be_asked_for_is_left_out() -> None:
     tree = asyncio.run(endless.tree("/"))
     assert len(tree.files) == 2
     assert tree.left_out == 1
-    with pytest.raises(LinkError, match="longer than a request"):
+    with pytest.raises(LinkError, match="too long for a request"):
         asyncio.run(rogue(lambda path, offset: []).list_directory("/" + "long" * 60))
 
 
 def test_a_directory_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("uavrt.ground.fetch.MOST_ENTRIES", 300)
+    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.MOST_ENTRIES", 300)
     client = rogue(lambda path, offset: [f"Ff{offset + n}\t5".encode() for n in range(9)])
     with pytest.raises(LinkError, match="more than 300 files"):
         asyncio.run(client.tree("/"))
+
+
+def test_samples_come_only_when_asked_for_and_their_size_is_told(
+    root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = root / "flight_log_1"
+    (flight / "iq" / "channels").mkdir(parents=True)
+    (flight / "iq" / "band_1.sigmf-data").write_bytes(bytes(3_000_000))
+    (flight / "iq" / "channels" / "channel_1_Hz_0001.sigmf-data").write_bytes(bytes(900_000))
+
+    def wanted(left: tuple[str, ...]) -> list[str]:
+        found = asyncio.run(_wanted(Pair(root).client, "flight_log_1", left))
+        return [one.path for one in found if "/iq/" in one.path]
+
+    channel = "/flight_log_1/iq/channels/channel_1_Hz_0001.sigmf-data"
+    assert wanted((BAND, CHANNELS)) == []
+    told = " ".join(capsys.readouterr().err.split())
+    assert "0.9 MB of samples stay on the drone: fetch them with --samples, by Wi-Fi" in told
+    assert "about 2 s, by a telemetry radio in about 5 minutes" in told
+    assert "3.0 MB of samples stay on the drone: fetch them with --all" in told
+    assert wanted((BAND,)) == [channel]
+    assert wanted(()) == [channel, "/flight_log_1/iq/band_1.sigmf-data"]
+    asyncio.run(_list_samples(Pair(root).client, "flight_log_1"))
+    told = capsys.readouterr().out
+    assert "900000  channels of the tags (--samples)" in told
+    assert "3000000  other samples (--all)" in told

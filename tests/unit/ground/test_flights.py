@@ -1,5 +1,6 @@
 """Flights on the disk, as the page reads and exports them."""
 
+import asyncio
 import csv
 import io
 import json
@@ -20,16 +21,18 @@ from uavrt.analysis.positions import read_positions
 from uavrt.analysis.survey import read_survey
 from uavrt.clock import Clock, iso_utc
 from uavrt.errors import UsageError
-from uavrt.ground import maps
-from uavrt.ground.estimates import AntennaChoice, Estimates, Estimator
-from uavrt.ground.exports import EXPORTS, export
-from uavrt.ground.flight_keeper import FlightKeeper
-from uavrt.ground.flights import Columns, FlightLibrary
+from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
+from uavrt.ground.store.flight_keeper import FlightKeeper
+from uavrt.ground.store.flights import Columns, FlightLibrary
+from uavrt.ground.web import maps
+from uavrt.ground.web.exports import EXPORTS, export
+from uavrt.ground.web.reports import Reporter
 from uavrt.localization import PATTERNS, TangentPlane
-from uavrt.localization.live_bearings import LiveBearings
+from uavrt.localization.bearing.live_bearings import LiveBearings
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
 from uavrt.recording import Flight, read_flight
 from uavrt.recording.places import Places, home_note, mark_note
+from uavrt.terrain import open_elevation
 
 START_NS = 1_700_000_000_000_000_000
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
@@ -255,6 +258,91 @@ def test_drone_page_report_and_command_line_tell_the_same_of_one_flight(
         assert live.accepted == one["accepted"]
 
 
+def survey_lines(keeper: FlightKeeper) -> None:
+    """Five lines over 250 m with an upright monopole, and pulses too weak to be heard."""
+    rng = np.random.default_rng(8)
+    seconds = 0.0
+    for line, east in enumerate((0.0, 60.0, 120.0, 180.0, 240.0)):
+        for along in np.arange(0.0, 250.0, 5.0):
+            north = along if line % 2 == 0 else 250.0 - along
+            latitude, longitude = PLANE.to_geodetic(east, north)
+            pose = replace(
+                pose_at(seconds, 0.0, 0.0),
+                latitude_deg=float(latitude),
+                longitude_deg=float(longitude),
+            )
+            keeper.add_pose(pose)
+            ground = math.hypot(east - 95.0, north - 140.0)
+            slant = math.hypot(ground, 40.0)
+            snr_db = 28.0 - 22.0 * math.log10(slant / 100.0)
+            snr_db += 20.0 * math.log10(max(ground / slant, 0.05)) + rng.normal(0.0, 1.5)
+            if snr_db >= 22.0:
+                keeper.add_pulse(pulse_at(pose, snr_db))
+            seconds += 1.2
+
+
+def test_page_report_and_command_line_tell_the_same_of_a_survey_with_a_monopole(
+    keeper: FlightKeeper, tmp_path: Path
+) -> None:
+    survey_lines(keeper)
+    keeper.commit()
+    assert keeper.flight_id is not None
+    library, flight_id = FlightLibrary(tmp_path), keeper.flight_id
+    place, tags = library.path(flight_id), library.summary(flight_id).tags
+
+    antenna = AntennaChoice(pattern="monopole")
+    page = Estimator().estimate(library.columns(flight_id), antenna, (), tags)
+    live = Estimator().estimate(keeper.columns(), antenna, (), tags)
+    (told,) = read_positions(place, antenna="monopole")
+    (reported,) = read_survey(place, antenna="monopole").positions
+
+    assert page.bearings == []
+    for (shown,) in (page.positions, live.positions):
+        for other in (told.position, reported.position):
+            assert other is not None
+            assert shown["latitude_deg"] == pytest.approx(other.latitude_deg, abs=1e-9)
+            assert shown["longitude_deg"] == pytest.approx(other.longitude_deg, abs=1e-9)
+            assert shown["radius50_m"] == pytest.approx(other.radius50_m, abs=0.01)
+            assert shown["radius95_m"] == pytest.approx(other.radius95_m, abs=0.01)
+            assert shown["powers"] == other.pulses > 100
+            assert shown["remarks"] == list(other.remarks)
+        assert shown["region95"]
+    east, north = PLANE.to_local(shown["latitude_deg"], shown["longitude_deg"])
+    assert math.hypot(float(east) - 95.0, float(north) - 140.0) < shown["radius95_m"]
+
+
+@pytest.mark.parametrize("pattern", ["monopole", "RA-23K"])
+def test_page_report_and_command_line_tell_the_same_over_hills(
+    keeper: FlightKeeper, tmp_path: Path, pattern: str
+) -> None:
+    if pattern == "monopole":
+        survey_lines(keeper)
+    else:
+        fly(keeper)
+    keeper.commit()
+    assert keeper.flight_id is not None
+    library, flight_id = FlightLibrary(tmp_path), keeper.flight_id
+    place, tags = library.path(flight_id), library.summary(flight_id).tags
+    north_west = math.floor(PLANE.latitude_deg), math.floor(PLANE.longitude_deg)
+    tile = tmp_path / f"N{north_west[0]:02d}E{north_west[1]:03d}.hgt"
+    slope = np.broadcast_to(np.linspace(0.0, 9000.0, 1201), (1201, 1201))
+    tile.write_bytes(slope.astype(">i2").tobytes())
+
+    antenna = AntennaChoice(pattern=pattern, dem=str(tile))
+    page = Estimator().estimate(library.columns(flight_id), antenna, (), tags)
+    (told,) = read_positions(place, antenna=pattern, elevation=open_elevation(tile))
+    (reported,) = read_survey(place, antenna=pattern, elevation=open_elevation(tile)).positions
+    (shown,) = page.positions
+    for other in (told.position, reported.position):
+        assert other is not None
+        assert shown["latitude_deg"] == pytest.approx(other.latitude_deg, abs=1e-7)
+        assert shown["radius95_m"] == pytest.approx(other.radius95_m, abs=0.1)
+    if pattern == "monopole":  # a single bearing has no other level to be compared with
+        (level,) = read_positions(place, antenna=pattern)
+        assert level.position is not None
+        assert shown["radius95_m"] != pytest.approx(level.position.radius95_m, abs=0.1)
+
+
 def test_a_turn_that_goes_on_gives_a_wide_interval_that_narrows(keeper: FlightKeeper) -> None:
     widths = []
     for until_s in (14.0, 35.0, 59.0):
@@ -284,6 +372,20 @@ def test_an_offset_of_the_antenna_turns_the_bearing(flown: tuple[FlightLibrary, 
     straight = estimates(columns).bearings[0]["bearing_deg"]
     turned = Estimator().estimate(columns, AntennaChoice(offset_deg=90.0)).bearings[0]
     assert (turned["bearing_deg"] - straight) % 360.0 == pytest.approx(90.0, abs=0.5)
+
+
+def test_the_pages_report_has_the_bearings_of_the_antennas_offset(
+    flown: tuple[FlightLibrary, str], tmp_path: Path
+) -> None:
+    library, flight_id = flown
+    columns, place = library.columns(flight_id), library.path(flight_id)
+    reporter = Reporter(tmp_path / "reports")
+    for offset_deg in (0.0, 90.0):
+        antenna = AntennaChoice(offset_deg=offset_deg)
+        tags = library.summary(flight_id).tags
+        (shown, *_) = Estimator().estimate(columns, antenna, (), tags).bearings
+        page = asyncio.run(reporter.report(place, antenna)).decode()
+        assert f"{shown['bearing_deg']:.0f}°" in page
 
 
 @pytest.mark.parametrize("name", EXPORTS)
@@ -437,6 +539,29 @@ def test_a_turn_flown_while_the_radio_was_silent_gives_its_bearing_afterwards(
     _, found = estimates(lost).bearings
     assert found["bearing_deg"] == pytest.approx(second["bearing_deg"], abs=2.0)
     assert found["pulses"] >= 0.8 * second["pulses"]
+
+
+def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path) -> None:
+    """Each turned at one place only: alone neither knows how far away the tag is."""
+    found = []
+    for number, station in enumerate((0.0, 200.0)):
+        keeper = FlightKeeper(tmp_path / str(number), Clock.start())
+        keeper.begin([TAG])
+        fly(keeper, stations=(station,))
+        found.append(estimates(keeper.columns()))
+        columns = keeper.columns()
+        keeper.close()
+    alone, last = found
+    both = Estimator().estimate(columns, AntennaChoice(), beside=[alone.found])
+    (together,) = both.positions
+    assert together["stations"] == 2
+    assert together["radius95_m"] < 0.5 * min(
+        one["radius95_m"] for each in found for one in each.positions
+    )
+    east, north = PLANE.to_local(together["latitude_deg"], together["longitude_deg"])
+    assert math.hypot(east - TAG_EAST_M, north - TAG_NORTH_M) <= together["radius95_m"]
+    assert both.bearings == last.bearings  # its own alone
+    assert both.told == last.told != alone.told
 
 
 def test_a_bearing_of_the_drones_own_stands_where_it_knows_of_more_pulses(

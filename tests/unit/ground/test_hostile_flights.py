@@ -16,8 +16,8 @@ import pytest
 from pulses import pulse_at
 
 from uavrt.errors import FormatError, UavrtError
-from uavrt.ground.flight_keeper import FlightKeeper
-from uavrt.ground.flights import FlightLibrary
+from uavrt.ground.store.flight_keeper import FlightKeeper
+from uavrt.ground.store.flights import FlightLibrary
 from uavrt.messages import FlightInfo
 from uavrt.recording import FlightRecorder, plain_database, read_flight
 
@@ -141,7 +141,7 @@ def test_a_query_ends_with_the_program_and_after_its_time(
 
 STUCK = """
 import sys, threading, time
-from uavrt.ground.flights import FlightLibrary
+from uavrt.ground.store.flights import FlightLibrary
 FlightLibrary.summaries = lambda self: time.sleep(3600)
 sys.argv = ["uavrt", "ground", "--page", "--no-browser", "--port", "0", "-o", sys.argv[1]]
 from uavrt.cli.__main__ import main

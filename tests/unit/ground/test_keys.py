@@ -6,7 +6,7 @@ import pytest
 
 from uavrt.cli.ground import ground
 from uavrt.errors import ConfigError
-from uavrt.ground.keys import NO_KEYS, read_link_keys
+from uavrt.ground.link.keys import NO_KEYS, read_link_keys
 
 
 def test_both_keys_are_read_from_files_of_hexadecimal_digits(tmp_path: Path) -> None:

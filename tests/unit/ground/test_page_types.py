@@ -6,8 +6,8 @@ from pathlib import Path
 
 from pulses import pulse_at
 
-from uavrt.ground.column_answers import YAW
-from uavrt.ground.flights import PULSE_COLUMNS, STATUSES, pulse_cells
+from uavrt.ground.store.flights import PULSE_COLUMNS, STATUSES, pulse_cells
+from uavrt.ground.web.column_answers import YAW
 from uavrt.messages import Pose, Pulse, PulsePose
 from uavrt.recording import schema
 from uavrt.recording.fields import RecordField, fields_of

@@ -52,8 +52,12 @@ print("imported")
 @pytest.mark.parametrize(
     "module",
     [
-        *("uavrt.ground.page", "uavrt.ground.server", "uavrt.ground.exports"),
-        *("uavrt.ground.reports", "uavrt.ground.fetch", "uavrt.ground.waterfalls"),
+        *("uavrt.ground.web.page", "uavrt.ground.web.server", "uavrt.ground.web.exports"),
+        *(
+            "uavrt.ground.web.reports",
+            "uavrt.ground.fetch.ftp_client",
+            "uavrt.ground.web.waterfalls",
+        ),
         *("uavrt.analysis.report", "uavrt.analysis.positions", "uavrt.analysis.tracks"),
         *("uavrt.cli.ground", "uavrt.cli.report", "uavrt.cli.localize", "uavrt.cli.fetch"),
         *("uavrt.cli.export", "uavrt.cli.bearing", "uavrt.cli.attach", "uavrt.cli.app"),
@@ -68,7 +72,9 @@ def test_the_ground_needs_nothing_of_posix(module: str) -> None:
 
 
 def test_the_test_itself_would_notice() -> None:
-    program = PROGRAM.format(hidden=tuple(HIDDEN), module="uavrt.supervisor.memory")
+    program = PROGRAM.format(
+        hidden=tuple(HIDDEN), module="uavrt.supervisor.mission.saved_state"
+    )
     finished = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
@@ -82,3 +88,9 @@ def test_a_serial_port_of_windows_is_an_address() -> None:
     for wrong in ("serial://COM3/x:1", "serial://COMX:1", "serial://COM3:0"):
         with pytest.raises(ConfigError):
             parse_address(wrong)
+
+
+def test_the_page_starts_without_what_only_maps_of_silence_need() -> None:
+    """`scipy.stats` takes most of a second and 20 MB; it is loaded when a map is asked for."""
+    program = "import sys, uavrt.ground.web.page; sys.exit('scipy.stats' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

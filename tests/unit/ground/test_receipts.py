@@ -6,9 +6,9 @@ import pytest
 from pulses import pulse_at
 
 from uavrt.errors import RecordingError
-from uavrt.ground.protocol import GroundProtocol
-from uavrt.ground.receipts import Receipts
-from uavrt.ground.received import RECEIVED_NAME, open_receipts
+from uavrt.ground.link.delivery_receipts import Receipts
+from uavrt.ground.link.protocol import GroundProtocol
+from uavrt.ground.link.stored_pulses import RECEIVED_NAME, open_receipts
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message

@@ -4,9 +4,9 @@ import asyncio
 from pathlib import Path
 
 from uavrt import tunnel
-from uavrt.ground.drone_parameters import DroneParameters
-from uavrt.ground.protocol import GroundProtocol
-from uavrt.ground.receipts import Receipts
+from uavrt.ground.link.delivery_receipts import Receipts
+from uavrt.ground.link.drone_parameters import DroneParameters
+from uavrt.ground.link.protocol import GroundProtocol
 from uavrt.mavlink import Peer, dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message

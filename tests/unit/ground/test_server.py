@@ -17,11 +17,11 @@ from websockets.exceptions import InvalidStatus
 
 from uavrt.clock import Clock
 from uavrt.errors import CommandRefused
-from uavrt.ground.commander import Commander
-from uavrt.ground.flight_keeper import FlightKeeper
-from uavrt.ground.guesses import TRIES, TRIES_OF_ALL, Guesses
+from uavrt.ground.store.flight_keeper import FlightKeeper
+from uavrt.ground.web.commanding_page import Commander
+from uavrt.ground.web.password_tries import TRIES, TRIES_OF_ALL, Guesses
 from uavrt.messages import Pose
-from uavrt.supervisor.cleaning import removable
+from uavrt.supervisor.mission.flight_removal import removable
 
 TAG = {
     "id": "2",

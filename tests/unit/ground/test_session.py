@@ -1,14 +1,22 @@
 """The session against a drone that speaks real MAVLink frames over UDP."""
 
+import contextlib
+import json
+import os
 import socket
+import subprocess
+import sys
 import time
+import urllib.request
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 from pulses import pulse_at as heard_pulse
 
+from uavrt.demo.programs import free_udp_port
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.message import Message
@@ -83,7 +91,7 @@ def drone(served: Any) -> Iterator[Drone]:
 
 def until(served: Any, what: Any) -> dict[str, Any]:
     """The state, once something holds."""
-    for _ in range(200):
+    for _ in range(1000):  # half a minute: the machine may be late
         state: dict[str, Any] = served.ask("GET", "/api/state").json
         if what(state):
             return state
@@ -132,6 +140,35 @@ def test_old_pulses_sent_again_are_no_clock_that_is_late(served: Any, drone: Dro
     assert state["drone"]["clock_skew_s"] == 0.0
 
 
+def test_a_receiver_tells_this_computers_place_and_noise_does_not(served: Any) -> None:
+    port = free_udp_port()
+    told = served.ask("PUT", "/api/settings", {"my_place": f"udpin://127.0.0.1:{port}"})
+    assert told.json["my_place"] == f"udpin://127.0.0.1:{port}"
+    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    receiver.connect(("127.0.0.1", port))
+
+    def tell(sentence: bytes) -> Any:
+        def told(state: dict[str, Any]) -> bool:
+            with contextlib.suppress(ConnectionRefusedError):  # not listening yet
+                receiver.send(os.urandom(200) + b"\n" + sentence + b"\r\n")
+            return bool(state["me"] and state["me"]["refused"] + state["me"]["sentences"])
+
+        return told
+
+    wrong = b"$GPRMC,101500,A,4700.06,N,00800.12,E,0.1,0.0,010526,,*11"
+    state = until(served, tell(wrong))
+    assert state["me"]["latitude_deg"] is None
+    right = b"$GPRMC,101500,A,4630.06,N,00800.12,E,0.1,0.0,010526,,*15"
+    until(served, tell(right))
+    state = until(served, lambda state: state["me"]["latitude_deg"] is not None)
+    assert state["me"]["latitude_deg"] == pytest.approx(46.501)
+    assert state["me"]["longitude_deg"] == pytest.approx(8.002)
+    served.ask("PUT", "/api/settings", {"my_place": ""})
+    until(served, lambda state: state["me"] is None)
+    receiver.close()
+    assert served.ask("PUT", "/api/settings", {"my_place": "gpsd"}).status == 422
+
+
 def test_another_start_is_another_flight(served: Any, drone: Drone) -> None:
     for number in (1, 2):
         drone.heartbeat(SystemState.DETECTING)
@@ -148,7 +185,7 @@ def test_what_the_drone_says_is_kept_as_it_is(served: Any, drone: Drone) -> None
     until(served, lambda state: state["drone"]["present"])
     said = '<script>alert(1)</script> "quoted" & more'
     drone.send(dialect.Statustext(severity=4, text=said))
-    for _ in range(100):
+    for _ in range(1000):
         log = served.ask("GET", "/api/log").json
         if any(line["text"] == said for line in log):
             break
@@ -168,7 +205,7 @@ def test_a_command_that_nobody_acknowledges_fails_in_words(served: Any, drone: D
 def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
     served: Any, drone: Drone, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uavrt.ground.protocol.DRONE_SILENCE_NS", SECOND_NS // 5)
+    monkeypatch.setattr("uavrt.ground.link.protocol.DRONE_SILENCE_NS", SECOND_NS // 5)
     drone.heartbeat(SystemState.DETECTING)
     until(served, lambda state: not state["flight"]["ended"])
     other = Drone(served.mavlink_port, system=2)
@@ -185,7 +222,7 @@ def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
         drone.pulse(time.time_ns())
         until(served, lambda state: state["flight"]["pulses"] == 1)
         told = "another vehicle, 2, is heard; this page keeps to 1"
-        for _ in range(200):
+        for _ in range(1000):
             if told in [line["text"] for line in served.ask("GET", "/api/log").json]:
                 break
             time.sleep(0.03)
@@ -200,3 +237,29 @@ def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
         assert not state["flight"]["ended"]
     finally:
         other.close()
+
+
+def test_pulses_are_kept_when_nobody_reads_the_terminal_any_more(tmp_path: Path) -> None:
+    port = free_udp_port()
+    command = [sys.executable, "-m", "uavrt.cli", "ground", "--no-browser", "--port", "0"]
+    command += ["-o", str(tmp_path), "--mavlink", f"udpin://127.0.0.1:{port}"]
+    station = subprocess.Popen(command, stdout=subprocess.PIPE)
+    assert station.stdout is not None
+    address = station.stdout.readline().split()[4].decode()
+    station.stdout.close()
+    drone = Drone(port)
+    drone.heartbeat(SystemState.DETECTING)
+    start_ns = time.time_ns() - SECOND_NS
+    for place in range(20):
+        drone.pulse(start_ns + place * SECOND_NS // 100)
+        time.sleep(0.02)
+    for _ in range(300):
+        with urllib.request.urlopen(f"{address}api/state", timeout=10) as answer:
+            pulses = json.load(answer)["flight"]["pulses"]
+        if pulses == 20:
+            break
+        time.sleep(0.05)
+    station.terminate()
+    assert station.wait(20.0) == 0
+    drone.close()
+    assert pulses == 20

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.errors import UsageError
-from uavrt.ground.tag_table import (
+from uavrt.ground.web.tag_table import (
     FIELDS,
     PRESETS,
     export_text,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ground.identity import VehicleIdentity
-from uavrt.ground.vehicle import LossMeter, VehicleWatch
+from uavrt.ground.link.vehicle import LossMeter, VehicleWatch
+from uavrt.ground.link.vehicle_identity import VehicleIdentity
 from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
@@ -117,7 +117,8 @@ def test_another_autopilot_under_the_same_number_gives_no_poses() -> None:
     identity.heard(1, NOW_NS)
     watch.receive(autopilot.frame(HEARTBEAT), NOW_NS)
     asked = [m.param1 for m in watch.questions(NOW_NS) if isinstance(m, dialect.CommandLong)]
-    assert asked == [dialect.AutopilotVersion.ID, dialect.HomePosition.ID]
+    wanted = [dialect.AutopilotVersion.ID, dialect.HomePosition.ID, dialect.SysStatus.ID]
+    assert asked == wanted
     assert watch.questions(NOW_NS + SECOND) == []
     watch.receive(autopilot.frame(version(7)), NOW_NS)
     assert watch.receive(autopilot.frame(PLACE), NOW_NS)

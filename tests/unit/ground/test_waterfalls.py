@@ -14,8 +14,8 @@ from websockets.asyncio.client import connect
 
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
-from uavrt.ground.flight_keeper import FlightKeeper
-from uavrt.ground.waterfalls import ChannelStream
+from uavrt.ground.store.flight_keeper import FlightKeeper
+from uavrt.ground.web.waterfalls import ChannelStream
 from uavrt.messages import Tag
 
 TAG = Tag(tag_id=2, frequency_hz=148_712_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.2,))

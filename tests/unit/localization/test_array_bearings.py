@@ -15,7 +15,7 @@ from uavrt.localization import (
     switched_bearing,
 )
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.array_bearings import Steering, switched_bound_deg
+from uavrt.localization.bearing.array_bearings import Steering, switched_bound_deg
 
 RATE_HZ = 48_000.0
 PULSE = 960  # 20 ms

@@ -1,6 +1,6 @@
 """What the default estimator claims of itself holds over many rotations, seeds fixed.
 
-The bars are in docs/reference/localization-bars.md; `uavrt.experiments.localization` runs them
+The bars are in docs/reference/localization-bars.md; `uavrt_experiments.localization` runs them
 with more rotations.
 """
 

@@ -5,6 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.localization import Position, Stations, TangentPlane, estimate_position
+from uavrt_experiments.localization.circle_bars import Bearings, by_bearings
 
 Floats = NDArray[np.float64]
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
@@ -89,6 +90,20 @@ def test_errors_as_usual_are_warned_of_seldom_and_their_circle_holds() -> None:
     results = [found(rng, compass_deg=float(rng.normal(0.0, 1.5))) for _ in range(40)]
     assert sum(held(*one) for one in results) >= 35
     assert sum(bool(names(position)) for position, _ in results) <= 4
+
+
+def test_half_of_the_tags_are_within_the_50_percent_circle_when_headings_err_as_told() -> None:
+    """Where headings are true it is wider than it need be: nobody knows that they are."""
+    drawn = Bearings(name="", one_side=True)
+    true = Bearings(name="", one_side=True, headings=False)
+    known = Bearings(name="", one_side=True, headings=False, known=True)
+    within = {}
+    for case in (drawn, true, known):
+        rng = np.random.default_rng(67)
+        within[case] = sum(by_bearings(rng, case)[0] for _ in range(60))
+    assert 21 <= within[drawn] <= 39  # .5 of 60 are 30; by chance outside once in 70
+    assert 21 <= within[known] <= 39
+    assert within[true] > within[known]
 
 
 def test_one_bearing_that_errs_is_named_with_its_number() -> None:

@@ -21,7 +21,8 @@ from uavrt.localization import (
     monopole_gain_db,
 )
 
-METHODS = get_args(PositionMethod)
+METHODS = tuple(one for one in get_args(PositionMethod) if one != "track")
+"""Those that need no times."""
 PLANE = TangentPlane(latitude_deg=35.18, longitude_deg=-111.66)
 LINE = (np.linspace(-250.0, 250.0, 6), np.zeros(6))
 SQUARE = (np.array([-300.0, 300.0, 300.0, -300.0]), np.array([-300.0, -300.0, 300.0, 300.0]))

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from uavrt.errors import UsageError
-from uavrt.experiments.localization.bearing_bars import disturbed
-from uavrt.experiments.localization.rotations import matched_power
 from uavrt.localization import (
     PATTERNS,
     AntennaPattern,
@@ -14,6 +12,8 @@ from uavrt.localization import (
     learn_pattern,
 )
 from uavrt.localization.angles import difference_deg
+from uavrt_experiments.localization.bearing_bars import disturbed
+from uavrt_experiments.localization.rotations import matched_power
 
 
 def test_five_turns_bring_a_pattern_nearer_to_the_true_one() -> None:

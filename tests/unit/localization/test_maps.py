@@ -14,7 +14,7 @@ from uavrt.localization import (
     signal_surface,
     strongest_signal,
 )
-from uavrt.localization.regions import refined
+from uavrt.localization.position.regions import refined
 
 PLANE = TangentPlane(latitude_deg=-12.0, longitude_deg=131.0)
 AXIS = np.arange(-200.0, 201.0, 4.0)

@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.localization import PATTERNS
-from uavrt.localization.bayes_fix import Area
-from uavrt.localization.bearing_evidence import von_mises
-from uavrt.localization.level_belief import Listening
-from uavrt.localization.trackers import GridTracker, ParticleTracker, TagPrior
+from uavrt.localization.position.bayes_fix import Area
+from uavrt.localization.position.bearing_evidence import von_mises
+from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.trackers import GridTracker, ParticleTracker, TagPrior
 
 Floats = NDArray[np.float64]
 

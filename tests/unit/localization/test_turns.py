@@ -175,7 +175,7 @@ def test_a_gust_that_lifts_the_drone_does_not_cut_a_turn() -> None:
 
 def test_poses_out_of_order_are_refused() -> None:
     zero = np.zeros(5)
-    with pytest.raises(UsageError, match="rise"):
+    with pytest.raises(UsageError, match="not increasing"):
         find_turns(np.zeros(5, np.int64), zero, zero, zero)
     with pytest.raises(UsageError, match="number"):
         find_turns(np.arange(6), zero, zero, zero)

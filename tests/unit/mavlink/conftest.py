@@ -16,7 +16,7 @@ from uavrt.errors import TunnelError
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.messages import AttitudeSample, Pose, PositionSample, PulsePose, Tag
-from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 from uavrt.tunnel.private import RECEIPT_TYPE, Receipt
 from uavrt.tunnel.reliable import ReliableSender
 

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from uavrt.computer import Finding, examine_autopilot
 from uavrt.computer.autopilot_rules import has_serial_ports, names_to_read, needs
 from uavrt.errors import ConfigError
-from uavrt.ground.link import GroundLink
+from uavrt.ground.link.drone_link import GroundLink
 from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import station_heartbeat
 from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
 from uavrt.simulation.autopilot_parameters import ARDUPILOT_DEFAULTS, PX4_DEFAULTS
+from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 from uavrt.units import ns_from_s
 
 World = Any  # tests/unit/mavlink/conftest.py

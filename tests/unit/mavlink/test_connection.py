@@ -10,7 +10,7 @@ import pytest
 from uavrt import tunnel
 from uavrt.attitude import euler_deg
 from uavrt.errors import CommandRefused, ConfigError, LinkError
-from uavrt.ground.link import Acknowledged, GroundEvent, GroundLink
+from uavrt.ground.link.drone_link import Acknowledged, GroundEvent, GroundLink
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
 from uavrt.messages import PulsePose, StatusText, Tag
 

@@ -271,7 +271,7 @@ def test_mavsdk_lists_downloads_and_compares(world: Any, flights: Path, tmp_path
         sdk = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(kind))
         try:
             sdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
-            for _ in range(200):
+            for _ in range(600):
                 systems = sdk.get_systems()
                 if systems and 191 in systems[0].component_ids():
                     break

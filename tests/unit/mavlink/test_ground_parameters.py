@@ -12,13 +12,13 @@ from uavrt.clock import Clock
 from uavrt.config.parameters import RUN, parameter_values
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.errors import CommandRefused, LinkError, TunnelError
-from uavrt.ground.link import GroundLink
+from uavrt.ground.link.drone_link import GroundLink
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
 from uavrt.mavlink.dialect import MavParamType, ParamSet
 from uavrt.mavlink.parameters import Requests
 from uavrt.processes.parameter_desk import ParameterDesk
-from uavrt.supervisor.memory import StateStore
-from uavrt.supervisor.mission import Mission
+from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.saved_state import StateStore
 from uavrt.tunnel.gate import Gate
 from uavrt.tunnel.private import SEALED_TYPE, SESSION_TYPE
 from uavrt.tunnel.seal import (

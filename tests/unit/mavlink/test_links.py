@@ -13,7 +13,14 @@ import pytest
 import serial
 
 from uavrt.errors import ConfigError, LinkError
-from uavrt.mavlink import Frame, FrameWriter, open_link, parse_address
+from uavrt.mavlink import (
+    Connection,
+    Frame,
+    FrameWriter,
+    Handlers,
+    open_link,
+    parse_address,
+)
 from uavrt.mavlink import dialect as d
 from uavrt.mavlink.udp import UdpLink
 
@@ -127,7 +134,7 @@ def test_a_tcp_link_talks_and_connects_again_when_the_other_side_restarts(
 
 def test_a_tcp_address_where_nobody_listens_is_named_with_its_remedy() -> None:
     async def main(port: int) -> None:
-        with pytest.raises(LinkError, match=r"[Cc]onnect.*the other side listens"):
+        with pytest.raises(LinkError, match=r"[Cc]onnect.*the other side is listening"):
             await open_link(f"tcp://127.0.0.1:{port}", lambda frame: None)
 
     with socket.socket() as unheard:
@@ -197,6 +204,59 @@ def test_a_serial_link_that_nobody_drains_drops_whole_frames_and_counts(
         await until(drain)
         assert bytes(collected) == FRAME * sent
         await link.close()
+        os.close(master)
+        os.close(slave)
+
+    asyncio.run(main())
+
+
+def test_a_serial_link_tells_how_long_a_frame_would_wait(until: Until) -> None:
+    async def main() -> None:
+        master, slave = pty.openpty()
+        link = await open_link(f"serial://{os.ttyname(slave)}:57600", lambda frame: None)
+        os.set_blocking(master, False)
+        assert link.delay_s == 0.0
+        while link.counters.dropped == 0:
+            link.send(FRAME)
+        assert link.delay_s > 0.3
+
+        def drain() -> bool:
+            with contextlib.suppress(BlockingIOError):
+                os.read(master, 65536)
+            return link.delay_s == 0.0
+
+        await until(drain)
+        await link.close()
+        os.close(master)
+        os.close(slave)
+
+    asyncio.run(main())
+
+
+def test_a_command_of_motion_does_not_queue_behind_what_waits_for_a_serial_port(
+    until: Until,
+) -> None:
+    async def main() -> None:
+        master, slave = pty.openpty()
+        connection = Connection(
+            Handlers(attitude=print, position=print, tunnel=print), lambda: 0
+        )
+        serving = asyncio.create_task(
+            connection.serve(0, f"serial://{os.ttyname(slave)}:57600")
+        )
+        await until(lambda: connection.link is not None)
+        link = connection.link
+        assert link is not None
+        connection.command_autopilot(PING)
+        assert link.counters.sent == 1
+        while link.delay_s < 0.3:
+            link.send(FRAME)
+        before = link.counters.sent
+        connection.command_autopilot(PING)
+        assert link.counters.sent == before
+        assert connection.counters()["commands_not_sent"] == 1
+        serving.cancel()
+        await asyncio.gather(serving, return_exceptions=True)
         os.close(master)
         os.close(slave)
 

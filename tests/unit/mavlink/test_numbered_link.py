@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from uavrt.errors import CommandRefused, LinkError
-from uavrt.ground.link import GroundEvent, GroundLink
+from uavrt.ground.link.drone_link import GroundEvent, GroundLink
 from uavrt.mavlink import Connection, Handlers, Peer, Priority
 from uavrt.messages import Command, CommandReply, Tag
 from uavrt.tunnel import Generation

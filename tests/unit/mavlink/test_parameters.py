@@ -33,8 +33,8 @@ from uavrt.mavlink.metadata import component_metadata
 from uavrt.mavlink.parameters import Requests, decode_value, encode_value
 from uavrt.messages import CommandReply, StatusText
 from uavrt.processes.parameter_desk import ParameterDesk
-from uavrt.supervisor.memory import StateStore
-from uavrt.supervisor.mission import Mission
+from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.saved_state import StateStore
 
 Until = Callable[..., Awaitable[None]]
 World = Any  # tests/unit/mavlink/conftest.py

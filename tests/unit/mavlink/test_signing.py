@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from uavrt import tunnel
 from uavrt.errors import ConfigError, LinkError
-from uavrt.ground.link import GroundLink
+from uavrt.ground.link.drone_link import GroundLink
 from uavrt.mavlink import Connection, Handlers, dialect
 from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
 from uavrt.mavlink.signing import EPOCH_S, Signing, SigningKey, read_signing_key

@@ -5,7 +5,7 @@ import pytest
 
 from uavrt.errors import ConfigError
 from uavrt.localization import PATTERNS, Listening, TagPrior
-from uavrt.localization.bayes_fix import Area
+from uavrt.localization.position.bayes_fix import Area
 from uavrt.planning import Beliefs, GroundReflection, HonestStop, TagBelief
 from uavrt.simulation.propagation import Propagation, ground_reflection
 
@@ -91,3 +91,52 @@ def test_tags_without_a_number_of_their_own_are_refused() -> None:
         Beliefs(one, one)
     with pytest.raises(ConfigError, match="probability"):
         TagBelief(1, PRIOR, np.random.default_rng(1), particles=100, existence=1.0)
+
+
+def listened(
+    belief: TagBelief, second: float, drone: tuple[float, float], level_db: float | None
+) -> None:
+    belief.advance_to(second)
+    belief.listen(
+        Listening(
+            east_m=drone[0], north_m=drone[1], height_m=40.0, snr_db=level_db, yaw_deg=0.0
+        )
+    )
+
+
+def test_hearing_the_strongest_pulses_alone_is_no_fault_of_the_model() -> None:
+    known = TagPrior(
+        area=Area(west_m=0.0, east_m=20.0, south_m=990.0, north_m=1010.0),
+        level_db=33.0,
+        level_sigma_db=0.0,
+        exponent=2.5,
+        exponent_sigma=0.0,
+        fading_db=4.0,
+        motion=(1.0, 0.0, 0.0),
+    )
+    belief = TagBelief(1, known, np.random.default_rng(1), particles=300)
+    levels = 33.0 - 25.0 + np.random.default_rng(2).normal(0.0, 4.0, 120)
+    for second, level in enumerate(levels):
+        listened(belief, second, (10.0, 0.0), float(level) if level >= 10.0 else None)
+    check = belief.model_check()
+    assert check.pulses > 10.0
+    assert check.passed, str(check)
+
+
+def test_a_strength_that_wanders_is_never_known_better_than_it_wanders() -> None:
+    area = Area(west_m=90.0, east_m=110.0, south_m=0.0, north_m=10.0)
+    sigmas = []
+    for drift in (0.0, 0.5):
+        prior = TagPrior(
+            area=area,
+            level_db=30.0,
+            level_sigma_db=6.0,
+            level_drift_db_per_root_s=drift,
+            motion=(1.0, 0.0, 0.0),
+        )
+        belief = TagBelief(1, prior, np.random.default_rng(5), particles=200)
+        for second in range(200):
+            listened(belief, second, (0.0, 0.0), 31.0)
+        sigmas.append(float(np.sqrt(belief.hypotheses(50).level_variance_db2.mean())))
+    assert sigmas[0] < 0.4
+    assert 0.8 < sigmas[1] < 3.0

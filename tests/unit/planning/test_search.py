@@ -8,7 +8,7 @@ import pytest
 
 from uavrt.errors import PlanError, UsageError
 from uavrt.localization import PATTERNS, Listening, TagPrior
-from uavrt.localization.bayes_fix import Area
+from uavrt.localization.position.bayes_fix import Area
 from uavrt.planning import (
     PLANNERS,
     Battery,
@@ -21,9 +21,11 @@ from uavrt.planning import (
     Hold,
     HonestStop,
     KeepAway,
+    MiRate,
     Multirotor,
     Polygon,
     Return,
+    Rotate,
     Search,
     SearchArea,
     SearchSettings,
@@ -34,7 +36,7 @@ from uavrt.planning import (
     flown,
     planner_named,
 )
-from uavrt.planning.information import Listener, information_nats
+from uavrt.planning.information import Listener, information_nats, minus_quarter_squares
 from uavrt.planning.planners.ways import headings, sampled
 
 SIDE_M = 400.0
@@ -158,6 +160,95 @@ def test_animals_are_kept_away_from_and_found_ones_too() -> None:
         assert np.hypot(places[:, 0] - east, places[:, 1] - north).min() > 50.0
 
 
+def _in_a_small_area(prior: TagPrior = PRIOR, *, careful: bool = True) -> Search:
+    """So small that wherever the drone begins, an animal may be near, and on every way."""
+    side = 250.0
+    small = Area(west_m=0.0, east_m=side, south_m=0.0, north_m=side)
+    search = search_with(
+        "mi_rate",
+        area=SearchArea(search=Polygon.rectangle(0.0, side, 0.0, side)),
+        keep_away=KeepAway(radius_m=30.0, probability=0.99),
+        prior=replace(prior, area=small),
+    )
+    return Search(search.settings, search.beliefs, MiRate(careful=careful), search._rng)
+
+
+MIDDLE = VehicleState(time_s=0.0, east_m=125.0, north_m=125.0, height_m=40.0)
+
+
+def test_a_careful_drone_listens_around_before_it_flies_where_animals_may_be() -> None:
+    search = _in_a_small_area()
+    decision = search.decide(MIDDLE)
+    assert decision.action == Rotate(duration_s=12.0)
+    assert "listening first" in decision.reason
+
+
+def test_it_turns_to_listen_once_and_not_where_a_turn_tells_nothing() -> None:
+    upright = replace(PRIOR, pattern=None)
+    assert isinstance(_in_a_small_area(upright).decide(MIDDLE).action, FlyTo)
+    assert isinstance(_in_a_small_area(careful=False).decide(MIDDLE).action, FlyTo)
+    search = _in_a_small_area()
+    for second in range(1, 11):
+        for tag_id in TAGS:
+            level = float(PATTERNS["RA-23K"].gain_db(30.0 * second - 100.0 * tag_id))
+            heard = Listening(
+                east_m=125.0,
+                north_m=125.0,
+                height_m=40.0,
+                snr_db=35.0 + level,
+                yaw_deg=30.0 * second % 360.0,
+            )
+            search.listen(tag_id, float(second), heard)
+    decision = search.decide(replace(MIDDLE, time_s=60.0))
+    assert isinstance(decision.action, FlyTo)
+    assert "on this one least" in decision.reason
+
+
+def test_it_leaves_where_an_animal_probably_is_near() -> None:
+    search = _in_a_small_area()
+    for second in range(1, 61):
+        for tag_id in TAGS:
+            heard = Listening(
+                east_m=125.0, north_m=125.0, height_m=40.0, snr_db=45.0, yaw_deg=6.0 * second
+            )
+            search.listen(tag_id, float(second), heard)
+    decision = search.decide(replace(MIDDLE, time_s=60.0))
+    assert isinstance(decision.action, FlyTo)
+    assert "on this one least" in decision.reason
+
+
+def _walking(east_m: float, north_m: float, east_m_s: float, north_m_s: float) -> TagBelief:
+    """A tag of which all is known."""
+    prior = replace(PRIOR, motion=(0.0, 0.0, 1.0))
+    belief = TagBelief(1, prior, np.random.default_rng(3), particles=400)
+    state = belief.tracker._state
+    state.east_m[:], state.north_m[:] = east_m, north_m
+    state.east_m_s[:], state.north_m_s[:] = east_m_s, north_m_s
+    return belief
+
+
+@pytest.mark.parametrize(
+    ("walks", "kept"),
+    [((0.0, 0.0), 1.0), ((0.0, -1.5), 0.0), ((0.0, 1.5), 1.0), ((12.0, -1.0), 1.0)],
+)
+def test_a_way_is_kept_from_where_a_walking_animal_will_be(
+    walks: tuple[float, float], kept: float
+) -> None:
+    """100 m east in 20 s, an animal 35 m beside its middle; at 12 m/s it is gone by then."""
+    rule = KeepAway(radius_m=20.0, margin=1.25)
+    beliefs = Beliefs(_walking(50.0, 35.0, *walks))
+    got = rule.kept(beliefs, (0.0, 0.0), np.array([100.0]), np.array([0.0]), speed_m_s=5.0)
+    assert got[0, 0] == kept
+
+
+def test_a_stay_is_not_kept_where_an_animal_comes_to_the_drone() -> None:
+    rule, place = KeepAway(radius_m=20.0, margin=1.25), np.zeros(1)
+    beliefs = Beliefs(_walking(0.0, 40.0, 0.0, -1.0))
+    for stays_s, kept in ((0.0, 1.0), (10.0, 1.0), (20.0, 0.0)):
+        got = rule.kept(beliefs, (0.0, 0.0), place, place, speed_m_s=5.0, stays_s=stays_s)
+        assert got[0, 0] == kept
+
+
 def test_it_returns_when_the_energy_for_the_way_home_and_the_reserve_is_reached() -> None:
     search = search_with("mi_rate", energy=EnergyModel())
     far = replace(START, east_m=380.0, north_m=380.0)
@@ -213,3 +304,25 @@ def test_others_add_planners_by_entry_point(monkeypatch: pytest.MonkeyPatch) -> 
 class Stay:
     def decide(self, situation: object) -> Decision:
         return Decision(action=Hold(), reason="someone else's")
+
+
+def test_squares_by_one_product_are_those_of_the_differences() -> None:
+    rng = np.random.default_rng(5)
+    scaled = rng.normal(0.0, 3.0, (4, 6, 9)).astype(np.float32)
+    whole = rng.normal(0.0, 1.0, (4, 9)).astype(np.float32)
+    squares = ((scaled[:, :, :, None] - scaled[:, :, None, :]) ** 2).sum(axis=1)
+    common = (whole[:, :, None] - whole[:, None, :]) ** 2
+    assert minus_quarter_squares(scaled, whole) == pytest.approx(
+        -0.25 * (squares - common), abs=2e-4
+    )
+
+
+def test_a_way_that_is_refused_is_not_weighed() -> None:
+    building = Circle(east_m=150.0, north_m=150.0, radius_m=60.0)
+    area = SearchArea(search=AREA.search, voids=(building,))
+    search = search_with("mi_rate", area=area)
+    decision = search.decide(replace(START, east_m=60.0, north_m=150.0))
+    refused = [one for one in decision.candidates if one.refused is not None]
+    assert refused
+    assert all(one.nats_per_s is None for one in refused)
+    assert all(one.nats_per_s is not None for one in decision.candidates if one not in refused)

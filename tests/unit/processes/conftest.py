@@ -15,7 +15,7 @@ from pulses import pulse_at
 from uavrt.clock import Clock
 from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
 from uavrt.demo.programs import free_udp_port
-from uavrt.ground.link import GroundLink
+from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ipc import Assignment, ProcessFrame, decode_record, encode_record
 from uavrt.ipc.link import ChildLink, LineBuffer
 from uavrt.messages import (
@@ -30,7 +30,7 @@ from uavrt.messages import (
 )
 from uavrt.processes.connection import ConnectionProcess
 from uavrt.recording import FlightRecorder
-from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 
 
 def turning(time_ns: int) -> Pose:

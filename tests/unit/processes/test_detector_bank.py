@@ -5,7 +5,7 @@ import pytest
 
 from uavrt.config.settings import DetectionSettings, OperatingModeName
 from uavrt.detection import PulseDetector, group
-from uavrt.detection.band import advance_together
+from uavrt.detection.search.band import advance_together
 from uavrt.messages import ChannelBlock, Tag
 from uavrt.processes import hang_watch
 from uavrt.processes.detector import DetectorBank

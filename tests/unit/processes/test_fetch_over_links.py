@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from uavrt.ground.drone_files import DroneFiles
-from uavrt.ground.fetch import PART_SUFFIX, RemoteEntry, fetch_file
+from uavrt.ground.fetch.drone_files import DroneFiles
+from uavrt.ground.fetch.ftp_client import PART_SUFFIX, RemoteEntry, fetch_file
 
 Bay = Any  # tests/unit/processes/conftest.py
 Until = Callable[..., Awaitable[None]]
@@ -21,8 +21,8 @@ ENTRY = RemoteEntry(path="/flight_log_1/flight.sqlite", size=len(CONTENT))
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("uavrt.ground.fetch.REPLY_NS", 500_000_000)
-    monkeypatch.setattr("uavrt.ground.fetch.QUIET_NS", 500_000_000)
+    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.REPLY_NS", 500_000_000)
+    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.QUIET_NS", 500_000_000)
 
 
 def put_flight(tmp_path: Path) -> Path:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from uavrt.ground.receipts import Receipts
+from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.messages import FlightInfo, PulsePose, Recorded
 from uavrt.recording import FlightRecorder
 

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from uavrt.config.ghost_places import Receiver as GhostPlaces
 from uavrt.config.settings import DetectionSettings, RecordingSettings, Settings
-from uavrt.experiments.detection.signals import make_samples, pulse_train
 from uavrt.ipc import Assignment
 from uavrt.ipc.sample_sockets import make_sample_sockets
 from uavrt.ipc.samples import ChannelReceiver, ChannelSender
 from uavrt.messages import FlightInfo, IQBlock, Pulse, Tag
 from uavrt.processes.detector import DetectorBank
 from uavrt.processes.receiver import Receiver
-from uavrt.supervisor.flight import share_tags
+from uavrt.supervisor.mission.flight_opening import share_tags
+from uavrt_experiments.detection.signals import make_samples, pulse_train
 
 RATE_HZ = 96_000.0
 CENTER_HZ = 148_700_000.0

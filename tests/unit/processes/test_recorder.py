@@ -34,7 +34,7 @@ from uavrt.pose.mounting import Mounting
 from uavrt.processes.commit_times import PULSES_S
 from uavrt.processes.recorder import MOST_COMMANDS, POSE_PATIENCE_S, Recorder
 from uavrt.recording import FlightRecorder, read_flight, read_pulse_pose_log
-from uavrt.supervisor.outbox import Outbox
+from uavrt.supervisor.tree.waiting_records import Outbox
 
 S = 1_000_000_000
 START_NS = 1_700_000_000 * S

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from uavrt.cli import detect
-from uavrt.experiments.detection.signals import THESIS_TAG
 from uavrt.messages import Tag
-from uavrt.processes.search_cost import search_cost
+from uavrt.processes.search_costs import search_cost
+from uavrt_experiments.detection.signals import THESIS_TAG
 
 
 def tags(count: int, **changed: object) -> list[Tag]:

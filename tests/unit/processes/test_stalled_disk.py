@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from uavrt.ground.fetch import FileClient
+from uavrt.ground.fetch.ftp_client import FileClient
 from uavrt.mavlink import Connection, Handlers, Peer, dialect
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from uavrt.ground.link import DetectorAlive, DroneHeartbeat
+from uavrt.ground.link.drone_link import DetectorAlive, DroneHeartbeat
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import Frame
 from uavrt.messages import SearchReport, StatusText, SystemState, SystemStatus, Tag

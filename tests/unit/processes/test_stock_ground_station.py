@@ -21,8 +21,8 @@ from uavrt.messages import (
     Tag,
 )
 from uavrt.recording import FlightRecorder
-from uavrt.supervisor.memory import StateStore
-from uavrt.supervisor.mission import Mission
+from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.saved_state import StateStore
 
 Bay = Any  # tests/unit/processes/conftest.py
 Until = Callable[..., Awaitable[None]]

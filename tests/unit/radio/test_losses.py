@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from uavrt.clock import Clock
-from uavrt.experiments.detection.unsaid import TimesKept, Unsaid, place
 from uavrt.radio import CS16, StreamSource
 from uavrt.radio.losses import most_lost
 from uavrt.radio.placing import Placer
 from uavrt.simulation.arrivals import DeliveredStream, Delivery
+from uavrt_experiments.detection.unsaid import TimesKept, Unsaid, place
 
 USB = Delivery(transfer_s=65_536 / 3e6, jitter_s=0.002, stall_share=0.01)
 START_NS = 1_700_000_000_000_000_000

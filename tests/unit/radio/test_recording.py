@@ -215,7 +215,7 @@ def test_a_start_time_given_moves_all_captures_alike(tmp_path: Path) -> None:
     ("about", "captures", "remedy"),
     [
         ({"core:datatype": "ri16_le"}, [CAPTURE], "real"),
-        ({"core:datatype": "cx9"}, [CAPTURE], "Known are"),
+        ({"core:datatype": "cx9"}, [CAPTURE], "Choose from"),
         ({"core:datatype": 7}, [CAPTURE], "core:datatype"),
         ({"core:sample_rate": None}, [CAPTURE], "core:sample_rate"),
         ({"core:sample_rate": "fast"}, [CAPTURE], "number"),
@@ -362,7 +362,7 @@ def test_a_wav_file_over_four_gigabytes_names_its_length_in_ds64(tmp_path: Path)
 @pytest.mark.parametrize(
     ("data", "remedy"),
     [
-        (wav(bytes(40), channels=1), "I and Q are two"),
+        (wav(bytes(40), channels=1), "I/Q needs two"),
         (wav(bytes(40), kind=2), "encoding"),
         (wav(bytes(40))[:30], "format chunk"),
         (wav(b"")[:-8], "no samples"),

@@ -144,7 +144,7 @@ def test_a_repeated_pulse_is_recorded_once(
 
 def test_a_flight_is_begun_only_once(make_info: MakeInfo) -> None:
     FlightRecorder.create(make_info()).close()
-    with pytest.raises(RecordingError, match="holds a flight already"):
+    with pytest.raises(RecordingError, match="already holds a flight"):
         FlightRecorder.create(make_info())
 
 

@@ -6,7 +6,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from uavrt.ground.flights import PULSE_COLUMNS, FlightLibrary
+from uavrt.ground.store.flights import PULSE_COLUMNS, FlightLibrary
 from uavrt.messages import FlightInfo, Pulse, PulsePose
 from uavrt.recording import FlightLayout, FlightRecorder, read_flight
 from uavrt.recording.schema import VERSION

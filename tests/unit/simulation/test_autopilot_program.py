@@ -15,7 +15,7 @@ from uavrt.errors import LinkError
 from uavrt.mavlink import FrameParser
 from uavrt.mavlink import dialect as d
 from uavrt.simulation import demo_scenario, write_scenario
-from uavrt.simulation.autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 
 PROGRAM = [sys.executable, "-m", "uavrt.simulation.autopilot"]
 

@@ -13,8 +13,8 @@ from uavrt.config.tag_files import faults_of_tags, read_tags, write_tags
 from uavrt.detection import PulseDetector
 from uavrt.errors import TagFileError
 from uavrt.messages import Command, CommandReply, Tag
-from uavrt.supervisor.memory import StateStore
-from uavrt.supervisor.mission import Mission
+from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.saved_state import StateStore
 from uavrt.tunnel import FAILURE, AckG1, decode, tag_to_wire
 from uavrt.tunnel.exchange import Answer, Exchange
 

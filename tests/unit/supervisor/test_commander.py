@@ -14,12 +14,12 @@ from uavrt.config.settings import (
 )
 from uavrt.messages import Command, CommandReply, SystemState, Tag
 from uavrt.recording.layout import FlightLayout
-from uavrt.supervisor.cleaning import SecondStep, removable
-from uavrt.supervisor.commander import SILENCE_S, Commander
-from uavrt.supervisor.disk import DiskGuard
-from uavrt.supervisor.memory import StateStore
-from uavrt.supervisor.mission import Mission
-from uavrt.supervisor.operations import Operations
+from uavrt.supervisor.mission.disk_guard import DiskGuard
+from uavrt.supervisor.mission.flight_removal import SecondStep, removable
+from uavrt.supervisor.mission.operations import Operations
+from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.saved_state import StateStore
+from uavrt.supervisor.mission.who_commands import SILENCE_S, Commander
 
 TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
 FIRST, STRANGER, ROS = "mavlink 255/190", "mavlink 254/190", "ros2"

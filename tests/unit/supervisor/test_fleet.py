@@ -19,21 +19,22 @@ from uavrt.config.ghost_places import Receiver
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.ipc.parent import adopt_orphans
 from uavrt.messages import Tag
-from uavrt.supervisor.fleet import Fleet
-from uavrt.supervisor.flight import share_tags
-from uavrt.supervisor.instance import Instance
-from uavrt.supervisor.launcher import Launcher
-from uavrt.supervisor.memory import StateStore
-from uavrt.supervisor.mission import Mission
-from uavrt.supervisor.output import OutputLog, warning_text
-from uavrt.supervisor.restarts import SOON
-from uavrt.supervisor.table import ProcessRow, always
-from uavrt.supervisor.usage import children_of, is_alive
+from uavrt.supervisor.mission.flight_opening import share_tags
+from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.saved_state import StateStore
+from uavrt.supervisor.tree.child_output import OutputLog, warning_text
+from uavrt.supervisor.tree.fleet import Fleet
+from uavrt.supervisor.tree.instance import Instance
+from uavrt.supervisor.tree.launcher import Launcher
+from uavrt.supervisor.tree.restarts import SOON
+from uavrt.supervisor.tree.table import ProcessRow, always
+from uavrt.supervisor.tree.usage import children_of, is_alive
 
 PR_SET_CHILD_SUBREAPER = 36
 FAILING = """
 import sys
-from uavrt.log import configure_logging, get_logger
+from uavrt.log import configure_logging
+from uavrt.log import get_logger
 
 def main():
     configure_logging("failing")

@@ -7,7 +7,7 @@ from functools import partial
 
 import pytest
 
-from uavrt.supervisor.intake import Intake
+from uavrt.supervisor.tree.child_records import Intake
 
 LONG_S = 3600.0
 """A period that does not end while a test runs."""

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from uavrt.ipc.parent import adopt_orphans
-from uavrt.supervisor.launcher import Launcher
-from uavrt.supervisor.tuning import ask_tuner
+from uavrt.supervisor.mission.tuning import ask_tuner
+from uavrt.supervisor.tree.launcher import Launcher
 
 PR_SET_CHILD_SUBREAPER = 36
 STAND_IN = """
@@ -162,7 +162,7 @@ def test_what_is_forked_after_the_supervisor_gave_up_never_runs(
 SUPERVISOR = """
 import os, signal, sys, time
 from uavrt.ipc.parent import PARENT_VARIABLE, adopt_orphans
-from uavrt.supervisor.launcher import Launcher
+from uavrt.supervisor.tree.launcher import Launcher
 
 adopt_orphans()
 launcher = Launcher()

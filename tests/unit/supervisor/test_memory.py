@@ -13,9 +13,9 @@ from uavrt.clock import Clock, wall_ns
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.errors import ConfigError
 from uavrt.messages import Command, FlightInfo, SystemState, Tag
-from uavrt.supervisor.memory import STATE_NAME, SavedState, StateStore
-from uavrt.supervisor.mission import Mission
-from uavrt.supervisor.wall_clock import NOTED_S, WallClockWatch
+from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.saved_state import STATE_NAME, SavedState, StateStore
+from uavrt.supervisor.mission.wall_clock import NOTED_S, WallClockWatch
 
 TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
 
@@ -119,15 +119,19 @@ def test_the_last_flights_outlive_the_supervisor_while_their_pulses_may_be_missi
     upload(mission, *START[:3])
     flown = []
     for number in range(5):
-        monkeypatch.setattr("uavrt.supervisor.mission.Clock.start", lambda n=number: Clock(n))
+        monkeypatch.setattr(
+            "uavrt.supervisor.mission.orders.Clock.start", lambda n=number: Clock(n)
+        )
         flown.append(mission.begin_flight(148.7e6).directory)
         mission.flight_ended()
     assert list(mission.last_flights) == flown[-3:]
     after = new_mission(tmp_path)
     after.resume()
     assert list(after.last_flights) == flown[-3:]
-    monkeypatch.setattr("uavrt.supervisor.mission.boot_id", lambda: "the next boot")
-    monkeypatch.setattr("uavrt.supervisor.mission.wall_ns", lambda: wall_ns() + 7 * 10**14)
+    monkeypatch.setattr("uavrt.supervisor.mission.orders.boot_id", lambda: "the next boot")
+    monkeypatch.setattr(
+        "uavrt.supervisor.mission.orders.wall_ns", lambda: wall_ns() + 7 * 10**14
+    )
     next_week = new_mission(tmp_path)
     next_week.resume()
     assert not next_week.last_flights
@@ -157,9 +161,11 @@ def rebooted(
     upload(before, *START)
     assert before.flight is not None
     (Path(before.flight.directory) / "flight.sqlite").write_bytes(b"")
-    monkeypatch.setattr("uavrt.supervisor.mission.boot_id", lambda: "the next boot")
+    monkeypatch.setattr("uavrt.supervisor.mission.orders.boot_id", lambda: "the next boot")
     now_ns = wall_ns()
-    monkeypatch.setattr("uavrt.supervisor.mission.wall_ns", lambda: now_ns + round(off_s * 1e9))
+    monkeypatch.setattr(
+        "uavrt.supervisor.mission.orders.wall_ns", lambda: now_ns + round(off_s * 1e9)
+    )
     return before.flight, new_mission(directory)
 
 
@@ -223,7 +229,7 @@ def test_a_damaged_file_is_put_aside_and_stops_nothing(
 def test_only_one_supervisor_flies_from_a_directory(tmp_path: Path) -> None:
     first, second = StateStore(tmp_path), StateStore(tmp_path)
     first.claim()
-    with pytest.raises(ConfigError, match="already runs"):
+    with pytest.raises(ConfigError, match="already running"):
         second.claim()
 
 

@@ -10,12 +10,12 @@ import pytest
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.messages import Command, CommandReply, FlightInfo, Health, Operation, SystemState
-from uavrt.supervisor import operations as operations_module
-from uavrt.supervisor.copying import save_flights
-from uavrt.supervisor.memory import StateStore
-from uavrt.supervisor.mission import Mission
-from uavrt.supervisor.operations import Operations, removable_drives
-from uavrt.supervisor.progress import FlightProgress
+from uavrt.supervisor.mission import operations as operations_module
+from uavrt.supervisor.mission.copying import save_flights
+from uavrt.supervisor.mission.operations import Operations, removable_drives
+from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.progress import FlightProgress
+from uavrt.supervisor.mission.saved_state import StateStore
 
 
 class Drone:

@@ -6,7 +6,7 @@ from pulses import pulse_at
 
 from uavrt.ipc import TOPICS, decode_record, encode_record
 from uavrt.messages import FlightInfo, PulsePose, StatusText
-from uavrt.supervisor.outbox import BARREN_LIVES, MOST_KEPT, Outbox
+from uavrt.supervisor.tree.waiting_records import BARREN_LIVES, MOST_KEPT, Outbox
 
 
 def status(number: int) -> bytes:

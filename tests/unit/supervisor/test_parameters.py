@@ -9,10 +9,10 @@ import pytest
 
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
 from uavrt.messages import Command, CommandReply, FlightInfo, SystemState, Tag
-from uavrt.supervisor.kept import PARAMETERS_NAME
-from uavrt.supervisor.last_tags import LAST_TAGS_NAME
-from uavrt.supervisor.memory import StateStore
-from uavrt.supervisor.mission import Mission
+from uavrt.supervisor.mission.kept_parameters import PARAMETERS_NAME
+from uavrt.supervisor.mission.last_tags import LAST_TAGS_NAME
+from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.saved_state import StateStore
 
 TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
 

@@ -13,10 +13,10 @@ import pytest
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.ipc import decode_record
 from uavrt.messages import Command, CommandReply
-from uavrt.supervisor import radio_check
 from uavrt.supervisor.core import Supervisor
-from uavrt.supervisor.radio_check import RadioQuestion
-from uavrt.supervisor.usage import descendants_of, is_alive
+from uavrt.supervisor.mission import radio_check
+from uavrt.supervisor.mission.radio_check import RadioQuestion
+from uavrt.supervisor.tree.usage import descendants_of, is_alive
 
 
 def test_a_radio_that_answers_is_there_and_one_without_its_program_is_not(
@@ -64,7 +64,7 @@ def test_a_radio_program_that_hangs_dies_with_a_killed_supervisor(tmp_path: Path
     program.chmod(0o755)
     asking = (
         "from uavrt.config.settings import RadioSettings\n"
-        "from uavrt.supervisor.radio_check import RadioQuestion\n"
+        "from uavrt.supervisor.mission.radio_check import RadioQuestion\n"
         "RadioQuestion(RadioSettings(kind='airspyhf')).answer()"
     )
     path = f"{tmp_path}:{os.environ['PATH']}"

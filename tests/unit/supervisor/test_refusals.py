@@ -4,8 +4,8 @@ from pathlib import Path
 
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.messages import Command, CommandReply, Tag
-from uavrt.supervisor.memory import StateStore
-from uavrt.supervisor.mission import Mission
+from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.saved_state import StateStore
 from uavrt.tunnel.tag_lists import digest_in, tag_list_digest
 
 TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))

@@ -5,14 +5,15 @@ import pytest
 from uavrt.config.settings import (
     BearingSettings,
     DetectionSettings,
+    GuidanceSettings,
     Ros2Settings,
     Settings,
     Shape,
 )
 from uavrt.ipc import TOPICS
 from uavrt.messages import SystemState
-from uavrt.supervisor.shapes import SHAPES, rows_for
-from uavrt.supervisor.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of
+from uavrt.supervisor.tree.shapes import SHAPES, rows_for
+from uavrt.supervisor.tree.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of
 
 PUBLISHED_BY_SUPERVISOR = {
     "operation",
@@ -69,23 +70,30 @@ def test_only_the_sample_chain_depends_on_the_state() -> None:
     running = {
         state: {row.name for row in PROCESSES if row.runs(state)} for state in SystemState
     }
-    always = {"recorder", "connection", "estimator", "ros2"}
+    always = {"recorder", "connection", "estimator", "guide", "ros2"}
     assert running[SystemState.DETECTING] == {*always, "detector", "receiver"}
     assert running[SystemState.IDLE] == always
 
 
-def test_the_gateway_to_ros_2_runs_only_where_it_is_asked_for() -> None:
-    asked = Settings(ros2=Ros2Settings(enabled=True), bearings=BearingSettings(on_drone=True))
+def test_the_gateway_and_the_guide_run_only_where_they_are_asked_for() -> None:
+    asked = Settings(
+        ros2=Ros2Settings(enabled=True),
+        bearings=BearingSettings(on_drone=True),
+        guidance=GuidanceSettings(enabled=True),
+    )
     assert set(rows_for(asked)) == set(PROCESSES)
     left_out = {row.name for row in set(PROCESSES) - set(rows_for(Settings()))}
-    assert left_out == {"ros2", "estimator"}
+    assert left_out == {"ros2", "estimator", "guide"}
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_in_every_shape_all_produced_records_are_consumed_and_samples_have_a_road(
     shape: Shape,
 ) -> None:
-    rows = rows_for(Settings(detection=DetectionSettings(shape=shape)))
+    settings = Settings(
+        detection=DetectionSettings(shape=shape), guidance=GuidanceSettings(enabled=True)
+    )
+    rows = rows_for(settings)
     names = [row.name for row in rows]
     produced = {topic for row in rows for topic in row.produces}
     assert {"pulse", "search_report", "pulse_pose", "poses", "command"} <= produced

@@ -16,7 +16,7 @@ def test_two_systems_cannot_share_a_socket(tmp_path: Path) -> None:
 
     async def main() -> None:
         server = await Viewers().serve(path)
-        with pytest.raises(ConfigError, match="another uavrt shows itself"):
+        with pytest.raises(ConfigError, match="another uavrt is already using"):
             await Viewers().serve(path)
         # The first is still watched.
         _, writer = await asyncio.open_unix_connection(path)

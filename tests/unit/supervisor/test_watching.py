@@ -7,12 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.config.settings import RecordingSettings
-from uavrt.detection.report import _REPORT_EVERY_NS
+from uavrt.detection.track.reporting import _REPORT_EVERY_NS
 from uavrt.ipc import TOPICS
-from uavrt.supervisor.budget import REPEAT_S, SLOWER, WINDOW_S, BudgetWatch
-from uavrt.supervisor.disk import DiskGuard
+from uavrt.recording import FlightLayout
+from uavrt.supervisor.mission.disk_guard import DiskGuard
 from uavrt.supervisor.pace import PaceWatch
-from uavrt.supervisor.restarts import SOON, RestartPolicy, Restarts
+from uavrt.supervisor.tree.budget import REPEAT_S, SLOWER, WINDOW_S, BudgetWatch
+from uavrt.supervisor.tree.restarts import SOON, RestartPolicy, Restarts
 from uavrt.units import s_from_ns
 
 
@@ -117,6 +118,36 @@ def test_the_oldest_go_first_and_the_present_flight_stays(
     assert one.exists()
     assert three.exists()
     assert other.exists()
+
+
+def test_kept_channels_of_old_flights_go_before_any_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    starred, one, two, present = flights(
+        tmp_path, "2026-01-01", "2026-01-02", "2026-01-03", "2026-01-04"
+    )
+    FlightLayout(starred).star.touch()
+    for flight in (starred, one, two, present):
+        channels = FlightLayout(flight).channels_directory
+        channels.mkdir(parents=True)
+        (channels / "channel_1_Hz_0001.sigmf-data").write_bytes(b"1234")
+    settings = RecordingSettings(minimum_free_mb=100.0, remove_oldest_flights=True)
+    guard = DiskGuard(tmp_path, settings)
+    guard.flying(present)
+
+    def free_mb() -> float:
+        kept = len(list(tmp_path.glob("*/iq/channels/*")))
+        return 250.0 - 40.0 * kept - 20.0 * len(list(tmp_path.glob("flight_log_*")))
+
+    monkeypatch.setattr(guard, "_measure", free_mb)
+    assert [text for _, text in guard.check()] == [
+        f"Disk nearly full: removed samples of {one.name}",
+        f"Disk nearly full: removed samples of {two.name}",
+        f"Disk nearly full: removed {one.name}",
+    ]
+    assert FlightLayout(starred).channels_directory.is_dir()
+    assert FlightLayout(present).channels_directory.is_dir()
+    assert two.is_dir()
 
 
 def test_the_only_flight_is_never_removed(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from uavrt import tunnel
 from uavrt.errors import ConfigError
-from uavrt.ground.writing import Writing
+from uavrt.ground.link.command_payloads import Writing
 from uavrt.messages import (
     Command,
     CommandReply,

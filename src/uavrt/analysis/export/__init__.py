@@ -1,9 +1,10 @@
-"""A flight, or an old log, as files for other tools."""
+"""Export a flight or an old log to the file formats of other tools."""
 
 import sqlite3
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import TYPE_CHECKING
 
 from uavrt.analysis.export import tables
 from uavrt.analysis.export.geojson import geojson_text
@@ -13,18 +14,35 @@ from uavrt.analysis.export.gpx import gpx_text
 from uavrt.analysis.export.kmz import kmz_bytes
 from uavrt.analysis.survey import Survey
 from uavrt.errors import RecordingError, UsageError
+from uavrt.lazy import lazily
 from uavrt.localization import PositionGrid, SignalSurface
 from uavrt.recording.formats import write_bearing_file, write_position_file
 from uavrt.recording.formats.whole_file import write_whole
 
-ExportFormat = Literal[
-    "csv", "uavrt", "geojson", "kmz", "gpx", "geopackage", "movebank", "geotiff"
-]
-EXPORT_FORMATS: tuple[ExportFormat, ...] = get_args(ExportFormat)
+if TYPE_CHECKING:
+    from uavrt.analysis.export.kmz import kml_text
+    from uavrt.analysis.export.png import chance, png_bytes
+    from uavrt.analysis.export.tables import pulses_csv
+
+
+@dataclass(frozen=True, slots=True)
+class OneFile:
+    """A format in which a survey is one file; the page offers these too."""
+
+    media_type: str
+    content: Callable[[Survey], str | bytes]
+
+
+ONE_FILE: dict[str, OneFile] = {
+    "geojson": OneFile("application/geo+json", geojson_text),
+    "kmz": OneFile("application/vnd.google-earth.kmz", kmz_bytes),
+    "gpx": OneFile("application/gpx+xml", gpx_text),
+}
+"""By the name of the format, which is also the file's ending."""
 
 
 def export_survey(
-    survey: Survey, directory: Path, formats: Sequence[ExportFormat] = EXPORT_FORMATS
+    survey: Survey, directory: Path, formats: Sequence[str] | None = None
 ) -> list[Path]:
     """Write a survey in each format asked for; files of the same name are replaced.
 
@@ -38,7 +56,7 @@ def export_survey(
         ``csv`` (pulses, track, positions), ``uavrt`` (the original's bearings.csv,
         positions.csv and TagTracker's pulse CSV), ``geojson``, ``kmz``, ``gpx``,
         ``geopackage``, ``movebank``, ``geotiff`` (one heat map for each tag with one; of a
-        survey with a monopole the strength, and that of each layer of heights).
+        survey with a monopole the strength, and that of each layer of heights). None: all.
 
     Returns
     -------
@@ -56,7 +74,12 @@ def export_survey(
         raise UsageError(
             f"{survey.name} holds no pulse, so nothing was exported", remedy="Check the name"
         )
-    return [path for form in formats for path in _WRITERS[form](survey, directory)]
+    chosen = EXPORT_FORMATS if formats is None else formats
+    return [path for form in chosen for path in _WRITERS[form](survey, directory)]
+
+
+def _one_file(name: str) -> Callable[[Survey, Path], list[Path]]:
+    return lambda survey, to: _written(to, {f"flight.{name}": ONE_FILE[name].content(survey)})
 
 
 def _csv(survey: Survey, directory: Path) -> list[Path]:
@@ -90,7 +113,7 @@ def _geopackage(survey: Survey, directory: Path) -> list[Path]:
         part.replace(target)
     except (OSError, sqlite3.Error) as error:
         raise RecordingError(
-            f"cannot write {target}: {error}", remedy="Name a place that can be written"
+            f"cannot write {target}: {error}", remedy="Choose a writable place"
         ) from error
     return [target]
 
@@ -131,12 +154,10 @@ def _written(directory: Path, files: Mapping[str, str | bytes]) -> list[Path]:
     return [directory / name for name in files]
 
 
-_WRITERS: dict[ExportFormat, Callable[[Survey, Path], list[Path]]] = {
+_WRITERS: dict[str, Callable[[Survey, Path], list[Path]]] = {
     "csv": _csv,
     "uavrt": _uavrt,
-    "geojson": lambda survey, to: _written(to, {"flight.geojson": geojson_text(survey)}),
-    "kmz": lambda survey, to: _written(to, {"flight.kmz": kmz_bytes(survey)}),
-    "gpx": lambda survey, to: _written(to, {"flight.gpx": gpx_text(survey)}),
+    **{name: _one_file(name) for name in ONE_FILE},
     "geopackage": _geopackage,
     "movebank": lambda survey, to: _written(
         to,
@@ -147,3 +168,29 @@ _WRITERS: dict[ExportFormat, Callable[[Survey, Path], list[Path]]] = {
     ),
     "geotiff": _geotiff,
 }
+EXPORT_FORMATS = tuple(_WRITERS)
+
+__all__ = [
+    "EXPORT_FORMATS",
+    "ONE_FILE",
+    "OneFile",
+    "chance",
+    "export_survey",
+    "geojson_text",
+    "geotiff_bytes",
+    "gpx_text",
+    "kml_text",
+    "kmz_bytes",
+    "png_bytes",
+    "pulses_csv",
+]
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "chance": "png",
+        "kml_text": "kmz",
+        "png_bytes": "png",
+        "pulses_csv": "tables",
+    },
+)

@@ -4,8 +4,7 @@ import json
 import math
 from typing import Any
 
-from uavrt.analysis.power_survey import HeightBand, TagSignal
-from uavrt.analysis.shapes import (
+from uavrt.analysis.measure import (
     REGION_SHARES,
     Point,
     ray,
@@ -13,8 +12,10 @@ from uavrt.analysis.shapes import (
     region95,
     region_lines,
     split_at_date_line,
+    way_of,
     wedge,
 )
+from uavrt.analysis.power_survey import HeightBand, TagSignal
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
 from uavrt.localization import StrongestSignal
@@ -24,7 +25,7 @@ _PLACES = 8
 
 
 def geojson_text(survey: Survey) -> str:
-    """Write track, pulses, bearings with wedges, positions with regions, and marks."""
+    """Write track, pulses, bearings with wedges, positions with regions and ways, and marks."""
     features = [*_track(survey), *_pulses(survey), *_bearings(survey), *_positions(survey)]
     features += [*_strongest(survey), *_marks(survey)]
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False)
@@ -38,7 +39,7 @@ def known(value: float | None) -> float | None:
 def pulse_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
     """Place and attributes of each pulse that has a place."""
     found = []
-    for one in survey.pulse_poses:
+    for one in survey.every_pulse:
         if one.pose is None:
             continue
         place = (one.pose.longitude_deg, one.pose.latitude_deg)
@@ -98,6 +99,24 @@ def position_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
         }
         found.append(((position.longitude_deg, position.latitude_deg), properties))
     return found
+
+
+def way_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
+    """Place and attributes of each time of the way of each tag that moved."""
+    return [
+        (
+            (one.longitude_deg, one.latitude_deg),
+            {
+                "tag_id": each.tag_id,
+                "time": iso_utc(one.time_ns),
+                "radius50_m": known(one.radius50_m),
+                "radius95_m": known(one.radius95_m),
+            },
+        )
+        for each in survey.positions
+        if each.position is not None
+        for one in each.position.track
+    ]
 
 
 def strongest_properties(signal: TagSignal) -> list[tuple[Point, dict[str, Any]]]:
@@ -198,7 +217,20 @@ def _positions(survey: Survey) -> list[dict[str, Any]]:
                 region = {"layer": f"region {share} %", "share": share, **properties}
                 rings = [[_rounded(point) for point in line] for line in lines]
                 features.append(_feature("MultiLineString", rings, region))
-    return features
+    return features + _ways(survey)
+
+
+def _ways(survey: Survey) -> list[dict[str, Any]]:
+    """The paths of moving tags: a line each, and the place at each time."""
+    features = [
+        _line(way_of(one.position), {"layer": "tag track", "tag_id": one.tag_id})
+        for one in survey.positions
+        if len(way_of(one.position)) > 1
+    ]
+    return features + [
+        _feature("Point", _rounded(place), {"layer": "tag track place", **properties})
+        for place, properties in way_properties(survey)
+    ]
 
 
 def _marks(survey: Survey) -> list[dict[str, Any]]:

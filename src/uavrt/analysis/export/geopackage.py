@@ -1,6 +1,7 @@
 """A survey as OGC GeoPackage 1.3: an SQLite file that QGIS and ArcGIS open as layers.
 
-Layers ``pulses``, ``track``, ``bearings``, ``bearing_wedges``, ``positions``, ``regions95``.
+Layers ``pulses``, ``track``, ``bearings``, ``bearing_wedges``, ``positions``, ``regions95``,
+``tag_tracks`` …
 A geometry is a header of 8 bytes and well-known binary, both little endian (OGC 12-128r18,
 §2.1.3)::
 
@@ -21,12 +22,13 @@ from uavrt.analysis.export.geojson import (
     position_properties,
     pulse_properties,
     strongest_properties,
+    way_properties,
 )
 from uavrt.analysis.export.geopackage_index import SCHEMA as INDEX_SCHEMA
 from uavrt.analysis.export.geopackage_index import add_index
 from uavrt.analysis.export.geopackage_styles import SCHEMA as STYLE_SCHEMA
 from uavrt.analysis.export.geopackage_styles import add_style
-from uavrt.analysis.shapes import Point, ray, ray_length_m, region95, wedge
+from uavrt.analysis.measure import Point, ray, ray_length_m, region95, wedge
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
 
@@ -130,6 +132,7 @@ def _layers(survey: Survey) -> Iterable[tuple[str, str, list[Feature]]]:
     yield "bearings", "LINESTRING", rays
     yield "bearing_wedges", "POLYGON", wedges
     yield "positions", "POINT", places
+    yield "tag_tracks", "POINT", [([place], told) for place, told in way_properties(survey)]
     yield "regions95", "POLYGON", regions
     loudest = [found for one in survey.signals for found in strongest_properties(one)]
     yield "strongest_signal", "POINT", [([place], told) for place, told in loudest]

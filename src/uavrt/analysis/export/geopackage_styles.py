@@ -22,10 +22,11 @@ _COLOURS = {
     "bearings": "213,94,0,255",
     "bearing_wedges": "213,94,0,40",
     "positions": "179,38,30,255",
+    "tag_tracks": "179,38,30,160",
     "regions95": "179,38,30,50",
     "strongest_signal": "22,35,42,255",
 }
-_TIMED = ("pulses", "bearings", "bearing_wedges", "positions", "regions95")
+_TIMED = ("pulses", "bearings", "bearing_wedges", "positions", "regions95", "tag_tracks")
 """Layers with a column ``time``."""
 
 

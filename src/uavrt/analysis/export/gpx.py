@@ -1,4 +1,4 @@
-"""A survey as GPX 1.1: positions as waypoints, the flight as a track."""
+"""A survey as GPX 1.1: positions as waypoints, the flight and tags that moved as tracks."""
 
 import math
 from xml.etree import ElementTree as ET
@@ -49,6 +49,14 @@ def gpx_text(survey: Survey) -> str:
             if math.isfinite(pose.altitude_amsl_m):
                 ET.SubElement(point, "ele").text = f"{pose.altitude_amsl_m:.2f}"
             ET.SubElement(point, "time").text = iso_utc(pose.time_ns)
+    for one in survey.positions:
+        if one.position is not None and one.position.track:
+            line = ET.SubElement(root, "trk")
+            ET.SubElement(line, "name").text = printable(survey.label(one.tag_id))
+            segment = ET.SubElement(line, "trkseg")
+            for place in one.position.track:
+                point = _point(segment, "trkpt", place.latitude_deg, place.longitude_deg)
+                ET.SubElement(point, "time").text = iso_utc(place.time_ns)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 

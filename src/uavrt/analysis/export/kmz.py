@@ -6,23 +6,26 @@ Styles stand once; the icon and each tag's heat map travel inside the file.
 import io
 import math
 import zipfile
+from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
 from uavrt.analysis.export.geojson import bearing_properties
 from uavrt.analysis.export.png import disc, heat, png_bytes, signal
 from uavrt.analysis.export.xml_text import printable
-from uavrt.analysis.shapes import (
+from uavrt.analysis.measure import (
     REGION_SHARES,
     Point,
     ray,
     ray_length_m,
     region95,
     region_lines,
+    way_of,
     wedge,
 )
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
-from uavrt.localization import PositionGrid, SignalSurface, TangentPlane
+from uavrt.localization import Position, PositionGrid, SignalSurface, TangentPlane
+from uavrt.messages import PulsePose
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 _STYLES = {
@@ -39,6 +42,7 @@ _PICTURES = ("GroundOverlay", "Icon")
 def kmz_bytes(survey: Survey) -> bytes:
     """Write track, and for each tag its pulses, bearings, position and heat map."""
     files: dict[str, bytes] = {"files/dot.png": png_bytes(disc(7, (31, 119, 180)))}
+    files["files/ring.png"] = png_bytes(disc(7, (204, 121, 167)))
     files["files/tag.png"] = png_bytes(disc(11, (215, 40, 40)))
     content = ET.tostring(_document(survey, files), encoding="utf-8", xml_declaration=True)
     packed = io.BytesIO()
@@ -87,14 +91,18 @@ def _styles(document: ET.Element) -> None:
         if area is not None:
             _text(ET.SubElement(style, "PolyStyle"), "color", area)
     for name, file, size in (
-        *(("pulse", "dot", 0.4), ("position", "tag", 1.0)),
+        *(("pulse", "dot", 0.4), ("integrated", "ring", 0.4), ("position", "tag", 1.0)),
         ("mark", "dot", 1.0),
     ):
         style = ET.SubElement(document, "Style", id=name)
         icon_style = ET.SubElement(style, "IconStyle")
         _text(icon_style, "scale", str(size))
         _text(ET.SubElement(icon_style, "Icon"), "href", f"files/{file}.png")
-        _text(ET.SubElement(style, "LabelStyle"), "scale", "0" if name == "pulse" else "1")
+        _text(
+            ET.SubElement(style, "LabelStyle"),
+            "scale",
+            "0" if name in ("pulse", "integrated") else "1",
+        )
 
 
 def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
@@ -121,13 +129,29 @@ def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, byt
             file = f"files/heat_{tag_id}.png"
             files[file] = png_bytes(heat(position.grid.probability[::-1]))
             _overlay(folder, f"{name} probability", file, position.grid)
+        _way(folder, name, position)
     _signal(folder, survey, tag_id, files)
     _bearings(folder, survey, tag_id)
-    _pulses(folder, survey, tag_id)
+    _pulses(folder, "pulses", "pulse", survey.pulses_of(tag_id))
+    hindsight = [one for one in survey.integrated if one.pulse.tag_id == tag_id]
+    _pulses(folder, "pulses seen in hindsight (integrated)", "integrated", hindsight)
+
+
+def _way(folder: ET.Element, name: str, position: Position) -> None:
+    """Where a moving tag was, at each time."""
+    if len(position.track) < 2:
+        return
+    inner = ET.SubElement(folder, "Folder")
+    _text(inner, "name", f"{name} track")
+    _geometry(_placemark(inner, f"{name} track", "outline"), "LineString", way_of(position))
+    for one in position.track:
+        mark = _placemark(inner, f"within {one.radius95_m:.0f} m with 95 %", "pulse")
+        _stamped(mark, one.time_ns)
+        _geometry(mark, "Point", [(one.longitude_deg, one.latitude_deg)])
 
 
 def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
-    """The loudest place and the colours around it, which nobody is to take for the tag."""
+    """The loudest place and the colours around it, marked as not the tag's place."""
     found = survey.signal_of(tag_id)
     if found is None:
         return
@@ -189,16 +213,16 @@ def _bearings(folder: ET.Element, survey: Survey, tag_id: int) -> None:
             _polygon(_placemark(folder, f"{name}, 90 %", "wedge"), area)
 
 
-def _pulses(folder: ET.Element, survey: Survey, tag_id: int) -> None:
-    pulses = [one for one in survey.pulses_of(tag_id) if one.pose is not None]
+def _pulses(folder: ET.Element, name: str, style: str, found: Iterable[PulsePose]) -> None:
+    pulses = [one for one in found if one.pose is not None]
     if not pulses:
         return
     inner = ET.SubElement(folder, "Folder")
-    _text(inner, "name", "pulses")
+    _text(inner, "name", name)
     for one in pulses:
         assert one.pose is not None
         snr = one.pulse.snr_db
-        mark = _placemark(inner, f"{snr:.1f} dB" if math.isfinite(snr) else "", "pulse")
+        mark = _placemark(inner, f"{snr:.1f} dB" if math.isfinite(snr) else "", style)
         _stamped(mark, one.pulse.start_time_ns)
         _geometry(mark, "Point", [(one.pose.longitude_deg, one.pose.latitude_deg)])
 

@@ -75,6 +75,24 @@ def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
     return pixels
 
 
+def chance(probability: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Color a probability on a scale from 0 to 1: dark blue to yellow, clear where unknown.
+
+    Parameters
+    ----------
+    probability : (rows, columns) array
+        The first row is the top; NaN is unknown.
+    """
+    known = np.isfinite(probability)
+    share = np.where(known, probability, 0.0)
+    pixels = np.zeros((*share.shape, 4), np.uint8)
+    for plane, (none, half, sure) in enumerate(((48, 34, 253), (18, 144, 231), (84, 140, 37))):
+        levels = np.interp(share, (0.0, 0.5, 1.0), (none, half, sure))
+        pixels[..., plane] = levels.astype(np.uint8)
+    pixels[..., 3] = np.where(known, 200, 0).astype(np.uint8)
+    return pixels
+
+
 def _chunk(kind: bytes, content: bytes) -> bytes:
     checksum = zlib.crc32(kind + content)
     return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", checksum)

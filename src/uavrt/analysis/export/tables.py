@@ -29,18 +29,18 @@ REFERENCE_COLUMNS = (
 
 
 def pulses_csv(survey: Survey) -> str:
-    """All pulses, in the columns of ``uavrt detect -o``."""
+    """All pulses, in the columns of ``uavrt detect -o``, *integrated* ones among them."""
     stream = io.StringIO(newline="")
     writer = PulseWriter(stream, "csv")
-    for one in survey.pulse_poses:
+    for one in survey.every_pulse:
         writer.write(one)
     return stream.getvalue()
 
 
 def tagtracker_csv(survey: Survey) -> str:
-    """Pulses with a pose, as the newer custom QGroundControl writes them."""
+    """Pulses with a pose, as the newer custom QGroundControl writes them; 3 is *integrated*."""
     stream = io.StringIO()
-    write_tagtracker(stream, survey.pulse_poses)
+    write_tagtracker(stream, survey.every_pulse)
     return stream.getvalue()
 
 

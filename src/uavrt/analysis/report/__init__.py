@@ -1,13 +1,31 @@
-"""A report that a biologist hands to a colleague: one HTML file, one PDF."""
+"""The flight report for biologists: one HTML file, one PDF."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from uavrt.analysis.report.document import pdf_document
 from uavrt.analysis.report.page import html_page
 from uavrt.analysis.survey import Survey
+from uavrt.lazy import lazily
 from uavrt.recording.formats.whole_file import write_whole
 
-__all__ = ["html_page", "pdf_document", "write_report"]
+if TYPE_CHECKING:
+    from uavrt.analysis.report.folds import draw_fold
+    from uavrt.analysis.report.style import FAINT, INK, TAG_COLORS, new_figure, styled, svg_data
+
+
+__all__ = [
+    "FAINT",
+    "INK",
+    "TAG_COLORS",
+    "draw_fold",
+    "html_page",
+    "new_figure",
+    "pdf_document",
+    "styled",
+    "svg_data",
+    "write_report",
+]
 
 
 def write_report(survey: Survey, html: Path | None, pdf: Path | None) -> list[Path]:
@@ -35,3 +53,17 @@ def write_report(survey: Survey, html: Path | None, pdf: Path | None) -> list[Pa
         write_whole(pdf, pdf_document(survey))
         written.append(pdf)
     return written
+
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "FAINT": "style",
+        "INK": "style",
+        "TAG_COLORS": "style",
+        "draw_fold": "folds",
+        "new_figure": "style",
+        "styled": "style",
+        "svg_data": "style",
+    },
+)

@@ -4,9 +4,11 @@ import io
 import textwrap
 from typing import TYPE_CHECKING
 
-from uavrt.analysis.report import heights, maps, roses, times, words
+from uavrt.analysis.report import folds, heights, maps, roses, searches, silences, times, words
 from uavrt.analysis.report.style import A4_IN, FAINT, SOFT, new_figure, styled, tag_color
+from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.survey import Survey
+from uavrt.recording import FlightFold
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -33,9 +35,15 @@ def pdf_document(survey: Survey) -> bytes:
         with PdfPages(stream, metadata={"Title": survey.name, "CreationDate": None}) as pages:
             book = _Book(pages, survey)
             book.first_page()
+            for search in searches.searches_of(survey):
+                book.search_pages(search)
             for tag_id in survey.tag_ids:
                 if survey.pulses_of(tag_id):
                     book.tag_page(tag_id)
+            for fold in survey.folds:
+                book.fold_page(fold)
+            for one in survey.silences:
+                book.silence_page(one)
             book.last_pages()
         return stream.getvalue()
 
@@ -72,6 +80,23 @@ class _Book:
         maps.draw_overview(part, survey)
         writer.end_page()
 
+    def search_pages(self, search: searches.FlownSearch) -> None:
+        """What a search found and did not, its way, its decisions."""
+        survey = self._survey
+        writer = _Writer(self)
+        writer.text("Search by the drone itself", size=14, weight="bold")
+        for text in searches.account(survey, search):
+            writer.text(text)
+            writer.skip(0.3)
+        table = searches.found_table(survey, search)
+        writer.table("Tags", table, (20, 16, 24, 12, 9, 11))
+        writer.room(0.42)
+        height = min(0.55, writer.left - 0.02)
+        searches.draw_search(_part(writer.figure, _BOTTOM, height), survey, search)
+        writer.end_page()
+        writer.table("Decisions", searches.decision_table(search), (9, 24, 59))
+        writer.end_page()
+
     def tag_page(self, tag_id: int) -> None:
         """Map, roses and times of one tag; more roses on pages of their own."""
         survey = self._survey
@@ -104,6 +129,33 @@ class _Book:
             for row, first in enumerate(rest[start : start + 3]):
                 roses.draw_roses(_part(figure, 0.64 - 0.29 * row, 0.27), survey, tag_id, first)
             self.save(figure)
+
+    def fold_page(self, one: FlightFold) -> None:
+        """The flight folded at a tag's interval."""
+        survey = self._survey
+        writer = _Writer(self)
+        title = f"Tag {words.title_of(survey, one.tag_id)} over the whole flight"
+        writer.text(title, size=14, weight="bold")
+        for text in (*words.hindsight(survey, one.tag_id), folds.CAPTION):
+            writer.text(text)
+            writer.skip(0.3)
+        height = min(0.45, writer.left - 0.02)
+        part = _part(writer.figure, writer.top - 0.02 - height, height)
+        folds.draw_fold(part, one, tag_color(survey.tag_ids, one.tag_id))
+        writer.end_page()
+
+    def silence_page(self, one: SilentMap) -> None:
+        """Where a tag would have been heard."""
+        survey = self._survey
+        writer = _Writer(self)
+        title = f"Where tag {words.title_of(survey, one.tag_id)} would have been heard"
+        writer.text(title, size=14, weight="bold")
+        for text in (*silences.account(survey, one), silences.CAPTION):
+            writer.text(text)
+            writer.skip(0.3)
+        height = min(0.6, writer.left - 0.02)
+        silences.draw_silence(_part(writer.figure, _BOTTOM, height), survey, one)
+        writer.end_page()
 
     def last_pages(self) -> None:
         """Tables, system, methods."""

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.analysis.measure import Point, ray, ray_length_m, region95, way_of, wedge
 from uavrt.analysis.power_survey import TagSignal
-from uavrt.analysis.report.style import INK, SNR_COLORS, SOFT, message, tag_color
-from uavrt.analysis.shapes import Point, ray, ray_length_m, region95, wedge
+from uavrt.analysis.report.ground import draw_ground
+from uavrt.analysis.report.style import INK, SNR_COLORS, SOFT, message, outlined, tag_color
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.localization import (
     Position,
@@ -34,26 +35,37 @@ STRONGEST = "strongest signal; the tag is on a ring around it"
 class LocalMap:
     """Axes in metres around the flight, with a graticule of degrees."""
 
-    def __init__(self, axes: "Axes", survey: Survey, tag_ids: Sequence[int]) -> None:
+    def __init__(
+        self,
+        axes: "Axes",
+        survey: Survey,
+        tag_ids: Sequence[int],
+        *,
+        also: Sequence[Point] = (),
+        margin: float = 1.25,
+    ) -> None:
         self.axes = axes
         places = [(pose.longitude_deg, pose.latitude_deg) for pose in survey.track]
+        places += also
         for tag_id in tag_ids:
             found = survey.position_of(tag_id)
             if found is not None and found.position is not None:
                 places.append((found.position.longitude_deg, found.position.latitude_deg))
                 places += region95(found.position) or []
+                places += way_of(found.position)
         self.plane = TangentPlane(latitude_deg=places[0][1], longitude_deg=places[0][0])
-        self._frame(places)
+        self._frame(places, margin)
+        draw_ground(axes, self.plane, survey.maps)
 
     def line(self, points: Iterable[Point]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """East and north [m] of places."""
         array = np.array(list(points))
         return self.plane.to_local(array[:, 1], array[:, 0])
 
-    def _frame(self, places: list[Point]) -> None:
+    def _frame(self, places: list[Point], margin: float) -> None:
         east, north = self.line(places)
         middle = ((east.max() + east.min()) / 2, (north.max() + north.min()) / 2)
-        half = float(max(np.ptp(east), np.ptp(north))) / 2 * 1.25
+        half = float(max(np.ptp(east), np.ptp(north))) / 2 * margin
         half = max(half, _LEAST_HALF_M)
         self.axes.set_aspect("equal")
         self.axes.spines[:].set_visible(True)
@@ -88,16 +100,25 @@ class LocalMap:
         length = nice_below(half_m / 2)
         (left, _), (low, high) = self.axes.get_xlim(), self.axes.get_ylim()
         x, y = left + 0.08 * half_m, low + 0.08 * half_m
-        self.axes.plot([x, x + length], [y, y], color=INK, lw=2, solid_capstyle="butt")
+        self.axes.plot(
+            [x, x + length],
+            [y, y],
+            color=INK,
+            lw=2,
+            solid_capstyle="butt",
+            path_effects=[outlined()],
+        )
         text = f"{length:g} m" if length < 1000 else f"{length / 1000:g} km"
-        self.axes.text(x, y + 0.03 * half_m, text, va="bottom")
+        halo = [outlined()]
+        self.axes.text(x, y + 0.03 * half_m, text, va="bottom", path_effects=halo)
         x, y = left + 0.1 * half_m, high - 0.32 * half_m
         self.axes.annotate(
             "N",
             xy=(x, y + 0.22 * half_m),
             xytext=(x, y),
             ha="center",
-            arrowprops={"arrowstyle": "-|>", "color": INK},
+            arrowprops={"arrowstyle": "-|>", "color": INK, "path_effects": halo},
+            path_effects=halo,
         )
 
 
@@ -108,12 +129,12 @@ def draw_overview(target: "FigureBase", survey: Survey) -> None:
         return
     axes = target.subplots()
     chart = LocalMap(axes, survey, survey.tag_ids)
-    _track(chart, survey)
+    draw_track(chart, survey)
     for tag_id in survey.tag_ids:
         color = tag_color(survey.tag_ids, tag_id)
         _bearings(chart, survey, tag_id, color, wedges=len(survey.tag_ids) <= 4)
         _position(chart, survey, tag_id, color)
-    _legend(axes)
+    finish_legend(axes)
 
 
 def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
@@ -124,7 +145,7 @@ def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
         return
     axes = target.subplots()
     chart = LocalMap(axes, survey, [tag_id])
-    _track(chart, survey)
+    draw_track(chart, survey)
     color = tag_color(survey.tag_ids, tag_id)
     found = survey.position_of(tag_id)
     signal = survey.signal_of(tag_id)
@@ -151,15 +172,17 @@ def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
     if known.any() and signal is None:
         target.colorbar(dots, ax=axes, label="SNR [dB]", shrink=0.6)
     _position(chart, survey, tag_id, color)
-    _legend(axes)
+    finish_legend(axes)
 
 
-def _legend(axes: "Axes") -> None:
+def finish_legend(axes: "Axes") -> None:
+    """Show what the lines are, if anything has a name."""
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="upper right", fontsize=7.5)
 
 
-def _track(chart: LocalMap, survey: Survey) -> None:
+def draw_track(chart: LocalMap, survey: Survey) -> None:
+    """Draw where the drone flew."""
     poses = thinned(survey.track)
     east, north = chart.line((pose.longitude_deg, pose.latitude_deg) for pose in poses)
     chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2, label="flight")
@@ -196,6 +219,9 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
     if area is not None:
         x, y = chart.line(area)
         chart.axes.plot(x, y, color=color, lw=1.3, zorder=5)
+    if position.track:
+        x, y = chart.line(way_of(position))
+        chart.axes.plot(x, y, color=color, lw=1.6, ls=":", zorder=5)
     (x,), (y,) = chart.line([(position.longitude_deg, position.latitude_deg)])
     tag = survey.tag(tag_id)
     name = f"tag {tag_id}" + (f", {tag.name}" if tag is not None and tag.name else "")

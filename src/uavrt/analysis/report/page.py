@@ -1,10 +1,13 @@
-"""The report as one HTML file that asks nobody for anything."""
+"""The report as one self-contained HTML file."""
 
 from html import escape
 
-from uavrt.analysis.report import heights, maps, roses, times, words
+from uavrt.analysis.report import folds, heights, maps, roses, searches, silences, times, words
+from uavrt.analysis.report.ground import maps_under
 from uavrt.analysis.report.style import new_figure, styled, svg_data, tag_color
+from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.survey import Survey
+from uavrt.recording import FlightFold
 
 _CSS = """
 :root { --ink:#1b2430; --soft:#5c6773; --line:#dfe4e9; --warm:#fff6e5; }
@@ -55,7 +58,10 @@ def html_page(survey: Survey) -> str:
             _figure_of_overview(survey),
             "<h2>Tags</h2>",
             _table(words.tag_table(survey)),
+            *(_search_section(survey, one) for one in searches.searches_of(survey)),
             *(_tag_section(survey, tag_id) for tag_id in survey.tag_ids),
+            *(_fold_section(survey, one) for one in survey.folds),
+            *(_silence_section(survey, one) for one in survey.silences),
             _system(survey),
             _methods(survey),
         ]
@@ -89,6 +95,21 @@ def _figure_of_overview(survey: Survey) -> str:
         "bearings not to be trusted. Grey: the flight, from the dot on."
     )
     return _picture(svg_data(figure), "Map of the flight with bearings and positions", caption)
+
+
+def _search_section(survey: Survey, search: searches.FlownSearch) -> str:
+    figure = new_figure(7.6, 6.0)
+    searches.draw_search(figure, survey, search)
+    parts = ["<h2>Search by the drone itself</h2>"]
+    parts += [f"<p>{escape(text)}</p>" for text in searches.account(survey, search)]
+    parts += [
+        _table(searches.found_table(survey, search)),
+        _picture(svg_data(figure), "Map of the search", searches.CAPTION),
+        f"<details><summary>{len(search.decisions)} decisions and their reasons</summary>",
+        _table(searches.decision_table(search)),
+        "</details>",
+    ]
+    return "\n".join(parts)
 
 
 def _tag_section(survey: Survey, tag_id: int) -> str:
@@ -129,6 +150,32 @@ def _tag_section(survey: Survey, tag_id: int) -> str:
     return "\n".join(parts)
 
 
+def _fold_section(survey: Survey, one: FlightFold) -> str:
+    title = f"Tag {words.title_of(survey, one.tag_id)} over the whole flight"
+    figure = new_figure(7.6, 4.6)
+    folds.draw_fold(figure, one, tag_color(survey.tag_ids, one.tag_id))
+    return "\n".join(
+        [
+            f"<h2>{escape(title)}</h2>",
+            *(f"<p>{escape(text)}</p>" for text in words.hindsight(survey, one.tag_id)),
+            _picture(svg_data(figure), f"{title}: folded", folds.CAPTION),
+        ]
+    )
+
+
+def _silence_section(survey: Survey, one: SilentMap) -> str:
+    name = f"tag {words.title_of(survey, one.tag_id)}"
+    figure = new_figure(7.6, 6.4)
+    silences.draw_silence(figure, survey, one)
+    return "\n".join(
+        [
+            f"<h2>{escape(f'Where {name} would have been heard')}</h2>",
+            *(f"<p>{escape(text)}</p>" for text in silences.account(survey, one)),
+            _picture(svg_data(figure), f"Where {name} would have been heard", silences.CAPTION),
+        ]
+    )
+
+
 def _system(survey: Survey) -> str:
     parts = []
     if survey.bearings:
@@ -150,7 +197,10 @@ def _system(survey: Survey) -> str:
 def _methods(survey: Survey) -> str:
     paragraphs = "".join(f"<p>{escape(text)}</p>" for text in words.methods(survey))
     sources = "".join(f"<p>{escape(text)}</p>" for text in words.SOURCES)
-    made = f'<p class="small">{escape(words.made_by())}</p>'
+    credits_ = "".join(
+        f'<p class="small">Map: {escape(one.credit)}</p>' for one in maps_under(survey)
+    )
+    made = f'{credits_}<p class="small">{escape(words.made_by())}</p>'
     return f'<h2>Methods</h2>{paragraphs}<div class="small">{sources}</div>{made}'
 
 

@@ -55,7 +55,7 @@ def draw_roses(
 
 
 def verdict(one: TagBearing) -> str:
-    """Say in a few words what to think of a bearing."""
+    """Describe briefly what to think of a bearing."""
     bearing = one.bearing
     if not bearing.accepted:
         return "no clear direction"

@@ -7,7 +7,7 @@ import base64
 import io
 from typing import TYPE_CHECKING, Any
 
-from uavrt.errors import UsageError
+from uavrt.errors import needs_extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,12 +48,8 @@ def styled() -> Any:
     UsageError
         The extra ``uavrt[analysis]`` is not installed.
     """
-    try:
+    with needs_extra("analysis", "a report"):
         import matplotlib as mpl
-    except ImportError as error:
-        raise UsageError(
-            "reports need the package matplotlib", remedy="pip install 'uavrt[analysis]'"
-        ) from error
     settings: Any = _SETTINGS  # the stubs want each key as a literal
     return mpl.rc_context(settings)
 
@@ -75,13 +71,20 @@ def svg_data(figure: "Figure") -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
 
 
+def outlined() -> Any:
+    """Draw a white edge, for what lies on colors."""
+    from matplotlib.patheffects import withStroke
+
+    return withStroke(linewidth=2.5, foreground="white")
+
+
 def tag_color(tag_ids: tuple[int, ...], tag_id: int) -> str:
     """Color of a tag, the same in all figures of a report."""
     return TAG_COLORS[tag_ids.index(tag_id) % len(TAG_COLORS)]
 
 
 def message(target: "FigureBase", text: str) -> None:
-    """Say in place of a figure why there is none."""
+    """Explain, in place of a figure, why there is none."""
     axes: Axes = target.subplots()
     axes.set_axis_off()
     axes.text(0.5, 0.5, text, ha="center", va="center", color=SOFT, wrap=True)

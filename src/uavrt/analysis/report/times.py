@@ -1,4 +1,4 @@
-"""What happened when: SNR, heading, noise, processes."""
+"""Plots over time: SNR, heading, noise, processes."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def draw_times(target: "FigureBase", survey: Survey, tag_ids: Sequence[int]) -> None:
     """Draw SNR of some tags and the heading, over time; turns with a bearing are shaded."""
-    pulses = [one for one in survey.pulse_poses if one.pulse.tag_id in tag_ids]
+    pulses = [one for one in survey.every_pulse if one.pulse.tag_id in tag_ids]
     if not pulses and not survey.track:
         message(target, "No pulses and no poses: nothing to draw over time.")
         return
@@ -38,6 +38,18 @@ def draw_times(target: "FigureBase", survey: Survey, tag_ids: Sequence[int]) -> 
             label=f"tag {tag_id}",
             rasterized=len(own) > 3000,
         )
+        later = [one for one in survey.integrated if one.pulse.tag_id == tag_id]
+        if later:
+            upper.plot(
+                [_minutes(one.pulse.start_time_ns, start_ns) for one in later],
+                [one.pulse.snr_db for one in later],
+                "o",
+                ms=3.4,
+                mew=0.6,
+                mfc="none",
+                color=tag_color(survey.tag_ids, tag_id),
+                label=f"tag {tag_id}, seen in hindsight",
+            )
     for one in survey.bearings:
         if one.tag_id in tag_ids:
             span = [_minutes(t, start_ns) for t in (one.start_time_ns, one.end_time_ns)]
@@ -46,7 +58,7 @@ def draw_times(target: "FigureBase", survey: Survey, tag_ids: Sequence[int]) -> 
     _heading(lower, survey, start_ns)
     upper.set_ylabel("SNR [dB]")
     upper.grid(visible=True)
-    if len(tag_ids) > 1:
+    if len(tag_ids) > 1 or any(one.pulse.tag_id in tag_ids for one in survey.integrated):
         upper.legend(loc="upper right", ncols=min(5, len(tag_ids)), fontsize=7.5)
     lower.set_xlabel(f"minutes after {_clock(start_ns)} UTC")
 

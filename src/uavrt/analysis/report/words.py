@@ -1,8 +1,8 @@
-"""The report's sentences and tables, the same in HTML and PDF."""
+"""The report's sentences and tables, shared by HTML and PDF."""
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -10,7 +10,8 @@ import numpy as np
 import uavrt
 from uavrt.analysis.report.roses import verdict
 from uavrt.analysis.survey import Survey
-from uavrt.localization import TangentPlane
+from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
+from uavrt.localization import Position, TangentPlane
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 Table = tuple[list[str], list[list[str]]]
@@ -18,6 +19,12 @@ Table = tuple[list[str], list[list[str]]]
 
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
+HINDSIGHT_METHOD = (
+    "In hindsight. `uavrt integrate` judged all pulses of the flight together; a tag counts as "
+    "found when noise alone shows as much in at most one of a hundred flights, unless another "
+    "share was asked for. Its pulses are rings in the plots, and *integrated* in exports; the "
+    "bearings and positions of this report are not made of them: their place is told beside it."
+)
 METHODS = (
     "Pulses. A detector for each tag sums K pulses at the listed interval and reports what "
     "exceeds a threshold set for the listed probability of a false alarm. SNR is the energy of "
@@ -64,7 +71,7 @@ SOURCES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Where one tag is, for a person who wants to walk there."""
+    """Where one tag is, for someone who will walk there."""
 
     tag_id: int
     title: str
@@ -91,8 +98,46 @@ def heading_line(survey: Survey) -> str:
 
 
 def findings(survey: Survey) -> list[Finding]:
-    """One for each tag, in order."""
-    return [_finding(survey, tag_id) for tag_id in survey.tag_ids]
+    """One for each tag, in order; what the whole flight said in hindsight is told after it."""
+    found = [_finding(survey, tag_id) for tag_id in survey.tag_ids]
+    return [
+        replace(one, detail=" ".join([one.detail, *hindsight(survey, one.tag_id)]))
+        for one in found
+    ]
+
+
+def hindsight(survey: Survey, tag_id: int) -> list[str]:
+    """What all pulses of the flight together say of a tag; nothing when nobody has asked."""
+    verdict = survey.verdict_of(tag_id)
+    if verdict is None:
+        return []
+    chance = chance_in_words(verdict.false_alarm_probability, verdict.flights)
+    many = verdict.flights > 1
+    over = f"over {verdict.flights} flights together" if many else "over the whole flight"
+    middle = "all flights" if many else "the flight"
+    if not verdict.found:
+        return [f"In hindsight, {over}: not found ({chance})."]
+    parts = [
+        f"In hindsight, {over}: found ({chance}), "
+        f"{_count(verdict.pulses, 'further pulse')} every {verdict.interval_s:.4f} s"
+    ]
+    if verdict.places > 1:
+        parts.append(
+            f"in one of {verdict.places} places that the flight cannot tell apart "
+            "(`uavrt integrate` lists them)"
+        )
+        return ["; ".join(parts) + "."]
+    if verdict.bearing_deg is not None and verdict.arc95_deg is not None:
+        parts.append(
+            f"from the middle of {middle} at {verdict.bearing_deg:.0f}°, "
+            f"± {0.5 * verdict.arc95_deg:.0f}° with 95\u00a0%"
+        )
+    if verdict.radius95_m is not None and verdict.radius95_m <= POSITION_M:
+        parts.append(
+            f"at {verdict.latitude_deg:.5f}, {verdict.longitude_deg:.5f}, within "
+            f"{verdict.radius95_m:.0f}\u00a0m with 95\u00a0%"
+        )
+    return ["; ".join(parts) + "."]
 
 
 def tag_table(survey: Survey) -> Table:
@@ -142,7 +187,7 @@ def bearing_table(survey: Survey) -> Table:
 
 
 def health_table(survey: Survey) -> Table:
-    """What each process said of itself."""
+    """What each process reported about itself."""
     header = ["Process", "Last word", "Well", "Counted"]
     rows = []
     for process in sorted({one.process for one in survey.health}):
@@ -162,10 +207,11 @@ def events(survey: Survey) -> list[tuple[str, str]]:
 
 
 def methods(survey: Survey) -> list[str]:
-    """How all this was computed."""
+    """How everything was computed."""
+    hindsight = [HINDSIGHT_METHOD] if survey.verdicts else []
     if survey.signals:
-        return [*METHODS[:2], POWER_METHOD]
-    return [text.format(antenna=survey.antenna) for text in METHODS]
+        return [*METHODS[:2], POWER_METHOD, *hindsight]
+    return [*(text.format(antenna=survey.antenna) for text in METHODS), *hindsight]
 
 
 def made_by() -> str:
@@ -226,6 +272,7 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
     if position.stations == 1:
         parts.append("one bearing tells the direction, hardly the distance")
     parts += position.remarks
+    parts += _way(position)
     return Finding(
         tag_id=tag_id,
         title=title,
@@ -234,8 +281,20 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
     )
 
 
+def _way(position: Position) -> list[str]:
+    """Where a moving tag was at first, and between."""
+    if len(position.track) < 2:
+        return []
+    told = [
+        f"{clock(one.time_ns)}\u00a0UTC {one.latitude_deg:.5f}, {one.longitude_deg:.5f} "
+        f"(within {one.radius95_m:.0f}\u00a0m with 95\u00a0%)"
+        for one in (position.track[0], position.track[len(position.track) // 2])
+    ]
+    return [f"its track is dotted on the map: at {', at '.join(told)}"]
+
+
 def _caveat(survey: Survey, tag_id: int) -> str | None:
-    """What must be said of a position because of the bearings that it is from."""
+    """Caveats of a position that come from its bearings."""
     bearings = survey.bearings_of(tag_id)
     doubts = Counter(text for one in bearings if (text := verdict(one)) != "clear")
     if not doubts:

@@ -1,4 +1,4 @@
-"""Poses from elsewhere: logs of autopilots and tracks of receivers, for pulses without any."""
+"""Poses from autopilot logs and receiver tracks, for pulses recorded without a pose."""
 
 from pathlib import Path
 
@@ -57,8 +57,8 @@ def read_track(path: Path) -> VehicleTrack:
         track = read_nmea(path)
     else:
         raise FormatError(
-            f"{path} is no track that we know",
-            remedy="Known are .ulg of PX4, .BIN and .tlog of ArduPilot, NMEA, GPX, and the "
+            f"{path} is not a known kind of track",
+            remedy="Give a .ulg of PX4, .BIN or .tlog of ArduPilot, NMEA, GPX, and the "
             "telemetry.csv of uavrt simulate",
         )
     if not track.attitudes or not track.positions:

@@ -7,7 +7,7 @@ HDM are a compass's. The World Magnetic Model is that of the package pygeomag, f
 from datetime import UTC, datetime
 from functools import lru_cache
 
-from uavrt.errors import FormatError, UsageError
+from uavrt.errors import FormatError, needs_extra
 
 _DAY_NS = 86_400_000_000_000
 
@@ -39,13 +39,8 @@ def declination_deg(
 def _declination_deg(
     latitude_deg: float, longitude_deg: float, altitude_km: int, day: int
 ) -> float:
-    try:
+    with needs_extra("analysis", "a magnetic heading"):
         from pygeomag import GeoMag
-    except ImportError as error:
-        raise UsageError(
-            "magnetic headings need the package pygeomag",
-            remedy="pip install 'uavrt[analysis]'",
-        ) from error
     date = datetime.fromtimestamp(day * 86_400, tz=UTC)
     length_days = (date.replace(year=date.year + 1, month=1, day=1) - _new_year(date)).days
     year = date.year + (date - _new_year(date)).days / length_days

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+from uavrt import nmea
 from uavrt.analysis.tracks.declination import declination_deg
 from uavrt.analysis.tracks.track import (
     COURSE,
@@ -24,8 +25,8 @@ from uavrt.attitude import from_euler_deg
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.recording.formats.text import read_lines
-from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt.recording.formats import read_lines
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 MAGNETIC = (
     "The headings of this track are magnetic; the declination was added, from the sentences or "
@@ -48,21 +49,21 @@ def read_nmea(path: Path) -> VehicleTrack:
     turns: list[AttitudeSample] = []
     magnetic: list[AttitudeSample] = []
     for line in read_lines(path):
-        fields = _sentence(line)
+        fields = nmea.fields_of(line)
         try:
             if fields[0].endswith("RMC") and fields[2] == "A":
                 stamp = datetime.strptime(fields[9], "%d%m%y").replace(tzinfo=UTC)
                 day_ns = round(stamp.timestamp()) * NANOSECONDS_PER_SECOND
-                time_ns = day_ns + _clock_ns(fields[1])
-                found = position(time_ns, *_place(fields[3:7]), math.nan)
+                time_ns = day_ns + nmea.clock_ns(fields[1])
+                found = position(time_ns, *nmea.place_in(fields[3:7]), math.nan)
                 if found is not None:
                     places.setdefault(time_ns, found)
             elif fields[0].endswith("GGA") and day_ns is not None and fields[6] != "0":
-                new_ns = day_ns + _clock_ns(fields[1])
+                new_ns = day_ns + nmea.clock_ns(fields[1])
                 if time_ns is not None and new_ns < time_ns - _DAY_NS // 2:
                     new_ns += _DAY_NS  # midnight passed since the last RMC
                 time_ns = new_ns
-                found = position(time_ns, *_place(fields[2:6]), float(fields[9]))
+                found = position(time_ns, *nmea.place_in(fields[2:6]), float(fields[9]))
                 if found is not None:
                     places[time_ns] = found
             elif fields[0].endswith("HDT") and time_ns is not None:
@@ -107,7 +108,9 @@ def read_gpx(path: Path) -> VehicleTrack:
     """
     text = "\n".join(read_lines(path))
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise FormatError(f"{path} declares entities, which no GPX needs", remedy="Check it")
+        raise FormatError(
+            f"{path} declares XML entities, which GPX never needs", remedy="Check it"
+        )
     places: list[PositionSample] = []
     try:
         # Without the declaration: the text is decoded already.
@@ -126,7 +129,9 @@ def read_gpx(path: Path) -> VehicleTrack:
             )
             places += [] if found is None else [found]
     except (ET.ParseError, ValueError, OverflowError) as error:
-        raise FormatError(f"{path} is no GPX: {error}", remedy="Give a track") from error
+        raise FormatError(
+            f"{path} is not a GPX file: {error}", remedy="Give a track"
+        ) from error
     return _track("GPX", places, [], path)
 
 
@@ -138,7 +143,7 @@ def _track(
     warnings: tuple[str, ...] = (),
 ) -> VehicleTrack:
     if not places:
-        raise FormatError(f"{path} has no point with time and place", remedy="Give a track")
+        raise FormatError(f"{path} has no point with time and position", remedy="Give a track")
     positions = over_the_first(places)
     attitudes = tuple(turns) or tuple(headings_of_course(positions))
     return filled(
@@ -148,34 +153,4 @@ def _track(
             positions=positions,
             warnings=warnings if turns else (COURSE,),
         )
-    )
-
-
-def _sentence(line: str) -> list[str]:
-    """Fields of a sentence, ``[""]`` for what is none or damaged."""
-    start = line.find("$")
-    body, star, checksum = line[start + 1 :].strip().partition("*")
-    if start < 0 or not body:
-        return [""]
-    if star:
-        total = 0
-        for byte in body.encode("ascii", "replace"):
-            total ^= byte
-        if f"{total:02X}" != checksum[:2].upper():
-            return [""]
-    return body.split(",")
-
-
-def _clock_ns(text: str) -> int:
-    hours, minutes, seconds = int(text[:2]), int(text[2:4]), float(text[4:])
-    return (hours * 3600 + minutes * 60) * NANOSECONDS_PER_SECOND + ns_from_s(seconds)
-
-
-def _place(fields: list[str]) -> tuple[float, float]:
-    """Degrees of ``ddmm.mmmm,N,dddmm.mmmm,E``."""
-    latitude = int(fields[0][:2]) + float(fields[0][2:]) / 60.0
-    longitude = int(fields[2][:3]) + float(fields[2][3:]) / 60.0
-    return (
-        -latitude if fields[1] == "S" else latitude,
-        -longitude if fields[3] == "W" else longitude,
     )

@@ -9,8 +9,8 @@ from pathlib import Path
 from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
 from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.recording.csv_line import csv_cells
-from uavrt.recording.formats.text import read_lines
+from uavrt.recording import csv_cells
+from uavrt.recording.formats import read_lines
 
 FIRST_COLUMN = b"time_ns,latitude_deg"
 

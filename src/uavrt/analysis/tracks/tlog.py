@@ -15,9 +15,17 @@ from pathlib import Path
 from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
 from uavrt.attitude import from_euler_deg
 from uavrt.errors import FormatError
-from uavrt.mavlink import Frame, FrameParser, dialect
-from uavrt.mavlink.frame import MARKER_V1, MARKER_V2, SIGNED, crc16_mcrf4xx
-from uavrt.mavlink.samples import attitude_sample, position_sample
+from uavrt.mavlink import (
+    MARKER_V1,
+    MARKER_V2,
+    SIGNED,
+    Frame,
+    FrameParser,
+    attitude_sample,
+    crc16_mcrf4xx,
+    dialect,
+    position_sample,
+)
 from uavrt.messages import AttitudeSample, PositionSample
 
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
@@ -36,7 +44,7 @@ class _Log:
         self.gps_offset_ns: int | None = None
 
     def take(self, frame: Frame, stamp_us: int) -> None:
-        """Take one frame of the vehicle."""
+        """Handle one frame of the vehicle."""
         message = frame.message()
         if isinstance(message, dialect.Heartbeat) and frame.component_id == 1:
             self.system_id = self.system_id or frame.system_id

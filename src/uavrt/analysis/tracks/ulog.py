@@ -16,7 +16,7 @@ from uavrt.analysis.tracks.track import (
     over_the_first,
     position,
 )
-from uavrt.errors import FormatError, UsageError
+from uavrt.errors import FormatError, needs_extra
 
 _GPS = ("vehicle_gps_position", "sensor_gps")
 _TOPICS = ["vehicle_attitude", "vehicle_global_position", *_GPS]
@@ -33,12 +33,8 @@ def read_ulog(path: Path) -> VehicleTrack:
     UsageError
         The extra ``uavrt[analysis]`` is not installed.
     """
-    try:
+    with needs_extra("analysis", "a log of PX4"):
         from pyulog import ULog
-    except ImportError as error:
-        raise UsageError(
-            "logs of PX4 need the package pyulog", remedy="pip install 'uavrt[analysis]'"
-        ) from error
     try:
         # Opened here: pyulog leaves a file open that it cannot read; and it prints.
         with path.open("rb") as file, contextlib.redirect_stdout(io.StringIO()):
@@ -46,7 +42,9 @@ def read_ulog(path: Path) -> VehicleTrack:
     except OSError as error:
         raise FormatError(f"cannot read {path}: {error.strerror}") from error
     except Exception as error:
-        raise FormatError(f"{path} is no ULog: {error}", remedy="Give a .ulg of PX4") from error
+        raise FormatError(
+            f"{path} is not a ULog file: {error}", remedy="Give a .ulg of PX4"
+        ) from error
     topics: dict[str, Any] = {one.name: one.data for one in log.data_list if not one.multi_id}
     offset_us = _utc_of_boot_us(topics)
     if offset_us is None:

@@ -1,4 +1,4 @@
-"""Planners by name, those that installed packages add included.
+"""Planners by name, including those that installed packages add.
 
 An entry of the group ``uavrt.planners`` is called without arguments and gives a `Planner`.
 """
@@ -40,7 +40,7 @@ def planner_named(name: str) -> Planner:
     """
     if name not in PLANNERS:
         raise UsageError(
-            f"there is no planner {name!r}", remedy=f"Known are {', '.join(PLANNERS)}"
+            f"there is no planner {name!r}", remedy=f"Choose from {', '.join(PLANNERS)}"
         )
     return PLANNERS[name]()
 

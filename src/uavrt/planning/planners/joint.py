@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.planning.actions import Hold, Rotate
-from uavrt.planning.information import Listener, renyi_nats
+from uavrt.planning.information import renyi_nats
 from uavrt.planning.planners.ways import checked, headings, pulses_along, stacked, turning
 from uavrt.planning.situation import Candidate, Decision, Situation
 from uavrt.planning.vehicle import Legs, VehicleState
@@ -61,11 +61,7 @@ class ConservationBots:
         reward = renyi_nats(
             [near],
             legs,
-            Listener(
-                above_tags_m=situation.above_tags_m,
-                pulse_s=situation.pulse_s,
-                threshold_db=situation.threshold_db,
-            ),
+            situation.listener,
             situation.rng,
             measurements=self._measurements,
             hypotheses=200,

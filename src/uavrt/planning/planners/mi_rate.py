@@ -1,4 +1,4 @@
-"""Ours: the way with the most information per second on all tags that are still wanted.
+"""Our planner: the path with the most information per second on all tags still wanted.
 
 Ways of several lengths in sixteen directions, to each tag, past it on both sides, and a turn
 in place are weighed. What a tag is worth is held at what it still needs until it is found: ways
@@ -9,16 +9,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.planning.actions import Action, Hold, Rotate
-from uavrt.planning.information import Listener, information_nats
+from uavrt.planning.beliefs import TagBelief
+from uavrt.planning.information import information_nats
 from uavrt.planning.planners.tangents import tangents
-from uavrt.planning.planners.ways import Ways, checked, headings, sampled, stacked, turning
+from uavrt.planning.planners.ways import (
+    Ways,
+    checked,
+    headings,
+    here,
+    sampled,
+    some_of,
+    stacked,
+    turning,
+)
 from uavrt.planning.situation import Candidate, Decision, Situation, summary
 from uavrt.planning.vehicle import Legs
 
 _Floats = NDArray[np.float64]
 _SAMPLES = 8
-_TURN_S = 2.0
 """Of each way; each stands for the pulses around it."""
+_TURN_S = 2.0
+"""Before a way of the round, roughly."""
+_FINISHED = 0.1
+"""Share of what a tag needs below which the round passes it."""
+_SOON = 2.0
+"""Cycles for which a way must keep away from animals."""
+_LISTENS_NATS = 1.5
+"""A turn tells so much more of an animal that may be near, or it is not made for that alone."""
+_NEAR = 0.25
+"""Probability that an animal is near from which a careful drone leaves instead of turning."""
+_VAGUE = 1.5
+"""Times the distance to keep that a tag's cloud is wide where a turn is to tell where it is."""
 
 
 class MiRate:
@@ -40,11 +61,20 @@ class MiRate:
     stay_s : float
         At the end of ways to a tag.
     looks_on : bool
-        Count the tag that is best gone on to from each way's end.
+        Count the round of all tags from each way's end: with one way alone, tags far off are
+        left for long ways in the end.
     explore_nats : float
         All directions and a turn are weighed as long as every tag needs more than this.
     rotation_s : float
         Of a turn in place, which is weighed where the antenna is directional.
+    constancy : float
+        By how much another tag must promise more than that which it is flying to, where animals
+        are kept away from. Else a drone between two turns about time and again: what they
+        promise changes with every way that is refused.
+    careful : bool
+        Where no way to a tag keeps the distance, all others are weighed before one is flown
+        that does not; and it rather waits, or turns to hear where the animals are, than flies
+        that.
     """
 
     def __init__(
@@ -59,55 +89,77 @@ class MiRate:
         rotation_s: float = 12.0,
         looks_on: bool = True,
         explore_nats: float = 2.5,
+        careful: bool = False,
+        constancy: float = 0.15,
     ) -> None:
         self._directions, self._horizons = directions, horizons
         self._hypotheses, self._convex, self._linear = hypotheses, convex, linear
         self._stay_s, self._looks_on = stay_s, looks_on
         self._explore_nats = explore_nats
-        self._rotation_s = rotation_s
+        self._rotation_s, self._careful = rotation_s, careful
+        self._constancy = constancy
+        self._goal: int | None = None
 
     def decide(self, situation: Situation) -> Decision:
         """See `Planner`."""
-        wanted = situation.wanted
-        if not wanted:
+        if not situation.wanted:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
-        ways, spans, legs = self._ways(situation)
-        listener = Listener(
-            above_tags_m=situation.above_tags_m,
-            pulse_s=situation.pulse_s,
-            threshold_db=situation.threshold_db,
-        )
-        nats = information_nats(wanted, legs, listener, hypotheses=self._hypotheses)
-        worth = self._worth(situation, nats, spans)
-        chance = np.array([one.existence_probability for one in wanted])
-        rate = chance @ worth / spans
-        if self._looks_on and len(wanted) > 1:
-            rate = np.maximum(rate, self._with_next(situation, legs, chance, worth, spans))
+        exploring = self._explores(situation)
+        ways, spans, legs, goals = self._ways(situation, exploring=exploring)
+        if not exploring and any(map(_by_animals_only, ways.refused)):
+            # Round an animal, or away from it.
+            ways, spans, legs, goals = self._ways(situation, exploring=True)
+        return self._best(situation, ways, spans, legs, goals)
+
+    def _best(
+        self,
+        situation: Situation,
+        ways: Ways,
+        spans: _Floats,
+        legs: Legs,
+        goals: list[int | None],
+    ) -> Decision:
+        """Choose among the ways that are allowed, and the turn that comes last."""
+        wanted = situation.wanted
         count = len(ways.east_m)
         turns = len(spans) > count
-        allowed = np.append(ways.allowed, True) if turns else ways.allowed
-        if turns and not self._may_stay(situation):
-            allowed[-1] = False
+        allowed = np.append(ways.allowed, self._may_stay(situation)) if turns else ways.allowed
         if not allowed.any():
             return self._away(situation, ways)
-        best = int(np.argmax(np.where(allowed, rate, -np.inf)))
+        rate = np.full(len(spans), np.nan)
+        weighed = np.flatnonzero(allowed)
+        legs, spans_s = some_of(legs, weighed), spans[weighed]
+        nats = self._nats(situation, legs)
+        gives = self._worth(situation, nats, spans_s)
+        chance = np.array([one.existence_probability for one in wanted])
+        rate[weighed] = chance @ gives / spans_s
+        if self._looks_on and len(wanted) > 1:
+            rate[weighed] = self._with_round(situation, legs, chance, gives, spans_s)
+        goes_on = np.array([self._goal is not None and one == self._goal for one in goals])
+        more = 0.0 if situation.keep_away is None else self._constancy
+        kept = rate * np.where(goes_on, 1.0 + more, 1.0)
+        best = int(np.argmax(np.where(allowed, kept, -np.inf)))
+        self._goal = goals[best]
+        of_best = int(np.searchsorted(weighed, best))
         turn = Rotate(duration_s=self._rotation_s)
         actions: list[Action] = [ways.action(n) for n in range(count)]
         actions += [turn] if turns else []
         refused = [*ways.refused, None if allowed[-1] else "too near to an animal to stay"]
         candidates = tuple(
             Candidate(
-                action=action, duration_s=float(span), nats_per_s=float(value), refused=why
+                action=action,
+                duration_s=float(span),
+                nats_per_s=float(value) if why is None else None,
+                refused=why,
             )
             for action, span, value, why in zip(actions, spans, rate, refused, strict=False)
         )
-        most = int(np.argmax(chance * worth[:, best]))
+        most = int(np.argmax(chance * gives[:, of_best]))
         return Decision(
             action=actions[best],
             reason=(
-                f"{rate[best]:.3f} nats/s over {spans[best]:.0f} s, most of it "
-                f"({worth[most, best]:.1f} nats) of tag {wanted[most].tag_id}; "
-                + summary(candidates)
+                f"{nats[most, of_best]:.1f} nats about tag {wanted[most].tag_id} in "
+                f"{spans[best]:.0f} s; in all {rate[best]:.3f}/s; " + summary(candidates)
             ),
             candidates=candidates,
         )
@@ -126,7 +178,7 @@ class MiRate:
             out[number] = np.maximum(share, 0.0) ** self._convex + self._linear * share
         return out
 
-    def _with_next(
+    def _with_round(
         self,
         situation: Situation,
         legs: Legs,
@@ -134,36 +186,45 @@ class MiRate:
         worth: _Floats,
         spans_s: _Floats,
     ) -> _Floats:
-        """(ways,) the same with the best tag to go on to from each way's end."""
-        places = [one.spread() for one in situation.wanted]
-        east, north = legs.east_m[:, -1], legs.north_m[:, -1]
-        best = np.zeros(len(spans_s))
-        gained = chance @ worth
-        rule = situation.keep_away
-        nearer = 0.0 if rule is None else rule.margin * rule.radius_m
-        for number, place in enumerate(places):
-            off = np.hypot(place.east_m - east, place.north_m - north)
-            speed = situation.vehicle.speed_m_s
-            more = np.maximum(off - nearer, 0.0) / speed + self._stay_s + _TURN_S
-            left = chance[number] * (1.0 - np.clip(worth[number], 0.0, 1.0))
-            best = np.maximum(best, (gained + left) / (spans_s + more))
-        return best
+        """(ways,) the same over each way and a round of all tags from its end.
 
-    def _ways(self, situation: Situation) -> tuple[Ways, _Floats, Legs]:
-        """Candidates, their times and their samples; a turn in place comes last."""
+        The round goes to the nearest tag each time, past those that the way itself finishes.
+        """
+        places = [one.spread() for one in situation.wanted]
+        tags_x = np.array([one.east_m for one in places])
+        tags_y = np.array([one.north_m for one in places])
+        rule, speed = situation.keep_away, situation.vehicle.speed_m_s
+        nearer = 0.0 if rule is None else rule.margin * rule.radius_m
+        left = chance[:, None] * (1.0 - np.clip(worth, 0.0, 1.0))
+        seen = left < _FINISHED
+        x, y = legs.east_m[:, -1], legs.north_m[:, -1]
+        gained, time = chance @ worth, spans_s
+        ways = np.arange(len(spans_s))
+        for _ in places:
+            off = np.hypot(tags_x[:, None] - x, tags_y[:, None] - y)
+            off = np.where(seen, np.inf, off)
+            near = np.argmin(off, axis=0)
+            goes = ~seen[near, ways]
+            there = np.maximum(np.where(goes, off[near, ways], 0.0) - nearer, 0.0) / speed
+            time = time + np.where(goes, there + self._stay_s + _TURN_S, 0.0)
+            gained = gained + np.where(goes, left[near, ways], 0.0)
+            x, y = np.where(goes, tags_x[near], x), np.where(goes, tags_y[near], y)
+            seen[near, ways] = True
+        return np.asarray(gained / time)
+
+    def _ways(
+        self, situation: Situation, *, exploring: bool
+    ) -> tuple[Ways, _Floats, Legs, list[int | None]]:
+        """Candidates, their times, samples, and tags they go to; a turn in place comes last."""
         state, vehicle = situation.state, situation.vehicle
-        here = (state.east_m, state.north_m)
         reach = vehicle.speed_m_s * situation.cycle_s
-        exploring = self._explores(situation)
         horizons = self._horizons if exploring else ()
         ends = [headings(situation, self._directions, reach * n) for n in horizons]
-        rule = situation.keep_away
-        radius = 0.3 * reach if rule is None else 1.05 * rule.margin * rule.radius_m
+        goals: list[int | None] = [None] * (self._directions * len(horizons))
         for belief in situation.wanted:
-            place = belief.spread()
-            ends.append(tangents(here, (place.east_m, place.north_m), radius))
-            if rule is None:
-                ends.append((np.array([place.east_m]), np.array([place.north_m])))
+            towards = self._towards(situation, belief)
+            ends += towards
+            goals += [belief.tag_id] * sum(len(east) for east, _ in towards)
         east, north = (np.concatenate([one[axis] for one in ends]) for axis in (0, 1))
         far = np.hypot(east - state.east_m, north - state.north_m)
         useful = far > 0.2 * reach
@@ -171,9 +232,11 @@ class MiRate:
             # At the only tag: on, in whatever direction.
             more = headings(situation, self._directions, reach)
             east, north = np.append(east, more[0]), np.append(north, more[1])
+            goals += [None] * len(more[0])
             useful = np.append(useful, np.ones(len(more[0]), bool))
         east, north = east[useful], north[useful]
-        ways = checked(situation, east, north)
+        soon = np.inf if self._careful else _SOON * situation.cycle_s
+        ways = checked(situation, east, north, within_s=soon)
         spans = vehicle.durations(state, east, north, situation.wind)
         strong = ~np.isfinite(spans)
         for number in np.flatnonzero(strong):
@@ -183,11 +246,27 @@ class MiRate:
         staying = np.where(np.flatnonzero(useful) >= fixed, self._stay_s, 0.0)
         spans = np.where(strong, 1.0, np.maximum(spans + staying, situation.pulse_s))
         legs = sampled(situation, east, north, spans, _SAMPLES)
-        directional = any(one.prior.pattern is not None for one in situation.wanted)
-        if exploring and vehicle.hovers and directional and self._rotation_s > 0.0:
+        if exploring and self._turns(situation):
             legs = stacked(legs, turning(state, 360.0, self._rotation_s, _SAMPLES))
             spans = np.append(spans, self._rotation_s)
-        return ways, spans, legs
+        goals = [one for one, fits in zip(goals, useful, strict=True) if fits]
+        return ways, spans, legs, goals + [None] * (len(spans) - len(goals))
+
+    def _towards(
+        self, situation: Situation, belief: TagBelief
+    ) -> list[tuple[_Floats, _Floats]]:
+        """Ends of ways to a tag and past it on both sides; round a wide cloud, too."""
+        state, rule, place = situation.state, situation.keep_away, belief.spread()
+        start, middle = (state.east_m, state.north_m), (place.east_m, place.north_m)
+        if rule is None:
+            reach = situation.vehicle.speed_m_s * situation.cycle_s
+            return [
+                tangents(start, middle, 0.3 * reach),
+                (np.array([place.east_m]), np.array([place.north_m])),
+            ]
+        radius = 1.05 * rule.margin * rule.radius_m
+        wide = radius + 2.0 * place.major_sigma_m
+        return [tangents(start, middle, radius), tangents(start, middle, wide)]
 
     def _explores(self, situation: Situation) -> bool:
         """Whether no tag is near its end: then ways in all directions are weighed.
@@ -199,13 +278,15 @@ class MiRate:
         return needed > self._explore_nats
 
     def _may_stay(self, situation: Situation) -> bool:
-        state = situation.state
-        here = checked(situation, np.array([state.east_m]), np.array([state.north_m]))
-        return here.refused[0] is None
+        return here(situation).refused[0] is None
 
     def _away(self, situation: Situation, ways: Ways) -> Decision:
         """No way is allowed: the one that disturbs least, if the area allows any."""
-        inside = np.array([one is None or "animal" in one for one in ways.refused])
+        if self._careful:
+            stays = self._stays(situation, len(ways.kept))
+            if stays is not None:
+                return stays
+        inside = np.array([_by_animals(one) for one in ways.refused])
         if not inside.any():
             return Decision(
                 action=Hold(duration_s=situation.cycle_s), reason="no way is allowed at all"
@@ -214,7 +295,61 @@ class MiRate:
         return Decision(
             action=ways.action(best),
             reason=(
-                "no way keeps the distance; this one does with "
-                f"{ways.kept[best]:.2f}, most of {len(ways.kept)} candidates"
+                "an animal may be near on every way; on this one least: probability "
+                f"{1.0 - ways.kept[best]:.2f}, {len(ways.kept)} candidates"
             ),
         )
+
+    def _stays(self, situation: Situation, count: int) -> Decision | None:
+        """Wait where it may stay; turn where an animal may be near but hardly is.
+
+        Where little is known of an animal every way leads as probably to it as away from it,
+        and a turn tells which: later no time is to be lost, it may walk to the drone.
+        """
+        stay = here(situation)
+        if stay.refused[0] is None:
+            return Decision(
+                action=Hold(duration_s=situation.cycle_s),
+                reason=f"none of {count} ways keeps the distance: waiting",
+            )
+        near = 1.0 - float(stay.kept[0])
+        if not _by_animals(stay.refused[0]) or near > _NEAR or not self._turns(situation):
+            return None
+        rule = situation.keep_away
+        assert rule is not None
+        turn = turning(situation.state, 360.0, self._rotation_s, _SAMPLES)
+        clouds = np.array([one.spread().rms_m for one in situation.wanted])
+        vague = clouds > _VAGUE * rule.margin * rule.radius_m
+        nats = np.where(vague, self._nats(situation, turn)[:, 0], 0.0)
+        most = int(np.argmax(nats))
+        if nats[most] < _LISTENS_NATS:
+            return None
+        return Decision(
+            action=Rotate(duration_s=self._rotation_s),
+            reason=(
+                f"none of {count} ways keeps the distance, an animal may be near with "
+                f"{near:.2f}: listening first, {nats[most]:.1f} nats about tag "
+                f"{situation.wanted[most].tag_id}"
+            ),
+        )
+
+    def _turns(self, situation: Situation) -> bool:
+        """Whether a turn in place tells anything, and can be made."""
+        directional = any(one.prior.pattern is not None for one in situation.wanted)
+        return situation.vehicle.hovers and directional and self._rotation_s > 0.0
+
+    def _nats(self, situation: Situation, legs: Legs) -> _Floats:
+        """(tags, ways) information on each tag that is wanted."""
+        return information_nats(
+            situation.wanted, legs, situation.listener, hypotheses=self._hypotheses
+        )
+
+
+def _by_animals(refused: str | None) -> bool:
+    """Whether only an animal speaks against a way, if anything does."""
+    return refused is None or "animal" in refused
+
+
+def _by_animals_only(refused: str | None) -> bool:
+    """Whether a way is refused, and by an animal."""
+    return refused is not None and "animal" in refused

@@ -4,26 +4,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.planning.actions import FlyTo, Hold, Rotate
-from uavrt.planning.information import Listener, renyi_nats
+from uavrt.planning.information import renyi_nats
 from uavrt.planning.planners.ways import Ways, checked, headings, pulses_along, turning
 from uavrt.planning.situation import Candidate, Decision, Situation
+from uavrt.planning.vehicle import Legs
 
 _Floats = NDArray[np.float64]
 
 
-def _listener(situation: Situation) -> Listener:
-    return Listener(
-        above_tags_m=situation.above_tags_m,
-        pulse_s=situation.pulse_s,
-        threshold_db=situation.threshold_db,
-    )
-
-
 class Renyi:
-    """TrackerBots: the most Rényi information at the end of a cycle.
+    """TrackerBots: the most Rényi information at the ends of the steps ahead.
 
-    Of the headings that it can fly those four are weighed whose antenna gain towards the tags
-    is greatest; for each, measurements are drawn and their divergences averaged.
+    An action is a turn and then a step straight on. Of the headings that it can fly those four
+    are weighed whose antenna gain towards the tags is greatest; for each, measurements at the
+    ends of its steps are drawn and their divergences averaged. A step begun is flown by half
+    at least: else a drone that turns for longer than a cycle would turn to and fro for ever.
 
     Parameters
     ----------
@@ -33,41 +28,63 @@ class Renyi:
         Headings.
     kept : int
         Of them, those with the greatest gain.
-    cycles : int
-        How far ahead it looks.
+    steps : int
+        How many ahead it looks; each is as long as a cycle flies.
     """
 
     def __init__(
-        self, *, alpha: float = 0.1, actions: int = 12, kept: int = 4, cycles: int = 1
+        self, *, alpha: float = 0.1, actions: int = 12, kept: int = 4, steps: int = 1
     ) -> None:
         self._alpha, self._actions, self._kept = alpha, actions, kept
-        self._cycles = cycles
+        self._steps = steps
+        self._begun: FlyTo | None = None
 
     def decide(self, situation: Situation) -> Decision:
         """See `Planner`."""
         if not situation.wanted:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
-        span = situation.cycle_s * self._cycles
-        step = situation.vehicle.speed_m_s * span
+        step = situation.vehicle.speed_m_s * situation.cycle_s
+        if self._begun is not None and self._goes_on(situation, self._begun, step):
+            return Decision(action=self._begun, reason="on with the step begun")
         ways = checked(situation, *headings(situation, self._actions, step))
         chosen = self._facing(situation, ways)
         if not len(chosen):
+            self._begun = None
             best = int(np.argmax(ways.kept))
             return Decision(action=ways.action(best), reason="away: no way is allowed")
-        legs = pulses_along(situation, ways.east_m[chosen], ways.north_m[chosen], span)
+        legs = self._ends(situation, ways.east_m[chosen], ways.north_m[chosen])
         reward = renyi_nats(
-            situation.wanted, legs, _listener(situation), situation.rng, alpha=self._alpha
+            situation.wanted, legs, situation.listener, situation.rng, alpha=self._alpha
         ).sum(axis=0)
         best = int(np.argmax(reward))
         candidates = tuple(
             Candidate(action=ways.action(int(n)), duration_s=span, nats_per_s=float(r) / span)
-            for n, r in zip(chosen, reward, strict=True)
+            for n, r, span in zip(chosen, reward, legs.duration_s.tolist(), strict=True)
         )
+        self._begun = ways.action(int(chosen[best]))
         return Decision(
-            action=ways.action(int(chosen[best])),
+            action=self._begun,
             reason=f"most Rényi information: {reward[best]:.2f} of {len(chosen)} ways",
             candidates=candidates,
         )
+
+    def _goes_on(self, situation: Situation, begun: FlyTo, step_m: float) -> bool:
+        """Whether less than half of a step is flown, and the rest may be."""
+        state = situation.state
+        left = np.hypot(begun.east_m - state.east_m, begun.north_m - state.north_m)
+        ahead = checked(situation, np.array([begun.east_m]), np.array([begun.north_m]))
+        return bool(left > 0.5 * step_m and ahead.allowed[0])
+
+    def _ends(self, situation: Situation, east_m: _Floats, north_m: _Floats) -> Legs:
+        """The drone at the end of each step straight on."""
+        state, vehicle = situation.state, situation.vehicle
+        east = state.east_m + self._steps * (east_m - state.east_m)
+        north = state.north_m + self._steps * (north_m - state.north_m)
+        last = vehicle.durations(state, east, north, situation.wind)
+        last = np.where(np.isfinite(last), last, self._steps * situation.cycle_s)
+        before = situation.cycle_s * np.arange(self._steps - 1, -1, -1)
+        times = np.maximum(last[:, None] - before, situation.pulse_s)
+        return vehicle.along(state, east, north, situation.wind, times)
 
     def _facing(self, situation: Situation, ways: Ways) -> NDArray[np.intp]:
         """Those allowed ways along which the antenna looks at the tags best."""
@@ -160,6 +177,6 @@ class Shannon:
 
             legs = stacked(*turns)
         reward = renyi_nats(
-            situation.wanted, legs, _listener(situation), situation.rng, alpha=1.0
+            situation.wanted, legs, situation.listener, situation.rng, alpha=1.0
         )
         return np.asarray(reward.sum(axis=0))

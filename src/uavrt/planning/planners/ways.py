@@ -1,4 +1,4 @@
-"""Ways that planners choose from, and which of them may be flown."""
+"""Candidate paths for planners, and which of them may be flown."""
 
 from dataclasses import dataclass
 
@@ -30,7 +30,7 @@ class Ways:
         return np.array([reason is None for reason in self.refused])
 
     def action(self, number: int) -> FlyTo:
-        """As an order."""
+        """The way as an action."""
         return FlyTo(east_m=float(self.east_m[number]), north_m=float(self.north_m[number]))
 
 
@@ -46,8 +46,26 @@ def headings(
     )
 
 
-def checked(situation: Situation, east_m: _Floats, north_m: _Floats) -> Ways:
-    """Look which ways the area and the rule of keeping away allow."""
+def checked(
+    situation: Situation,
+    east_m: _Floats,
+    north_m: _Floats,
+    *,
+    stays_s: float = 0.0,
+    within_s: float = np.inf,
+) -> Ways:
+    """Look which ways the area and the rule of keeping away allow.
+
+    Parameters
+    ----------
+    situation : Situation
+    east_m, north_m : (ways,) arrays
+        Their ends.
+    stays_s : float
+        At the end, of which the same is asked.
+    within_s : float
+        Animals are kept away from for so long: what is flown later is judged again before.
+    """
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)
@@ -56,13 +74,30 @@ def checked(situation: Situation, east_m: _Floats, north_m: _Floats) -> Ways:
     kept = np.ones(len(east_m))
     rule = situation.keep_away
     if rule is not None:
-        kept = rule.kept(situation.beliefs, here, east_m, north_m).min(axis=0)
+        reach = within_s * situation.vehicle.speed_m_s
+        far = np.maximum(np.hypot(east_m - here[0], north_m - here[1]), 1e-6)
+        share = np.minimum(1.0, reach / far)
+        kept = rule.kept(
+            situation.beliefs,
+            here,
+            here[0] + share * (east_m - here[0]),
+            here[1] + share * (north_m - here[1]),
+            speed_m_s=situation.vehicle.speed_m_s,
+            stays_s=stays_s,
+        ).min(axis=0)
         reason = f"within {rule.radius_m * rule.margin:.0f} m of an animal, perhaps"
         refused = [
             one or (reason if probability < rule.probability else None)
             for one, probability in zip(refused, kept, strict=True)
         ]
     return Ways(east_m=east_m, north_m=north_m, refused=refused, kept=kept)
+
+
+def here(situation: Situation) -> Ways:
+    """Staying where the drone is for a cycle."""
+    state = situation.state
+    place = np.array([state.east_m]), np.array([state.north_m])
+    return checked(situation, *place, stays_s=situation.cycle_s)
 
 
 def _circling(
@@ -136,6 +171,17 @@ def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: in
         east_m=np.full((1, samples), state.east_m),
         north_m=np.full((1, samples), state.north_m),
         yaw_deg=(state.yaw_deg + turn_deg * shares)[None],
+    )
+
+
+def some_of(legs: Legs, numbers: NDArray[np.intp]) -> Legs:
+    """Those of some ways with these numbers."""
+    return Legs(
+        duration_s=legs.duration_s[numbers],
+        time_s=legs.time_s[numbers],
+        east_m=legs.east_m[numbers],
+        north_m=legs.north_m[numbers],
+        yaw_deg=legs.yaw_deg[numbers],
     )
 
 

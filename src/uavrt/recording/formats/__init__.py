@@ -1,36 +1,54 @@
-"""Logs of other systems and of the original's tools; one module for each format.
+"""Logs of other systems and of the original's tools, one module per format.
 
 `read_pulses` and `read_pulse_log` recognise them all.
 """
 
-from uavrt.recording.formats.bearings_csv import (
-    BearingRow,
-    read_bearing_file,
-    write_bearing_file,
-)
-from uavrt.recording.formats.log import LogKind, PulseLog, RotationMark
-from uavrt.recording.formats.positions_csv import (
-    PositionRow,
-    read_position_file,
-    write_position_file,
-)
-from uavrt.recording.formats.pyradiotracking import read_pyradiotracking
-from uavrt.recording.formats.recognise import read_pulse_log, read_pulses, recognised
-from uavrt.recording.formats.tagtracker import read_tagtracker, write_tagtracker
-from uavrt.recording.formats.ucsd import (
-    TargetEstimate,
-    read_ucsd_estimates,
-    read_ucsd_pings,
-)
+from typing import TYPE_CHECKING
+
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.recording.formats.bearings_csv import (
+        BearingRow,
+        read_bearing_file,
+        write_bearing_file,
+    )
+    from uavrt.recording.formats.log import LogKind, PulseLog, RotationMark
+    from uavrt.recording.formats.positions_csv import (
+        PositionRow,
+        read_position_file,
+        write_position_file,
+    )
+    from uavrt.recording.formats.pyradiotracking import read_pyradiotracking
+    from uavrt.recording.formats.recognise import (
+        ORIGINAL_POSES,
+        pulse_logs_in,
+        read_pulse_log,
+        read_pulses,
+        recognised,
+    )
+    from uavrt.recording.formats.tagtracker import read_tagtracker, write_tagtracker
+    from uavrt.recording.formats.text import cells_of, read_lines
+    from uavrt.recording.formats.ucsd import (
+        TargetEstimate,
+        read_ucsd_estimates,
+        read_ucsd_pings,
+        tag_numbers,
+    )
+    from uavrt.recording.formats.whole_file import write_whole
 
 __all__ = [
+    "ORIGINAL_POSES",
     "BearingRow",
     "LogKind",
     "PositionRow",
     "PulseLog",
     "RotationMark",
     "TargetEstimate",
+    "cells_of",
+    "pulse_logs_in",
     "read_bearing_file",
+    "read_lines",
     "read_position_file",
     "read_pulse_log",
     "read_pulses",
@@ -39,7 +57,38 @@ __all__ = [
     "read_ucsd_estimates",
     "read_ucsd_pings",
     "recognised",
+    "tag_numbers",
     "write_bearing_file",
     "write_position_file",
     "write_tagtracker",
+    "write_whole",
 ]
+__getattr__ = lazily(
+    __name__,
+    {
+        "BearingRow": "bearings_csv",
+        "LogKind": "log",
+        "ORIGINAL_POSES": "recognise",
+        "PositionRow": "positions_csv",
+        "PulseLog": "log",
+        "RotationMark": "log",
+        "TargetEstimate": "ucsd",
+        "cells_of": "text",
+        "pulse_logs_in": "recognise",
+        "read_bearing_file": "bearings_csv",
+        "read_lines": "text",
+        "read_position_file": "positions_csv",
+        "read_pulse_log": "recognise",
+        "read_pulses": "recognise",
+        "read_pyradiotracking": "pyradiotracking",
+        "read_tagtracker": "tagtracker",
+        "read_ucsd_estimates": "ucsd",
+        "read_ucsd_pings": "ucsd",
+        "recognised": "recognise",
+        "tag_numbers": "ucsd",
+        "write_bearing_file": "bearings_csv",
+        "write_position_file": "positions_csv",
+        "write_tagtracker": "tagtracker",
+        "write_whole": "whole_file",
+    },
+)

@@ -113,7 +113,7 @@ def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow])
     for row in new:
         if "," in row.parent_file or "\n" in row.parent_file:
             raise FormatError(
-                f"the name {row.parent_file!r} cannot stand in a CSV without quotes",
+                f"the name {row.parent_file!r} cannot be written in a CSV without quotes",
                 remedy="Rename the file",
             )
     old = read_bearing_file(path) if os.path.exists(path) else ()

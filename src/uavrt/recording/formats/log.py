@@ -18,7 +18,7 @@ LogKind = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotationMark:
-    """Where a rotation was started or stopped by the original's ground station."""
+    """Where the original's ground station started or stopped a rotation."""
 
     kind: Literal["start", "stop"]
     latitude_deg: float

@@ -82,7 +82,7 @@ def write_position_file(path: str | os.PathLike[str], rows: Iterable[PositionRow
     for row in rows:
         if "," in row.bearing_file or "\n" in row.bearing_file:
             raise FormatError(
-                f"the name {row.bearing_file!r} cannot stand in a CSV without quotes",
+                f"the name {row.bearing_file!r} cannot be written in a CSV without quotes",
                 remedy="Rename the file",
             )
         kept[row.tag_id, row.bearing_file] = row
@@ -103,5 +103,5 @@ def _place(latitude: str, longitude: str) -> Place | None:
     if any(map(math.isnan, place)):
         return None
     if not (abs(place[0]) <= 90.0 and abs(place[1]) <= 360.0):
-        raise ValueError(f"{latitude}, {longitude} is no place on earth")
+        raise ValueError(f"{latitude}, {longitude} is not a place on earth")
     return place

@@ -91,7 +91,7 @@ def _pulse(cells: Sequence[str]) -> Pulse:
     noise_dbw = number_or_nan(cells[7])
     snr_db = number_or_nan(cells[8])
     if abs(noise_dbw) > 1000.0:
-        raise ValueError(f"{cells[7]} is no level in dBW")
+        raise ValueError(f"{cells[7]} is not a level in dBW")
     return Pulse(
         tag_id=1,
         frequency_hz=finite(cells[2]),
@@ -117,5 +117,5 @@ def _duration_s(cell: str) -> float:
     for part in cell.split(":"):
         total = 60.0 * total + finite(part)
     if not 0.0 <= total < 86_400.0:
-        raise ValueError(f"{cell} is no duration")
+        raise ValueError(f"{cell} is not a duration")
     return total

@@ -1,4 +1,9 @@
-"""Read a pulse log whoever wrote it: the content tells which format it is."""
+"""Read a pulse log whoever wrote it: the content tells which format it is.
+
+Three layouts share 20 columns, headings are missing or wrong, and files are renamed when they
+are passed on, so neither the name nor an option decides. TagTracker's variants with 20 columns
+are told apart by what fits every row: a quaternion of length 1 in every row is no accident.
+"""
 
 import os
 from collections.abc import Iterable
@@ -33,8 +38,8 @@ _PATTERNS = (
     *("Pulse-*.csv", "Rotation-*.csv"),
 )
 _REMEDY = (
-    "Known are flight directories, pulses of `uavrt detect`, pulse_pose_log.txt, and the CSV "
-    "of TagTracker, UCSD's tracker and pyradiotracking; for positions also a bearings.csv"
+    "Choose from flight directories, pulses of `uavrt detect`, pulse_pose_log.txt, and the "
+    "CSV of TagTracker, UCSD's tracker and pyradiotracking; for positions also a bearings.csv"
 )
 
 
@@ -90,7 +95,7 @@ def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
         child for child in sorted(place.iterdir()) if child.is_dir() and _holds_a_log(child)
     )
     if not found:
-        raise FormatError(f"{place} holds no flight and no pulse log", remedy=_REMEDY)
+        raise FormatError(f"{place} contains no flight and no pulse log", remedy=_REMEDY)
     return found
 
 
@@ -100,7 +105,7 @@ def _holds_a_log(directory: Path) -> bool:
 
 
 def recognised(path: str | os.PathLike[str]) -> LogKind:
-    """Tell the format of a file by its first line.
+    """Find the format of a file by its first line.
 
     Raises
     ------
@@ -127,7 +132,7 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
         return "tagtracker"
     if cells[0].isdigit() and len(lines) <= 2:
         return "pulse_pose_log"  # a single line, cut off
-    raise FormatError(f"{os.fspath(path)} is no pulse log that we know", remedy=_REMEDY)
+    raise FormatError(f"{os.fspath(path)} is not a known pulse log format", remedy=_REMEDY)
 
 
 def _is_thesis(line: str) -> bool:
@@ -154,7 +159,7 @@ def _directory(directory: Path) -> PulseLog:
         paths = sorted(path for pattern in group for path in directory.glob(pattern))
         if paths:
             return _merged(map(read_pulse_log, paths))
-    raise FormatError(f"{directory} holds no flight and no pulse log", remedy=_REMEDY)
+    raise FormatError(f"{directory} contains no flight and no pulse log", remedy=_REMEDY)
 
 
 def _merged(logs: Iterable[PulseLog]) -> PulseLog:

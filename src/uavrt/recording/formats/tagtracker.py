@@ -37,7 +37,7 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TextIO
+from typing import TextIO, get_args
 
 from uavrt.attitude import Quaternion, euler_deg, from_euler_deg, normalised, product
 from uavrt.errors import FormatError
@@ -63,6 +63,8 @@ HEADER = (
     "antenna_offset"
 )
 PLACEHOLDER_DB = -9999.0
+STATUSES: tuple[DetectionStatus, ...] = get_args(DetectionStatus)
+"""By the number that stands for them; 3, integrated, is ours."""
 """Written where there is no SNR."""
 _NORM_TOLERANCE = 2e-3
 """Six decimals keep a quaternion's length to 1e-6; the original computed it in single."""
@@ -182,7 +184,7 @@ def _line(pulse: Pulse, pose: Pose) -> str:
     predicted = pulse.predicted_next_start_ns
     yaw, pitch, roll = euler_deg(pose.quaternion_wxyz)
     height = pose.altitude_relative_m
-    status = {"subthreshold": 0, "detected": 1, "confirmed": 2}[pulse.detection_status]
+    status = STATUSES.index(pulse.detection_status)
     return ", ".join(
         [
             *("7", str(pulse.tag_id), str(round(pulse.frequency_hz))),
@@ -235,7 +237,7 @@ def _layout(rows: Sequence[Sequence[str]], path: str | os.PathLike[str]) -> _Lay
     counts = sorted({len(cells) for cells in rows})
     raise FormatError(
         f"{os.fspath(path)}: its pulses, with {_listed(counts)} columns, are of no known kind",
-        remedy="Known are 19 to 21 columns; see the reference of file formats",
+        remedy="Files with 19 to 21 columns are read; see the reference of file formats",
     )
 
 
@@ -343,6 +345,8 @@ def _snr(cell: str) -> float:
 
 def _status(cell: str, confirmed: bool) -> DetectionStatus:
     status = whole(cell)
+    if status == STATUSES.index("integrated"):
+        return "integrated"
     if status == 2 or confirmed:
         return "confirmed"
     return "subthreshold" if status == 0 else "detected"

@@ -53,7 +53,7 @@ def finite(cell: str) -> float:
     """Read a number that must be known; raises `ValueError`."""
     value = float(cell)
     if not math.isfinite(value):
-        raise ValueError(f"{cell} is no finite number")
+        raise ValueError(f"{cell} is not a finite number")
     return value
 
 
@@ -67,7 +67,7 @@ def whole(cell: str) -> int:
     """Read a whole number that may be written ``3.0``; raises `ValueError`."""
     value = finite(cell)
     if value != int(value):
-        raise ValueError(f"{cell} is no whole number")
+        raise ValueError(f"{cell} is not a whole number")
     return int(value)
 
 
@@ -75,7 +75,7 @@ def latitude(cell: str) -> float:
     """Read a latitude [deg]; raises `ValueError` off the globe."""
     value = finite(cell)
     if abs(value) > 90.0:
-        raise ValueError(f"{cell} is no latitude")
+        raise ValueError(f"{cell} is not a latitude")
     return value
 
 
@@ -83,7 +83,7 @@ def longitude(cell: str) -> float:
     """Read a longitude [deg]; raises `ValueError` beyond two turns."""
     value = finite(cell)
     if abs(value) > 360.0:
-        raise ValueError(f"{cell} is no longitude")
+        raise ValueError(f"{cell} is not a longitude")
     return value if -180.0 <= value < 180.0 else math.remainder(value, 360.0)
 
 
@@ -98,7 +98,7 @@ def seconds_ns(cell: str) -> int:
     else:
         value = ns_from_s(finite(cell))
     if not 0 <= value <= MAX_TIME_NS:
-        raise ValueError(f"{cell} is no time")
+        raise ValueError(f"{cell} is not a time")
     return value
 
 
@@ -121,7 +121,7 @@ def any_time_ns(cell: str) -> int:
             return seconds_ns(cell)
         time_ns = int(cell) * scale if cell.lstrip("-").isdigit() else round(value * scale)
     if not 0 <= time_ns <= MAX_TIME_NS:
-        raise ValueError(f"{cell} is no time")
+        raise ValueError(f"{cell} is not a time")
     return time_ns
 
 

@@ -41,7 +41,7 @@ _REMEDY = "A ping CSV has the columns Run, Timestamp, Frequency, Amplitude, East
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetEstimate:
-    """Where that system takes a target to be."""
+    """That system's estimate of a target's position."""
 
     frequency_hz: float
     time_ns: int

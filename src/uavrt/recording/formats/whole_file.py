@@ -27,5 +27,5 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
             beside.unlink(missing_ok=True)
         raise RecordingError(
             f"cannot write {target}: {error.strerror}",
-            remedy="Name a place that can be written, with space left",
+            remedy="Choose a writable place with free space",
         ) from error

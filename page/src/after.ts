@@ -1,0 +1,199 @@
+/** After the landing: what a whole flight's samples say, where a tag would have been heard, and where it is not. */
+
+import { ApiError, send } from "./api";
+import { by, fill, h, say } from "./dom";
+import { isPlace } from "./features";
+import { fixed, metres } from "./format";
+import type { LonLat } from "./geo";
+import { store } from "./store";
+import { catchTaps } from "./tap";
+import type { Absence, SilenceAnswer, SilenceMap, Verdict } from "./types";
+import type { FlightMap } from "./view";
+
+const AGAIN_MS = 700;
+const MOST_CORNERS = 20;
+
+let view: FlightMap;
+let asked = 0;
+let outline: LonLat[] = [];
+let drawing = false;
+let shown: SilenceMap | null = null;
+let flight: string | null = null;
+
+export function afterPanel(made: FlightMap): HTMLElement {
+  view = made;
+  store.on(["reset", "hindsight", "selection"], drawAfter);
+  return h(
+    "div",
+    { id: "after", class: "after", hidden: true },
+    h("h3", {}, "In the whole flight"),
+    h("ul", { id: "verdicts", class: "verdicts" }),
+    h("h3", {}, "Where it would have been heard"),
+    h(
+      "div",
+      { class: "fields" },
+      h("label", {}, h("span", {}, "Tag"), h("select", { id: "silence-tag", onchange: () => void forget() })),
+      h("label", {}, h("span", {}, "It radiates, dBm"), h("input", { id: "silence-power", value: "-25", inputmode: "decimal", autocomplete: "off", onchange: () => void forget() })),
+    ),
+    h("button", { id: "silence-make", class: "primary", onclick: () => void make() }, "Make the map"),
+    h("progress", { id: "silence-progress", max: "1", value: "0", hidden: true, "aria-label": "How far the map is" }),
+    h("p", { id: "silence-fault", class: "fault-line", role: "alert" }),
+    h(
+      "div",
+      { class: "area-row" },
+      h("button", { id: "absence-draw", "aria-pressed": "false", onclick: () => draw() }, "Draw an area"),
+      h("button", { id: "absence-clear", onclick: () => clear() }, "Clear"),
+    ),
+    h("p", { id: "absence-told", class: "told absence", role: "status" }),
+    h("div", { id: "silence-told", class: "told", role: "status" }),
+  );
+}
+
+/** Show or hide the panel; taps belong to the map again. */
+export function openAfter(open: boolean): void {
+  by("after").hidden = !open;
+  if (!open && drawing) draw();
+}
+
+function drawAfter(): void {
+  const review = store.review;
+  by("show-after").hidden = review === null;
+  const now = review?.flight_id ?? null;
+  if (now !== flight) {
+    flight = now;
+    forget();
+    const tags = review?.rows ?? [];
+    fill(by("silence-tag"), ...tags.map((tag) => h("option", { value: String(tag.id) }, [tag.id, tag.name].filter(Boolean).join(" "))));
+  }
+  const tags = store.hindsight?.tags ?? [];
+  fill(
+    by("verdicts"),
+    ...(tags.length ? tags.map(verdict) : [h("li", { class: "note" }, "Nobody has looked below the noise yet: uavrt integrate FLIGHT, where its samples are.")]),
+  );
+}
+
+function verdict(one: Verdict): HTMLElement {
+  const row = store.review?.rows.find((each) => Number(each.id) === one.tag_id);
+  const name = `Tag ${[one.tag_id, row?.name].filter(Boolean).join(" ")}`;
+  if (!one.found) return h("li", {}, h("strong", {}, name), ` not found: noise alone shows as much ${often(one.false_alarm_probability)}`);
+  const where = isPlace(one)
+    ? h("span", { class: "place" }, ` ${fixed(one.latitude_deg!, 5)}, ${fixed(one.longitude_deg!, 5)}, within ${metres(one.radius95_m!)} (95\u202f%)`)
+    : one.places > 1
+      ? ` in one of ${one.places} places that this flight cannot tell apart`
+      : one.bearing_deg !== null
+        ? ` at ${fixed(one.bearing_deg, 0)}°, ±\u202f${fixed((one.arc95_deg ?? 360) / 2, 0)}° (95\u202f%), from the middle of the flight`
+        : "";
+  return h(
+    "li",
+    {},
+    h("strong", {}, name),
+    ` found, every ${fixed(one.interval_s, 4)} s; noise alone shows as much ${often(one.false_alarm_probability)}. ${one.pulses} pulses in hindsight (rings), ${one.heard_live} heard in flight.`,
+    where,
+  );
+}
+
+function often(probability: number): string {
+  if (probability >= 0.01) return `in ${Math.round(100 * probability)} of 100 flights`;
+  return probability < 1e-9 ? "in fewer than one of a billion flights" : `in one of ${Number((1 / probability).toPrecision(1)).toLocaleString("en")} flights`;
+}
+
+// ------------------------------------------------------------------- the map of silence
+
+function question(): { tag_id: number; tag_power_dbm: number } {
+  const power = (by("silence-power") as HTMLInputElement).value.replace(",", ".");
+  return { tag_id: Number((by("silence-tag") as HTMLSelectElement).value), tag_power_dbm: power.trim() === "" ? NaN : Number(power) };
+}
+
+function forget(): void {
+  asked += 1;
+  shown = null;
+  view.setSilence(null);
+  by("silence-progress").hidden = true;
+  for (const id of ["silence-fault", "absence-told"]) say(by(id), "");
+  fill(by("silence-told"));
+  clear();
+}
+
+async function make(): Promise<void> {
+  const id = store.review?.flight_id;
+  if (!id) return;
+  const ticket = ++asked;
+  const bar = by("silence-progress") as HTMLProgressElement;
+  say(by("silence-fault"), "");
+  bar.hidden = false;
+  bar.value = 0;
+  try {
+    for (;;) {
+      const answer = await send<SilenceAnswer>("POST", `/flights/${encodeURIComponent(id)}/silence`, question());
+      if (ticket !== asked) return;
+      if (answer.state === "failed") throw new ApiError(answer.error, 500);
+      if (answer.state === "done") {
+        show(answer);
+        break;
+      }
+      bar.value = answer.done;
+      await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+      if (ticket !== asked) return;
+    }
+  } catch (error) {
+    if (ticket === asked) say(by("silence-fault"), error instanceof ApiError ? error.message : "the server cannot be reached");
+  }
+  if (ticket === asked) bar.hidden = true;
+  await judge();
+}
+
+function show(map: SilenceMap): void {
+  shown = map;
+  view.setSilence(map);
+  const percent = (value: number | null) => (value === null ? "unknown" : `${Math.round(100 * value)}\u202f%`);
+  fill(
+    by("silence-told"),
+    h("div", { class: "ramp silence-ramp", role: "img", "aria-label": "From dark blue, not heard, to yellow, surely heard" }),
+    h("p", {}, `Heard with ${percent(map.mean_probability)} on average, with 90\u202f% or more on ${percent(map.share_above_90)} of the map. Blue: not heard, yellow: sure.`),
+    h("p", { class: "note" }, `The drone's noise: ${map.noise}.`),
+    ...map.limitations.map((text) => h("p", { class: "note" }, text)),
+  );
+}
+
+// ------------------------------------------------------------------- not here
+
+function draw(): void {
+  drawing = !drawing;
+  by("absence-draw").setAttribute("aria-pressed", String(drawing));
+  catchTaps(drawing ? corner : null);
+  if (drawing) say(by("absence-told"), "Tap the corners of the area on the map.");
+}
+
+function corner(at: LonLat): void {
+  if (outline.length >= MOST_CORNERS) return;
+  outline.push(at);
+  view.setMeasure(outline.length > 2 ? [...outline, outline[0]!] : outline);
+  void judge();
+}
+
+function clear(): void {
+  outline = [];
+  view.setMeasure([]);
+  if (drawing) draw();
+  say(by("absence-told"), "");
+}
+
+async function judge(): Promise<void> {
+  const id = store.review?.flight_id;
+  if (!id || outline.length < 3) return;
+  if (!shown) {
+    say(by("absence-told"), "Make the map first.");
+    return;
+  }
+  const ticket = asked;
+  try {
+    const found = await send<Absence>("POST", `/flights/${encodeURIComponent(id)}/absence`, { ...question(), outline });
+    if (ticket !== asked) return;
+    say(
+      by("absence-told"),
+      `Not here, p ${found.not_here > 0.9995 ? "> 0.999" : `= ${found.not_here.toFixed(3)}`}. There it would have been heard with ${Math.round(100 * found.heard)}\u202f%; before the flight it was there with ${found.prior.toFixed(3)}, were it anywhere on the map alike.`,
+    );
+  } catch (error) {
+    if (ticket === asked) say(by("absence-told"), error instanceof ApiError ? error.message : "the server cannot be reached");
+  }
+}

@@ -1,0 +1,66 @@
+/** Several vehicles of one station: who they are, the way to the page of each, letting another be served. */
+
+import { BASE, send } from "./api";
+import { by, fill, h } from "./dom";
+import { toast } from "./notice";
+import { store } from "./store";
+import type { FleetRecord } from "./types";
+
+const STATES: Record<string, string> = { detecting: "live", capturing: "live" };
+
+/** The other vehicles whose place is known. */
+export function othersPlaced(): (FleetRecord & { pose: NonNullable<FleetRecord["pose"]> })[] {
+  const fleet = store.state?.fleet ?? [];
+  return fleet.filter((one): one is FleetRecord & { pose: NonNullable<FleetRecord["pose"]> } => one.page !== `${BASE}/` && one.pose !== null);
+}
+
+export function nameOf(one: FleetRecord): string {
+  return one.name || `vehicle ${one.system_id ?? "?"}`;
+}
+
+/** Vehicles that are heard and that nobody serves. */
+export function unserved(): number[] {
+  const state = store.state;
+  if (!state) return [];
+  const served = state.fleet.map((one) => one.system_id);
+  return state.drone.others.filter((number) => !served.includes(number));
+}
+
+export async function serve(number: number): Promise<void> {
+  try {
+    await send("POST", "/vehicles", { system_id: number }, {}, "");
+    toast(`Vehicle ${number} is served, too. Its page is one tap away, above.`, 5);
+  } catch (error) {
+    toast(String((error as Error).message), 3);
+  }
+}
+
+/** One link for each vehicle in the header, and a button for one that is heard besides. */
+export function drawVehicles(): void {
+  const fleet = store.state?.fleet ?? [];
+  // Only the first page hears of others, and it has a vehicle of its own.
+  const heard = BASE === "" && store.state?.drone.present ? unserved() : [];
+  const links = fleet.map((one) =>
+    h(
+      "a",
+      {
+        class: `chip vehicle ${one.present ? (STATES[one.state ?? ""] ?? "good") : "bad"}`,
+        href: one.page + location.hash,
+        "data-vehicle": String(one.system_id),
+        "aria-current": one.page === `${BASE}/` ? "page" : null,
+        "aria-label": nameOf(one),
+        title: `${nameOf(one)}: ${one.present ? (one.state ?? "heard").replace("_", " ") : "not heard"}, ${one.pulses} pulses`,
+      },
+      one.name || `V${one.system_id ?? "?"}`,
+    ),
+  );
+  const buttons = heard.map((number) =>
+    h("button", { class: "chip warn serve-vehicle", "data-vehicle": String(number), title: `Vehicle ${number} is heard besides: give it a page of its own`, onclick: () => void serve(number) }, `Serve V${number}, too`),
+  );
+  const place = by("vehicles");
+  const key = JSON.stringify([fleet.map((one) => [one.page, one.name, one.present, one.state, one.system_id]), heard, location.hash]);
+  place.hidden = links.length + buttons.length === 0;
+  if (place.dataset.key === key) return;
+  place.dataset.key = key;
+  fill(place, ...links, ...buttons);
+}

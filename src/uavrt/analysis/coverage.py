@@ -1,0 +1,401 @@
+"""Maps of where a tag is heard: before a flight of its plan, after it of its poses."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.export import chance, geotiff_bytes, png_bytes
+from uavrt.analysis.flight_noise import FlightNoise
+from uavrt.analysis.measure import flight_settings
+from uavrt.config import AntennaSettings
+from uavrt.errors import FormatError, RecordingError, UsageError
+from uavrt.guidance import area_in, way_in
+from uavrt.localization import (
+    AntennaPattern,
+    Headings,
+    PoseColumns,
+    PositionGrid,
+    apart_in_words,
+)
+from uavrt.messages import Tag
+from uavrt.planning import (
+    LEAST_PULSES,
+    Coverage,
+    LinkBudget,
+    ListeningWay,
+    Polygon,
+    coverage_of,
+    listening_way,
+    survey_lines,
+)
+from uavrt.pose import Mounting
+from uavrt.recording import Flight
+from uavrt.tangent_plane import TangentPlane, plane_around
+from uavrt.terrain import Elevation, GroundGrid, ground_grid
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+_Floats = NDArray[np.float64]
+_Places = tuple[tuple[float, float], ...]
+_LEAST_HEIGHT_M = 1.0
+MOST_PULSES = 20_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MapArea:
+    """The map: its ground, and what the elevation files do not tell of it."""
+
+    ground: GroundGrid
+    hills: bool
+    limitations: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapSize:
+    """How far a map reaches beyond a way, and its cells."""
+
+    margin_m: float = 2000.0
+    cell_m: float = 20.0
+
+
+def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
+    """Read the way of a plan; of an area, the lines of its survey.
+
+    Returns
+    -------
+    plane : TangentPlane
+    corners : list of (east, north)
+        In the plane [m].
+
+    Raises
+    ------
+    FormatError
+        The file holds neither.
+    PlanError
+        The area cannot be surveyed.
+    """
+    try:
+        text = path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FormatError(f"{path} cannot be read: {error}", remedy="Check its name") from error
+    places = way_in(text, str(path))
+    if places:
+        return _in_plane(places)
+    plane, corners = _in_plane(area_in(text, str(path)))
+    return plane, survey_lines(Polygon(corners=tuple(corners), name="area"), spacing_m)
+
+
+def _in_plane(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
+    latitude, longitude = np.array(places, np.float64).T
+    plane = plane_around(latitude, longitude)
+    east, north = plane.to_local(latitude, longitude)
+    return plane, list(zip(east.tolist(), north.tolist(), strict=True))
+
+
+def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
+    """Read an outline into a plane.
+
+    Raises
+    ------
+    FormatError
+        The file holds none, or several.
+    """
+    try:
+        places = area_in(path.read_text("utf-8"), str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise FormatError(f"{path} cannot be read: {error}", remedy="Check its name") from error
+    east, north = plane.to_local([one[0] for one in places], [one[1] for one in places])
+    corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
+    return Polygon(corners=corners, name="area")
+
+
+def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
+    """Cells of a map in a polygon.
+
+    Raises
+    ------
+    UsageError
+        There are none.
+    """
+    cells = polygon.contains(ground.east_m[np.newaxis, :], ground.north_m[:, np.newaxis])
+    if not cells.any():
+        raise UsageError(
+            f"the {polygon.name} lies outside the map", remedy="Give a wider --margin"
+        )
+    return np.asarray(cells)
+
+
+def map_around(
+    plane: TangentPlane,
+    east_m: _Floats,
+    north_m: _Floats,
+    elevation: Elevation | None,
+    size: MapSize,
+) -> MapArea:
+    """Lay a map around a way.
+
+    Raises
+    ------
+    UsageError
+        It has too many cells.
+    FormatError
+        A file of heights is damaged.
+    """
+    area = {
+        "west_m": float(east_m.min()) - size.margin_m,
+        "east_m": float(east_m.max()) + size.margin_m,
+        "south_m": float(north_m.min()) - size.margin_m,
+        "north_m": float(north_m.max()) + size.margin_m,
+        "cell_m": size.cell_m,
+    }
+    if elevation is None:
+        said = "without --dem the ground is taken as level: hills shorten what is heard"
+        return MapArea(
+            ground=ground_grid(None, plane, **area), hills=False, limitations=(said,)
+        )
+    ground = ground_grid(elevation, plane, **area)
+    column = np.rint((east_m - ground.west_m) / size.cell_m).astype(np.intp)
+    row = np.rint((north_m - ground.south_m) / size.cell_m).astype(np.intp)
+    beneath = float(ground.known[row, column].mean())
+    if not beneath:
+        said = "the elevation files do not cover the way: the ground is taken as level"
+        return MapArea(
+            ground=ground_grid(None, plane, **area), hills=False, limitations=(said,)
+        )
+    limitations = []
+    if beneath < 1.0:
+        limitations.append(
+            f"the elevation files do not tell the ground beneath {1.0 - beneath:.0%} of the "
+            "way: there it is taken from the nearest place"
+        )
+    if ground.unknown_share:
+        limitations.append(
+            f"the elevation files do not tell {ground.unknown_share:.1%} of the map: it has no "
+            "figure there"
+        )
+    if "ellipsoid" in elevation.datums:
+        limitations.append(
+            "the elevation files count from the ellipsoid: heights are taken from the take-off "
+            "on, for which only differences count"
+        )
+    return MapArea(ground=ground, hills=True, limitations=tuple(limitations))
+
+
+def plan_coverage(
+    area: MapArea,
+    corners_m: list[tuple[float, float]],
+    tag: Tag,
+    budget: LinkBudget,
+    *,
+    height_m: float,
+    speed_m_s: float,
+    pattern: AntennaPattern | None,
+    level_sigma_db: float,
+    on_pulse: Callable[[int, int], None] | None = None,
+) -> Coverage:
+    """Compute what a way would hear that is flown at one height above the ground.
+
+    Raises
+    ------
+    UsageError
+        The way is too long.
+    """
+    way = listening_way(
+        corners_m,
+        height_m=height_m,
+        speed_m_s=speed_m_s,
+        interval_s=tag.pulse_intervals_s[0],
+        nose_first=pattern is not None,
+    )
+    return _covered(area, way, tag, budget, pattern, level_sigma_db, 500.0, on_pulse)
+
+
+def flight_coverage(
+    area: MapArea,
+    flight: Flight,
+    tag: Tag,
+    budget: LinkBudget,
+    *,
+    noise: FlightNoise | None,
+    pattern: AntennaPattern | None,
+    level_sigma_db: float,
+    whole_flight: bool = False,
+    on_pulse: Callable[[int, int], None] | None = None,
+) -> Coverage:
+    """Compute what a flight would have heard of a tag, in groups of pulses or in all together.
+
+    Raises
+    ------
+    UsageError
+        The flight is too long.
+    """
+    way, limitations = flown_way(area, flight, tag, noise)
+    settings = flight_settings(flight)
+    window_hz = 500.0 if settings is None else settings.detection.frequency_window_hz
+    if pattern is None:
+        way = replace(way, headings=None)
+    found = _covered(
+        area,
+        way,
+        tag,
+        budget,
+        pattern,
+        level_sigma_db,
+        window_hz,
+        on_pulse,
+        whole_flight=whole_flight,
+    )
+    return replace(found, limitations=(*found.limitations, *limitations))
+
+
+def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
+    """Plane around a flight, and its way in it.
+
+    Raises
+    ------
+    RecordingError
+        It has no poses.
+    """
+    poses = PoseColumns.of(flight.poses)
+    if len(poses.time_ns) < 2:
+        raise RecordingError(
+            f"{flight.info.directory} has no poses",
+            remedy="Attach those of an autopilot's log with uavrt attach",
+        )
+    plane = plane_around(poses.latitude_deg, poses.longitude_deg)
+    return (plane, *plane.to_local(poses.latitude_deg, poses.longitude_deg))
+
+
+def flown_way(
+    area: MapArea, flight: Flight, tag: Tag, noise: FlightNoise | None
+) -> tuple[ListeningWay, tuple[str, ...]]:
+    """Lay a tag's pulses along a flight, one for each interval, at heights above the ground."""
+    settings = flight_settings(flight)
+    mounting = Mounting.from_settings(
+        AntennaSettings() if settings is None else settings.antenna
+    )
+    poses = PoseColumns.of(mounting.antenna_pose(pose) for pose in flight.poses)
+    begin = max(int(poses.time_ns[0]), flight.info.start_time_ns)
+    interval_ns = tag.pulse_intervals_s[0] * NANOSECONDS_PER_SECOND
+    count = max(1, int((int(poses.time_ns[-1]) - begin) / interval_ns))
+    time_ns = begin + np.rint(np.arange(min(count, MOST_PULSES + 1)) * interval_ns)
+    known = poses.time_ns.astype(np.float64)
+    place = area.ground.plane.to_local(poses.latitude_deg, poses.longitude_deg)
+    east, north = (np.interp(time_ns, known, one) for one in place)
+    told = np.interp(time_ns, known, np.nan_to_num(poses.height_m, nan=0.0))
+    height, limitations = _above_ground(area, flight, east, north, told)
+    after = np.clip(np.searchsorted(known, time_ns), 1, len(known) - 1)
+    nearest = after - (time_ns - known[after - 1] <= known[after] - time_ns)
+    return (
+        ListeningWay(
+            time_s=(time_ns - begin) / NANOSECONDS_PER_SECOND,
+            east_m=east,
+            north_m=north,
+            height_m=height,
+            headings=Headings.from_quaternions(poses.quaternion_wxyz[nearest]),
+            noise_db=None if noise is None else noise.at(tag.tag_id, time_ns.astype(np.int64)),
+        ),
+        limitations,
+    )
+
+
+def _above_ground(
+    area: MapArea, flight: Flight, east: _Floats, north: _Floats, told_m: _Floats
+) -> tuple[_Floats, tuple[str, ...]]:
+    """Heights above the ground beneath, from those above the take-off."""
+    ground = area.ground
+    limitations: list[str] = []
+    first = flight.poses[0]
+    at = ground.plane.to_local([first.latitude_deg], [first.longitude_deg])
+    start_m = float(ground(*at)[0])
+    height = start_m + told_m - ground(east, north)
+    if area.hills:
+        said_m = first.altitude_amsl_m - first.altitude_relative_m
+        limitations += apart_in_words(start_m, said_m)
+    below = float(np.mean(height < 0.0))
+    if below > 0.02:
+        limitations.append(
+            f"{below:.0%} of the flight lies below the ground of the elevation files: it is "
+            f"taken {_LEAST_HEIGHT_M:g} m above it"
+        )
+    return np.maximum(height, _LEAST_HEIGHT_M), tuple(limitations)
+
+
+def _covered(
+    area: MapArea,
+    way: ListeningWay,
+    tag: Tag,
+    budget: LinkBudget,
+    pattern: AntennaPattern | None,
+    level_sigma_db: float,
+    window_hz: float,
+    on_pulse: Callable[[int, int], None] | None,
+    *,
+    whole_flight: bool = False,
+) -> Coverage:
+    if len(way.time_s) > MOST_PULSES:
+        raise UsageError(
+            f"tag {tag.tag_id} would send more than {MOST_PULSES} pulses on this way",
+            remedy="Choose a shorter way",
+        )
+    own = replace(budget, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s)
+    found = coverage_of(
+        area.ground,
+        way,
+        tag,
+        own,
+        pattern=pattern,
+        level_sigma_db=level_sigma_db,
+        frequency_window_hz=window_hz,
+        hills=area.hills,
+        whole_flight=whole_flight,
+        on_pulse=on_pulse,
+    )
+    limitations = area.limitations
+    least = LEAST_PULSES if whole_flight else tag.k
+    if not found.groups:
+        limitations = (
+            *limitations,
+            f"the way is shorter than {least} pulses of the tag: nothing can be heard",
+        )
+    return replace(found, limitations=limitations)
+
+
+def write_maps(directory: Path, name: str, coverage: Coverage) -> list[Path]:
+    """Write a map as GeoTIFF (probabilities) and PNG (a picture).
+
+    Raises
+    ------
+    RecordingError
+        They cannot be written.
+    """
+    ground = coverage.ground
+    grid = PositionGrid(
+        latitude_deg=ground.plane.latitude_deg,
+        longitude_deg=ground.plane.longitude_deg,
+        east_m=ground.east_m,
+        north_m=ground.north_m,
+        probability=coverage.heard.astype(np.float64),
+    )
+    files = {
+        f"{name}.tif": geotiff_bytes(grid, "probability that a tag there is heard, uavrt"),
+        f"{name}.png": png_bytes(chance(coverage.heard[::-1])),
+    }
+    written = []
+    for file, content in files.items():
+        path = directory / file
+        try:
+            path.write_bytes(content)
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write {path}: {error.strerror}", remedy="Choose another place"
+            ) from error
+        written.append(path)
+    return written
+
+
+def best_of(covered: Sequence[Coverage]) -> int:
+    """Number of the map with the greatest mean probability."""
+    return int(np.argmax([one.mean for one in covered]))

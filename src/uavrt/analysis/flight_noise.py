@@ -1,0 +1,105 @@
+"""How much noise the drone itself made in a flight, from what its detectors measured.
+
+A receiver does not tell watts, so noise is told relative to the quietest that the same receiver
+had in the same flight: on the ground before take-off, with the motors off, or else the lowest
+tenth of the flight.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import RecordingError
+from uavrt.localization import PoseColumns
+from uavrt.recording import Flight, read_flight, read_search_reports
+
+_ON_GROUND_M = 2.0
+_LEAST = 3
+"""Values from which a median is one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightNoise:
+    """Noise of the drone over that of its receiver at rest."""
+
+    tag_id: NDArray[np.int64]
+    """(n,) on whose frequency it was measured."""
+    time_ns: NDArray[np.int64]
+    """(n,)."""
+    rise_db: NDArray[np.float64]
+    """(n,) over the quiet noise at that frequency."""
+    in_the_air: NDArray[np.bool_]
+    """(n,)."""
+    quiet: str
+    """What it is told relative to, in words."""
+
+    @property
+    def median_db(self) -> float:
+        """Median of what was measured in the air."""
+        return float(np.median(self.rise_db[self.in_the_air]))
+
+    def at(self, tag_id: int, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(n,) rise [dB] for a tag at some times; the median where it was not measured."""
+        own = self.tag_id == tag_id
+        if not own.any():
+            return np.full(len(time_ns), self.median_db)
+        known = self.time_ns[own].astype(np.float64)
+        return np.asarray(np.interp(time_ns.astype(np.float64), known, self.rise_db[own]))
+
+
+def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNoise:
+    """Take a flight's noise from its search reports and pulses.
+
+    Raises
+    ------
+    FormatError
+        There is no flight.
+    RecordingError
+        Nothing of its noise is recorded in the air.
+    """
+    flight = read_flight(directory) if flight is None else flight
+    told = [
+        (one.tag_id, one.time_ns, one.noise_psd) for one in read_search_reports(directory)
+    ] + [
+        (one.pulse.tag_id, one.pulse.start_time_ns, one.pulse.noise_psd)
+        for one in flight.pulse_poses
+    ]
+    told = sorted({one for one in told if np.isfinite(one[2]) and one[2] > 0.0})
+    poses = PoseColumns.of(flight.poses)
+    if not told or not len(poses.time_ns):
+        raise RecordingError(
+            f"{directory} tells nothing of its noise",
+            remedy="Take a flight of uavrt in which a detector ran, with poses",
+        )
+    tag_id = np.array([one[0] for one in told], np.int64)
+    time_ns = np.array([one[1] for one in told], np.int64)
+    psd_db = 10.0 * np.log10(np.array([one[2] for one in told]))
+    height = np.interp(
+        time_ns.astype(np.float64), poses.time_ns.astype(np.float64), poses.height_m
+    )
+    flying = poses.time_ns[poses.height_m > _ON_GROUND_M]
+    taken_off = flying[0] if len(flying) else np.iinfo(np.int64).max
+    before = time_ns < taken_off
+    air = height > _ON_GROUND_M
+    if not air.any():
+        raise RecordingError(
+            f"{directory} tells nothing of its noise in the air", remedy="Take another flight"
+        )
+    tags = np.unique(tag_id)
+    on_ground = all(np.count_nonzero(before & (tag_id == one)) >= _LEAST for one in tags)
+    rise_db = np.empty(len(psd_db))
+    for one in tags:
+        own = tag_id == one
+        quiet_db = (
+            np.median(psd_db[own & before]) if on_ground else np.quantile(psd_db[own], 0.1)
+        )
+        rise_db[own] = np.maximum(psd_db[own] - quiet_db, 0.0)
+    return FlightNoise(
+        tag_id=tag_id,
+        time_ns=time_ns,
+        rise_db=rise_db,
+        in_the_air=air,
+        quiet="the noise before take-off" if on_ground else "the quietest tenth of the flight",
+    )

@@ -1,0 +1,98 @@
+"""Whole flights folded at a tag's interval: as numbers, and as pictures."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from uavrt.analysis.whole_flight import IntegratedTag, chance_in_words
+from uavrt.errors import RecordingError
+from uavrt.integration import even_time_s, pulse_weights
+from uavrt.recording import FlightFold
+
+_ROWS: Final = 32
+"""Sums of pulses from top to bottom, at most."""
+
+
+def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> list[Path]:
+    """Draw the fold of every tag.
+
+    Parameters
+    ----------
+    directory : Path
+        Where the pictures go; made if need be.
+    results : sequence of IntegratedTag
+
+    Returns
+    -------
+    list of Path
+        The files, ``tag_2_fold.png`` and so on.
+
+    Raises
+    ------
+    UsageError
+        Matplotlib is not installed.
+    RecordingError
+        They cannot be written.
+    """
+    from uavrt.analysis.report import TAG_COLORS, draw_fold, new_figure, styled
+
+    written = []
+    with styled():
+        for one in results:
+            figure = new_figure(7.6, 5.2)
+            verdict = "found" if one.found else "not found"
+            chance = chance_in_words(one.train.false_alarm_probability, one.flights)
+            figure.suptitle(
+                f"Tag {one.tag.tag_id}: {verdict}, {chance}", size=10, x=0.02, ha="left"
+            )
+            draw_fold(figure, fold_of(one), TAG_COLORS[0])
+            path = directory / f"tag_{one.tag.tag_id}_fold.png"
+            try:
+                directory.mkdir(parents=True, exist_ok=True)
+                figure.savefig(path, dpi=150)
+            except OSError as error:
+                raise RecordingError(
+                    f"cannot write {path}: {error.strerror}",
+                    remedy="Name a writable directory",
+                ) from error
+            written.append(path)
+    return written
+
+
+def fold_of(one: IntegratedTag) -> FlightFold:
+    """Fold a flight at a tag's interval, its energies weighed as in the search."""
+    energies, pulses = one.energies, one.pulses
+    row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
+    columns = max(8, round(pulses.interval_s / energies.slot_s))
+    span_s, drift = len(energies.heard) * energies.slot_s, one.train.drift
+    first_s = even_time_s(pulses.time_s[:1], drift, span_s)
+    time_s = even_time_s(energies.time_s, drift, span_s)
+    turns = (time_s - float(first_s.sum())) / pulses.interval_s + 0.5
+    number = np.floor(turns).astype(np.int64)
+    number -= int(number.min())
+    column = np.minimum((turns % 1.0 * columns).astype(np.int64), columns - 1)
+    joined = max(1, -(-(int(number.max()) + 1) // _ROWS))
+    gain = np.interp(energies.time_s, one.places.time_s, one.places.gain[_best_place(one)])
+    weight = pulse_weights(gain) * energies.heard
+    shape = (int(number.max()) // joined + 1, columns)
+    summed, squares = np.zeros(shape), np.zeros(shape)
+    np.add.at(summed, (number // joined, column), weight * energies.energy[row])
+    np.add.at(squares, (number // joined, column), weight**2)
+    profile = summed.sum(axis=0) / np.sqrt(np.maximum(squares.sum(axis=0), 1e-9))
+    raster = summed / np.sqrt(np.maximum(squares, 1e-9))
+    return FlightFold(
+        tag_id=one.tag.tag_id,
+        interval_s=pulses.interval_s,
+        length_s=span_s,
+        profile=tuple(np.round(profile, 2).tolist()),
+        raster=tuple(map(tuple, np.round(raster, 2).tolist())),
+    )
+
+
+def _best_place(one: IntegratedTag) -> int:
+    """The likeliest place; of a tag that was not found that of the search."""
+    if one.place is not None:
+        return int(np.argmax(one.place.probability))
+    return one.searched_place

@@ -1,0 +1,151 @@
+"""The channels that a flight kept: which there are, and a source of samples for each tag."""
+
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.analysis.whole_flight import IntegratedTag, integrate_flight
+from uavrt.errors import FormatError, RecordingError
+from uavrt.localization import AntennaPattern
+from uavrt.messages import Tag
+from uavrt.radio import JoinedRecording, sigmf_layout
+from uavrt.recording import Flight, FlightLayout
+from uavrt.terrain import Elevation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptChannel:
+    """One channel of a flight, in pieces."""
+
+    center_frequency_hz: float
+    sample_rate_hz: float
+    paths: tuple[Path, ...]
+    """Metadata files, in the order of their names."""
+    samples: int
+    bytes: int
+
+    @property
+    def length_s(self) -> float:
+        """How much was kept."""
+        return self.samples / self.sample_rate_hz
+
+    def holds(self, tag: Tag) -> bool:
+        """Whether a tag's frequency lies in it."""
+        return abs(tag.frequency_hz - self.center_frequency_hz) < self.sample_rate_hz / 2
+
+
+def kept_channels(
+    flight: Path, on_fault: Callable[[str], None] | None = None
+) -> tuple[KeptChannel, ...]:
+    """Find the channels that a flight kept, by frequency; `on_fault` is told damaged pieces."""
+    found: dict[tuple[float, float], list[tuple[Path, int, int]]] = {}
+    for path in sorted(FlightLayout(flight).channels_directory.glob("*.sigmf-meta")):
+        try:
+            layout = sigmf_layout(path)
+        except FormatError as error:
+            if on_fault is not None:
+                on_fault(str(error))
+            continue
+        key = (layout.center_frequency_hz, layout.sample_rate_hz)
+        count = sum(segment.count for segment in layout.segments)
+        size = count * layout.sample_format.bytes_per_sample
+        found.setdefault(key, []).append((path, count, size))
+    return tuple(
+        KeptChannel(
+            center_frequency_hz=center_hz,
+            sample_rate_hz=rate_hz,
+            paths=tuple(path for path, _, _ in pieces),
+            samples=sum(count for _, count, _ in pieces),
+            bytes=sum(size for _, _, size in pieces),
+        )
+        for (center_hz, rate_hz), pieces in sorted(found.items())
+        if any(count for _, count, _ in pieces)
+    )
+
+
+def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
+    """The channel whose centre is nearest to a tag's frequency, if it holds it."""
+    holding = [one for one in channels if one.holds(tag)]
+    return min(
+        holding,
+        key=lambda one: abs(tag.frequency_hz - one.center_frequency_hz),
+        default=None,
+    )
+
+
+def integrate_kept(
+    flight: Flight,
+    tags: Sequence[Tag],
+    pattern: AntennaPattern,
+    *,
+    frequency_window_hz: float = 500.0,
+    false_alarm_probability: float = 0.01,
+    most_drift: float = 0.0,
+    elevation: Elevation | None = None,
+    on_progress: Callable[[int, int | None], None] | None = None,
+    on_tag: Callable[[int], None] | None = None,
+    on_fault: Callable[[str], None] | None = None,
+) -> list[IntegratedTag]:
+    """Judge a whole flight for each tag from the channels that it kept.
+
+    Channel by channel, so that only one is in memory; ring pieces are joined, and what is
+    missing between them is a gap.
+
+    Parameters
+    ----------
+    flight : Flight
+        With `info.directory` where it lies now.
+    tags, pattern, frequency_window_hz, false_alarm_probability, most_drift, elevation
+        As `integrate_flight`.
+    on_progress, on_tag : callable, optional
+        As there.
+    on_fault : callable, optional
+        Takes what could not be read, in words.
+
+    Raises
+    ------
+    ConfigError
+        There are no tags.
+    RecordingError
+        No channel was kept for one of them, too little of it, or the flight has no poses.
+    UsageError
+        Samples and poses are not of the same time.
+    """
+    channels = kept_channels(Path(flight.info.directory), on_fault)
+    channel_of_tag = {tag.tag_id: channel_of(channels, tag) for tag in tags}
+    without = [tag for tag in tags if channel_of_tag[tag.tag_id] is None]
+    if without:
+        raise RecordingError(
+            f"{flight.info.directory} kept no samples of tag {without[0].tag_id}, at "
+            f"{without[0].frequency_hz / 1e6:.4f} MHz",
+            remedy="Name a recording with --recording, or only tags of the flight with --tag",
+        )
+    results: dict[int, IntegratedTag] = {}
+    for channel in channels:
+        some = [tag for tag in tags if channel_of_tag[tag.tag_id] is channel]
+        if not some:
+            continue
+        with closing(JoinedRecording(channel.paths)) as source:
+            judged = integrate_flight(
+                flight,
+                source,
+                some,
+                pattern,
+                frequency_window_hz=frequency_window_hz,
+                false_alarm_probability=false_alarm_probability,
+                most_drift=most_drift,
+                elevation=elevation,
+                on_progress=on_progress,
+                on_tag=_further(on_tag, len(results)),
+            )
+        results |= {one.tag.tag_id: one for one in judged}
+        for fault in source.left_out:
+            if on_fault is not None:
+                on_fault(fault)
+    return [results[tag.tag_id] for tag in tags]
+
+
+def _further(on_tag: Callable[[int], None] | None, before: int) -> Callable[[int], None] | None:
+    """Count on from the tags of the channels before."""
+    return None if on_tag is None else lambda done: on_tag(before + done)

@@ -1,0 +1,281 @@
+"""Map files, PMTiles 3 and MBTiles: what they hold, and their tiles.
+
+PMTiles by its specification, version 3 (header §3, directories §4, tile ids on a Hilbert curve
+§4.1); MBTiles by its specification, version 1.3. Others made them: sizes are bounded before
+anything is read.
+"""
+
+import json
+import math
+import re
+import sqlite3
+import struct
+import zlib
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.errors import FormatError
+from uavrt.recording import watch
+
+SUFFIXES = (".pmtiles", ".mbtiles")
+RASTERS = ("png", "jpg", "webp")
+"""Kinds of tiles that are pictures; ``mvt`` is lines and areas."""
+MOST_TILE = 2_000_000
+_MOST_DIRECTORY = 4_000_000
+_MOST_ZOOM = 30
+_HEADER = 127
+_LEAF_LEVELS = 4
+_DAMAGED = (
+    *(OSError, ValueError, IndexError, OverflowError, EOFError, StopIteration),
+    *(struct.error, zlib.error, sqlite3.Error),
+)
+_TYPES = {1: "mvt", 2: "png", 3: "jpg", 4: "webp", 5: "avif"}
+_NOT_COMPRESSED, _GZIP = 1, 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapFile:
+    """A map file and what it says of itself."""
+
+    path: Path
+    format: str
+    """``pmtiles`` or ``mbtiles``."""
+    tiles: str
+    """``png``, ``jpg``, ``webp`` or ``mvt``."""
+    min_zoom: int
+    max_zoom: int
+    bounds: tuple[float, float, float, float]
+    """West, south, east, north [deg]."""
+    attribution: str | None
+
+    @property
+    def credit(self) -> str:
+        """Whose map it is: what must stand beside it."""
+        return self.attribution or self.path.name
+
+    def tile(self, z: int, x: int, y: int) -> bytes | None:
+        """Get a tile as it is stored; None where there is none.
+
+        Raises
+        ------
+        FormatError
+            The file is damaged.
+        """
+        if not 0 <= z <= _MOST_ZOOM:
+            return None
+        try:
+            return (
+                _pmtiles_tile(self.path, z, x, y)
+                if self.format == "pmtiles"
+                else _mbtiles_tile(self.path, z, x, y)
+            )
+        except _DAMAGED as error:
+            raise FormatError(f"{self.path.name} cannot be read: {error}") from error
+
+    def covers(self, west: float, south: float, east: float, north: float) -> bool:
+        """Whether its bounds hold an area."""
+        return (
+            self.bounds[0] <= west
+            and self.bounds[1] <= south
+            and self.bounds[2] >= east
+            and self.bounds[3] >= north
+        )
+
+
+def read_map(path: Path) -> MapFile:
+    """Read what a map file says of itself.
+
+    Raises
+    ------
+    FormatError
+        It is none.
+    """
+    try:
+        return _pmtiles(path) if path.suffix.lower() == ".pmtiles" else _mbtiles(path)
+    except _DAMAGED as error:
+        raise FormatError(f"{path.name} is not a map: {error}") from error
+
+
+def maps_in(directory: Path) -> tuple[MapFile, ...]:
+    """All maps of a folder whose tiles are pictures; what is none is passed over."""
+    found = []
+    for path in sorted(directory.iterdir()) if directory.is_dir() else []:
+        if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):
+            with suppress(FormatError):
+                found.append(read_map(path))
+    return tuple(one for one in found if one.tiles in RASTERS)
+
+
+def tile_place(latitude_deg: float, longitude_deg: float, zoom: int) -> tuple[float, float]:
+    """Column and row of a place, with fractions (web Mercator)."""
+    count = float(2**zoom)
+    sine = math.sin(math.radians(max(-85.05, min(85.05, latitude_deg))))
+    row = (0.5 - math.log((1.0 + sine) / (1.0 - sine)) / (4.0 * math.pi)) * count
+    return (longitude_deg + 180.0) / 360.0 * count, row
+
+
+def tile_corner(column: float, row: float, zoom: int) -> tuple[float, float]:
+    """Latitude and longitude of a column and row."""
+    count = float(2**zoom)
+    latitude = math.degrees(math.atan(math.sinh(math.pi * (1.0 - 2.0 * row / count))))
+    return latitude, column / count * 360.0 - 180.0
+
+
+# --------------------------------------------------------------------------- MBTiles
+
+
+def _mbtiles(path: Path) -> MapFile:
+    with _opened(path) as database:
+        facts = dict(database.execute("SELECT name, value FROM metadata").fetchall())
+        low, high = database.execute(
+            "SELECT min(zoom_level), max(zoom_level) FROM tiles"
+        ).fetchone()
+    if low is None:
+        raise ValueError("it holds no tiles")
+    said = str(facts.get("format", "png"))
+    kind = {"pbf": "mvt", "jpeg": "jpg"}.get(said, said)
+    west, south, east, north = map(float, facts.get("bounds", "-180,-85,180,85").split(","))
+    return MapFile(
+        path=path,
+        format="mbtiles",
+        tiles=kind,
+        min_zoom=int(low),
+        max_zoom=int(high),
+        bounds=(west, south, east, north),
+        attribution=_plain(facts.get("attribution", "")),
+    )
+
+
+def _mbtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
+    with _opened(path) as database:
+        row = database.execute(
+            "SELECT tile_data FROM tiles "
+            "WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?",
+            (z, x, 2**z - 1 - y),  # MBTiles counts rows from the south
+        ).fetchone()
+    return None if row is None else bytes(row[0])
+
+
+def _opened(path: Path) -> "closing[sqlite3.Connection]":
+    address = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
+    database = sqlite3.connect(address, uri=True)
+    watch(database)
+    return closing(database)
+
+
+# --------------------------------------------------------------------------- PMTiles
+
+
+def _pmtiles(path: Path) -> MapFile:
+    header = _header(path)
+    facts = {}
+    place, length = struct.unpack_from("<2Q", header, 24)
+    with suppress(ValueError, OSError, EOFError, zlib.error):
+        facts = json.loads(_unpacked(_part(path, place, length), header[97]))
+    said = facts.get("attribution") if isinstance(facts, dict) else None
+    west, south, east, north = (value / 1e7 for value in struct.unpack_from("<4i", header, 102))
+    return MapFile(
+        path=path,
+        format="pmtiles",
+        tiles=_TYPES.get(header[99], "unknown"),
+        min_zoom=header[100],
+        max_zoom=header[101],
+        bounds=(west, south, east, north),
+        attribution=_plain(said if isinstance(said, str) else ""),
+    )
+
+
+def _header(path: Path) -> bytes:
+    with path.open("rb") as file:
+        header = file.read(_HEADER)
+    if header[:8] != b"PMTiles\x03" or len(header) < _HEADER:
+        raise ValueError("not a PMTiles file of version 3")
+    return header
+
+
+def _part(path: Path, place: int, length: int, most: int = _MOST_DIRECTORY) -> bytes:
+    if length > most:
+        raise ValueError(f"{length} bytes in one piece")
+    with path.open("rb") as file:
+        file.seek(place)
+        return file.read(length)
+
+
+def _unpacked(content: bytes, compression: int) -> bytes:
+    if compression == _NOT_COMPRESSED:
+        return content
+    if compression != _GZIP:
+        raise ValueError("it is compressed by another method than gzip")
+    return zlib.decompressobj(wbits=31).decompress(content, 4 * _MOST_DIRECTORY)
+
+
+def _pmtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
+    header = _header(path)
+    root, root_length = struct.unpack_from("<2Q", header, 8)
+    (leaves,) = struct.unpack_from("<Q", header, 40)
+    (data,) = struct.unpack_from("<Q", header, 56)
+    wanted, place, length = _tile_id(z, x, y), root, root_length
+    for _ in range(_LEAF_LEVELS):
+        found = _entry(_unpacked(_part(path, place, length), header[97]), wanted)
+        if found is None:
+            return None
+        offset, length, run = found
+        if run:
+            return _part(path, data + offset, length, MOST_TILE)
+        place = leaves + offset
+    return None
+
+
+def _tile_id(z: int, x: int, y: int) -> int:
+    """Number of a tile: those of the zooms below, then along a Hilbert curve."""
+    number, side = ((1 << 2 * z) - 1) // 3, (1 << z) // 2
+    while side:
+        right, below = int(bool(x & side)), int(bool(y & side))
+        number += side * side * ((3 * right) ^ below)
+        if not below:
+            if right:
+                x, y = side - 1 - x, side - 1 - y
+            x, y = y, x
+        side //= 2
+    return number
+
+
+def _entry(directory: bytes, wanted: int) -> tuple[int, int, int] | None:
+    """Offset, length and run (0: a leaf directory) of what holds a tile."""
+    numbers = iter(_varints(directory))
+    count = next(numbers, 0)
+    if count > len(directory):
+        raise ValueError("a directory with more entries than bytes")
+    tile_ids: list[int] = []
+    for _ in range(count):
+        tile_ids.append(next(numbers) + (tile_ids[-1] if tile_ids else 0))
+    runs = [next(numbers) for _ in range(count)]
+    lengths = [next(numbers) for _ in range(count)]
+    offsets: list[int] = []
+    for place in range(count):
+        value = next(numbers)
+        # 0: right behind the one before.
+        offsets.append(value - 1 if value else offsets[place - 1] + lengths[place - 1])
+    at = max((n for n, one in enumerate(tile_ids) if one <= wanted), default=None)
+    if at is None or (runs[at] and wanted >= tile_ids[at] + runs[at]):
+        return None
+    return offsets[at], lengths[at], runs[at]
+
+
+def _varints(content: bytes) -> list[int]:
+    found, value, shift = [], 0, 0
+    for byte in content:
+        value |= (byte & 127) << shift
+        shift += 7
+        if byte < 128:
+            found.append(value)
+            value = shift = 0
+        elif shift > 63:
+            raise ValueError("a number of more than 64 bits")
+    return found
+
+
+def _plain(text: str) -> str | None:
+    """A text of others without its markup, to be shown beside the map."""
+    return " ".join(re.sub(r"<[^>]*>|[<>]", " ", text).split())[:200] or None

@@ -1,0 +1,114 @@
+"""Search recordings and measure tags after the flight.
+
+`detect` and `redetect` search recordings, `channelize` splits them into channels, `measure_tag`
+measures frequency, interval and width of a tag in your hand, `switched` and `beats` measure
+recordings made with an antenna switch, `waterfall` shows a recording.
+"""
+
+from typing import TYPE_CHECKING
+
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.analysis.measure.antenna_files import antenna_named, write_antenna
+    from uavrt.analysis.measure.bag import export_bag
+    from uavrt.analysis.measure.channel_files import (
+        ChannelizeSummary,
+        channelize,
+        plan_channels,
+        ports_of,
+    )
+    from uavrt.analysis.measure.interval_fit import Beat, fit_beat
+    from uavrt.analysis.measure.measure_tag import measure_tags
+    from uavrt.analysis.measure.measured_tag import MeasuredRate, MeasuredTag
+    from uavrt.analysis.measure.outside import OutsideSearch
+    from uavrt.analysis.measure.recorded_pulses import DetectionChain, DetectionSummary, detect
+    from uavrt.analysis.measure.redetect import FlightWriter, flight_settings, posed_in
+    from uavrt.analysis.measure.shapes import (
+        REGION_SHARES,
+        Point,
+        ray,
+        ray_length_m,
+        region95,
+        region_lines,
+        split_at_date_line,
+        way_of,
+        wedge,
+    )
+    from uavrt.analysis.measure.switched import switched_bearings
+    from uavrt.analysis.measure.tag_source import TagSource, read_tag_source
+    from uavrt.analysis.measure.waterfall import MaximumHold, Waterfall
+
+__all__ = [
+    "REGION_SHARES",
+    "Beat",
+    "ChannelizeSummary",
+    "DetectionChain",
+    "DetectionSummary",
+    "FlightWriter",
+    "MaximumHold",
+    "MeasuredRate",
+    "MeasuredTag",
+    "OutsideSearch",
+    "Point",
+    "TagSource",
+    "Waterfall",
+    "antenna_named",
+    "channelize",
+    "detect",
+    "export_bag",
+    "fit_beat",
+    "flight_settings",
+    "measure_tags",
+    "plan_channels",
+    "ports_of",
+    "posed_in",
+    "ray",
+    "ray_length_m",
+    "read_tag_source",
+    "region95",
+    "region_lines",
+    "split_at_date_line",
+    "switched_bearings",
+    "way_of",
+    "wedge",
+    "write_antenna",
+]
+__getattr__ = lazily(
+    __name__,
+    {
+        "Beat": "interval_fit",
+        "ChannelizeSummary": "channel_files",
+        "DetectionChain": "recorded_pulses",
+        "DetectionSummary": "recorded_pulses",
+        "FlightWriter": "redetect",
+        "flight_settings": "redetect",
+        "MaximumHold": "waterfall",
+        "MeasuredRate": "measured_tag",
+        "MeasuredTag": "measured_tag",
+        "OutsideSearch": "outside",
+        "Point": "shapes",
+        "REGION_SHARES": "shapes",
+        "TagSource": "tag_source",
+        "Waterfall": "waterfall",
+        "antenna_named": "antenna_files",
+        "channelize": "channel_files",
+        "detect": "recorded_pulses",
+        "export_bag": "bag",
+        "fit_beat": "interval_fit",
+        "measure_tags": "measure_tag",
+        "plan_channels": "channel_files",
+        "ports_of": "channel_files",
+        "posed_in": "redetect",
+        "ray": "shapes",
+        "ray_length_m": "shapes",
+        "read_tag_source": "tag_source",
+        "region95": "shapes",
+        "region_lines": "shapes",
+        "split_at_date_line": "shapes",
+        "switched_bearings": "switched",
+        "way_of": "shapes",
+        "wedge": "shapes",
+        "write_antenna": "antenna_files",
+    },
+)

@@ -1,0 +1,338 @@
+"""Export a flight as a rosbag2 recording, as if ROS 2 had recorded it live.
+
+The same messages, types and bytes as on the gateway's topics, in MCAP, which ``ros2 bag play``
+and Foxglove open. Small chunks and an index keep a large flight quick to seek in.
+"""
+
+import heapq
+import json
+import os
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from uavrt.config import AntennaSettings, Settings
+from uavrt.errors import FormatError, UsageError, needs_extra
+from uavrt.messages import FlightInfo, PulsePose, StatusText
+from uavrt.pose import Mounting
+from uavrt.recording import (
+    Flight,
+    FlightLayout,
+    read_flight,
+    read_integrated,
+    read_search_reports,
+    read_stops,
+)
+from uavrt.ros2 import (
+    LOG_DEPTH,
+    LOG_LEVELS,
+    LOG_MESSAGE,
+    LOG_TOPIC,
+    START_STOP,
+    TOPICS,
+    DiagnosticArray,
+    DiagnosticStatus,
+    Flag,
+    Header,
+    Log,
+    RosMessage,
+    encode,
+    full_definition,
+    full_name,
+    heartbeat,
+    key_values,
+    pose_stamped,
+    pulse_pose_to_ros,
+    pulse_to_ros,
+    tag_to_ros,
+    time_to_ros,
+    type_hash,
+)
+
+CHUNK_BYTES = 65536
+RECORDED = "recorded/"
+"""Before the topics of orders, which a gateway obeys."""
+HINDSIGHT = "integrated/"
+"""Before the topics of pulses that ``uavrt integrate`` saw in hindsight."""
+METADATA_VERSION = 5
+"""rosbag2's format of ``metadata.yaml``: that of Humble, which all later ones read too."""
+
+Entry = tuple[int, str, RosMessage]
+"""Time [ns, UTC], topic, message."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bag:
+    """What was written."""
+
+    directory: Path
+    file: Path
+    messages: dict[str, int]
+    """Number of messages on each topic."""
+
+
+def export_bag(
+    flight_directory: str | os.PathLike[str], target: Path, *, as_sent: bool = False
+) -> Bag:
+    """Write a flight as a rosbag2 directory.
+
+    A recording that is played must not command a drone that listens: what a drone obeys is
+    under `RECORDED` unless `as_sent`. Pulses seen in hindsight are under `HINDSIGHT`.
+
+    Parameters
+    ----------
+    flight_directory : path
+        A flight directory.
+    target : Path
+        Directory to make.
+    as_sent : bool
+        Orders have the names of the live topics.
+
+    Raises
+    ------
+    FormatError
+        There is no flight, or it is damaged.
+    UsageError
+        The extra ``uavrt[analysis]`` is not installed, or `target` cannot be made.
+    """
+    flight = read_flight(flight_directory)
+    _, integrated = read_integrated(flight_directory)
+    prefix = "" if as_sent else RECORDED
+    entries = heapq.merge(
+        _orders(flight.info, prefix),
+        _stops(read_stops(flight_directory), prefix),
+        _pulses(flight.info, flight.pulse_poses),
+        _pulses(flight.info, integrated, HINDSIGHT),
+        _heartbeats(Path(flight_directory), flight.info),
+        _poses(flight),
+        _logs(flight.status_texts),
+        key=lambda entry: entry[0],
+    )
+    try:
+        target.mkdir(parents=True)
+    except OSError as error:
+        raise UsageError(
+            f"cannot make {target}: {error.strerror}",
+            remedy="Name a directory that does not exist yet, in a place where you can write",
+        ) from error
+    file = target / f"{target.name}_0.mcap"
+    text, counts = write_mcap(file, entries)
+    (target / "metadata.yaml").write_text(text, encoding="utf-8")
+    return Bag(directory=target, file=file, messages=dict(counts))
+
+
+def write_mcap(path: Path, entries: Iterable[Entry]) -> tuple[str, Counter[str]]:
+    """Write messages in order of time into one MCAP file.
+
+    Returns
+    -------
+    str, Counter
+        rosbag2's description of the file, which is also inside it; messages on each topic.
+
+    Raises
+    ------
+    UsageError
+        The extra ``uavrt[analysis]`` is not installed.
+    """
+    with needs_extra("analysis", "MCAP"):
+        from mcap.writer import CompressionType, Writer
+    counts: Counter[str] = Counter()
+    first_ns = last_ns = 0
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        writer.start(profile="ros2", library="uavrt")
+        channels: dict[str, int] = {}
+        for time_ns, topic, message in entries:
+            if topic not in channels:
+                channels[topic] = _register(writer, topic, type(message))
+            first_ns, last_ns = (first_ns if counts else time_ns), time_ns
+            counts[topic] += 1
+            writer.add_message(
+                channel_id=channels[topic],
+                log_time=time_ns,
+                publish_time=time_ns,
+                data=encode(message),
+                sequence=counts[topic],
+            )
+        text = _metadata(path.name, counts, first_ns, last_ns)
+        writer.add_metadata("rosbag2", {"serialized_metadata": text})
+        writer.finish()
+    return text, counts
+
+
+def _register(writer: Any, topic: str, message: type[RosMessage]) -> int:
+    schema_id = writer.register_schema(
+        name=full_name(message), encoding="ros2msg", data=full_definition(message).encode()
+    )
+    channel: int = writer.register_channel(
+        topic=f"/{topic}",
+        message_encoding="cdr",
+        schema_id=schema_id,
+        metadata={
+            "offered_qos_profiles": _qos_yaml(topic),
+            "topic_type_hash": type_hash(message),
+        },
+    )
+    return channel
+
+
+# ------------------------------------------------------------------- the flight
+
+
+def _orders(info: FlightInfo, prefix: str) -> Iterator[Entry]:
+    """What started the flight: its tags, and the order to start."""
+    start_ns = info.start_time_ns
+    for tag in info.tags:
+        yield start_ns, f"{prefix}store_tag_information", tag_to_ros(tag)
+    yield start_ns, f"{prefix}release_tag_information", Flag(data=True)
+    center = {"center_frequency": f"{info.center_frequency_hz / 1e6:.6f}"}
+    yield start_ns, f"{prefix}control_start_subprocess", _order("start", start_ns, center)
+
+
+def _stops(times_ns: Iterable[int], prefix: str) -> Iterator[Entry]:
+    """What ended it."""
+    for time_ns in times_ns:
+        yield time_ns, f"{prefix}control_stop_subprocess", _order("stop", time_ns, {})
+
+
+def _order(what: str, time_ns: int, values: Mapping[str, object]) -> DiagnosticArray:
+    status = DiagnosticStatus(
+        name="NA",
+        message=what,
+        hardware_id=f"{what} all",
+        values=key_values(values),
+    )
+    frame = f"{what}_command_subprocesses"
+    header = Header(stamp=time_to_ros(time_ns), frame_id=frame)
+    return DiagnosticArray(header=header, status=(status,))
+
+
+def _pulses(
+    info: FlightInfo, pulse_poses: Iterable[PulsePose], prefix: str = ""
+) -> Iterator[Entry]:
+    """Each pulse twice, as on the network: alone, and with its pose; at its end."""
+    for item in sorted(pulse_poses, key=lambda item: item.pulse.end_time_ns):
+        directory = _tag_directory(info, item.pulse.tag_id)
+        time_ns = item.pulse.end_time_ns
+        yield time_ns, f"{prefix}pulse", pulse_to_ros(item.pulse, directory)
+        yield time_ns, f"{prefix}pulse_pose", pulse_pose_to_ros(item, directory)
+
+
+def _heartbeats(directory: Path, info: FlightInfo) -> Iterator[Entry]:
+    """Signs of life: what was searched without a detection."""
+    for report in read_search_reports(directory):
+        path = _tag_directory(info, report.tag_id)
+        beat = heartbeat(report.tag_id, report.time_ns, path)
+        yield report.time_ns, "pulse", beat
+
+
+def _poses(flight: Flight) -> Iterator[Entry]:
+    """The antenna's poses, as often as they were recorded."""
+    mounting = Mounting.from_settings(_antenna(flight.settings_json))
+    for pose in flight.poses:
+        antenna = mounting.antenna_pose(pose)
+        yield pose.time_ns, "antenna_pose", pose_stamped(antenna)
+
+
+def _logs(texts: Iterable[tuple[int, StatusText]]) -> Iterator[Entry]:
+    for time_ns, text in texts:
+        message = Log(
+            stamp=time_to_ros(time_ns),
+            level=LOG_LEVELS[max(0, min(7, text.severity))],
+            name=START_STOP,
+            msg=text.text,
+        )
+        yield time_ns, LOG_TOPIC, message
+
+
+def _tag_directory(info: FlightInfo, tag_id: int) -> str:
+    return str(FlightLayout(Path(info.directory)).tag_directory(tag_id))
+
+
+def _antenna(settings_json: str | None) -> AntennaSettings:
+    """How the antenna sat on the vehicle in this flight."""
+    if settings_json is None:
+        return AntennaSettings()
+    try:
+        return msgspec.json.decode(settings_json, type=Settings).antenna
+    except msgspec.MsgspecError as error:
+        raise FormatError(f"the flight's settings cannot be read: {error}") from error
+
+
+# ------------------------------------------------------------------ metadata.yaml
+
+
+def _metadata(file: str, counts: Counter[str], first_ns: int, last_ns: int) -> str:
+    """Write rosbag2's description of the directory; JSON is YAML."""
+    total = sum(counts.values())
+    start = {"nanoseconds_since_epoch": first_ns}
+    duration = {"nanoseconds": last_ns - first_ns}
+    topics = [
+        {
+            "topic_metadata": {
+                "name": f"/{topic}",
+                "type": full_name(_message_of(topic)),
+                "serialization_format": "cdr",
+                "offered_qos_profiles": _qos_yaml(topic),
+                # A key of later formats; earlier readers pass over it.
+                "type_description_hash": type_hash(_message_of(topic)),
+            },
+            "message_count": count,
+        }
+        for topic, count in sorted(counts.items())
+    ]
+    described = {
+        "rosbag2_bagfile_information": {
+            "version": METADATA_VERSION,
+            "storage_identifier": "mcap",
+            "duration": duration,
+            "starting_time": start,
+            "message_count": total,
+            "topics_with_message_count": topics,
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [file],
+            "files": [
+                {
+                    "path": file,
+                    "starting_time": start,
+                    "duration": duration,
+                    "message_count": total,
+                }
+            ],
+        }
+    }
+    return json.dumps(described, indent=2) + "\n"
+
+
+def _qos_yaml(topic: str) -> str:
+    """Write the topic's quality of service with rmw's numbers; a player publishes with it."""
+    forever = {"sec": 9223372036, "nsec": 854775807}
+    late = topic == LOG_TOPIC
+    return json.dumps(
+        [
+            {
+                "history": 1,
+                "depth": LOG_DEPTH if late else TOPICS[_live(topic)].depth,
+                "reliability": 1,
+                "durability": 1 if late else 2,
+                "deadline": forever,
+                "lifespan": forever,
+                "liveliness": 1,
+                "liveliness_lease_duration": forever,
+                "avoid_ros_namespace_conventions": False,
+            }
+        ]
+    )
+
+
+def _message_of(topic: str) -> type[RosMessage]:
+    return LOG_MESSAGE if topic == LOG_TOPIC else TOPICS[_live(topic)].message
+
+
+def _live(topic: str) -> str:
+    return topic.removeprefix(RECORDED).removeprefix(HINDSIGHT)

@@ -1,0 +1,196 @@
+"""Intervals in a set of burst times: which of them are a tag, and how it beats.
+
+Every pair of bursts votes for its distance. A beat of interval T makes votes at T, 2 T, 3 T …;
+the first strong one is its interval. Chance makes as many votes at any distance, which says
+what strong means. A beat that runs on through the tag's other rate (1333 ms meets every second
+pulse of 2000 ms) is cut there. What a beat explains is taken away, and the rest may hold
+another: the second rate of the tag, or another tag.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.measure.beat_chains import (
+    TOLERANCE_S,
+    chain_with_switches,
+    longest_chain,
+    tolerance_s,
+)
+from uavrt.analysis.measure.interval_fit import Beat, fit_beat
+
+SHORTEST_S: Final = 0.25
+LONGEST_S: Final = 6.0
+"""Intervals of the tags that are sold lie between 0.5 and 4 s."""
+FEWEST: Final = 5
+"""Pulses that make a beat."""
+FEWEST_AT_OTHER_RATE: Final = 6
+"""Pulses of another rate for which a beat is cut."""
+HIGHEST_CHANCE: Final = 1e-4
+"""Chance at which noise alone would make such a beat somewhere in the recording."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundBeat:
+    """A beat and the bursts that make it."""
+
+    beat: Beat
+    members: NDArray[np.intp]
+    """(n,) places of its bursts among the times that were given."""
+
+
+def find_beats(times_s: NDArray[np.float64], span_s: float, most: int = 3) -> list[FoundBeat]:
+    """Find beats, the one with the most pulses first.
+
+    Parameters
+    ----------
+    times_s : (n,) float64 array
+        Bursts at one frequency, ascending.
+    span_s : float
+        Length of the recording.
+    most : int
+        How many to look for.
+    """
+    left = np.arange(times_s.size)
+    found: list[FoundBeat] = []
+    while len(found) < most and left.size >= FEWEST:
+        best = _best_beat(times_s[left], span_s)
+        if best is None:
+            break
+        beat, members = best
+        found.append(FoundBeat(beat, left[members]))
+        left = np.delete(left, members)
+    return sorted(found, key=lambda one: -one.members.size)
+
+
+def _best_beat(
+    times_s: NDArray[np.float64], span_s: float
+) -> tuple[Beat, NDArray[np.intp]] | None:
+    best: tuple[Beat, NDArray[np.intp]] | None = None
+    for interval_s in _candidates(times_s):
+        chain = longest_chain(times_s, interval_s)
+        if chain.size < FEWEST:
+            continue
+        # Votes tell the interval to some milliseconds, which breaks chains: once more with
+        # what the first chain says.
+        again = longest_chain(times_s, fit_beat(times_s[chain], interval_s).interval_s)
+        chain = again if again.size > chain.size else chain
+        beat = fit_beat(times_s[chain], interval_s)
+        if not _sure(beat, times_s.size, span_s):
+            continue
+        if best is None or _merit(beat) > _merit(best[0]):
+            best = beat, chain
+    return None if best is None else _at_one_rate(times_s, *best, span_s)
+
+
+def _at_one_rate(
+    times_s: NDArray[np.float64], beat: Beat, chain: NDArray[np.intp], span_s: float
+) -> tuple[Beat, NDArray[np.intp]]:
+    """Keep the longest stretch of a chain that runs on through another rate of the tag."""
+    low, high = int(chain[0]), int(chain[-1]) + 1
+    within_s = times_s[low:high]
+    best, kept = -np.inf, (beat, chain)
+    for interval_s in _others(beat.interval_s, _candidates(within_s)):
+        intervals_s = beat.interval_s, interval_s
+        merit, stretches = chain_with_switches(within_s, *intervals_s)
+        if merit <= best or len(stretches) < 2:
+            continue
+        found = [(fit_beat(within_s[at], intervals_s[rate]), at) for rate, at in stretches]
+        sure: set[int] = set()
+        for (rate, at), (one, _) in zip(stretches, found, strict=True):
+            others = sum(other.size for r, other in stretches if r != rate)
+            if at.size >= FEWEST_AT_OTHER_RATE and _sure(one, times_s.size - others, span_s):
+                sure.add(rate)
+        if len(sure) == 2:
+            longest, members = max(found, key=lambda one: one[1].size)
+            members = _without_strays(within_s, members, longest.interval_s)
+            best, kept = merit, (fit_beat(within_s[members], longest.interval_s), members + low)
+    return kept
+
+
+def _without_strays(
+    times_s: NDArray[np.float64], members: NDArray[np.intp], interval_s: float
+) -> NDArray[np.intp]:
+    """Leave out a burst at an end that is reached over a hole with bursts in it.
+
+    When the first pulse after a switch is lost, the place that both rates share comes later.
+    """
+    low, high = 0, members.size
+
+    def strays(k: int) -> bool:
+        hole = times_s[members[k + 1]] - times_s[members[k]] > 1.5 * interval_s
+        return bool(hole and members[k + 1] - members[k] > 1)
+
+    while high - low > FEWEST and strays(high - 2):
+        high -= 1
+    while high - low > FEWEST and strays(low):
+        low += 1
+    return members[low:high]
+
+
+def _others(interval_s: float, candidates_s: Iterable[float]) -> list[float]:
+    """Leave out candidates that are the interval itself, or each other."""
+    others: list[float] = []
+    for one in candidates_s:
+        new = all(abs(one - other) > 0.5 * TOLERANCE_S for other in others)
+        if new and abs(one - interval_s) > 2.0 * tolerance_s(interval_s):
+            others.append(one)
+    return others
+
+
+def _sure(beat: Beat, bursts: int, span_s: float) -> bool:
+    return beat.scatter_s <= TOLERANCE_S and _chance(beat, bursts, span_s) <= HIGHEST_CHANCE
+
+
+def _merit(beat: Beat) -> float:
+    """Pulses there less pulses missing: half the interval would explain as many pulses."""
+    steps = int(beat.numbers[-1]) + 1
+    return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
+
+
+def _candidates(times_s: NDArray[np.float64]) -> list[float]:
+    """Distances for which many pairs vote, most votes first."""
+    step_s = 0.25 * TOLERANCE_S
+    votes = np.zeros(int((LONGEST_S + 1.0) / step_s), dtype=np.float64)
+    for shift in range(1, min(times_s.size, 200)):
+        distance = times_s[shift:] - times_s[:-shift]
+        distance = distance[distance <= LONGEST_S]
+        if not distance.size:
+            break
+        np.add.at(votes, np.round(distance / step_s).astype(np.int64), 1.0)
+    smooth = np.convolve(votes, np.ones(5), mode="same")
+    smooth[: int(SHORTEST_S / step_s)] = 0.0
+    candidates = []
+    for _ in range(8):
+        at = int(np.argmax(smooth))
+        if smooth[at] < 3.0:
+            break
+        near = slice(max(0, at - 3), at + 4)
+        center = float((votes[near] * np.arange(votes.size)[near]).sum() / votes[near].sum())
+        # With pulses missing, twice or three times the interval may have more votes.
+        parts = (center * step_s / part for part in (1.0, 2.0, 3.0))
+        candidates += [interval_s for interval_s in parts if interval_s >= SHORTEST_S]
+        smooth[max(0, at - 5) : at + 6] = 0.0
+    return candidates
+
+
+def _chance(beat: Beat, bursts: int, span_s: float) -> float:
+    """Expected number of such beats among bursts that fall at random.
+
+    After two pulses that set the interval, each further place is hit by one of the bursts with
+    probability p = density × tolerance; the first two can be chosen in so many ways. Places
+    that were missed give more ways yet.
+    """
+    density = bursts / max(span_s, 1e-9)
+    hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)
+    count, places = beat.numbers.size, int(beat.numbers[-1]) + 1
+    pairs = bursts * density * (LONGEST_S - SHORTEST_S)
+    # Binomial tail, by its largest term: choose which of the places are hit.
+    from scipy.special import gammaln
+
+    ways = gammaln(places - 1) - gammaln(count - 1) - gammaln(max(places - count, 0) + 1)
+    exponent = np.log(max(pairs, 1e-9)) + ways + (count - 2) * np.log(hit)
+    return float(np.exp(min(exponent, 50.0)))

@@ -1,0 +1,178 @@
+"""The channelizer alone: a band in, the original's channel datagrams out.
+
+The engine of ``uavrt channelize``. It stands in the place of the original's
+``airspy_channelize 375000 100``: the programs before it (``airspy_rx | csdr | netcat``) and
+after it (the detectors) need not know.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from uavrt.clock import monotonic_s
+from uavrt.dsp import FrontEnd, channel_center_hz
+from uavrt.errors import ConfigError
+from uavrt.radio import ChannelDatagramSender, PortScheme, SampleSource, channel_port
+
+ORIGINAL_CHANNELS: Final = 100
+ORIGINAL_CHANNEL_RATE_HZ: Final = 3750.0
+_LOOK_S: Final = 0.25
+
+
+@dataclass(slots=True)
+class ChannelizeSummary:
+    """What a run did."""
+
+    samples: int = 0
+    samples_lost: int = 0
+    datagrams: int = 0
+    unheard: int = 0
+    dropped: int = 0
+
+
+def plan_channels(
+    source: SampleSource, channels: Sequence[int], mode: Literal["default", "compatible"]
+) -> FrontEnd:
+    """Set up the filters.
+
+    Parameters
+    ----------
+    source : SampleSource
+        The band.
+    channels : sequence of int
+        The original's numbers, 1 the centre; negative for the second port too; none: all.
+    mode : {"default", "compatible"}
+        The original's bank (3750 S/s), or twice oversampled without aliases (7500 S/s).
+
+    Raises
+    ------
+    ConfigError
+        A channel that this band does not have, or in the compatible mode a rate from which the
+        original's hundred channels cannot be made.
+    TunerError
+        In the default mode, a channel beyond the clean span.
+    """
+    rate_hz, center_hz = source.sample_rate_hz, source.center_frequency_hz
+    whole = FrontEnd(
+        sample_rate_hz=rate_hz, center_frequency_hz=center_hz, frequencies_hz=(), mode=mode
+    )
+    if mode == "compatible":
+        _check_as_the_original(whole)
+    count, spacing_hz = whole.plan.channel_count, whole.plan.channel_spacing_hz
+    for channel in channels:
+        if not 1 <= abs(channel) <= count:
+            raise ConfigError(
+                f"there is no channel {channel}", remedy=f"Give numbers from 1 to {count}"
+            )
+    if not channels:
+        return whole
+    return FrontEnd(
+        sample_rate_hz=rate_hz,
+        center_frequency_hz=center_hz,
+        frequencies_hz=[
+            channel_center_hz(center_hz, abs(channel) - 1, count, spacing_hz)
+            for channel in channels
+        ],
+        mode=mode,
+    )
+
+
+def _check_as_the_original(front_end: FrontEnd) -> None:
+    """Refuse what listeners would take for the original's channels and is not.
+
+    Raises
+    ------
+    ConfigError
+        Other than 100 channels of 3750 samples a second.
+    """
+    plan = front_end.plan
+    count, rate_hz = plan.channel_count, plan.channel_rate_hz
+    if count == ORIGINAL_CHANNELS and math.isclose(rate_hz, ORIGINAL_CHANNEL_RATE_HZ):
+        return
+    raise ConfigError(
+        f"{plan.sample_rate_hz:g} samples a second make {count} channels of {rate_hz:g}, not "
+        f"the original's {ORIGINAL_CHANNELS} of {ORIGINAL_CHANNEL_RATE_HZ:g}",
+        remedy="Take 375e3, 750e3, 1.5e6, 3e6 or 6e6 samples a second; or, for detectors that "
+        "are told rate and centre, --mode default",
+    )
+
+
+def ports_of(
+    front_end: FrontEnd, channels: Sequence[int], scheme: PortScheme
+) -> dict[int, list[int]]:
+    """Get the ports of each channel in use.
+
+    Raises
+    ------
+    ConfigError
+        A second port is asked of the thesis's plan, which has none.
+    """
+    second = {abs(channel) - 1 for channel in channels if channel < 0}
+    if second and scheme == "thesis":
+        raise ConfigError(
+            "the thesis's layout has no second port for a channel",
+            remedy="Leave the minus out, or use --ports current",
+        )
+    return {
+        channel: [
+            channel_port(channel, scheme, second=is_second)
+            for is_second in ((False, True) if channel in second else (False,))
+        ]
+        for channel in front_end.plan.channels_in_use
+    }
+
+
+def channelize(
+    source: SampleSource,
+    front_end: FrontEnd,
+    sender: ChannelDatagramSender,
+    *,
+    speed: float = 1.0,
+    pause: Callable[[float], None],
+    should_stop: Callable[[], bool] = lambda: False,
+    summary: ChannelizeSummary | None = None,
+) -> ChannelizeSummary:
+    """Send channels until the source ends or it is told to stop.
+
+    Parameters
+    ----------
+    source : SampleSource
+        The band; the caller closes it.
+    front_end : FrontEnd
+        From `plan_channels`.
+    sender : ChannelDatagramSender
+        Where to send; the caller closes it.
+    speed : float
+        A file is played at so many times real time, since a listener's buffer loses what
+        comes faster than it reads; 0 for no limit. A live band is never ahead of time.
+    pause : callable
+        Waits so many seconds (`time.sleep`).
+    should_stop : callable
+        Asked at least four times a second.
+    summary : ChannelizeSummary, optional
+        Filled while running.
+    """
+    summary = ChannelizeSummary() if summary is None else summary
+    begun_s: float | None = None
+    while not should_stop():
+        try:
+            block = source.read(_LOOK_S)
+        except EOFError:
+            break
+        if block is None:
+            continue
+        begun_s = monotonic_s() if begun_s is None else begun_s
+        summary.samples += len(block.samples)
+        summary.samples_lost += block.lost_before
+        for channel in front_end.process(block):
+            sender.send(channel)
+        summary.datagrams = sender.datagrams
+        summary.unheard, summary.dropped = sender.unheard, sender.dropped
+        if speed > 0.0:
+            played_s = (summary.samples + summary.samples_lost) / block.sample_rate_hz
+            ahead_s = played_s / speed - (monotonic_s() - begun_s)
+            # A second ahead is in the listeners' buffers at most.
+            if ahead_s > 1.0 / speed:
+                pause(min(ahead_s, 1.0))
+    return summary

@@ -1,0 +1,70 @@
+"""What a recording reveals about a tag, and the tag file entry made from it."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from uavrt.messages import Tag
+
+INTERVAL_MARGIN: Final = 0.01
+"""Of the interval, suggested as its uncertainty: with temperature and battery a tag's interval
+moves by some tenths of a percent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredRate:
+    """One of a tag's intervals."""
+
+    interval_s: float
+    interval_sigma_s: float
+    jitter_s: float
+    """Standard deviation of a pulse about the regular beat, our own error in it."""
+    largest_deviation_s: float
+    drift: float
+    """Change of the interval, as a part of it, from pulse to pulse."""
+    drift_sigma: float
+    pulses: int
+    missing: int
+    """Places of the beat, between its first pulse and its last, where none was seen."""
+    first_time_ns: int
+    last_time_ns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredTag:
+    """What a recording says of a tag; each sigma is one standard deviation."""
+
+    frequency_hz: float
+    """In the middle of the recording, as this radio's crystal has it."""
+    frequency_sigma_hz: float
+    drift_hz_per_s: float
+    drift_sigma_hz_per_s: float
+    pulse_width_s: float
+    pulse_width_sigma_s: float
+    enr_db: float
+    """Median pulse energy over noise density."""
+    pulses: int
+    rates: tuple[MeasuredRate, ...]
+    """The one with the most pulses first."""
+
+    def entry(self, tag_id: int, name: str | None = None) -> Tag:
+        """Make a tag entry, with room for what a season changes.
+
+        The interval's uncertainty is 1 % of it, or what the recording says if that is more;
+        the jitter is a quarter above the largest deviation seen. Two rates at most.
+        """
+        rates = self.rates[:2]
+        interval_s = max(rate.interval_s for rate in rates)
+        uncertainty_s = max(
+            INTERVAL_MARGIN * interval_s, *(3.0 * rate.interval_sigma_s for rate in rates)
+        )
+        jitter_s = 1.25 * max(rate.largest_deviation_s for rate in rates)
+        return Tag(
+            tag_id=tag_id,
+            frequency_hz=float(round(self.frequency_hz)),
+            pulse_width_s=round(self.pulse_width_s, 4),
+            pulse_intervals_s=tuple(round(rate.interval_s, 5) for rate in rates),
+            interval_uncertainty_s=math.ceil(1e3 * uncertainty_s) / 1e3,
+            interval_jitter_s=max(2, math.ceil(1e3 * jitter_s)) / 1e3,
+            name=name,
+        )

@@ -1,0 +1,293 @@
+"""Detectors over any source of samples: the engine of ``uavrt detect``.
+
+One front end, one detector for each tag, all in this process and this thread: what the flight's
+processes do, without the sockets between.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from uavrt.clock import monotonic_s
+from uavrt.detection import DetectorGroup, OperatingMode, PulseDetector, Receiver
+from uavrt.dsp import Carriers, Clipping, FrontEnd
+from uavrt.errors import ConfigError, UavrtError
+from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
+from uavrt.radio import SampleSource
+
+_LOOK_S: Final = 0.5
+"""How often a waiting reader looks whether it should stop."""
+
+
+class DetectionChain:
+    """Blocks of a radio in, pulses of all tags out.
+
+    Parameters
+    ----------
+    tags : sequence of Tag
+        What to look for; at least one.
+    sample_rate_hz, center_frequency_hz : float
+        Of the blocks that will come.
+    frequency_window_hz : float
+        Half-width of the search around each tag's nominal frequency; more than the channel
+        holds means the whole channel.
+    operating_modes : mapping of int to OperatingMode, optional
+        For each tag's number; without one the soft lock.
+    excluded_hz : sequence of (float, float)
+        Absolute stretches in which no pulse is reported, bounds included.
+    on_channel : callable, optional
+        Takes each block of a channel before the detectors do; its samples are numbers.
+
+    Raises
+    ------
+    ConfigError
+        No tags, or a window that is not one.
+    TunerError
+        Tags outside the span of these samples; all of them are listed.
+    UsageError
+        No channels can be made at this sample rate.
+    """
+
+    def __init__(
+        self,
+        tags: Sequence[Tag],
+        *,
+        sample_rate_hz: float,
+        center_frequency_hz: float,
+        frequency_window_hz: float = 500.0,
+        operating_modes: Mapping[int, OperatingMode] | None = None,
+        excluded_hz: Sequence[tuple[float, float]] = (),
+        on_channel: Callable[[ChannelBlock], None] | None = None,
+    ) -> None:
+        if not tags:
+            raise ConfigError("there are no tags to look for", remedy="Name a tag file")
+        if not frequency_window_hz > 0.0:
+            raise ConfigError(
+                f"a frequency window of {frequency_window_hz} Hz finds nothing",
+                remedy="Give --frequency-window in hertz, e.g. 500",
+            )
+        self.clipping = Clipping()
+        self._carriers = Carriers()
+        self._center_frequency_hz = center_frequency_hz
+        self.invalid_samples = 0
+        """Samples of a channel that were not numbers and were replaced by zero."""
+        self._suspect_s = 0.0
+        """So much longer a value that was no number may come out of the channels' filters."""
+        self._excluded_hz = tuple(excluded_hz)
+        self._on_channel = on_channel
+        modes = {} if operating_modes is None else operating_modes
+        self._front_end = FrontEnd(
+            sample_rate_hz=sample_rate_hz,
+            center_frequency_hz=center_frequency_hz,
+            frequencies_hz=[tag.frequency_hz for tag in tags],
+        )
+        plan = self._front_end.plan
+        self._memory_s = 2.0 * plan.latency_s
+        centers_hz = dict(zip(plan.channels_in_use, plan.channel_centers_hz, strict=True))
+        detectors: dict[int, list[PulseDetector]] = {}
+        for tag, channel in zip(tags, plan.frequency_channels, strict=True):
+            detectors.setdefault(channel, []).append(
+                PulseDetector(
+                    tag,
+                    sample_rate_hz=plan.channel_rate_hz,
+                    center_frequency_hz=centers_hz[channel],
+                    frequency_window_hz=frequency_window_hz,
+                    operating_mode=modes.get(tag.tag_id, OperatingMode.SEARCH_SOFT_LOCK),
+                    excluded_hz=excluded_hz,
+                )
+            )
+        self._group = DetectorGroup(Receiver(center_frequency_hz, sample_rate_hz))
+        for channel, some in detectors.items():
+            self._group.add(channel, some)
+
+    def process(self, block: IQBlock) -> list[Pulse]:
+        """Process the next block; get the pulses that are certain by now."""
+        self.clipping.look(block)
+        self._carriers.look(block, self._center_frequency_hz)
+        self._group.carriers_hz = self._carriers.frequencies_hz
+        # A value that is no number runs through the filters, and stops here: the detectors'
+        # noise levels would never get rid of it.
+        with np.errstate(invalid="ignore", over="ignore"):
+            band = self._front_end.decimate(block)
+            values = np.ascontiguousarray(band.samples).view(np.float32)
+            # One product of the whole band costs less than a look at each of 64 channels.
+            if not np.isfinite(np.dot(values, values)):
+                self._suspect_s = self._memory_s + len(values) / band.sample_rate_hz
+            channels = self._front_end.channelize(band)
+        suspect = self._suspect_s > 0.0
+        self._suspect_s -= len(band.samples) / band.sample_rate_hz
+        for channel in channels:
+            if suspect:
+                channel = self._finite(channel)
+            if self._on_channel is not None:
+                self._on_channel(channel)
+            self._group.put(channel.channel, channel.samples, channel.time_ns)
+        return self._reported(self._group.collect())
+
+    def _finite(self, channel: ChannelBlock) -> ChannelBlock:
+        """Replace values that are not numbers by zeros."""
+        good = np.isfinite(channel.samples)
+        if good.all():
+            return channel
+        self.invalid_samples += int(np.count_nonzero(~good))
+        return replace(channel, samples=np.where(good, channel.samples, np.complex64(0.0)))
+
+    def flush(self) -> list[Pulse]:
+        """End the stream: get the pulses of all groups that are complete."""
+        return self._reported(self._group.flush())
+
+    def search_reports(self) -> list[SearchReport]:
+        """Return what was searched in vain since the last call, about one a second and tag."""
+        return [r for detector in self._group.detectors for r in detector.search_reports()]
+
+    def _reported(self, pulses: list[Pulse]) -> list[Pulse]:
+        """Leave out the pulses in excluded stretches; mark those that were clipped."""
+        covers = self.clipping.times.covers
+        return [
+            replace(pulse, clipped=True)
+            if covers(pulse.start_time_ns, pulse.end_time_ns)
+            else pulse
+            for pulse in pulses
+            if not any(low <= pulse.frequency_hz <= high for low, high in self._excluded_hz)
+        ]
+
+
+@dataclass(slots=True)
+class DetectionSummary:
+    """What a run did."""
+
+    samples: int = 0
+    samples_lost: int = 0
+    samples_unsure: int = 0
+    """Missing by the arrivals of a live stream, unless the radio's crystal is far off."""
+    signal_s: float = 0.0
+    """Duration of the samples, lost ones counted."""
+    elapsed_s: float = 0.0
+    invalid_samples: int = 0
+    stopped: bool = False
+    """True when it was told to stop before the end."""
+    pulses: dict[int, int] = field(default_factory=dict)
+    """For each tag's number."""
+    confirmed: dict[int, int] = field(default_factory=dict)
+    ambiguous: dict[int, int] = field(default_factory=dict)
+    """Of the confirmed those that may be of another listed tag."""
+    ghosts: dict[tuple[int, int], int] = field(default_factory=dict)
+    """Of the others those that the receiver made of another tag: for each tag and that one."""
+    clipped: int = 0
+    """Pulses during which the receiver's converter was at its limits."""
+    clipped_share: float = 0.0
+    """Of the time that in which it was."""
+
+    @property
+    def times_real_time(self) -> float:
+        """Speed: seconds of signal in a second."""
+        return self.signal_s / self.elapsed_s if self.elapsed_s > 0.0 else 0.0
+
+    def count(self, pulse: Pulse) -> None:
+        """Count a pulse that was written."""
+        self.pulses[pulse.tag_id] += 1
+        self.confirmed[pulse.tag_id] += pulse.confirmed
+        self.clipped += pulse.clipped
+        if pulse.ghost_of_tag_id is not None:
+            pair = pulse.tag_id, pulse.ghost_of_tag_id
+            self.ghosts[pair] = self.ghosts.get(pair, 0) + 1
+        if pulse.confirmed and pulse.also_possible_tag_ids:
+            self.ambiguous[pulse.tag_id] = self.ambiguous.get(pulse.tag_id, 0) + 1
+
+
+def detect(
+    source: SampleSource,
+    tags: Sequence[Tag],
+    write: Callable[[Sequence[Pulse]], None],
+    *,
+    frequency_window_hz: float = 500.0,
+    operating_modes: Mapping[int, OperatingMode] | None = None,
+    excluded_hz: Sequence[tuple[float, float]] = (),
+    should_stop: Callable[[], bool] = lambda: False,
+    on_progress: Callable[[int, int | None], None] | None = None,
+    on_channel: Callable[[ChannelBlock], None] | None = None,
+    on_reports: Callable[[Sequence[SearchReport]], None] | None = None,
+    summary: DetectionSummary | None = None,
+) -> DetectionSummary:
+    """Find the pulses of tags in all samples of a source.
+
+    Parameters
+    ----------
+    source : SampleSource
+        A recording or a live stream; the caller closes it.
+    tags : sequence of Tag
+        What to look for.
+    write : callable
+        Takes pulses as soon as they are found.
+    frequency_window_hz : float
+        Half-width of the search around each tag's nominal frequency.
+    operating_modes, excluded_hz, on_channel
+        As of `DetectionChain`.
+    should_stop : callable
+        Asked at least twice a second; True ends the run in good order.
+    on_progress : callable, optional
+        Takes the samples done and their total after each block.
+    on_reports : callable, optional
+        Takes what was searched in vain, maybe nothing; called at least twice a second.
+    summary : DetectionSummary, optional
+        Filled while running, so that it is there also after an error.
+
+    Raises
+    ------
+    UavrtError
+        The source failed, or the tags do not fit it. Pulses found before were written.
+    """
+    summary = DetectionSummary() if summary is None else summary
+    chain = DetectionChain(
+        tags,
+        sample_rate_hz=source.sample_rate_hz,
+        center_frequency_hz=source.center_frequency_hz,
+        frequency_window_hz=frequency_window_hz,
+        operating_modes=operating_modes,
+        excluded_hz=excluded_hz,
+        on_channel=on_channel,
+    )
+    summary.pulses = {tag.tag_id: 0 for tag in tags}
+    summary.confirmed = dict(summary.pulses)
+    begun_s = monotonic_s()
+
+    def hand_over(found: list[Pulse]) -> None:
+        if found:
+            write(found)
+        for pulse in found:
+            summary.count(pulse)
+
+    fault: UavrtError | None = None
+    while not (stopped := should_stop()):
+        try:
+            block = source.read(_LOOK_S)
+        except EOFError:
+            break
+        except UavrtError as error:
+            fault = error
+            break
+        if block is not None:
+            hand_over(chain.process(block))
+            _account(summary, block)
+            summary.elapsed_s = monotonic_s() - begun_s
+            if on_progress is not None:
+                on_progress(summary.samples, source.total_samples)
+        if on_reports is not None:
+            on_reports(chain.search_reports())
+    hand_over(chain.flush())
+    summary.stopped = stopped
+    summary.invalid_samples = chain.invalid_samples
+    summary.clipped_share = chain.clipping.share
+    summary.elapsed_s = monotonic_s() - begun_s
+    if fault is not None:
+        raise fault
+    return summary
+
+
+def _account(summary: DetectionSummary, block: IQBlock) -> None:
+    summary.samples += len(block.samples)
+    summary.samples_lost += block.lost_before - block.unsure_before
+    summary.samples_unsure += block.unsure_before
+    summary.signal_s += (len(block.samples) + block.lost_before) / block.sample_rate_hz

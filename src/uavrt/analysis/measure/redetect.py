@@ -1,0 +1,183 @@
+"""Detect again in a recording made in a flight, and give the pulses that flight's poses.
+
+The result is a flight directory like any other, so every later command takes it: for tags that
+were added afterwards, for another frequency window, for a better detector.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+
+from uavrt.config import AntennaSettings, DetectionSettings, Settings
+from uavrt.messages import (
+    AttitudeSample,
+    FlightInfo,
+    Poses,
+    PositionSample,
+    Pulse,
+    PulsePose,
+    Tag,
+)
+from uavrt.pose import PoseAttacher, PoseRing
+from uavrt.radio import SampleSource
+from uavrt.recording import Flight, FlightRecorder, new_flight_directory
+
+
+class FlightWriter:
+    """Writes pulses found again, with the poses of the flight in which they were received.
+
+    Parameters
+    ----------
+    flight : Flight
+        The flight whose recording is searched.
+    source : SampleSource
+        The recording, for its rate and frequency.
+    tags : sequence of Tag
+        What is searched.
+    directory : Path, optional
+        Where to write; None: a new directory beside the flight's.
+    searched : DetectionSettings
+        Window and operating mode of the search, for the new flight's settings.
+
+    Raises
+    ------
+    RecordingError
+        The place cannot be written, or already holds a flight.
+    """
+
+    def __init__(
+        self,
+        flight: Flight,
+        source: SampleSource,
+        tags: Sequence[Tag],
+        directory: Path | None = None,
+        searched: DetectionSettings | None = None,
+    ) -> None:
+        original = Path(flight.info.directory)
+        if directory is None:
+            directory = new_flight_directory(original.parent, flight.info.start_time_ns)
+        self.directory = directory
+        settings = flight_settings(flight)
+        antenna = AntennaSettings() if settings is None else settings.antenna
+        if searched is not None:
+            settings = _with_search(Settings() if settings is None else settings, searched)
+        self._attacher = _attacher_of(flight, antenna)
+        info = FlightInfo(
+            directory=str(directory),
+            start_time_ns=flight.info.start_time_ns,
+            clock_offset_ns=flight.info.clock_offset_ns,
+            center_frequency_hz=source.center_frequency_hz,
+            sample_rate_hz=source.sample_rate_hz,
+            tags=tuple(tags),
+        )
+        self._recorder = FlightRecorder.create(info, settings)
+        self._copy(flight)
+        note = f"detected again in a recording of {original.name}"
+        self._recorder.write_note(note, flight.info.start_time_ns)
+        self._recorder.commit()
+
+    @property
+    def with_pose(self) -> int:
+        """Pulses that got a pose."""
+        return self._attacher.attached + self._attacher.extrapolated
+
+    @property
+    def without_pose(self) -> int:
+        """Pulses outside the flight's poses: another flight, or a wrong start time."""
+        return self._attacher.without_pose
+
+    def write(self, pulses: Sequence[Pulse]) -> None:
+        """Record pulses with their poses."""
+        for pulse in pulses:
+            self._attacher.add(pulse, pulse.end_time_ns)
+        self._recorder.write_pulse_poses(self._attacher.flush())
+        self._recorder.commit()
+
+    def close(self) -> None:
+        """Complete the directory.
+
+        Raises
+        ------
+        RecordingError
+            The disk is full.
+        """
+        self._recorder.close()
+
+    def _copy(self, flight: Flight) -> None:
+        """Take over what the flight recorded beside pulses."""
+        for first in range(0, len(flight.poses), 1000):
+            self._recorder.write_poses(Poses(poses=flight.poses[first : first + 1000]))
+            self._recorder.commit()
+        for time_ns, text in flight.status_texts:
+            self._recorder.write_status_text(text, time_ns)
+        for time_ns, note in flight.notes:
+            self._recorder.write_note(note, time_ns)
+
+
+def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
+    """Give pulses the antenna's poses in the flight in which they were received.
+
+    Parameters
+    ----------
+    flight : Flight
+        With the vehicle's poses, and how the antenna sits on it.
+    pulses : sequence of Pulse
+        The pulses.
+
+    Returns
+    -------
+    tuple of PulsePose
+        In order of time and tag; without a pose outside of the flight.
+    """
+    settings = flight_settings(flight)
+    attacher = _attacher_of(flight, AntennaSettings() if settings is None else settings.antenna)
+    for pulse in pulses:
+        attacher.add(pulse, pulse.end_time_ns)
+    found = attacher.flush()
+    return tuple(sorted(found, key=lambda one: (one.pulse.start_time_ns, one.pulse.tag_id)))
+
+
+def _attacher_of(flight: Flight, antenna: AntennaSettings) -> PoseAttacher:
+    """Make what knows all poses of a flight: nothing arrives late, so nothing waits."""
+    ring = PoseRing(antenna, capacity=max(len(flight.poses), 1))
+    for pose in flight.poses:
+        ring.add_attitude(
+            AttitudeSample(time_ns=pose.time_ns, quaternion_wxyz=pose.quaternion_wxyz)
+        )
+        ring.add_position(
+            PositionSample(
+                time_ns=pose.time_ns,
+                latitude_deg=pose.latitude_deg,
+                longitude_deg=pose.longitude_deg,
+                altitude_amsl_m=pose.altitude_amsl_m,
+                altitude_relative_m=pose.altitude_relative_m,
+            )
+        )
+    return PoseAttacher(ring, wait_s=0.0)
+
+
+def _with_search(settings: Settings, searched: DetectionSettings) -> Settings:
+    """The flight's settings, but with the search as it was done now."""
+    detection = replace(
+        settings.detection,
+        frequency_window_hz=searched.frequency_window_hz,
+        operating_mode=searched.operating_mode,
+    )
+    return replace(settings, detection=detection)
+
+
+def flight_settings(flight: Flight) -> Settings | None:
+    """The flight's settings, for the antenna's place; None when it did not record them."""
+    if flight.settings_json is None:
+        return None
+    try:
+        settings = msgspec.json.decode(flight.settings_json, type=Settings)
+    except msgspec.ValidationError:
+        # Written by another version: the antenna is what matters here.
+        table = msgspec.json.decode(flight.settings_json).get("antenna", {})
+        known = AntennaSettings.__dataclass_fields__
+        antenna = {name: value for name, value in table.items() if name in known}
+        settings = replace(Settings(), antenna=msgspec.convert(antenna, AntennaSettings))
+    return settings

@@ -1,0 +1,121 @@
+"""Bearings and positions as lines and areas on the earth, for maps of all kinds."""
+
+import math
+from collections.abc import Sequence
+
+from uavrt.analysis.bearings import TagBearing
+from uavrt.analysis.positions import TagPosition
+from uavrt.localization import Position, TangentPlane, region_outlines
+from uavrt.units import wrap_degrees_360
+
+Point = tuple[float, float]
+"""Longitude, latitude [deg], as GeoJSON has it."""
+
+RAY_M = 1500.0
+"""A ray whose tag has no position is drawn that long."""
+REGION_SHARES = (50, 95)
+"""Of a position's regions, in percent."""
+_STEP_DEG = 5.0
+
+
+def ray_length_m(bearing: TagBearing, position: Position | None) -> float:
+    """How long to draw a bearing: a fifth beyond the tag's position, else `RAY_M`."""
+    if position is None:
+        return RAY_M
+    plane = _plane(bearing)
+    east, north = plane.to_local(position.latitude_deg, position.longitude_deg)
+    return max(100.0, 1.2 * math.hypot(float(east), float(north)))
+
+
+def ray(bearing: TagBearing, length_m: float) -> list[Point]:
+    """Line from where a bearing was taken."""
+    towards = (0.0, length_m)
+    return [_at(bearing, distance, bearing.bearing.bearing_deg) for distance in towards]
+
+
+def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
+    """Closed area of the 90 % interval, counter-clockwise; None when it is not known."""
+    if bearing.bearing.interval90_deg is None:
+        return None
+    low, high = bearing.bearing.interval90_deg
+    width = wrap_degrees_360(high - low)
+    steps = max(2, math.ceil(width / _STEP_DEG) + 1)
+    arc = [_at(bearing, length_m, high - width * step / (steps - 1)) for step in range(steps)]
+    start = _at(bearing, 0.0, 0.0)
+    return [start, *arc, start]
+
+
+def region95(position: Position) -> list[Point] | None:
+    """Closed area that holds the tag with 95 %, counter-clockwise; None when not known.
+
+    The ellipse when there is one, else the circle.
+    """
+    if position.ellipse95 is not None:
+        ellipse = position.ellipse95
+        long_m, short_m = ellipse.semi_major_m, ellipse.semi_minor_m
+        turned = math.radians(ellipse.orientation_deg)
+    elif position.radius95_m is not None:
+        long_m = short_m = position.radius95_m
+        turned = 0.0
+    else:
+        return None
+    plane = TangentPlane(
+        latitude_deg=position.latitude_deg, longitude_deg=position.longitude_deg
+    )
+    points = []
+    for step in range(73):
+        angle = -2.0 * math.pi * (step % 72) / 72.0
+        along, across = long_m * math.cos(angle), short_m * math.sin(angle)
+        north = along * math.cos(turned) - across * math.sin(turned)
+        east = along * math.sin(turned) + across * math.cos(turned)
+        points.append(_point(plane, east, north))
+    return points
+
+
+def way_of(position: Position | None) -> list[Point]:
+    """The path of a moving tag; empty for one that rests."""
+    track = () if position is None else position.track
+    return [(one.longitude_deg, one.latitude_deg) for one in track]
+
+
+def region_lines(found: TagPosition | None, share: int) -> list[list[Point]]:
+    """Outlines of the smallest region with some percent; cut at the 180° meridian."""
+    if found is None or found.position is None or found.position.grid is None:
+        return []
+    rings = region_outlines(found.position.grid, share / 100.0)
+    return [
+        part
+        for ring in rings
+        for part in split_at_date_line([(float(lon), float(lat)) for lon, lat in ring])
+    ]
+
+
+def split_at_date_line(points: Sequence[Point]) -> list[list[Point]]:
+    """Cut a line where it crosses the 180° meridian (RFC 7946 §3.1.9)."""
+    parts: list[list[Point]] = [[]]
+    for point in points:
+        if parts[-1]:
+            before = parts[-1][-1]
+            if abs(point[0] - before[0]) > 180.0:
+                side = math.copysign(180.0, before[0])
+                step = point[0] + 2 * side - before[0]
+                share = (side - before[0]) / step if step else 0.0
+                latitude = before[1] + share * (point[1] - before[1])
+                parts[-1].append((side, latitude))
+                parts.append([(-side, latitude)])
+        parts[-1].append(point)
+    return [part for part in parts if len(part) > 1] or [list(points)]
+
+
+def _plane(bearing: TagBearing) -> TangentPlane:
+    return TangentPlane(latitude_deg=bearing.latitude_deg, longitude_deg=bearing.longitude_deg)
+
+
+def _at(bearing: TagBearing, distance_m: float, direction_deg: float) -> Point:
+    angle = math.radians(direction_deg)
+    return _point(_plane(bearing), distance_m * math.sin(angle), distance_m * math.cos(angle))
+
+
+def _point(plane: TangentPlane, east_m: float, north_m: float) -> Point:
+    latitude, longitude = plane.to_geodetic(east_m, north_m)
+    return float(longitude), float(latitude)

@@ -1,0 +1,259 @@
+"""Bearings from the samples of a receiver on an antenna switch.
+
+The detector finds the pulses as ever; their samples are read again from the recording, whose
+metadata say which antenna each was received with. One pulse is enough for a bearing of a
+circle of antennas; those that were heard at one place go together.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.bearings import TagBearing
+from uavrt.errors import FormatError, UsageError
+from uavrt.localization import (
+    ArrayMethod,
+    Headings,
+    SwitchedPulse,
+    SwitchSchedule,
+    TangentPlane,
+    circle_steering,
+    measure_switched_pulse,
+    pair_steering,
+    switched_bearing,
+)
+from uavrt.localization.bearing import Steering
+from uavrt.messages import Pose, PulsePose
+from uavrt.radio import open_recording, sigmf_global
+
+SWITCH_KEY = "uavrt:antenna_switch"
+"""In the global part of the recording's metadata (docs/reference/formats.md)."""
+SPEED_OF_LIGHT_M_S = 299_792_458.0
+_EDGE = 0.1
+"""Of a pulse's width left out at each end: its start is known to 1 ms of 20."""
+_ONE_PLACE_M = 15.0
+_METHODS: dict[str, ArrayMethod] = {
+    "circle": "pseudo_doppler",
+    "pair": "two_point_phased",
+    "sum_difference": "two_point_phased",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwitchedArray:
+    """The antennas of a recording."""
+
+    kind: str
+    """``circle``, ``pair`` or ``sum_difference``."""
+    size_m: float
+    """Radius, or distance of the pair."""
+    schedule: SwitchSchedule
+
+    @property
+    def method(self) -> ArrayMethod:
+        """The estimator that they are for."""
+        return _METHODS[self.kind]
+
+    def steering(self, frequency_hz: float) -> Steering:
+        """What a wave from each direction gives."""
+        size = self.size_m * frequency_hz / SPEED_OF_LIGHT_M_S
+        if self.kind == "circle":
+            return circle_steering(self.schedule.positions, size)
+        return pair_steering(size, modes=self.kind == "sum_difference")
+
+
+def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
+    """Read from a SigMF recording which antennas it was received with.
+
+    Raises
+    ------
+    FormatError
+        It is no SigMF recording, or does not say so, or says something impossible.
+    """
+    entry = sigmf_global(Path(recording), SWITCH_KEY)
+    if not isinstance(entry, dict):
+        raise FormatError(
+            f"{os.fspath(recording)} does not say which antenna each sample came from",
+            remedy=f"Its metadata need {SWITCH_KEY!r}, see docs/reference/formats.md",
+        )
+    try:
+        return _array(entry)
+    except (KeyError, TypeError, ValueError, UsageError) as error:
+        raise FormatError(
+            f"{os.fspath(recording)} has a wrong {SWITCH_KEY!r}: {error}",
+            remedy="docs/reference/formats.md lists its keys",
+        ) from None
+
+
+def _array(entry: dict[str, Any]) -> SwitchedArray:
+    kind, size_m = str(entry["kind"]), float(entry["size_m"])
+    if kind not in _METHODS or not 0.0 < size_m < 100.0:
+        raise ValueError(f"kind {kind!r}, size_m {size_m:g}")
+    return SwitchedArray(
+        kind=kind,
+        size_m=size_m,
+        schedule=SwitchSchedule(
+            positions=int(entry["positions"]),
+            dwell_samples=int(entry["dwell_samples"]),
+            settle_samples=int(entry.get("settle_samples", 0)),
+            first_sample=int(entry.get("first_sample", 0)),
+        ),
+    )
+
+
+def switched_bearings(
+    recording: str | os.PathLike[str],
+    pulse_poses: Sequence[PulsePose],
+    *,
+    offset_deg: float = 0.0,
+) -> list[TagBearing]:
+    """One bearing for each tag and each place at which it was heard.
+
+    Parameters
+    ----------
+    recording : path
+        The SigMF recording that the pulses were found in.
+    pulse_poses : sequence of PulsePose
+        They, with the antenna's pose; those without one are passed over.
+    offset_deg : float
+        Antenna clockwise from the heading that the pulses carry.
+
+    Raises
+    ------
+    FormatError
+        The recording cannot be read or does not describe its antennas.
+    UsageError
+        No pulse has a pose, or none lies in the recording.
+    """
+    array = read_switched_array(recording)
+    placed = sorted(
+        (one for one in pulse_poses if one.pose is not None),
+        key=lambda one: one.pulse.start_time_ns,
+    )
+    if not placed:
+        raise UsageError(
+            "no pulse has a pose, so headings are unknown",
+            remedy="Attach the autopilot's log first: uavrt attach",
+        )
+    measured = list(_measured(Path(recording), array, placed))
+    if not measured:
+        raise UsageError(
+            "none of the pulses lies in the recording",
+            remedy="Name the recording that they were detected in",
+        )
+    bearings = []
+    for tag_id in sorted({one.pulse.tag_id for one, _ in measured}):
+        mine = [(one, what) for one, what in measured if one.pulse.tag_id == tag_id]
+        bearings += [_bearing(array, group, offset_deg) for group in _by_place(mine)]
+    return bearings
+
+
+_Measured = tuple[PulsePose, SwitchedPulse]
+
+
+def _measured(
+    recording: Path, array: SwitchedArray, placed: Sequence[PulsePose]
+) -> Iterator[_Measured]:
+    """Read the recording once, in order, and measure each pulse that lies whole in it."""
+    source = open_recording(recording)
+    try:
+        waiting = list(placed)
+        kept = np.empty(0, np.complex64)
+        first, start_ns, rate_hz = 0, source.start_time_ns, source.sample_rate_hz
+        while waiting:
+            try:
+                block = source.read()
+            except EOFError:
+                return
+            if block is None:
+                continue
+            if block.lost_before or not len(kept):
+                kept, first = np.empty(0, np.complex64), block.sample_index
+            kept = np.concatenate([kept, block.samples])
+            while waiting:
+                begin, end = _span(waiting[0], start_ns, rate_hz)
+                if end > first + len(kept):
+                    kept, first = kept[max(0, begin - first) :], max(first, begin)
+                    break
+                one = waiting.pop(0)
+                if begin < first:
+                    continue
+                frequency_hz = one.pulse.frequency_hz - source.center_frequency_hz
+                yield (
+                    one,
+                    measure_switched_pulse(
+                        kept[begin - first : end - first],
+                        array.schedule,
+                        first_sample=begin,
+                        frequency_hz=frequency_hz,
+                        sample_rate_hz=rate_hz,
+                    ),
+                )
+    finally:
+        source.close()
+
+
+def _span(one: PulsePose, start_ns: int, rate_hz: float) -> tuple[int, int]:
+    """First and last sample of a pulse without its edges."""
+    width_ns = one.pulse.end_time_ns - one.pulse.start_time_ns
+    edge_ns = _EDGE * width_ns
+    begin = (one.pulse.start_time_ns - start_ns + edge_ns) * 1e-9 * rate_hz
+    return round(begin), round(begin + (width_ns - 2.0 * edge_ns) * 1e-9 * rate_hz)
+
+
+def _by_place(measured: Sequence[_Measured]) -> Iterator[list[_Measured]]:
+    """Pulses in a row that were heard within some metres."""
+    group: list[_Measured] = []
+    plane: TangentPlane | None = None
+    for one in measured:
+        pose = _pose(one[0])
+        if plane is not None:
+            east, north = plane.to_local(pose.latitude_deg, pose.longitude_deg)
+            if np.hypot(east, north) > _ONE_PLACE_M:
+                yield group
+                group, plane = [], None
+        if plane is None:
+            plane = TangentPlane(
+                latitude_deg=pose.latitude_deg, longitude_deg=pose.longitude_deg
+            )
+        group.append(one)
+    if group:
+        yield group
+
+
+def _pose(one: PulsePose) -> Pose:
+    assert one.pose is not None
+    return one.pose
+
+
+def _bearing(array: SwitchedArray, group: Sequence[_Measured], offset_deg: float) -> TagBearing:
+    poses = [_pose(one) for one, _ in group]
+    pulses = [what for _, what in group]
+    yaw: NDArray[np.float64] = Headings.from_quaternions(
+        [pose.quaternion_wxyz for pose in poses]
+    ).yaw_deg
+    bearing = switched_bearing(
+        np.stack([one.amplitudes for one in pulses]),
+        np.stack([one.counts for one in pulses]),
+        yaw + offset_deg,
+        array.steering(group[0][0].pulse.frequency_hz),
+        noise_power=np.array([one.noise_power for one in pulses]),
+        method=array.method,
+    )
+    first_ns = min(one.pulse.start_time_ns for one, _ in group)
+    last_ns = max(one.pulse.start_time_ns for one, _ in group)
+    return TagBearing(
+        tag_id=group[0][0].pulse.tag_id,
+        bearing=bearing,
+        latitude_deg=float(np.median([pose.latitude_deg for pose in poses])),
+        longitude_deg=float(np.median([pose.longitude_deg for pose in poses])),
+        altitude_amsl_m=float(np.median([pose.altitude_amsl_m for pose in poses])),
+        start_time_ns=first_ns,
+        middle_time_ns=(first_ns + last_ns) // 2,
+        end_time_ns=max(one.pulse.end_time_ns for one, _ in group),
+    )

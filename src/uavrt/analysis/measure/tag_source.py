@@ -1,0 +1,70 @@
+"""Read tags from any file that describes them, with the extra facts that the file holds."""
+
+import os
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from uavrt.config import read_tags
+from uavrt.detection import OperatingMode
+from uavrt.errors import FormatError
+from uavrt.messages import Tag
+from uavrt.recording import read_detector_config
+
+_KEYS_OF_ITS_OWN = re.compile(rb"(?:^|[\r\n])[ \t]*(?:tagFreqMHz|channelCenterFreqMHz)[ \t]*:")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagSource:
+    """What to look for, and how."""
+
+    tags: tuple[Tag, ...]
+    operating_modes: dict[int, OperatingMode] = field(default_factory=dict)
+    """For each tag's number; a tag without one is searched with the soft lock."""
+    excluded_hz: tuple[tuple[float, float], ...] = ()
+    """Absolute stretches in which nothing is reported."""
+    sample_rate_hz: float | None = None
+    """Rate of the tag's channel, where the file says it."""
+    center_frequency_hz: float | None = None
+    """Centre of the tag's channel, where the file says it."""
+
+
+def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
+    """Read TagInfo.txt, tags.toml, or the original's detectorConfig.txt.
+
+    Raises
+    ------
+    TagFileError, ConfigError
+        A tag file has faults, or cannot be read.
+    FormatError
+        A detectorConfig.txt has faults, or names no operating mode that exists.
+    """
+    if not _is_detector_config(Path(path)):
+        return TagSource(tags=read_tags(path))
+    config = read_detector_config(path)
+    try:
+        mode = OperatingMode(config.operating_mode)
+    except ValueError:
+        raise FormatError(
+            f"{os.fspath(path)}: opMode {config.operating_mode!r} is unknown",
+            remedy=f"Write {', '.join(OperatingMode)}",
+        ) from None
+    center_hz = config.channel_center_frequency_hz
+    return TagSource(
+        tags=(config.tag,),
+        operating_modes={config.tag.tag_id: mode},
+        excluded_hz=tuple(
+            (low + center_hz, high + center_hz) for low, high in config.excluded_hz
+        ),
+        sample_rate_hz=config.sample_rate_hz,
+        center_frequency_hz=center_hz,
+    )
+
+
+def _is_detector_config(path: Path) -> bool:
+    """Recognize the file by keys that no other tag file has; an unreadable file is none."""
+    try:
+        with path.open("rb") as file:
+            return _KEYS_OF_ITS_OWN.search(file.read(65_536)) is not None
+    except OSError:
+        return False

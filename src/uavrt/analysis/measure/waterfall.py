@@ -1,0 +1,170 @@
+"""A spectrogram to look at, for a recording of any length, in fixed memory.
+
+A column holds the *largest* power of its stretch of time: an average over seconds would drown
+a pulse of 20 ms. When the columns run out, pairs are joined, so that in the end there are half
+to all of them.
+
+In an hour a column is 3.5 s and a pulse 20 ms: a mean would show the pulse 22 dB weaker. The
+noise looks brighter the longer a column is, so the scale begins at the median of the cells: the
+picture shows what stands out, not absolute levels.
+"""
+
+from typing import Final
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from uavrt.messages import ChannelBlock
+
+COLUMNS: Final = 1024
+"""About as many as a picture has pixels across; no pulse falls between two of them."""
+TRACE_POINTS: Final = 1 << 21
+"""Longest trace: 5.8 h at a pulse of 20 ms before pairs are joined; 8 MiB."""
+
+
+class MaximumHold:
+    """The maxima of a row of values, ever coarser as it grows.
+
+    Parameters
+    ----------
+    rows : int
+        Values at each instant.
+    columns : int
+        How many instants, or stretches of instants, are kept; even.
+    """
+
+    def __init__(self, rows: int, columns: int) -> None:
+        self._values = np.zeros((columns, rows), dtype=np.float32)
+        self.frames_per_column = 1
+        self._end = 0
+
+    @property
+    def values(self) -> NDArray[np.float32]:
+        """(columns in use, rows) float32; zero where there were no samples."""
+        return self._values[: -(-self._end // self.frames_per_column)]
+
+    def put(self, first: int, frames: NDArray[np.float32]) -> None:
+        """Add consecutive frames.
+
+        Parameters
+        ----------
+        first : int
+            Number of the first; frames that never come stay zero.
+        frames : (n, rows) float32 array
+        """
+        if not len(frames):
+            return
+        self._end = max(self._end, first + len(frames))
+        while self._end > self.frames_per_column * len(self._values):
+            half = np.maximum(self._values[::2], self._values[1::2])
+            self._values[: len(half)] = half
+            self._values[len(half) :] = 0.0
+            self.frames_per_column *= 2
+        column = (first + np.arange(len(frames))) // self.frames_per_column
+        np.maximum.at(self._values, column, frames)
+
+
+class Waterfall:
+    """Spectrogram about one tag's frequency, and the strongest level at each instant.
+
+    Parameters
+    ----------
+    offset_hz : float
+        The tag's frequency relative to the channel's centre.
+    half_width_hz : float
+        What to show on either side of it, as far as the channel goes.
+    sample_rate_hz : float
+        Of the channel.
+    pulse_width_s : float
+        Sets the window: one and a half pulses of a Hann window see all of a pulse.
+    """
+
+    def __init__(
+        self,
+        *,
+        offset_hz: float,
+        half_width_hz: float,
+        sample_rate_hz: float,
+        pulse_width_s: float,
+    ) -> None:
+        self._rate_hz = sample_rate_hz
+        length = max(8, round(1.5 * pulse_width_s * sample_rate_hz))
+        self._hop = max(1, round(0.5 * pulse_width_s * sample_rate_hz))
+        self._window = (np.hanning(length + 2)[1:-1]).astype(np.float32)
+        # White noise of power density N gives each bin the power N.
+        self._window /= np.sqrt((self._window**2).sum() * sample_rate_hz)
+        self._size = int(scipy.fft.next_fast_len(2 * length))
+        half_width_hz = min(half_width_hz, sample_rate_hz / 2)
+        frequencies = scipy.fft.fftfreq(self._size, 1.0 / sample_rate_hz)
+        inside = np.flatnonzero(np.abs(frequencies - offset_hz) <= half_width_hz)
+        self._bins = inside[np.argsort(frequencies[inside])]
+        self.frequencies_hz: NDArray[np.float64] = frequencies[self._bins] - offset_hz
+        """(rows,) relative to the tag's frequency, ascending [Hz]."""
+        self._hold = MaximumHold(self._bins.size, COLUMNS)
+        self._trace = MaximumHold(1, TRACE_POINTS)
+        self._tail = np.zeros(0, np.complex64)
+        self._first_index: int | None = None
+        self._next_index = 0
+        self._frame = 0
+        self.start_time_ns = 0
+        """Time of the left edge [ns, UTC]."""
+
+    def add(self, block: ChannelBlock) -> None:
+        """Take the channel's next block."""
+        if self._first_index is None:
+            self._first_index = block.sample_index
+            self.start_time_ns = block.time_ns
+        elif block.sample_index != self._next_index:
+            # After a gap the frames begin anew, on their old grid.
+            since = block.sample_index - self._first_index
+            self._frame = max(self._frame, -(-since // self._hop))
+            self._tail = self._tail[:0]
+            skip = self._frame * self._hop - since
+            if skip > 0:
+                block_samples = block.samples[skip:]
+                self._next_index = block.sample_index + len(block.samples)
+                self._take(block_samples)
+                return
+        self._next_index = block.sample_index + len(block.samples)
+        self._take(block.samples)
+
+    @property
+    def column_s(self) -> float:
+        """Width of a column [s]."""
+        return self._hold.frames_per_column * self._hop / self._rate_hz
+
+    @property
+    def power(self) -> NDArray[np.float32]:
+        """(columns, rows) largest power density in each cell; 0 where samples are missing."""
+        return self._hold.values
+
+    @property
+    def trace(self) -> NDArray[np.float32]:
+        """(points,) largest power density of all rows; 0 where samples are missing."""
+        return self._trace.values[:, 0]
+
+    @property
+    def trace_s(self) -> float:
+        """Distance of the points of `trace` [s]."""
+        return self._trace.frames_per_column * self._hop / self._rate_hz
+
+    @property
+    def frame_center_s(self) -> float:
+        """Time from the start of a frame's samples to their middle [s]."""
+        return self._window.size / 2 / self._rate_hz
+
+    def _take(self, samples: NDArray[np.complex64]) -> None:
+        data = np.concatenate((self._tail, samples))
+        length, hop = self._window.size, self._hop
+        frames = (data.size - length) // hop + 1 if data.size >= length else 0
+        # Blocks of any size in bounded memory.
+        for first in range(0, frames, 256):
+            count = min(256, frames - first)
+            at = (first + np.arange(count)[:, None]) * hop + np.arange(length)
+            spectrum = scipy.fft.fft(data[at] * self._window, self._size, axis=1)
+            power = np.abs(spectrum[:, self._bins]).astype(np.float32) ** 2
+            self._hold.put(self._frame, power)
+            self._trace.put(self._frame, power.max(axis=1, keepdims=True))
+            self._frame += count
+        self._tail = data[frames * hop :].copy()

@@ -1,0 +1,153 @@
+"""What a drone did that searched by itself: its way, what it found when, what is unknown."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from operator import attrgetter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from uavrt.analysis.report.maps import LocalMap, draw_track, finish_legend
+from uavrt.analysis.report.style import SOFT, tag_color
+from uavrt.analysis.report.words import Table, clock, title_of
+from uavrt.analysis.survey import Survey
+from uavrt.messages import SearchNote, SoughtTag
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
+
+CAPTION = (
+    "The search. Dotted: its area; grey: the flight; small dots: where it decided. Stars: what "
+    "it found, with the circle that held the tag with 95 %. Squares: where a tag that was not "
+    "found most probably is, the darker the likelier."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlownSearch:
+    """The notes of one search, in order of time."""
+
+    notes: tuple[SearchNote, ...]
+
+    @property
+    def begun(self) -> SearchNote:
+        """The first."""
+        return self.notes[0]
+
+    @property
+    def last(self) -> SearchNote:
+        """The end, or what was known when the recording broke off."""
+        return self.notes[-1]
+
+    @property
+    def decisions(self) -> list[SearchNote]:
+        """Those in which it decided."""
+        return [note for note in self.notes if note.event == "decision"]
+
+    @property
+    def unknown(self) -> list[SoughtTag]:
+        """Tags that it has not found."""
+        return [one for one in self.last.tags if one.found_s is None]
+
+
+def searches_of(survey: Survey) -> Iterator[FlownSearch]:
+    """All searches of a flight."""
+    notes = sorted(survey.search_notes, key=attrgetter("order_id"))
+    groups = [tuple(own) for _, own in groupby(notes, key=attrgetter("order_id"))]
+    for own in sorted(groups, key=lambda one: one[0].time_ns):
+        yield FlownSearch(notes=own)
+
+
+def account(survey: Survey, search: FlownSearch) -> list[str]:
+    """Tell in sentences what was asked, how it ended, what is still unknown and where."""
+    begun, last = search.begun, search.last
+    minutes = last.elapsed_s / 60.0
+    found = len(last.tags) - len(search.unknown)
+    ended = last.reason if last.event == "ended" else "the recording breaks off"
+    each = f", {minutes / found:.1f} minutes for each animal" if found else ""
+    told = [
+        f"{clock(begun.time_ns)} UTC: {begun.text}. Planner {begun.reason}.",
+        f"{clock(last.time_ns)} UTC: {ended}. {found} of {len(last.tags)} found in "
+        f"{minutes:.1f} minutes{each}; {len(search.decisions)} decisions.",
+    ]
+    return told + [_unknown(survey, one) for one in search.unknown]
+
+
+def _unknown(survey: Survey, one: SoughtTag) -> str:
+    """Where a tag that was not found may be."""
+    there = f"Tag {title_of(survey, one.tag_id)} was not found: heard {one.pulses} times, "
+    there += f"{one.missed} times not; it is there and beeps with {100 * one.existence:.0f} %."
+    if not one.likely:
+        return there
+    squares = ", ".join(
+        f"{latitude:.5f}, {longitude:.5f} ({100 * share:.0f} %)"
+        for latitude, longitude, share in one.likely[:3]
+    )
+    return f"{there} If so, most probably around {squares}."
+
+
+def found_table(survey: Survey, search: FlownSearch) -> Table:
+    """Each tag that was sought, with the minutes it took."""
+    header = ["Tag", "Found", "Place", "95 % within", "There", "Heard / not"]
+    rows = []
+    for one in search.last.tags:
+        minutes = None if one.found_s is None else one.found_s / 60.0
+        rows.append(
+            [
+                title_of(survey, one.tag_id),
+                "no" if minutes is None else f"after {minutes:.1f} min",
+                f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f}",
+                f"{one.radius95_m:.0f} m",
+                f"{100 * one.existence:.0f} %",
+                f"{one.pulses} / {one.missed}",
+            ]
+        )
+    return header, rows
+
+
+def decision_table(search: FlownSearch) -> Table:
+    """Each decision and what was found, with the reason."""
+    rows = [
+        [clock(note.time_ns), note.text, note.reason]
+        for note in search.notes
+        if note.event in ("decision", "found")
+    ]
+    return ["Time", "Decision", "Reason"], rows
+
+
+def draw_search(target: "FigureBase", survey: Survey, search: FlownSearch) -> None:
+    """Draw area, way, decisions, what was found and what is unknown."""
+    axes = target.subplots()
+    corners = [(longitude, latitude) for latitude, longitude in search.begun.area]
+    chart = LocalMap(axes, survey, (), also=corners)
+    if corners:
+        x, y = chart.line([*corners, corners[0]])
+        axes.plot(x, y, color=SOFT, lw=1.0, ls=":", zorder=2, label="area")
+    draw_track(chart, survey)
+    x, y = chart.line((note.longitude_deg, note.latitude_deg) for note in search.notes)
+    axes.plot(x, y, ".", color=SOFT, ms=4, zorder=3)
+    for one in search.last.tags:
+        color = tag_color(survey.tag_ids, one.tag_id)
+        (_draw_unknown if one.found_s is None else _draw_found)(chart, survey, one, color)
+    finish_legend(axes)
+
+
+def _draw_found(chart: LocalMap, survey: Survey, one: SoughtTag, color: str) -> None:
+    (x,), (y,) = chart.line([(one.longitude_deg, one.latitude_deg)])
+    angle = np.linspace(0.0, 2.0 * np.pi, 61)
+    circle = x + one.radius95_m * np.cos(angle), y + one.radius95_m * np.sin(angle)
+    chart.axes.plot(*circle, color=color, lw=1.3, zorder=5)
+    name = f"{survey.label(one.tag_id)}, found"
+    chart.axes.plot([x], [y], "*", color=color, ms=13, mec="white", zorder=6, label=name)
+
+
+def _draw_unknown(chart: LocalMap, survey: Survey, one: SoughtTag, color: str) -> None:
+    if not one.likely:
+        return
+    most = max(share for *_, share in one.likely)
+    for number, (latitude, longitude, share) in enumerate(one.likely):
+        (x,), (y,) = chart.line([(longitude, latitude)])
+        name = f"{survey.label(one.tag_id)}, perhaps" if number == 0 else None
+        alpha = 0.6 * share / most
+        chart.axes.plot([x], [y], "s", color=color, ms=9, alpha=alpha, zorder=3, label=name)

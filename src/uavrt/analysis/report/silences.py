@@ -1,0 +1,70 @@
+"""Maps of where tags would have been heard, from dark blue (not) to yellow (surely)."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from uavrt.analysis.export import chance
+from uavrt.analysis.report.maps import LocalMap, draw_track
+from uavrt.analysis.report.style import SOFT
+from uavrt.analysis.silence import SilentMap
+from uavrt.analysis.survey import Survey
+
+if TYPE_CHECKING:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import FigureBase
+
+CAPTION = (
+    "With which probability a tag at each place would have been heard in this flight: dark "
+    "blue: not, blue-green: half, yellow: surely; clear: not known. Grey: the flight."
+)
+
+
+def account(survey: Survey, one: SilentMap) -> list[str]:
+    """What a map says, in words."""
+    found = one.coverage
+    if one.heard_pulses:
+        silent = f"It was heard ({one.heard_pulses} confirmed pulses)."
+    elif one.in_hindsight:
+        silent = "It was heard over the whole flight, below what single groups show."
+    else:
+        silent = "It was not: where the map is yellow it probably is not, if it beeps."
+    how = "found over the whole flight" if found.whole_flight else "heard"
+    return [
+        f"{survey.label(one.tag_id).capitalize()}, taken to radiate "
+        f"{one.tag_power_dbm:g} dBm (± 3 dB), would have been {how} with "
+        f"{100.0 * found.mean:.0f} % on average, and with 90 % or more on "
+        f"{100.0 * found.share_above(0.9):.0f} % of the map. {silent}",
+        f"The drone's noise: {one.noise}.",
+        *(f"{text[:1].upper()}{text[1:]}." for text in found.limitations),
+    ]
+
+
+def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
+    """Draw the map under the flight's way."""
+    axes, ground = target.subplots(), one.coverage.ground
+    half = 0.5 * ground.cell_m
+    west, east = ground.east_m[0] - half, ground.east_m[-1] + half
+    south, north = ground.north_m[0] - half, ground.north_m[-1] + half
+    latitude, longitude = ground.plane.to_geodetic([west, east], [south, north])
+    corners = list(zip(longitude.tolist(), latitude.tolist(), strict=True))
+    chart = LocalMap(axes, survey, (), also=corners, margin=1.0)
+    x, y = chart.line(corners)
+    axes.imshow(
+        chance(one.coverage.heard[::-1]),
+        extent=(float(x[0]), float(x[1]), float(y[0]), float(y[1])),
+        interpolation="nearest",
+        zorder=0.5,
+    )
+    draw_track(chart, survey)
+    bar = target.colorbar(_scale(), ax=axes, shrink=0.7, pad=0.02)
+    bar.set_label("probability that a tag there would have been heard", color=SOFT)
+
+
+def _scale() -> "ScalarMappable":
+    """The map's colors from 0 to 1."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+
+    colors = chance(np.linspace(0.0, 1.0, 256, dtype=np.float32)[np.newaxis])[0] / 255.0
+    return ScalarMappable(Normalize(0.0, 1.0), ListedColormap(colors))

@@ -1,0 +1,299 @@
+"""Several flights of one tag judged together: the engine of ``uavrt integrate`` with several.
+
+Half of the false-alarm probability is for what all flights show together, the other half for
+what each shows alone, in equal parts. A tag that rests has one place in all flights.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.whole_flight import IntegratedTag, antenna_poses, hills_under
+from uavrt.errors import ConfigError, UsageError
+from uavrt.integration import (
+    FoldedTrain,
+    HeardTrain,
+    JointTrain,
+    Listened,
+    PlaceBelief,
+    Places,
+    common_gains,
+    distinct,
+    place_belief,
+    places_around,
+    pulse_weights,
+    search_together,
+    told_share,
+    train_pulses,
+)
+from uavrt.localization import AntennaPattern
+from uavrt.messages import Tag
+from uavrt.recording import Flight
+from uavrt.tangent_plane import plane_around
+from uavrt.terrain import Elevation
+
+_Floats = NDArray[np.float64]
+MOST_APART_M = 2000.0
+"""From the middle of one flight to that of all: places are laid around the latter."""
+_TOGETHER = 0.5
+"""Of the false alarms, for the decision on all flights together."""
+_TOLD = 0.9
+"""Least probability that a flight's train is the tag's, for its pulses to be told."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TagOfFlights:
+    """What several flights say of one tag."""
+
+    tag: Tag
+    false_alarm_probability: float
+    """Of both decisions: that noise alone shows as much together, or in any flight alone."""
+    found: bool
+    together: bool
+    """Whether it is found by all flights together, and not only in one alone."""
+    names: tuple[str, ...]
+    """Of the flights."""
+    alone: tuple[float, ...]
+    """Chance of each, by itself."""
+    place: PlaceBelief | None
+    """None when it was not found, or moves."""
+    flights: tuple[IntegratedTag, ...]
+    """With the pulses of each flight that tells them, and the common place."""
+
+
+def share_alone(false_alarm_probability: float, flights: int) -> float:
+    """False-alarm probability with which each of several flights is judged by itself."""
+    return false_alarm_probability * (1.0 - _TOGETHER) / flights
+
+
+def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) -> list[Tag]:
+    """Tags that all flights list, by their ids; `listed` are taken for all where given.
+
+    Raises
+    ------
+    UsageError
+        They list none in common, one tag differently, or the same flight is named twice.
+    """
+    for before, after in pairwise(sorted(flights, key=lambda one: one.info.start_time_ns)):
+        if before.info.start_time_ns == after.info.start_time_ns:
+            raise UsageError(
+                f"{before.info.directory} and {after.info.directory} are the same flight",
+                remedy="Name each flight once: its noise would count twice",
+            )
+    if listed is not None:
+        return list(listed)
+    own = [{tag.tag_id: tag for tag in one.info.tags} for one in flights]
+    ids = sorted(set(own[0]).intersection(*own[1:]))
+    if not ids:
+        raise UsageError(
+            "these flights list no tag in common", remedy="Name the tag file with --tags"
+        )
+    for tag_id in ids:
+        first = own[0][tag_id]
+        for flight, tags in zip(flights[1:], own[1:], strict=True):
+            if _nature(tags[tag_id]) != _nature(first):
+                raise UsageError(
+                    f"tag {tag_id} is another one in {flight.info.directory} than in "
+                    f"{flights[0].info.directory}: frequency, pulse width or intervals differ",
+                    remedy="Name the tag file that holds for all with --tags",
+                )
+    return [own[0][tag_id] for tag_id in ids]
+
+
+def _nature(tag: Tag) -> tuple[float, float, tuple[float, ...]]:
+    return tag.frequency_hz, tag.pulse_width_s, tag.pulse_intervals_s
+
+
+def judge_together(
+    flights: Sequence[Flight],
+    judged: Sequence[IntegratedTag],
+    pattern: AntennaPattern,
+    *,
+    false_alarm_probability: float = 0.01,
+    moves: bool = False,
+    elevation: Elevation | None = None,
+) -> TagOfFlights:
+    """Judge several flights of one tag together.
+
+    Parameters
+    ----------
+    flights : sequence of Flight
+        Two or more.
+    judged : sequence of IntegratedTag
+        The tag in each, judged at `share_alone`.
+    pattern : AntennaPattern
+    false_alarm_probability : float
+        For all flights and the tag.
+    moves : bool
+        The tag may be elsewhere in each flight.
+    elevation : Elevation, optional
+        As for each flight.
+
+    Raises
+    ------
+    ConfigError
+        There are fewer than two flights.
+    UsageError
+        The flights are too far apart for one place.
+    """
+    if len(flights) < 2:
+        raise ConfigError("there is one flight", remedy="Name two or more to judge together")
+    views = _views(flights, judged, pattern, elevation, moves=moves)
+    joint = search_together([one.listened for one in views], judged[0].tag, moves=moves)
+    alone = tuple(one.train.false_alarm_probability for one in judged)
+    by_all = joint.false_alarm_probability / _TOGETHER
+    chance = min(1.0, by_all, min(alone) / share_alone(1.0, len(judged)))
+    together = by_all <= false_alarm_probability
+    heard = [one.heard(joint, number) for number, one in enumerate(views)]
+    telling = [number for number, one in enumerate(judged) if one.found or together]
+    common = None
+    if telling and not moves:
+        common = place_belief([heard[number] for number in telling])
+    told = [
+        view.told(one, joint.trains[number], common, chance, len(views))
+        if number in telling
+        else view.silent(one, joint.trains[number], chance, len(views))
+        for number, (view, one) in enumerate(zip(views, heard, strict=True))
+    ]
+    return TagOfFlights(
+        tag=judged[0].tag,
+        false_alarm_probability=chance,
+        found=chance <= false_alarm_probability,
+        together=together,
+        names=tuple(Path(one.info.directory).resolve().name for one in flights),
+        alone=alone,
+        place=common,
+        flights=tuple(told),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _View:
+    """One of the flights, and the places looked at."""
+
+    judged: IntegratedTag
+    places: Places
+    gain: _Floats
+    """(places, times) on the scale of the search."""
+    chosen: NDArray[np.intp]
+    """Rows of it that stand for all."""
+
+    @property
+    def listened(self) -> Listened:
+        """For the search."""
+        return Listened(
+            energies=self.judged.energies,
+            gain=self.gain[self.chosen],
+            time_s=self.places.time_s,
+        )
+
+    def heard(self, joint: JointTrain, number: int) -> HeardTrain:
+        """Its own train where it was found alone, else that of all flights."""
+        one, train = self.judged, joint.trains[number]
+        if one.found:
+            return HeardTrain.among(one.energies, one.pulses, self.places)
+        gain = self.gain[self.chosen[train.place]]
+        pulses = train_pulses(one.energies, train, gain, self.places.time_s)
+        trains = joint.log_trains[number]
+        return HeardTrain.among(one.energies, pulses, self.places, trains)
+
+    def told(
+        self,
+        heard: HeardTrain,
+        train: FoldedTrain,
+        common: PlaceBelief | None,
+        chance: float,
+        flights: int,
+    ) -> IntegratedTag:
+        """What the flight says of a tag that was found: its pulses, where they are its own."""
+        if common is None:
+            place = place_belief([replace(heard, log_trains=None)])
+            odds = place.log_evidence - (heard.log_trains or 0.0)
+            sure = heard.log_trains is None or odds >= math.log(_TOLD / (1.0 - _TOLD))
+        else:
+            place, sure = common, told_share(heard, self.gain, common) >= _TOLD
+        silent = self.silent(heard, train, chance, flights)
+        return replace(silent, found=sure, place=place if sure else None)
+
+    def silent(
+        self, heard: HeardTrain, train: FoldedTrain, chance: float, flights: int
+    ) -> IntegratedTag:
+        """What the flight says where nothing was found."""
+        one = self.judged
+        kept = one.train if one.found else train
+        return replace(
+            one,
+            found=False,
+            flights=flights,
+            train=replace(kept, false_alarm_probability=chance),
+            pulses=heard.pulses,
+            places=self.places,
+            searched_place=int(self.chosen[train.place]),
+        )
+
+
+def _views(
+    flights: Sequence[Flight],
+    judged: Sequence[IntegratedTag],
+    pattern: AntennaPattern,
+    elevation: Elevation | None,
+    *,
+    moves: bool,
+) -> list[_View]:
+    if moves:
+        return [
+            _View(
+                judged=one,
+                places=one.places,
+                gain=one.places.gain,
+                chosen=distinct(pulse_weights(one.places.gain)),
+            )
+            for one in judged
+        ]
+    places = _common_places(flights, judged, pattern, elevation)
+    gains = common_gains(places)
+    chosen = distinct(np.concatenate([pulse_weights(gain) for gain in gains], axis=1))
+    return [
+        _View(judged=one, places=own, gain=gain, chosen=chosen)
+        for one, own, gain in zip(judged, places, gains, strict=True)
+    ]
+
+
+def _common_places(
+    flights: Sequence[Flight],
+    judged: Sequence[IntegratedTag],
+    pattern: AntennaPattern,
+    elevation: Elevation | None,
+) -> list[Places]:
+    """The same places around the middle of all flights."""
+    middles = [one.places.plane for one in judged]
+    latitude = np.array([one.latitude_deg for one in middles])
+    longitude = np.array([one.longitude_deg for one in middles])
+    plane = plane_around(latitude, longitude)
+    away_m = np.hypot(*plane.to_local(latitude, longitude))
+    if away_m.max() > MOST_APART_M:
+        farthest = flights[int(np.argmax(away_m))].info.directory
+        raise UsageError(
+            f"{farthest} lies {away_m.max() / 1000:.1f} km from the middle of all flights: too "
+            f"far for one place (at most {MOST_APART_M / 1000:g} km)",
+            remedy="Judge near ones together, or give --moves: each has its own place then",
+        )
+    found = []
+    for flight, one in zip(flights, judged, strict=True):
+        hills = hills_under(flight, elevation)
+        found.append(
+            places_around(
+                antenna_poses(flight),
+                pattern,
+                start_ns=one.energies.start_ns,
+                end_ns=one.energies.end_ns,
+                hills=None if hills is None else hills.at(one.tag.frequency_hz),
+                plane=plane,
+            )
+        )
+    return found

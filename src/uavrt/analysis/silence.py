@@ -1,0 +1,192 @@
+"""Where a flight would have heard a tag: one map for page, report and ``uavrt coverage``.
+
+Of a tag that ``uavrt integrate`` looked for in vain it is the map of what judging the whole
+flight would have found; of others that of single groups of pulses.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from uavrt.analysis.coverage import (
+    MapArea,
+    MapSize,
+    flight_coverage,
+    flight_plane,
+    map_around,
+)
+from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
+from uavrt.errors import RecordingError, UsageError
+from uavrt.localization import AntennaPattern
+from uavrt.messages import Tag
+from uavrt.planning import Coverage, LinkBudget
+from uavrt.recording import Flight, IntegratedVerdict, read_integrated
+from uavrt.terrain import Elevation
+
+LEVEL_SIGMA_DB = 3.0
+_MARGIN_M = 2000.0
+_FINEST_M = 20.0
+_CELLS = 120
+"""Along the longer side: a flight of twenty minutes takes some seconds."""
+_NOT_JUDGED = (
+    "nobody has looked for it over the whole flight yet (uavrt integrate), which hears weaker "
+    "tags"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SilentMap:
+    """With which probability a tag at each place would have been heard."""
+
+    tag_id: int
+    tag_power_dbm: float
+    coverage: Coverage
+    heard_pulses: int
+    """Confirmed ones of this tag."""
+    in_hindsight: bool
+    """Whether the whole flight showed it."""
+    noise: str
+    """What is known of the drone's, in words."""
+
+    @property
+    def heard(self) -> bool:
+        """Whether it was heard at all: then silence tells nothing."""
+        return self.heard_pulses > 0 or self.in_hindsight
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ListenedFlight:
+    """A flight, the ground around it, and its noise."""
+
+    flight: Flight
+    area: MapArea
+    noise: FlightNoise | None
+    noise_said: str
+    verdicts: tuple[IntegratedVerdict, ...]
+
+    @classmethod
+    def read(
+        cls,
+        directory: Path,
+        flight: Flight,
+        elevation: Elevation | None,
+        size: MapSize | None = None,
+    ) -> "ListenedFlight":
+        """Lay a map around a flight, by default of 120 cells, and read its noise.
+
+        Raises
+        ------
+        RecordingError
+            It has no poses.
+        FormatError
+            A file of heights, or of what was integrated, is damaged.
+        UsageError
+            The map would be too large.
+        """
+        plane, east, north = flight_plane(flight)
+        if size is None:
+            extent = max(float(np.ptp(east)), float(np.ptp(north))) + 2.0 * _MARGIN_M
+            size = MapSize(margin_m=_MARGIN_M, cell_m=max(_FINEST_M, round(extent / _CELLS)))
+        try:
+            noise = flight_noise_of(directory, flight)
+            said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
+        except RecordingError as error:
+            noise, said = None, f"not known: {error.message}"
+        return cls(
+            flight=flight,
+            area=map_around(plane, east, north, elevation, size),
+            noise=noise,
+            noise_said=said,
+            verdicts=read_integrated(directory)[0],
+        )
+
+    def silent_map(
+        self,
+        tag: Tag,
+        budget: LinkBudget,
+        *,
+        pattern: AntennaPattern | None,
+        level_sigma_db: float = LEVEL_SIGMA_DB,
+        on_pulse: Callable[[int, int], None] | None = None,
+    ) -> SilentMap:
+        """Map where a tag would have been heard; raises `UsageError` of too long a flight."""
+        verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
+        coverage = flight_coverage(
+            self.area,
+            self.flight,
+            tag,
+            budget,
+            noise=self.noise,
+            pattern=pattern,
+            level_sigma_db=level_sigma_db,
+            whole_flight=verdict is not None and not verdict.found,
+            on_pulse=on_pulse,
+        )
+        if verdict is None:
+            coverage = replace(coverage, limitations=(*coverage.limitations, _NOT_JUDGED))
+        return SilentMap(
+            tag_id=tag.tag_id,
+            tag_power_dbm=budget.tag_eirp_dbm,
+            coverage=coverage,
+            heard_pulses=sum(
+                one.pulse.tag_id == tag.tag_id and one.pulse.confirmed
+                for one in self.flight.pulse_poses
+            ),
+            in_hindsight=verdict is not None and verdict.found,
+            noise=self.noise_said,
+        )
+
+
+def silent_map(
+    directory: Path,
+    flight: Flight,
+    tag_id: int,
+    tag_power_dbm: float,
+    *,
+    elevation: Elevation | None,
+    pattern: AntennaPattern | None,
+    on_pulse: Callable[[int, int], None] | None = None,
+) -> SilentMap:
+    """Map where a flight would have heard a tag, with the budget of `uavrt coverage`.
+
+    Parameters
+    ----------
+    directory : Path
+        Of the flight, where its noise and what was integrated are read.
+    flight : Flight
+    tag_id : int
+        Listed in it.
+    tag_power_dbm : float
+        That it radiates.
+    elevation : Elevation, optional
+        None takes the ground for level.
+    pattern : AntennaPattern, optional
+        None hears alike on all sides.
+    on_pulse : callable, optional
+        Takes how many pulses are done, and of how many.
+
+    Raises
+    ------
+    UsageError
+        The flight does not list the tag, or is too long.
+    RecordingError
+        It has no poses.
+    FormatError
+        A file of heights, or of what was integrated, is damaged.
+    """
+    tag = next((one for one in flight.info.tags if one.tag_id == tag_id), None)
+    if tag is None:
+        listed = ", ".join(str(one.tag_id) for one in flight.info.tags) or "none"
+        raise UsageError(
+            f"tag {tag_id} was not listed in this flight", remedy=f"Choose from {listed}"
+        )
+    budget = LinkBudget(
+        frequency_hz=tag.frequency_hz,
+        pulse_width_s=tag.pulse_width_s,
+        tag_eirp_dbm=tag_power_dbm,
+        drone_height_m=60.0,
+    )
+    listened = ListenedFlight.read(directory, flight, elevation)
+    return listened.silent_map(tag, budget, pattern=pattern, on_pulse=on_pulse)

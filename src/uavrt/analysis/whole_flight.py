@@ -1,0 +1,297 @@
+"""Judge whole flights from recorded samples: the engine of ``uavrt integrate``.
+
+Of a recording of the band or of a channel, and of the poses of the flight in which it was made:
+each tag's verdict at a false-alarm probability for the flight, its interval and frequency, the
+pulses seen in hindsight, and where it is.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.measure import flight_settings
+from uavrt.analysis.positions import over_ground
+from uavrt.config import AntennaSettings
+from uavrt.dsp import FrontEnd
+from uavrt.errors import ConfigError, RecordingError
+from uavrt.integration import (
+    FoldedTrain,
+    HeardTrain,
+    OtherTrain,
+    PlaceBelief,
+    Places,
+    SlotEnergies,
+    TrainPulses,
+    distinct,
+    gather,
+    judge,
+    place_belief,
+    places_around,
+    pulse_weights,
+    slot_energies,
+    train_pulses,
+)
+from uavrt.localization import AntennaPattern, PoseColumns
+from uavrt.messages import Tag
+from uavrt.planning import LEAST_PULSES
+from uavrt.pose import Mounting
+from uavrt.radio import SampleSource
+from uavrt.recording import Flight
+from uavrt.terrain import Elevation, HillLosses
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+POSITION_M = 2000.0
+"""A place whose 95 % circle is wider is told as a bearing."""
+LEAST_PART = 0.05
+"""A part of the ground less likely is not told of by itself."""
+_LOOK_S = 0.5
+_MOST_CHANNELS = 8
+"""Channels kept at once: 36 MB each for ten minutes."""
+
+Channel = tuple[NDArray[np.complex64], NDArray[np.bool_], int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class IntegratedTag:
+    """What a whole flight says of one tag."""
+
+    tag: Tag
+    found: bool
+    train: FoldedTrain
+    pulses: TrainPulses
+    place: PlaceBelief | None
+    """None when it was not found."""
+    energies: SlotEnergies
+    places: Places
+    searched_place: int
+    """Row of `places` whose weights showed the train best."""
+    others: tuple[OtherTrain, ...]
+    """Trains on its frequency at intervals that the list does not allow."""
+    heard_alone: int
+    """Confirmed pulses of this tag in the flight's own log."""
+    flights: int = 1
+    """That were judged together."""
+    limitations: tuple[str, ...] = ()
+    """What the figures do not hold for, in words."""
+
+    @property
+    def ambiguous(self) -> OtherTrain | None:
+        """What it may have been taken for: a train at a small ratio of its interval."""
+        if self.found:
+            return None
+        return next((one for one in self.others if one.ratio is not None), None)
+
+    @property
+    def pulse_times_ns(self) -> NDArray[np.int64]:
+        """(n,) beginnings of the train's pulses, within jitter and slot [ns, UTC]."""
+        since_ns = self.pulses.time_s * NANOSECONDS_PER_SECOND
+        return np.asarray(self.energies.start_ns + np.rint(since_ns).astype(np.int64))
+
+
+def integrate_flight(
+    flight: Flight,
+    source: SampleSource,
+    tags: Sequence[Tag],
+    pattern: AntennaPattern,
+    *,
+    frequency_window_hz: float = 500.0,
+    false_alarm_probability: float = 0.01,
+    most_drift: float = 0.0,
+    elevation: Elevation | None = None,
+    on_progress: Callable[[int, int | None], None] | None = None,
+    on_tag: Callable[[int], None] | None = None,
+) -> list[IntegratedTag]:
+    """Judge a whole flight for each tag.
+
+    Parameters
+    ----------
+    flight : Flight
+        For its poses.
+    source : SampleSource
+        What was recorded in it; the caller closes it.
+    tags : sequence of Tag
+        At least one.
+    pattern : AntennaPattern
+    frequency_window_hz : float
+        Half-width of the search around each tag's nominal frequency.
+    false_alarm_probability : float
+        For a flight and tag.
+    most_drift : float
+        Largest relative change of the interval over the flight, up or down.
+    elevation : Elevation, optional
+        Heights of the ground: hills weaken pulses, and explain silence.
+    on_progress, on_tag : callable, optional
+        Take the samples read and their total, and how many tags are done.
+
+    Raises
+    ------
+    ConfigError
+        There are no tags.
+    RecordingError
+        The recording is too short for this, or the flight has no poses.
+    UsageError
+        Recording and poses are not of the same time.
+    """
+    if not tags:
+        raise ConfigError("there are no tags to look for", remedy="Name a tag file")
+    if len(flight.poses) < 2:
+        raise RecordingError(
+            f"{flight.info.directory} has no poses",
+            remedy="Attach those of an autopilot's log with uavrt attach",
+        )
+    poses = antenna_poses(flight)
+    hills = hills_under(flight, elevation)
+    front_end = FrontEnd(
+        sample_rate_hz=source.sample_rate_hz,
+        center_frequency_hz=source.center_frequency_hz,
+        frequencies_hz=[tag.frequency_hz for tag in tags],
+    )
+    plan = front_end.plan
+    if len(plan.channels_in_use) > _MOST_CHANNELS:
+        raise ConfigError(
+            f"these tags lie in {len(plan.channels_in_use)} channels, and {_MOST_CHANNELS} are "
+            "kept in memory at once",
+            remedy="Name fewer tags with --tag, and run it again for the others",
+        )
+    channels = _channels(source, front_end, on_progress)
+    centers_hz = dict(zip(plan.channels_in_use, plan.channel_centers_hz, strict=True))
+    results = []
+    for tag, channel in zip(tags, plan.frequency_channels, strict=True):
+        samples, there, start_ns = channels[channel]
+        seconds = len(samples) / plan.channel_rate_hz
+        if seconds < LEAST_PULSES * tag.pulse_intervals_s[0]:
+            raise RecordingError(
+                f"the recording holds {seconds:.0f} s, fewer than {LEAST_PULSES} intervals of "
+                f"tag {tag.tag_id}",
+                remedy="Use uavrt detect for so short a recording",
+            )
+        energies = slot_energies(
+            samples,
+            there,
+            tag=tag,
+            start_ns=start_ns,
+            sample_rate_hz=plan.channel_rate_hz,
+            center_frequency_hz=centers_hz[channel],
+            frequency_window_hz=frequency_window_hz,
+        )
+        results.append(
+            _judged(
+                flight,
+                tag,
+                energies,
+                poses,
+                pattern,
+                false_alarm_probability,
+                most_drift,
+                None if hills is None else hills.at(tag.frequency_hz),
+            )
+        )
+        if on_tag is not None:
+            on_tag(len(results))
+    return results
+
+
+def _judged(
+    flight: Flight,
+    tag: Tag,
+    energies: SlotEnergies,
+    poses: PoseColumns,
+    pattern: AntennaPattern,
+    false_alarm_probability: float,
+    most_drift: float,
+    hills: HillLosses | None,
+) -> IntegratedTag:
+    """Search one tag's train, and place it if it is one."""
+    places = places_around(
+        poses, pattern, start_ns=energies.start_ns, end_ns=energies.end_ns, hills=hills
+    )
+    chosen = distinct(pulse_weights(places.gain))
+    judgement = judge(
+        energies,
+        places.gain[chosen],
+        places.time_s,
+        tag,
+        false_alarm_probability=false_alarm_probability,
+        most_drift=most_drift,
+    )
+    train, energies = judgement.train, judgement.energies
+    pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
+    found = train.false_alarm_probability <= false_alarm_probability
+    place = None
+    if found:
+        place = place_belief([HeardTrain.among(energies, pulses, places)])
+    return IntegratedTag(
+        tag=tag,
+        found=found,
+        train=train,
+        pulses=pulses,
+        place=place,
+        energies=energies,
+        places=places,
+        searched_place=int(chosen[train.place]),
+        others=judgement.others,
+        heard_alone=sum(
+            one.pulse.tag_id == tag.tag_id and one.pulse.confirmed for one in flight.pulse_poses
+        ),
+        limitations=() if hills is None else hills.told(),
+    )
+
+
+def _channels(
+    source: SampleSource,
+    front_end: FrontEnd,
+    on_progress: Callable[[int, int | None], None] | None,
+) -> dict[int, Channel]:
+    """Read a whole recording into the samples of the channels in use."""
+    blocks: dict[int, list[tuple[NDArray[np.complex64], int]]] = {
+        channel: [] for channel in front_end.plan.channels_in_use
+    }
+    done = 0
+    while True:
+        try:
+            block = source.read(_LOOK_S)
+        except EOFError:
+            break
+        if block is None:
+            continue
+        with np.errstate(invalid="ignore", over="ignore"):
+            for each in front_end.process(block):
+                good = np.isfinite(each.samples)
+                samples = np.where(good, each.samples, np.complex64(0.0))
+                blocks[each.channel].append((samples, each.time_ns))
+        done += len(block.samples)
+        if on_progress is not None:
+            on_progress(done, source.total_samples)
+    rate_hz = front_end.plan.channel_rate_hz
+    return {channel: gather(some, rate_hz) for channel, some in blocks.items()}
+
+
+def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | None:
+    """The ground under a flight, counted from where it took off; None is level."""
+    if elevation is None:
+        return None
+    over = over_ground(elevation, flight.poses, ())
+    return None if over is None else over.hills
+
+
+def antenna_poses(flight: Flight) -> PoseColumns:
+    """Poses of the antenna, as the flight's settings mount it."""
+    settings = flight_settings(flight)
+    antenna = AntennaSettings() if settings is None else settings.antenna
+    mounting = Mounting.from_settings(antenna)
+    return PoseColumns.of(mounting.antenna_pose(pose) for pose in flight.poses)
+
+
+def chance_in_words(probability: float, flights: int = 1) -> str:
+    """Say how often noise alone would show as much, in one flight or in so many together."""
+    what = "flights" if flights == 1 else f"groups of {flights} flights"
+    if probability >= 0.01:
+        return f"noise alone shows as much in {100.0 * probability:.0f} of 100 {what}"
+    if probability < 1e-9:
+        return f"noise alone shows as much in fewer than one of a billion {what}"
+    digits = max(0, math.floor(-math.log10(probability)))
+    count = round(1.0 / probability, -digits)
+    return f"noise alone shows as much in one of {count:,.0f} {what}"

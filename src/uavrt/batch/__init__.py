@@ -1,0 +1,66 @@
+"""Whole archives of recordings under one tag list, to Parquet, and questions over them.
+
+`recordings` finds what there is. `cells` cuts it, `cell_work` detects in a cell and hands its
+state on from chunk to chunk (`chain_state`), `detecting` makes recordings of cells again.
+`flight_work` makes poses, bearings and positions of a flight's pulses, `placing` of all.
+`workers` runs tasks side by side, `tables` writes Parquet, `ledger` knows what is done, `run`
+does it all; `questions` asks the tables.
+"""
+
+from typing import TYPE_CHECKING
+
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.batch.cells import Cell, cells_of
+    from uavrt.batch.exporting import export_archive, survey_of
+    from uavrt.batch.flight_work import PlacingSettings
+    from uavrt.batch.questions import QUESTIONS, ask
+    from uavrt.batch.recordings import Found, Recording, find_recordings, read_manifest
+    from uavrt.batch.run import run_batch
+    from uavrt.batch.settings import STEPS, BatchSettings, BatchSummary, BatchWatch
+    from uavrt.batch.tables import FlightRow, RecordingRow
+
+__all__ = [
+    "QUESTIONS",
+    "STEPS",
+    "BatchSettings",
+    "BatchSummary",
+    "BatchWatch",
+    "Cell",
+    "FlightRow",
+    "Found",
+    "PlacingSettings",
+    "Recording",
+    "RecordingRow",
+    "ask",
+    "cells_of",
+    "export_archive",
+    "find_recordings",
+    "read_manifest",
+    "run_batch",
+    "survey_of",
+]
+__getattr__ = lazily(
+    __name__,
+    {
+        "QUESTIONS": "questions",
+        "STEPS": "settings",
+        "BatchSettings": "settings",
+        "BatchSummary": "settings",
+        "BatchWatch": "settings",
+        "Cell": "cells",
+        "FlightRow": "tables",
+        "Found": "recordings",
+        "PlacingSettings": "flight_work",
+        "Recording": "recordings",
+        "RecordingRow": "tables",
+        "ask": "questions",
+        "cells_of": "cells",
+        "export_archive": "exporting",
+        "find_recordings": "recordings",
+        "read_manifest": "recordings",
+        "run_batch": "run",
+        "survey_of": "exporting",
+    },
+)

@@ -1,0 +1,233 @@
+"""The same tasks on a Dask cluster: workers on any machines that see the same files.
+
+A file in the output says which run is going on. Workers look at it now and then: when it says
+stop they put down their state; when another run is named there, theirs was killed, and they
+leave everything as it is.
+"""
+
+import logging
+import os
+import pickle
+import time
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, Executor, Future
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+import uavrt
+from uavrt.batch.workers import Task, side_by_side, worked
+from uavrt.errors import LinkError, UsageError, needs_extra
+from uavrt.heap import heap_as_it_grows
+
+R = TypeVar("R")
+CONNECT_S = 15.0
+_LOOK_S = 0.5
+_QUEUED_LEAST = 64
+"""Tasks handed out however few workers there are: a cluster that grows does so by its queue."""
+
+
+class GivenUpError(Exception):
+    """Another run goes on: what this worker does is nobody's any more."""
+
+
+class Sign:
+    """The file that says which run is going on, for workers that look at it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    run : str
+        Name of the run.
+    """
+
+    def __init__(self, path: Path, run: str) -> None:
+        self._path, self._run = path, run
+        self._looked_s, self._stop = 0.0, False
+
+    def put_up(self, *, stop: bool = False) -> None:
+        """Say that the run goes on, or is to stop."""
+        part = self._path.with_suffix(".part")
+        part.write_text(f"{self._run} {'stop' if stop else 'go'}")
+        part.replace(self._path)
+
+    def should_stop(self) -> bool:
+        """Whether the run is to stop.
+
+        Raises
+        ------
+        GivenUpError
+            Another run goes on.
+        """
+        now_s = time.monotonic()
+        if now_s - self._looked_s >= _LOOK_S:
+            self._looked_s = now_s
+            said = self._path.read_text().split() if self._path.is_file() else []
+            if said[:1] != [self._run]:
+                raise GivenUpError
+            self._stop = said[1:] == ["stop"]
+        return self._stop
+
+
+def run_on_cluster(
+    tasks: Sequence[Task[R]],
+    scheduler: str,
+    folder: Path,
+    *,
+    should_stop: Callable[[], bool],
+    on_done: Callable[[int], None],
+) -> Iterator[tuple[int, R]]:
+    """Work on tasks; yield each one's number and result as it is done.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+        What is to be done.
+    scheduler : str
+        ``tcp://HOST:PORT``.
+    folder : Path
+        Seen by all workers under the same name.
+    should_stop : callable
+        True ends it with all states written.
+    on_done : callable
+        Takes how much was done since it was last called.
+
+    Raises
+    ------
+    UsageError
+        No scheduler answers there, or the extra is missing.
+    LinkError
+        The scheduler has gone.
+    """
+    if tasks:
+        with closing(_Cluster(scheduler, folder)) as crew:
+            yield from side_by_side(tasks, range(len(tasks)), crew, should_stop, on_done)
+
+
+class _Cluster:
+    """A crew of a Dask cluster's workers."""
+
+    def __init__(self, scheduler: str, folder: Path) -> None:
+        with needs_extra("batch", "--scheduler"):
+            import distributed
+        try:
+            self._client = distributed.Client(
+                scheduler, timeout=CONNECT_S, set_as_default=False, name="uavrt batch"
+            )
+        except (OSError, ValueError) as error:
+            raise UsageError(
+                f"no Dask scheduler answers at {scheduler}",
+                remedy="Start one (dask scheduler), and give its address as tcp://HOST:PORT",
+            ) from error
+        # Of a scheduler that goes we tell in a sentence; Dask does with its whole stack.
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+        logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
+        self._killed = distributed.KilledWorker
+        self._run = uuid.uuid4().hex
+        self._file = folder / "run"
+        self._sign = Sign(self._file, self._run)
+        self._sign.put_up()
+        self._done = 0
+        self._client.subscribe_topic(self._run, self._count)
+        self._executor: Executor = self._client.get_executor(pure=False)
+        self._threads, self._looked_s = 0, 0.0
+
+    def close(self) -> None:
+        """Have workers put down what they do, and leave."""
+        self._sign.put_up(stop=True)
+        with suppress(OSError, TimeoutError):
+            self._executor.shutdown(wait=self._client.status == "running")
+        self._client.close()
+        self._file.unlink(missing_ok=True)
+
+    def at_once(self) -> int:
+        """How many tasks to hand out: enough that none waits for us, and a cluster grows."""
+        now_s = time.monotonic()
+        if now_s - self._looked_s > 1.0 and self._client.status == "running":
+            self._looked_s = now_s
+            with _scheduler_there():
+                self._threads = sum(self._client.nthreads().values())
+        return max(_QUEUED_LEAST, 2 * self._threads)
+
+    def submit(self, task: Task[R]) -> "Future[R | None]":
+        """Hand one out."""
+        packed = pickle.dumps(task)
+        with _scheduler_there():
+            return self._executor.submit(
+                _work, packed, self._file, self._run, uavrt.__version__
+            )
+
+    def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
+        """Take a result.
+
+        Raises
+        ------
+        LinkError
+            The scheduler has gone.
+        """
+        with _scheduler_there():
+            try:
+                return future.result()
+            except self._killed:
+                return task.failed("workers ended again and again with this in hand")
+
+    def stop(self) -> None:
+        """Have all put down what they do."""
+        self._sign.put_up(stop=True)
+
+    def done(self) -> int:
+        """How much all of them have done."""
+        return self._done
+
+    def _count(self, event: Any) -> None:
+        self._done += int(event[1])
+
+
+@contextmanager
+def _scheduler_there() -> Iterator[None]:
+    """Name it when the scheduler has gone; Dask says so in many ways."""
+    try:
+        yield
+    except (CancelledError, OSError) as error:
+        raise LinkError(
+            "the Dask scheduler has gone",
+            remedy="Start it again: the same command goes on from here",
+        ) from error
+
+
+class _Teller:
+    """Tells the run how much is done, not more often than anybody looks."""
+
+    def __init__(self, run: str) -> None:
+        from distributed import get_worker
+
+        self._worker, self._run = get_worker(), run
+        self._amount, self._told_s = 0, time.monotonic()
+
+    def add(self, amount: int) -> None:
+        self._amount += amount
+        if time.monotonic() - self._told_s >= _LOOK_S:
+            self.flush()
+
+    def flush(self) -> None:
+        self._worker.log_event(self._run, self._amount)
+        self._amount, self._told_s = 0, time.monotonic()
+
+
+def _work(packed: bytes, file: Path, run: str, version: str) -> Any:
+    """Do a task; on a worker."""
+    heap_as_it_grows()
+    task: Task[Any] = pickle.loads(packed)
+    if version != uavrt.__version__:
+        return task.failed(
+            f"the worker on {os.uname().nodename} has uavrt {uavrt.__version__}, not {version}"
+        )
+    teller = _Teller(run)
+    try:
+        return worked(task, Sign(file, run).should_stop, teller.add)
+    except GivenUpError:
+        return None
+    finally:
+        teller.flush()

@@ -1,0 +1,275 @@
+"""Archives as files for other tools: flight by flight, and GeoParquet of all flights."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uavrt.analysis import Survey, TagBearing, TagPosition
+from uavrt.analysis.export import EXPORT_FORMATS, export_survey
+from uavrt.batch.months import quoted
+from uavrt.batch.questions import ask
+from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, pulse_of
+from uavrt.errors import FormatError, RecordingError, UsageError
+from uavrt.localization import Bearing, Ellipse, Position, TrackPoint
+from uavrt.messages import FlightInfo, Pose, PulsePose
+from uavrt.recording import FlightLayout, fields_of, read_flight
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+GEOPARQUET = "geoparquet"
+FORMATS = (*(name for name in EXPORT_FORMATS if name != "geotiff"), GEOPARQUET)
+"""Heat maps, and outlines of them, are not in the tables: `uavrt export` makes them."""
+_Rows = list[dict[str, Any]]
+
+
+def export_archive(
+    archive: Path,
+    directory: Path,
+    formats: Sequence[str] | None = None,
+    flights: Sequence[str] | None = None,
+) -> list[Path]:
+    """Write flights in the formats of `uavrt export`, and all of them as GeoParquet.
+
+    Parameters
+    ----------
+    archive : Path
+        What a batch wrote.
+    directory : Path
+        A folder for each flight is made in it; GeoParquet lies beside them.
+    formats : sequence of str, optional
+        Of `FORMATS`; None: all.
+    flights : sequence of str, optional
+        Only these.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    FormatError
+        There is no archive.
+    RecordingError
+        A file cannot be written.
+    UsageError
+        There is no such format or flight.
+    """
+    chosen = FORMATS if formats is None else formats
+    if unknown := sorted(set(chosen) - set(FORMATS)):
+        raise UsageError(
+            f"there is no format {', '.join(unknown)}",
+            remedy=f"Choose from {', '.join(FORMATS)}",
+        )
+    known = flights_in(archive)
+    if flights is not None and (missing := sorted(set(flights) - set(known))):
+        raise UsageError(
+            f"there is no flight {missing[0]} in it", remedy="uavrt archive list names them"
+        )
+    names = known if flights is None else list(flights)
+    written = []
+    if each := [name for name in chosen if name != GEOPARQUET]:
+        for name in names:
+            survey = survey_of(archive, name)
+            if survey.pulse_poses:
+                written += export_survey(survey, directory / name, each)
+    if GEOPARQUET in chosen:
+        written += [
+            _geoparquet(archive, table, names if flights else None, directory)
+            for table in (BEARINGS, POSITIONS)
+        ]
+    return written
+
+
+def flights_in(archive: Path) -> list[str]:
+    """Name the flights that pulses are of.
+
+    Raises
+    ------
+    FormatError
+        There is no archive.
+    """
+    rows = ask(archive, "SELECT DISTINCT flight FROM pulses ORDER BY flight")
+    names: list[str] = rows["flight"].to_pylist()
+    return names
+
+
+def survey_of(archive: Path, flight: str) -> Survey:
+    """Gather what the tables know of a flight; of one that is still there its way, too.
+
+    Raises
+    ------
+    FormatError
+        There is no archive.
+    """
+    which = f"WHERE flight = {quoted(flight)}"
+    pulses = _pulse_poses(
+        ask(
+            archive, f"SELECT * FROM pulses {which} ORDER BY start_time_ns, tag_id"
+        ).to_pylist(),
+        ask(archive, f"SELECT * FROM poses {which}").to_pylist(),
+    )
+    bearings = ask(archive, f"SELECT * FROM bearings {which} ORDER BY start_time_ns, tag_id")
+    positions = ask(archive, f"SELECT * FROM positions {which} ORDER BY tag_id")
+    about = ask(archive, f"SELECT path, antenna FROM flights {which}").to_pylist()
+    info, track = _flown(about)
+    return Survey(
+        name=flight,
+        kind="flight",
+        antenna=about[0]["antenna"] if about else "",
+        pulse_poses=pulses,
+        track=track or tuple(one.pose for one in pulses if one.pose is not None),
+        bearings=tuple(map(_bearing, bearings.to_pylist())),
+        positions=tuple(map(_position, positions.to_pylist())),
+        info=info,
+    )
+
+
+def _flown(about: _Rows) -> tuple[FlightInfo | None, tuple[Pose, ...]]:
+    for row in about:
+        if FlightLayout(Path(row["path"])).database.is_file():
+            try:
+                flight = read_flight(row["path"])
+            except FormatError:
+                continue  # the tables tell enough
+            return flight.info, flight.poses
+    return None, ()
+
+
+def _pulse_poses(pulses: _Rows, poses: _Rows) -> tuple[PulsePose, ...]:
+    at = {(row["recording"], row["tag_id"], row["start_time_ns"]): row for row in poses}
+    found = []
+    for row in pulses:
+        where = at.get((row["recording"], row["tag_id"], row["start_time_ns"]))
+        pose = None
+        if where is not None:
+            wxyz = tuple(where["quaternion_wxyz"])
+            kept = {one.name: where[one.name] for one in fields_of(Pose)}
+            pose = Pose(**(kept | {"quaternion_wxyz": wxyz}))
+        found.append(PulsePose(pulse=pulse_of(row), pose=pose))
+    return tuple(found)
+
+
+def _bearing(row: dict[str, Any]) -> TagBearing:
+    low_deg, high_deg = row["interval90_from_deg"], row["interval90_to_deg"]
+    same = (
+        *("bearing_deg", "method", "pulses", "sigma_deg", "second_lobe_probability"),
+        *("evidence", "reduced_chi2", "multipath_suspected", "level_db", "fading_db"),
+        "confidence",
+    )
+    return TagBearing(
+        tag_id=row["tag_id"],
+        bearing=Bearing(
+            interval90_deg=None if low_deg is None else (low_deg, high_deg),
+            **{name: row[name] for name in same},
+        ),
+        latitude_deg=row["latitude_deg"],
+        longitude_deg=row["longitude_deg"],
+        altitude_amsl_m=row["altitude_amsl_m"],
+        start_time_ns=row["start_time_ns"],
+        middle_time_ns=row["middle_time_ns"],
+        end_time_ns=row["end_time_ns"],
+    )
+
+
+def _position(row: dict[str, Any]) -> TagPosition:
+    ellipse = None
+    if row["semi_major95_m"] is not None:
+        ellipse = Ellipse(
+            semi_major_m=row["semi_major95_m"],
+            semi_minor_m=row["semi_minor95_m"],
+            orientation_deg=row["orientation_deg"],
+        )
+    way = zip(
+        row["track_time_ns"],
+        row["track_latitude_deg"],
+        row["track_longitude_deg"],
+        row["track_radius50_m"],
+        row["track_radius95_m"],
+        strict=True,
+    )
+    same = (
+        *("latitude_deg", "longitude_deg", "method", "radius50_m", "radius95_m", "at_edge"),
+        *("heading_error_deg", "heading_error_sigma_deg"),
+    )
+    return TagPosition(
+        tag_id=row["tag_id"],
+        position=Position(
+            stations=row["bearings"],
+            pulses=row["powers"],
+            ellipse95=ellipse,
+            track=tuple(
+                TrackPoint(
+                    time_ns=time_ns,
+                    latitude_deg=latitude,
+                    longitude_deg=longitude,
+                    radius50_m=half,
+                    radius95_m=most,
+                )
+                for time_ns, latitude, longitude, half, most in way
+            ),
+            **{name: row[name] for name in same},
+        ),
+    )
+
+
+def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory: Path) -> Path:
+    """Write the rows of a table as points (GeoParquet 1.1, WKB, CRS84)."""
+    import pyarrow.parquet as pq
+
+    which = "" if flights is None else f"WHERE flight IN ({', '.join(map(quoted, flights))})"
+    rows = ask(archive, f"SELECT * FROM {table} {which} ORDER BY flight, tag_id, start_time_ns")
+    target = directory / f"{table}.parquet"
+    part = target.with_suffix(".part")
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        pq.write_table(with_points(rows), part, compression="zstd")
+        part.replace(target)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot write {target}: {error.strerror}", remedy="Choose a writable place"
+        ) from error
+    return target
+
+
+def with_points(rows: "pa.Table") -> "pa.Table":
+    """Add a column `geometry` of points, and what GeoParquet 1.1 says of it.
+
+    Parameters
+    ----------
+    rows : pyarrow.Table
+        With latitude_deg and longitude_deg.
+
+    References
+    ----------
+    GeoParquet specification 1.1.0, https://geoparquet.org/releases/v1.1.0/; without `crs` the
+    coordinates are longitude and latitude of WGS 84 (OGC:CRS84).
+    """
+    import pyarrow as pa
+
+    longitude, latitude = (
+        rows[name].to_numpy().astype(np.float64) for name in ("longitude_deg", "latitude_deg")
+    )
+    points = np.empty(
+        len(rows), np.dtype([("order", "u1"), ("kind", "<u4"), ("x", "<f8"), ("y", "<f8")])
+    )
+    points["order"], points["kind"], points["x"], points["y"] = 1, 1, longitude, latitude
+    size = points.dtype.itemsize
+    offsets = np.arange(0, size * len(rows) + 1, size, dtype=np.int32)
+    geometry = pa.Array.from_buffers(
+        pa.binary(), len(rows), [None, pa.py_buffer(offsets), pa.py_buffer(points.tobytes())]
+    )
+    column: dict[str, object] = {"encoding": "WKB", "geometry_types": ["Point"]}
+    if len(rows):
+        column["bbox"] = [
+            *(float(longitude.min()), float(latitude.min())),
+            *(float(longitude.max()), float(latitude.max())),
+        ]
+    geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": column}}
+    return rows.append_column("geometry", geometry).replace_schema_metadata(
+        {"geo": json.dumps(geo), "uavrt_schema": SCHEMA_VERSION}
+    )

@@ -1,0 +1,300 @@
+"""From a flight's pulses to poses, bearings and positions: one flight, by one worker."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+from uavrt.analysis import (
+    MONOPOLE,
+    TagBearing,
+    TagPosition,
+    bearings_of_flight,
+    bearings_of_pulses,
+    positions_of_bearings,
+    positions_of_powers,
+)
+from uavrt.analysis.measure import antenna_named, posed_in
+from uavrt.analysis.tracks import attach_poses, estimate_offset, read_track
+from uavrt.attitude import yaw_deg
+from uavrt.batch.tables import BearingOfTag, PoseRow, PositionOfTag, read_pulses
+from uavrt.errors import UavrtError
+from uavrt.localization import HEIGHT_SIGMA_M, PositionMethod
+from uavrt.localization.position import HEADING_SIGMA_DEG
+from uavrt.messages import Pulse, PulsePose, Tag
+from uavrt.recording import Flight, read_flight
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacingSettings:
+    """How bearings and positions are estimated: as `uavrt localize` has it."""
+
+    antenna: str = "RA-23K"
+    """Name of a pattern, a file of one, or monopole."""
+    offset_deg: float = 0.0
+    """Boresight clockwise from the heading that the pulses carry."""
+    method: PositionMethod = "bayes"
+    height_m: float | None = None
+    """With a monopole: over the tags, where the poses do not tell."""
+    heading_sigma_deg: float = HEADING_SIGMA_DEG
+    height_sigma_m: float = HEIGHT_SIGMA_M
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Searched:
+    """The pulses of a recording that was searched."""
+
+    recording: str
+    file: Path
+    """Its Parquet."""
+    pulses: tuple[Pulse, ...] = ()
+    """Of it, once a worker is to have them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightResult:
+    """What a flight gave."""
+
+    fault: str | None = None
+    """Why nothing, or why some tags have no position."""
+    failed: bool = False
+    recorded: tuple[Pulse, ...] | None = None
+    """The pulses of the flight itself, when no recording of it was searched."""
+    start_time_ns: int | None = None
+    pulses: int = 0
+    poses: tuple[PoseRow, ...] = ()
+    clock_offset_s: float | None = None
+    bearings: tuple[BearingOfTag, ...] = ()
+    positions: tuple[PositionOfTag, ...] = ()
+    cpu_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightTask:
+    """What a worker is asked to do."""
+
+    path: str
+    """The flight's directory; without one, the recording."""
+    flight: str
+    key: str
+    is_flight: bool
+    searched: tuple[Searched, ...]
+    """Empty: the pulses that the flight recorded itself."""
+    tags: tuple[Tag, ...]
+    track: Path | None
+    """Of a recording without a flight."""
+    clock_offset_s: float | None
+    """By which its clock is ahead of the track's; None: to be found."""
+    steps: tuple[str, ...]
+    settings: PlacingSettings
+
+    def packed(self) -> "FlightTask":
+        """Take the pulses along; workers read no Parquet.
+
+        Raises
+        ------
+        FormatError
+            A file of pulses is damaged.
+        """
+        return replace(
+            self,
+            searched=tuple(
+                replace(one, pulses=tuple(read_pulses(one.file))) for one in self.searched
+            ),
+        )
+
+    def failed(self, fault: str) -> FlightResult:
+        """Give a result when nothing could be done."""
+        return FlightResult(fault=fault, failed=True)
+
+    def work(
+        self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
+    ) -> FlightResult | None:
+        """Attach, and estimate what is asked for; None: stopped before."""
+        if should_stop():
+            return None
+        began_s = time.process_time()
+        try:
+            result = _place(self)
+        except UavrtError as error:
+            result = self.failed(str(error))
+        on_done(1)
+        return replace(result, cpu_s=time.process_time() - began_s)
+
+
+def _place(task: FlightTask) -> FlightResult:
+    flight, posed, offset_s = _attached(task)
+    found = FlightResult(
+        recorded=None if task.searched else tuple(one.pulse for one in posed),
+        start_time_ns=(
+            min((one.pulse.start_time_ns for one in posed), default=None)
+            if flight is None
+            else flight.info.start_time_ns
+        ),
+        pulses=len(posed),
+        poses=tuple(_pose_rows(task, posed)) if "attach" in task.steps else (),
+        clock_offset_s=offset_s,
+    )
+    if "bearing" not in task.steps:
+        return found
+    try:
+        bearings, positions = _located(task, flight, posed)
+    except UavrtError as error:  # no pulse has a pose: the pulses count all the same
+        return replace(found, fault=str(error))
+    without = [f"tag {one.tag_id}: {one.reason}" for one in positions if not one.position]
+    return replace(
+        found,
+        fault="; ".join(without) or None,
+        bearings=tuple(map(_bearing_row, bearings)),
+        positions=tuple(
+            row for one in positions if (row := _position_row(one, bearings, posed)) is not None
+        ),
+    )
+
+
+def _attached(
+    task: FlightTask,
+) -> tuple[Flight | None, tuple[PulsePose, ...], float | None]:
+    """The flight with its pulses, if it is one; the pulses; and the clocks' offset."""
+    pulses = [pulse for one in task.searched for pulse in one.pulses]
+    if task.is_flight:
+        flight = read_flight(task.path)
+        if task.searched:
+            info = replace(flight.info, tags=task.tags)
+            flight = replace(flight, info=info, pulse_poses=posed_in(flight, pulses))
+        return flight, flight.pulse_poses, None
+    assert task.track is not None
+    track, bare = read_track(task.track), [PulsePose(pulse=one, pose=None) for one in pulses]
+    offset_s = task.clock_offset_s
+    if offset_s is None:
+        antenna = _antenna(task.settings.antenna)
+        offset_s = estimate_offset(bare, track, antenna=antenna).offset_s
+    return None, tuple(attach_poses(bare, track, offset_s)), offset_s
+
+
+def _located(
+    task: FlightTask, flight: Flight | None, posed: Sequence[PulsePose]
+) -> tuple[list[TagBearing], list[TagPosition]]:
+    """Estimate as `uavrt localize` does."""
+    how = task.settings
+    if how.antenna == MONOPOLE:
+        if "localize" not in task.steps:
+            return [], []
+        positions, _ = positions_of_powers(
+            posed,
+            () if flight is None else flight.info.tags,
+            () if flight is None else flight.poses,
+            method=how.method,
+            height_m=how.height_m,
+            height_sigma_m=how.height_sigma_m,
+        )
+        return [], positions
+    antenna = _antenna(how.antenna)
+    if flight is not None:
+        bearings = bearings_of_flight(flight, antenna=antenna, offset_deg=how.offset_deg)
+    else:
+        bearings = bearings_of_pulses(posed, antenna=antenna, offset_deg=how.offset_deg)
+    if "localize" not in task.steps:
+        return bearings, []
+    return bearings, positions_of_bearings(
+        bearings, method=how.method, heading_sigma_deg=how.heading_sigma_deg
+    )
+
+
+@lru_cache(maxsize=16)
+def _antenna(text: str) -> str:
+    """Make an antenna's file known once in each process."""
+    return antenna_named(text)
+
+
+def _pose_rows(task: FlightTask, posed: Sequence[PulsePose]) -> list[PoseRow]:
+    recording_of = {pulse.key: one.recording for one in task.searched for pulse in one.pulses}
+    return [
+        PoseRow(
+            recording=recording_of.get(one.pulse.key, task.path),
+            tag_id=one.pulse.tag_id,
+            start_time_ns=one.pulse.start_time_ns,
+            time_ns=one.pose.time_ns,
+            latitude_deg=one.pose.latitude_deg,
+            longitude_deg=one.pose.longitude_deg,
+            altitude_amsl_m=one.pose.altitude_amsl_m,
+            altitude_relative_m=one.pose.altitude_relative_m,
+            yaw_deg=yaw_deg(one.pose.quaternion_wxyz),
+            quaternion_wxyz=one.pose.quaternion_wxyz,
+            extrapolated=one.pose.extrapolated,
+        )
+        for one in posed
+        if one.pose is not None
+    ]
+
+
+def _bearing_row(one: TagBearing) -> BearingOfTag:
+    found = one.bearing
+    low_deg, high_deg = found.interval90_deg or (None, None)
+    return BearingOfTag(
+        tag_id=one.tag_id,
+        start_time_ns=one.start_time_ns,
+        middle_time_ns=one.middle_time_ns,
+        end_time_ns=one.end_time_ns,
+        latitude_deg=one.latitude_deg,
+        longitude_deg=one.longitude_deg,
+        altitude_amsl_m=one.altitude_amsl_m,
+        bearing_deg=found.bearing_deg,
+        sigma_deg=found.sigma_deg,
+        interval90_from_deg=low_deg,
+        interval90_to_deg=high_deg,
+        method=found.method,
+        pulses=found.pulses,
+        accepted=found.accepted,
+        ambiguous=found.ambiguous,
+        second_lobe_probability=found.second_lobe_probability,
+        evidence=found.evidence,
+        reduced_chi2=found.reduced_chi2,
+        multipath_suspected=found.multipath_suspected,
+        level_db=found.level_db,
+        fading_db=found.fading_db,
+        confidence=found.confidence,
+    )
+
+
+def _position_row(
+    one: TagPosition, bearings: Sequence[TagBearing], posed: Sequence[PulsePose]
+) -> PositionOfTag | None:
+    found = one.position
+    if found is None:
+        return None
+    spans = [
+        (each.start_time_ns, each.end_time_ns)
+        for each in bearings
+        if each.tag_id == one.tag_id and each.bearing.accepted
+    ] or [
+        (each.pulse.start_time_ns, each.pulse.end_time_ns)
+        for each in posed
+        if each.pulse.tag_id == one.tag_id
+    ]
+    ellipse = found.ellipse95
+    return PositionOfTag(
+        tag_id=one.tag_id,
+        start_time_ns=min(begin for begin, _ in spans),
+        end_time_ns=max(end for _, end in spans),
+        latitude_deg=found.latitude_deg,
+        longitude_deg=found.longitude_deg,
+        method=found.method,
+        radius50_m=found.radius50_m,
+        radius95_m=found.radius95_m,
+        semi_major95_m=None if ellipse is None else ellipse.semi_major_m,
+        semi_minor95_m=None if ellipse is None else ellipse.semi_minor_m,
+        orientation_deg=None if ellipse is None else ellipse.orientation_deg,
+        bearings=found.stations,
+        powers=found.pulses,
+        at_edge=found.at_edge,
+        heading_error_deg=found.heading_error_deg,
+        heading_error_sigma_deg=found.heading_error_sigma_deg,
+        remarks="; ".join(found.remarks),
+        track_time_ns=tuple(each.time_ns for each in found.track),
+        track_latitude_deg=tuple(each.latitude_deg for each in found.track),
+        track_longitude_deg=tuple(each.longitude_deg for each in found.track),
+        track_radius50_m=tuple(each.radius50_m for each in found.track),
+        track_radius95_m=tuple(each.radius95_m for each in found.track),
+    )

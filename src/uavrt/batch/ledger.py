@@ -1,0 +1,93 @@
+"""What is done: a file for each recording or flight, so that a killed run keeps them all."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import msgspec
+
+from uavrt.batch.tables import FlightRow, RecordingRow
+from uavrt.errors import RecordingError
+
+DONE, PLACED = "done", "placed"
+
+R = TypeVar("R", RecordingRow, FlightRow)
+
+
+class Ledger(Generic[R]):
+    """The rows of all recordings or flights; what a newer row replaces goes with its tables.
+
+    Parameters
+    ----------
+    output : Path
+        Directory of the tables.
+    name : str
+        Folder of the rows.
+    record : type
+        Of a row.
+    tables : sequence of str
+        What goes with a row.
+
+    Raises
+    ------
+    RecordingError
+        A row is damaged.
+    """
+
+    def __init__(self, output: Path, name: str, record: type[R], tables: Sequence[str]) -> None:
+        self._output, self._directory, self._tables = output, output / name, tables
+        self._rows: dict[str, R] = {}
+        self._keys: dict[str, set[str]] = defaultdict(set)
+        self._directory.mkdir(parents=True, exist_ok=True)
+        for path in self._directory.glob("*.json"):
+            try:
+                self._note(msgspec.json.decode(path.read_bytes(), type=record))
+            except (OSError, msgspec.DecodeError) as error:
+                raise RecordingError(
+                    f"{path} is damaged: {error}", remedy="Delete it: it is done anew"
+                ) from error
+
+    @property
+    def rows(self) -> list[R]:
+        """Get what was done so far, by path."""
+        return sorted(self._rows.values(), key=lambda row: (row.path, row.finished_time_ns))
+
+    def done(self, key: str) -> R | None:
+        """Get the row of what is done under a key; what failed is not."""
+        row = self._rows.get(key)
+        return None if row is None or row.state == "failed" else row
+
+    def settle(self, row: R) -> None:
+        """Put a row down, and take away what it replaces.
+
+        Raises
+        ------
+        OSError
+            The directory cannot be written.
+        """
+        path = self._directory / f"{row.fingerprint}.json"
+        part = path.with_suffix(".part")
+        part.write_bytes(msgspec.json.encode(asdict(row)))
+        part.replace(path)
+        self._note(row)
+        for old in self._keys[row.path] - {row.fingerprint}:
+            self._remove(old)
+        self._keys[row.path] = {row.fingerprint}
+
+    def drop(self, path: str) -> None:
+        """Take away what is known of a path."""
+        for old in self._keys.pop(path, ()):
+            self._remove(old)
+
+    def _remove(self, key: str) -> None:
+        for table in self._tables:
+            for file in (self._output / table).glob(f"*/{key}.parquet"):
+                file.unlink()
+        (self._directory / f"{key}.json").unlink()
+        del self._rows[key]
+
+    def _note(self, row: R) -> None:
+        self._rows[row.fingerprint] = row
+        self._keys[row.path].add(row.fingerprint)

@@ -1,0 +1,206 @@
+"""The second half of a batch: poses, bearings and positions of each flight."""
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+import uavrt
+from uavrt.analysis.measure import TagSource
+from uavrt.batch.flight_work import FlightResult, FlightTask, Searched
+from uavrt.batch.ledger import Ledger
+from uavrt.batch.recordings import Found, Recording
+from uavrt.batch.settings import BatchSettings
+from uavrt.batch.tables import (
+    BEARINGS,
+    POSES,
+    POSITIONS,
+    PULSES,
+    BearingOfTag,
+    FlightRow,
+    PoseRow,
+    PositionOfTag,
+    RecordingRow,
+    folder_of,
+    write_pulses,
+    write_rows,
+)
+from uavrt.clock import Clock
+from uavrt.recording import FlightLayout
+
+R = TypeVar("R")
+
+
+class Placing:
+    """Which flights are to be placed, and what becomes of them.
+
+    Parameters
+    ----------
+    sought : TagSource
+        The tags.
+    output : Path
+        Directory of the tables.
+    settings : BatchSettings
+        How.
+    recordings, flights : Ledger
+        What is done.
+    """
+
+    def __init__(
+        self,
+        sought: TagSource,
+        output: Path,
+        settings: BatchSettings,
+        recordings: Ledger[RecordingRow],
+        flights: Ledger[FlightRow],
+    ) -> None:
+        self._sought, self._output, self._settings = sought, output, settings
+        self._recordings, self._flights = recordings, flights
+        self.tasks: list[FlightTask] = []
+        self.done_before = 0
+
+    def plan(self, found: Found, keys: Mapping[Path, str]) -> None:
+        """Add all flights, and recordings with a track, that are not done yet.
+
+        Parameters
+        ----------
+        found : Found
+            What there is.
+        keys : mapping of Path to str
+            Of the recordings, as the ledger knows them.
+        """
+        if "attach" not in self._settings.steps:
+            return
+        of_flight: dict[Path, list[Searched]] = defaultdict(list)
+        for recording in found.recordings:
+            row = self._recordings.done(keys.get(recording.path, ""))
+            if row is None:
+                continue
+            file = self._output / PULSES / folder_of(row.flight) / f"{row.fingerprint}.parquet"
+            searched = Searched(recording=row.path, file=file)
+            if recording.flight_directory is not None:
+                of_flight[recording.flight_directory].append(searched)
+            elif recording.track is not None:
+                self._add(recording.name, row.flight, [searched], recording)
+        for directory in found.flights:
+            self._add(str(directory), directory.name, of_flight[directory], None)
+
+    def _add(
+        self, path: str, flight: str, searched: list[Searched], recording: Recording | None
+    ) -> None:
+        settings = self._settings
+        task = FlightTask(
+            path=path,
+            flight=flight,
+            key="",
+            is_flight=recording is None,
+            searched=tuple(searched),
+            tags=self._sought.tags,
+            track=None if recording is None else recording.track,
+            clock_offset_s=None if recording is None else recording.clock_offset_s,
+            steps=tuple(step for step in settings.steps if step != "detect"),
+            settings=settings.placing,
+        )
+        task = replace(task, key=_key(task))
+        if self._flights.done(task.key) is None:
+            self.tasks.append(task)
+        else:
+            self.done_before += 1
+
+    def finish(self, number: int, result: FlightResult) -> FlightRow:
+        """Write what a flight gave, and what was done with it."""
+        task = self.tasks[number]
+        if task.is_flight and not result.failed:
+            self._settle_recorded(task, result)
+        self._write(task, POSES, PoseRow, result.poses)
+        self._write(task, BEARINGS, BearingOfTag, result.bearings)
+        self._write(task, POSITIONS, PositionOfTag, result.positions)
+        row = FlightRow(
+            path=task.path,
+            flight=task.flight,
+            fingerprint=task.key,
+            state="failed" if result.failed else "done",
+            fault=result.fault,
+            start_time_ns=result.start_time_ns,
+            steps=",".join(task.steps),
+            antenna=task.settings.antenna,
+            pulses=result.pulses,
+            pulses_with_pose=len(result.poses),
+            clock_offset_s=result.clock_offset_s,
+            bearings=len(result.bearings),
+            positions=len(result.positions),
+            cpu_s=result.cpu_s,
+            finished_time_ns=Clock.start().now_ns(),
+            uavrt_version=uavrt.__version__,
+        )
+        self._flights.settle(row)
+        return row
+
+    def _write(
+        self, task: FlightTask, table: str, record: type[R], rows: tuple[R, ...]
+    ) -> None:
+        if rows:
+            file = self._output / table / folder_of(task.flight) / f"{task.key}.parquet"
+            write_rows(file, record, rows)
+
+    def _settle_recorded(self, task: FlightTask, result: FlightResult) -> None:
+        """Keep the pulses that a flight found itself, unless its recordings were searched."""
+        if result.recorded is None:
+            self._recordings.drop(task.path)
+            return
+        key = _recorded_key(task)
+        if self._recordings.done(key) is not None:
+            return
+        file = self._output / PULSES / folder_of(task.flight) / f"{key}.parquet"
+        write_pulses(file, [(0, pulse) for pulse in result.recorded], task.path)
+        self._recordings.settle(
+            RecordingRow(
+                path=task.path,
+                flight=task.flight,
+                fingerprint=key,
+                state="recorded",
+                fault=None,
+                start_time_ns=result.start_time_ns,
+                length_s=0.0,
+                sample_rate_hz=None,
+                center_frequency_hz=None,
+                pulses=len(result.recorded),
+                confirmed=sum(pulse.confirmed for pulse in result.recorded),
+                lost_samples=0,
+                invalid_values=0,
+                cells=0,
+                cpu_s=0.0,
+                finished_time_ns=Clock.start().now_ns(),
+                uavrt_version=uavrt.__version__,
+            )
+        )
+
+
+def _key(task: FlightTask) -> str:
+    """Name a flight as it is, with its pulses, under these settings."""
+    facts: list[object] = [
+        *(task.path, [one.file.stem for one in task.searched], sorted(map(repr, task.tags))),
+        *(task.steps, task.clock_offset_s, repr(task.settings), uavrt.__version__),
+    ]
+    return _hashed(facts, [*_files(task), Path(task.settings.antenna)])
+
+
+def _recorded_key(task: FlightTask) -> str:
+    """Name the pulses of a flight as it is."""
+    return _hashed([task.path], _files(task))
+
+
+def _files(task: FlightTask) -> list[Path]:
+    layout = FlightLayout(Path(task.path))
+    track = [] if task.track is None else [task.track]
+    return [layout.database, layout.write_ahead_log, *track]
+
+
+def _hashed(facts: list[object], files: list[Path]) -> str:
+    for path in files:
+        if path.is_file():
+            about = path.stat()
+            facts += [str(path), about.st_size, about.st_mtime_ns]
+    return hashlib.sha256(repr(facts).encode()).hexdigest()[:16]

@@ -1,0 +1,195 @@
+"""Recordings in object stores: only what is asked for is read, and nothing is copied whole.
+
+A small copy with the file's first and last bytes, of its true size, is enough for the readers
+of SigMF, WAV and raw files to say where the samples lie; these are then read from the store.
+"""
+
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from uavrt.errors import FormatError, StoreError, needs_extra
+from uavrt.radio import RecordingSource, open_recording
+
+ENDS_BYTES = 1 << 20
+"""Of the beginning and of the end: headers of WAV files lie there."""
+BLOCK_BYTES = 8 << 20
+"""Read at a time: half a second of a fast line, and as much memory."""
+_MARKS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "updated", "created")
+_META, _DATA = ".sigmf-meta", ".sigmf-data"
+
+
+def is_url(text: str) -> bool:
+    """Whether it names a place in a store, as fsspec writes it."""
+    return "://" in text
+
+
+def list_store(url: str) -> tuple[str, ...]:
+    """Get all files at and below a place.
+
+    Raises
+    ------
+    FormatError
+        There is nothing.
+    StoreError
+        The store does not answer.
+    UsageError
+        A package for this kind of store is missing.
+    """
+    with _asked(url):
+        system, path = _opened(url)
+        found = [path] if system.isfile(path) else system.find(path)
+    if not found:
+        raise FormatError(f"there is nothing at {url}", remedy="Check the address")
+    return tuple(sorted(str(system.unstrip_protocol(one)) for one in found))
+
+
+def marks_of(url: str) -> list[object]:
+    """Get what tells a file from itself before it was changed.
+
+    Raises
+    ------
+    StoreError
+        The store does not answer, or the file is gone.
+    """
+    with _asked(url):
+        system, path = _opened(url)
+        about = system.info(path)
+    return [url, about.get("size"), *(str(about[mark]) for mark in _MARKS if mark in about)]
+
+
+def open_stored(
+    url: str,
+    format_name: str | None = None,
+    *,
+    sample_rate_hz: float | None = None,
+    center_frequency_hz: float | None = None,
+    start_time_ns: int | None = None,
+) -> RecordingSource:
+    """Open a recording of a store; see `open_recording` for what is told of it.
+
+    Raises
+    ------
+    FormatError
+        It is not what it is said to be.
+    StoreError
+        The store does not answer, or the file is gone.
+    """
+    data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
+    with tempfile.TemporaryDirectory() as folder:
+        copy = _ends(url, Path(folder), whole=url.endswith(_META))
+        if data_url != url:
+            _ends(data_url, Path(folder))
+        with _named(url, str(copy)):
+            source = open_recording(
+                copy,
+                format_name,
+                sample_rate_hz=sample_rate_hz,
+                center_frequency_hz=center_frequency_hz,
+                start_time_ns=start_time_ns,
+            )
+        source.close()
+    return RecordingSource(source.layout, _StoredBytes(data_url))
+
+
+class _StoredBytes:
+    """A file of a store, for `RecordingSource`."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        with _asked(url):
+            system, path = _opened(url)
+            self._size = system.info(path)["size"]
+            self._file = system.open(path, "rb", block_size=BLOCK_BYTES)
+
+    def read_at(self, view: memoryview, offset: int) -> int:
+        """Fill a piece of memory from a place on; how much was got.
+
+        Raises
+        ------
+        StoreError
+            The store does not answer, or gives less than there was.
+        """
+        with _asked(self._url):
+            self._file.seek(offset)
+            got = int(self._file.readinto(view))
+        if got == 0:
+            raise StoreError(
+                f"{self._url} ends in the middle, at byte {offset} of {self._size}",
+                remedy="The same command goes on from there",
+            )
+        return got
+
+    def close(self) -> None:
+        """Close it."""
+        self._file.close()
+
+
+def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
+    """Copy a file's ends into a file of its size and name."""
+    copy = folder / PurePosixPath(url).name
+    with _asked(url):
+        system, path = _opened(url)
+        size = system.info(path)["size"]
+        with copy.open("wb") as file:
+            file.truncate(size)
+            middle = size if whole else min(size, ENDS_BYTES)
+            file.write(system.cat_file(path, start=0, end=middle))
+            if (last := max(middle, size - ENDS_BYTES)) < size:
+                file.seek(last)
+                file.write(system.cat_file(path, start=last, end=size))
+    return copy
+
+
+@lru_cache(maxsize=64)
+def _opened(url: str) -> tuple[Any, str]:
+    with needs_extra("batch", "An object store"):
+        from fsspec.core import url_to_fs
+    try:
+        system, path = url_to_fs(url)
+    except ValueError as error:
+        raise FormatError(f"{url}: {error}", remedy="Write it as s3://BUCKET/FOLDER") from error
+    except ImportError as error:
+        raise FormatError(
+            f"{url}: {error}", remedy="Install the package that fsspec names for this store"
+        ) from error
+    return system, str(path)
+
+
+@contextmanager
+def _asked(url: str) -> Iterator[None]:
+    """Name what a store answers in place of what was asked."""
+    try:
+        yield
+    except _faults() as error:
+        raise StoreError(
+            f"{url}: {str(error) or type(error).__name__}",
+            remedy="Check the address and the line; the same command goes on from here",
+        ) from error
+
+
+@contextmanager
+def _named(url: str, copy: str) -> Iterator[None]:
+    """Name the file in the store, not its copy."""
+    try:
+        yield
+    except FormatError as error:
+        raise FormatError(error.message.replace(copy, url), remedy=error.remedy) from error
+
+
+def _faults() -> tuple[type[Exception], ...]:
+    """What stores raise: the system's errors, and those of the libraries that are loaded."""
+    known: list[type[Exception]] = [OSError, EOFError]
+    for module, names in (
+        ("aiohttp", ("ClientError",)),
+        ("botocore.exceptions", ("BotoCoreError", "ClientError")),
+        ("gcsfs.retry", ("HttpError",)),
+        ("azure.core.exceptions", ("AzureError",)),
+    ):
+        loaded = sys.modules.get(module)
+        known += [getattr(loaded, name) for name in names if hasattr(loaded, name)]
+    return tuple(known)

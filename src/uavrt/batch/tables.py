@@ -1,0 +1,279 @@
+"""The Parquet that a batch writes: its columns, and how rows get in and out."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from uavrt.errors import FormatError, needs_extra
+from uavrt.messages import Pulse
+from uavrt.recording import fields_of
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+SCHEMA_VERSION = "1"
+PULSES, POSES, BEARINGS, POSITIONS = "pulses", "poses", "bearings", "positions"
+RECORDINGS, FLIGHTS = "recordings.parquet", "flights.parquet"
+PULSE_FIELDS = fields_of(Pulse)
+_ROWS = 100_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingRow:
+    """What was done with a recording; a row of the table of recordings."""
+
+    path: str
+    """Of the recording; a flight of which no recording was searched: its directory."""
+    flight: str
+    fingerprint: str
+    """Of the recording, the tags and the settings: another one is another batch."""
+    state: str
+    """done, truncated (used up to its fault), failed (no pulse of it counts) or recorded (the
+    pulses are those that the flight itself found)."""
+    fault: str | None
+    start_time_ns: int | None
+    length_s: float
+    sample_rate_hz: float | None
+    center_frequency_hz: float | None
+    pulses: int
+    confirmed: int
+    lost_samples: int
+    invalid_values: int
+    cells: int
+    cpu_s: float
+    finished_time_ns: int
+    uavrt_version: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightRow:
+    """What was done with a flight's pulses; a row of the table of flights."""
+
+    path: str
+    """The flight's directory; without one, the recording."""
+    flight: str
+    fingerprint: str
+    """Of its pulses, its poses and the settings."""
+    state: str
+    """done, or failed."""
+    fault: str | None
+    """Why it has no poses, bearings or positions, or why some tags have none."""
+    start_time_ns: int | None
+    steps: str
+    antenna: str
+    pulses: int
+    pulses_with_pose: int
+    clock_offset_s: float | None
+    """By which the pulses' clock was ahead of the track's."""
+    bearings: int
+    positions: int
+    cpu_s: float
+    finished_time_ns: int
+    uavrt_version: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseRow:
+    """The antenna's pose at a pulse; a row of the poses."""
+
+    recording: str
+    tag_id: int
+    start_time_ns: int
+    """Of the pulse: these three tell which."""
+    time_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    altitude_relative_m: float
+    yaw_deg: float
+    """Heading of the antenna, clockwise from true north."""
+    quaternion_wxyz: tuple[float, float, float, float]
+    extrapolated: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BearingOfTag:
+    """A bearing; a row of the bearings."""
+
+    tag_id: int
+    start_time_ns: int
+    middle_time_ns: int
+    end_time_ns: int
+    latitude_deg: float
+    """From where."""
+    longitude_deg: float
+    altitude_amsl_m: float
+    bearing_deg: float
+    sigma_deg: float | None
+    interval90_from_deg: float | None
+    interval90_to_deg: float | None
+    method: str
+    pulses: int
+    accepted: bool
+    ambiguous: bool
+    second_lobe_probability: float | None
+    evidence: float | None
+    reduced_chi2: float | None
+    multipath_suspected: bool
+    level_db: float | None
+    fading_db: float | None
+    confidence: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionOfTag:
+    """Where a tag was; a row of the positions."""
+
+    tag_id: int
+    start_time_ns: int
+    """Of the first pulse that it rests on."""
+    end_time_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    method: str
+    radius50_m: float | None
+    radius95_m: float | None
+    semi_major95_m: float | None
+    semi_minor95_m: float | None
+    orientation_deg: float | None
+    bearings: int
+    powers: int
+    at_edge: bool
+    heading_error_deg: float | None
+    heading_error_sigma_deg: float | None
+    remarks: str
+    track_time_ns: tuple[int, ...]
+    """Of a tag that moved: its way."""
+    track_latitude_deg: tuple[float, ...]
+    track_longitude_deg: tuple[float, ...]
+    track_radius50_m: tuple[float, ...]
+    track_radius95_m: tuple[float, ...]
+
+
+TABLES: dict[str, type] = {
+    PULSES: Pulse,
+    POSES: PoseRow,
+    BEARINGS: BearingOfTag,
+    POSITIONS: PositionOfTag,
+}
+"""In folders, a file for each recording or flight."""
+
+Row = TypeVar("Row")
+
+
+def need_pyarrow() -> None:
+    """Refuse before the work what could not be written after it.
+
+    Raises
+    ------
+    UsageError
+        The extra is missing.
+    """
+    with needs_extra("batch", "A batch"):
+        import pyarrow  # noqa: F401
+
+
+def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
+    """Columns of a record's fields; of pulses, the recording and its cell; and the flight."""
+    import pyarrow as pa
+
+    types: dict[str, Any] = {
+        "whole": pa.int64(),
+        "real": pa.float64(),
+        "switch": pa.bool_(),
+        "word": pa.string(),
+        "wholes": pa.list_(pa.int64()),
+        "reals": pa.list_(pa.float64()),
+    }
+    columns = [
+        pa.field(one.name, types[one.kind], nullable=one.optional) for one in fields_of(record)
+    ]
+    if record is Pulse:
+        columns += [pa.field("recording", pa.string()), pa.field("cell", pa.int32())]
+    if flight:
+        columns.append(pa.field("flight", pa.string()))
+    return pa.schema(columns, metadata={"uavrt_schema": SCHEMA_VERSION})
+
+
+def write_pulses(path: Path, pulses: Sequence[tuple[int, Pulse]], recording: str) -> None:
+    """Write pulses, each with its cell's number, in the order of their times.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
+    """
+    more: dict[str, list[Any]] = {
+        "recording": [recording] * len(pulses),
+        "cell": [number for number, _ in pulses],
+    }
+    _write(path, Pulse, [pulse for _, pulse in pulses], more)
+
+
+def write_rows(path: Path, record: type[Row], rows: Sequence[Row]) -> None:
+    """Write records of one kind.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
+    """
+    _write(path, record, rows, {})
+
+
+def read_pulses(path: Path) -> Iterator[Pulse]:
+    """Read the pulses that `write_pulses` has written.
+
+    Raises
+    ------
+    FormatError
+        The file is damaged.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    names = [one.name for one in PULSE_FIELDS]
+    try:
+        with pq.ParquetFile(path) as file:
+            for batch in file.iter_batches(columns=names):
+                yield from map(pulse_of, batch.to_pylist())
+    except (OSError, pa.ArrowException) as error:
+        raise FormatError(
+            f"{path} is damaged: {error}", remedy="Delete it and its row in done/"
+        ) from error
+
+
+def pulse_of(row: dict[str, Any]) -> Pulse:
+    """Make a pulse of a row of the table, whatever else is in it."""
+    values = {one.name: row[one.name] for one in PULSE_FIELDS}
+    return Pulse(**(values | {"also_possible_tag_ids": tuple(row["also_possible_tag_ids"])}))
+
+
+def _write(path: Path, record: type, rows: Sequence[Any], more: dict[str, list[Any]]) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    schema = schema_of(record)
+    names = [one.name for one in fields_of(record)]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_suffix(".part")
+    with pq.ParquetWriter(part, schema, compression="zstd") as writer:
+        for begin in range(0, max(1, len(rows)), _ROWS):
+            some = slice(begin, begin + _ROWS)
+            columns = {
+                name: [_plain(getattr(row, name)) for row in rows[some]] for name in names
+            }
+            columns |= {name: values[some] for name, values in more.items()}
+            writer.write_table(pa.table(columns, schema=schema))
+    part.replace(path)
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def folder_of(flight: str) -> str:
+    """Name the folder of a flight's rows, on any system and as Hive does."""
+    name = "".join(one if one.isalnum() or one in "._-" else "_" for one in flight)
+    return f"flight={name or '_'}"

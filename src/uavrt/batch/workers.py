@@ -1,0 +1,237 @@
+"""Tasks side by side in processes of their own; one that dies costs only its chunk."""
+
+import multiprocessing
+import signal
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+from uavrt.errors import UavrtError
+from uavrt.ipc import die_with_parent
+
+MOST_DEATHS = 3
+"""Of workers, with the same cell in hand: then it is left out."""
+_LOOK_S = 0.3
+
+
+R_co = TypeVar("R_co", covariant=True)
+R = TypeVar("R")
+
+
+class Task(Protocol[R_co]):
+    """What a worker can do; it travels to the worker by pickle."""
+
+    def packed(self) -> "Task[R_co]":
+        """Take along what the worker is to have."""
+
+    def work(
+        self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
+    ) -> R_co | None:
+        """Do it, and tell how much; None: stopped before the end."""
+
+    def failed(self, fault: str) -> R_co:
+        """Give a result when nothing could be done."""
+
+
+def run_tasks(
+    tasks: Sequence[Task[R]],
+    workers: int,
+    *,
+    should_stop: Callable[[], bool] = lambda: False,
+    on_done: Callable[[int], None] = lambda _count: None,
+) -> Iterator[tuple[int, R]]:
+    """Work on tasks; yield each one's number and result as it is done.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+        What is to be done.
+    workers : int
+        How many at a time; with one, this process does the work.
+    should_stop : callable
+        Asked several times a second; True ends it with all states written.
+    on_done : callable
+        Takes how much was done since it was last called.
+    """
+    if workers <= 1:
+        for number, task in enumerate(tasks):
+            result = guarded(task, should_stop, on_done)
+            if result is None:
+                return
+            yield number, result
+        return
+    waiting, deaths = list(range(len(tasks))), Counter[int]()
+    while waiting and not should_stop():
+        with _Pool(min(workers, len(waiting))) as pool:
+            left = yield from side_by_side(tasks, waiting, pool, should_stop, on_done)
+        deaths.update(left.in_hand)
+        waiting = [number for number in left.undone if deaths[number] < MOST_DEATHS]
+        if should_stop():
+            return
+        for number in left.undone:
+            if deaths[number] >= MOST_DEATHS:
+                fault = f"the worker ended {MOST_DEATHS} times with this in hand"
+                yield number, tasks[number].failed(fault)
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """Numbers of tasks that were not done."""
+
+    undone: list[int]
+    in_hand: list[int]
+    """Of these, what was worked on when a worker died."""
+
+
+class Crew(Protocol):
+    """Workers of whatever kind."""
+
+    def at_once(self) -> int:
+        """How many tasks to hand out."""
+
+    def submit(self, task: Task[R]) -> "Future[R | None]":
+        """Hand one out."""
+
+    def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
+        """Take a result; raises BrokenProcessPool when the crew has broken up."""
+
+    def stop(self) -> None:
+        """Have all put down what they do."""
+
+    def done(self) -> int:
+        """How much all of them have done."""
+
+
+def side_by_side(
+    tasks: Sequence[Task[R]],
+    numbers: Sequence[int],
+    crew: Crew,
+    should_stop: Callable[[], bool],
+    on_done: Callable[[int], None],
+) -> Generator[tuple[int, R], None, Left]:
+    """Yield tasks as they are done; return what is left when the crew has broken up."""
+    undone, queue = dict.fromkeys(numbers), iter(numbers)
+    running: dict[Future[R | None], int] = {}
+    broken, told = False, 0
+    while not broken:
+        # No more than are worked on: what waits is not in anybody's hand.
+        while len(running) < crew.at_once() and not should_stop():
+            number = next(queue, None)
+            if number is None:
+                break
+            running[handed_out(tasks[number], crew)] = number
+        if not running:
+            break
+        ended, _ = wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED)
+        now = crew.done()
+        on_done(now - told)
+        told = now
+        if should_stop():
+            crew.stop()
+        in_hand = list(running.values())
+        for future in ended:
+            number = running.pop(future)
+            try:
+                result = crew.result(future, tasks[number])
+            except BrokenProcessPool:
+                broken = True
+                continue
+            if result is not None:
+                del undone[number]
+                yield number, result
+    on_done(crew.done() - told)
+    return Left(list(undone), in_hand if broken else [])
+
+
+def handed_out(task: Task[R], crew: Crew) -> "Future[R | None]":
+    """Pack a task and hand it out; what cannot be packed has failed."""
+    try:
+        return crew.submit(task.packed())
+    except UavrtError as error:
+        failed: Future[R | None] = Future()
+        failed.set_result(task.failed(str(error)))
+        return failed
+
+
+class _Pool:
+    """Processes of this machine, until one of them dies."""
+
+    def __init__(self, workers: int) -> None:
+        # A fresh interpreter each: a fork would copy the threads' locks as they are.
+        context = multiprocessing.get_context("spawn")
+        self._stop = context.Event()
+        self._done = context.Value("q", 0)
+        self._workers = workers
+        self._executor = ProcessPoolExecutor(
+            workers, context, initializer=_begin, initargs=(self._stop, self._done)
+        )
+
+    def __enter__(self) -> "_Pool":
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self._stop.set()
+        self._executor.shutdown(wait=True, cancel_futures=True)
+
+    def at_once(self) -> int:
+        return self._workers
+
+    def submit(self, task: Task[R]) -> "Future[R | None]":
+        return self._executor.submit(_work, task)
+
+    def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
+        del task
+        return future.result()
+
+    def stop(self) -> None:
+        self._stop.set()
+
+    def done(self) -> int:
+        return int(self._done.value)
+
+
+_shared: list[Any] = []
+
+
+def _begin(stop: Any, done: Any) -> None:
+    """Prepare a worker: Ctrl-C reaches all of the terminal, and the parent tells us.
+
+    Without the parent nobody holds the output's lock: its workers die with it.
+    """
+    die_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _shared[:] = [stop, done]
+
+
+def _work(task: Task[R]) -> R | None:
+    stop, done = _shared
+
+    def count(now: int) -> None:
+        with done.get_lock():
+            done.value += now
+
+    return worked(task, stop.is_set, count)
+
+
+def guarded(
+    task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
+) -> R | None:
+    """Pack a task and work on it here."""
+    try:
+        packed = task.packed()
+    except UavrtError as error:
+        return task.failed(str(error))
+    return worked(packed, should_stop, on_done)
+
+
+def worked(
+    task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
+) -> R | None:
+    """Work on a task; what nobody foresaw costs the task, not the run."""
+    try:
+        return task.work(should_stop, on_done)
+    except (MemoryError, ArithmeticError, LookupError, TypeError, ValueError) as error:
+        return task.failed(f"{type(error).__name__}: {error}")

@@ -1,0 +1,149 @@
+"""``uavrt archive``: questions over all flights that a batch has searched."""
+
+import json
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, Parameter
+
+from uavrt.cli.examples import examples
+from uavrt.cli.outputs import check_place
+from uavrt.errors import ConfigError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+WIDE = 10_000
+
+archive = App(
+    name="archive",
+    help="Questions over all recordings that uavrt batch has searched. Needs uavrt[batch].",
+)
+AsJson = Annotated[bool, Parameter(name="--json", negative="")]
+
+
+def _ready(name: str, what: str) -> None:
+    """Add a command that asks a ready question."""
+
+    def command(directory: Path, *, as_json: AsJson = False) -> None:
+        from uavrt.batch import QUESTIONS, ask
+
+        _print(ask(directory, QUESTIONS[name]), as_json)
+
+    command.__doc__ = f"""{what}
+
+    Parameters
+    ----------
+    directory
+        What uavrt batch wrote.
+    as_json
+        One object for each line.
+    """
+    archive.command(command, name=name, help_epilogue=examples(f"archive {name}"))
+
+
+_ready("list", "List the recordings, and what was done with each.")
+_ready("tags", "List the tags: pulses, flights, first and last time, strength, frequency.")
+
+
+@archive.command(help_epilogue=examples("archive query"))
+def query(
+    directory: Path,
+    sql: str,
+    *,
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    overwrite: bool = False,
+    as_json: AsJson = False,
+) -> None:
+    """Ask in SQL, over the tables pulses and recordings.
+
+    Parameters
+    ----------
+    directory
+        What uavrt batch wrote.
+    sql
+        As DuckDB has it.
+    output
+        Write the answer to a .parquet or .csv file instead of the terminal.
+    overwrite
+        Replace that file if it exists.
+    as_json
+        One object for each line.
+    """
+    if output is not None:
+        if output.suffix not in (".parquet", ".csv"):
+            raise ConfigError(
+                f"{output} is neither .parquet nor .csv", remedy="Give the file such a name"
+            )
+        check_place(output, overwrite=overwrite)
+    from uavrt.batch import ask
+
+    answer = ask(directory, sql)
+    if output is None:
+        _print(answer, as_json)
+    elif output.suffix == ".csv":
+        from pyarrow import csv
+
+        csv.write_csv(answer, output)
+    else:
+        from pyarrow import parquet
+
+        parquet.write_table(answer, output)
+
+
+@archive.command(help_epilogue=examples("archive export"))
+def export(
+    directory: Path,
+    *,
+    output: Annotated[Path, Parameter(alias="-o")],
+    formats: Annotated[
+        list[str] | None, Parameter(name="--format", consume_multiple=True, negative="")
+    ] = None,
+    flights: Annotated[
+        list[str] | None, Parameter(name="--flight", consume_multiple=True, negative="")
+    ] = None,
+) -> None:
+    """Write flights in the formats of uavrt export, and all of them as GeoParquet.
+
+    Parameters
+    ----------
+    directory
+        What uavrt batch wrote.
+    output
+        Directory for the files: a folder for each flight, GeoParquet beside them.
+    formats
+        Any of csv, uavrt, geojson, kmz, gpx, geopackage, movebank, geoparquet; by default all.
+    flights
+        Only these; by default all that have pulses.
+    """
+    from uavrt.batch import export_archive
+
+    for path in export_archive(directory, output, formats, flights):
+        print(path)
+
+
+def _print(answer: "pa.Table", as_json: bool) -> None:
+    if as_json:
+        for row in answer.to_pylist():
+            print(json.dumps(row, default=str))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    drawn = Table(box=None, pad_edge=False)
+    for name in answer.column_names:
+        drawn.add_column(name, overflow="fold")
+    for row in answer.to_pylist():
+        drawn.add_row(*(_cell(value) for value in row.values()))
+    # In a file or a pipe each row is a line.
+    Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDE).print(drawn)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:.1f}" if abs(value) < 1e4 else f"{value:.0f}"
+    return str(value)[:23] if isinstance(value, datetime) else str(value)

@@ -1,0 +1,206 @@
+"""``uavrt batch``: a whole archive of recordings under one tag list."""
+
+# isort: off
+from uavrt.cli.kinds import Between, Degrees, DegreesOfError, Hertz, Metres, MetresOfError
+import uavrt.cli.one_thread  # noqa: F401  before numpy
+
+# isort: on
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from uavrt.errors import UsageError
+
+if TYPE_CHECKING:
+    from uavrt.batch import BatchSummary, FlightRow, RecordingRow
+
+Stretch = Annotated[float, Parameter(validator=Between(least=60, most=1e6, unit="s"))]
+LeadIn = Annotated[float, Parameter(validator=Between(least=0, most=3600, unit="s"))]
+
+
+def batch(
+    paths: list[str],
+    *,
+    tags: Path,
+    output: Annotated[Path, Parameter(alias="-o")],
+    manifest: Path | None = None,
+    frequency_window: Hertz = 500.0,
+    workers: Annotated[int, Parameter(validator=Between(least=1, most=256))] | None = None,
+    scheduler: str | None = None,
+    cell: Stretch = 3600.0,
+    lead_in: LeadIn = 120.0,
+    chunk: Stretch = 600.0,
+    steps: Annotated[
+        list[str] | None, Parameter(name="--step", consume_multiple=True, negative="")
+    ] = None,
+    antenna: str = "RA-23K",
+    antenna_offset: Degrees = 0.0,
+    method: str = "bayes",
+    height: Metres | None = None,
+    heading_error: DegreesOfError = 1.5,
+    height_error: MetresOfError = 7.0,
+) -> None:
+    """Find the pulses of tags in all recordings of an archive, and where the tags were.
+
+    Detects in all recordings; gives pulses the poses of the flight that the recording lies in,
+    or of a track beside it; estimates bearings and positions as uavrt localize does. A flight
+    without a recording gives the pulses that it found itself. Writes Parquet tables for uavrt
+    archive and for any program that reads Parquet. A run that was stopped or killed goes on
+    where it was; what is done already is not done again, and what was changed (a recording, the
+    tags, the settings) is. What is broken is reported and passed over. Exits with 1 if anything
+    was. Needs the extra uavrt[batch].
+
+    Parameters
+    ----------
+    paths
+        Recordings, and folders with recordings and flights: SigMF, WAV, and raw files that a
+        name or the manifest tells the rate and frequency of; also in object stores that fsspec
+        knows (s3://BUCKET/FOLDER). A track beside a recording has its
+        name and ends in .ulg, .bin, .tlog, .gpx or .nmea.
+    tags
+        Tag file: TagInfo.txt, tags.toml, or the original's detectorConfig.txt.
+    output
+        Directory for the tables.
+    manifest
+        CSV with columns path, format, sample_rate_hz, center_frequency_hz, start_time, track,
+        clock_offset_s for what recordings do not say; empty cells are not told.
+    frequency_window
+        Half-width of the search around each tag's nominal frequency, in hertz.
+    workers
+        Processes at a time; by default one for each core.
+    scheduler
+        tcp://HOST:PORT of a Dask cluster that does the work instead; its workers must see the
+        files under the same names.
+    cell
+        The detector starts anew so often, in seconds of each recording: cells are worked on
+        side by side, and the result does not depend on by whom.
+    lead_in
+        So many seconds before each cell are read again, so that the detector knows the noise.
+    chunk
+        So many seconds of a cell are lost at most when a process dies; changes no result.
+    steps
+        Only these of detect, attach, bearing, localize; by default all. Without detect, what is
+        detected already is used.
+    antenna
+        Name of the antenna's pattern, or a CSV file of angles and gains; monopole: no bearings,
+        positions from signal strength along the flight.
+    antenna_offset
+        Boresight clockwise from the heading that the pulses contain [°].
+    method
+        How bearings become positions: bayes, track, mle, rmr, mest, rmr_ahead, mest_lenth.
+    height
+        With a monopole: height above the tags [m], for logs that do not contain it.
+    heading_error
+        Standard deviation of the heading error common to a whole flight [°].
+    height_error
+        With a monopole: standard deviation of the error common to all heights above a tag [m].
+    """
+    from uavrt.analysis import MONOPOLE, check_position_method
+    from uavrt.analysis.measure import antenna_named, read_tag_source
+    from uavrt.batch import (
+        STEPS,
+        BatchSettings,
+        BatchWatch,
+        PlacingSettings,
+        find_recordings,
+        read_manifest,
+        run_batch,
+    )
+    from uavrt.cli.detect import stop_on_signals
+    from uavrt.cli.outputs import make_directory
+
+    sought = read_tag_source(tags)
+    if antenna != MONOPOLE:
+        antenna_named(antenna)
+    check_position_method(method)
+    found = find_recordings(paths, None if manifest is None else read_manifest(manifest))
+    if not found.recordings and not found.flights:
+        raise UsageError(
+            "there is no recording and no flight",
+            remedy="Name files, or folders that hold recordings or flights",
+        )
+    print(
+        f"{len(found.recordings)} recording(s), {len(found.flights)} flight(s)",
+        file=sys.stderr,
+    )
+    if found.kept_channels:
+        print(f"{found.kept_channels} file(s) of kept channels passed over", file=sys.stderr)
+    settings = BatchSettings(
+        steps=tuple(steps or STEPS),
+        frequency_window_hz=frequency_window,
+        cell_s=cell,
+        lead_in_s=lead_in,
+        chunk_s=chunk,
+        workers=workers or os.cpu_count() or 1,
+        scheduler=scheduler,
+        placing=PlacingSettings(
+            antenna=antenna,
+            offset_deg=antenna_offset,
+            method=method,  # type: ignore[arg-type]
+            height_m=height,
+            heading_sigma_deg=heading_error,
+            height_sigma_m=height_error,
+        ),
+    )
+    settings.check()
+    make_directory(output, "-o")
+    with stop_on_signals() as stopped, _progress() as (on_stage, on_done):
+        watch = BatchWatch(
+            should_stop=lambda: stopped() is not None,
+            on_stage=on_stage,
+            on_done=on_done,
+            on_row=_tell,
+        )
+        summary = run_batch(found, sought, output, settings, watch)
+        number = stopped()
+    _report(summary, output)
+    if number is not None:
+        sys.exit(128 + number)
+    states = [row.state for row in summary.rows] + [row.state for row in summary.flights]
+    if {"truncated", "failed"} & set(states):
+        sys.exit(1)
+
+
+@contextmanager
+def _progress() -> Iterator[tuple[Callable[[str, int], None], Callable[[int], None]]]:
+    """Show a bar when somebody looks."""
+    if not sys.stderr.isatty():
+        yield (lambda _name, _total: None), (lambda _amount: None)
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("looking", total=None)
+        yield (
+            lambda name, total: bar.reset(task, description=name, total=total),
+            lambda amount: bar.advance(task, amount),
+        )
+
+
+def _tell(row: "RecordingRow | FlightRow") -> None:
+    if row.state in ("truncated", "failed"):
+        print(f"{row.path}: {row.state}: {row.fault}", file=sys.stderr)
+
+
+def _report(summary: "BatchSummary", output: Path) -> None:
+    rows, flights = summary.rows, summary.flights
+    hours = sum(row.length_s for row in rows) / 3600.0
+    print(
+        f"{summary.done_now} recording(s) done, {summary.done_before} were done before; "
+        f"{sum(row.pulses for row in rows)} pulses in {hours:.1f} h of {len(rows)} recordings, "
+        f"{sum(row.state == 'truncated' for row in rows)} truncated, "
+        f"{sum(row.state == 'failed' for row in rows)} failed\n"
+        f"{summary.placed_now} flight(s) placed, {summary.placed_before} were before; "
+        f"{sum(row.bearings for row in flights)} bearings and "
+        f"{sum(row.positions for row in flights)} positions of {len(flights)} flights, "
+        f"{sum(row.state == 'failed' for row in flights)} failed: {output}",
+        file=sys.stderr,
+    )
+    if summary.stopped:
+        print("stopped: the same command goes on from here", file=sys.stderr)

@@ -1,0 +1,455 @@
+"""``uavrt coverage``: where a tag is heard, before a flight and after it."""
+
+# isort: off
+from uavrt.cli.elevation import elevation_of
+from uavrt.cli.kinds import (
+    Decibels,
+    DecibelsOfError,
+    Heights,
+    Hertz,
+    Metres,
+    Power,
+    Reach,
+    Seconds,
+    Share,
+    Side,
+    Speed,
+    TagIds,
+    Count,
+)
+import uavrt.cli.one_thread  # noqa: F401  before numpy
+
+# isort: on
+import json
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from uavrt.errors import ConfigError
+
+if TYPE_CHECKING:
+    from uavrt.localization import AntennaPattern
+    from uavrt.messages import Tag
+    from uavrt.planning import Absence, Coverage, LinkBudget
+    from uavrt.terrain import Elevation
+
+
+def coverage(
+    source: Path,
+    *,
+    tag_power: Power,
+    dem: Path | None = None,
+    sea: Annotated[bool, Parameter(negative="")] = False,
+    area: Path | None = None,
+    prior: Share | None = None,
+    height: Heights = (60.0,),
+    speed: Speed = 8.0,
+    spacing: Side = 200.0,
+    margin: Reach = 2000.0,
+    cell: Side = 20.0,
+    tags: Path | None = None,
+    tag: TagIds = (),
+    pulses: Count = 3,
+    frequency: Hertz = 150e6,
+    pulse_width: Seconds = 0.020,
+    interval: Seconds = 1.254,
+    tag_height: Metres = 0.5,
+    antenna: str | None = None,
+    antenna_gain: Decibels = 4.0,
+    mismatch: Decibels = 3.0,
+    noise_figure: Decibels = 8.0,
+    level_error: DecibelsOfError = 3.0,
+    free_space: Annotated[bool, Parameter(negative="")] = False,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Map the probability that a tag is heard, hills included.
+
+    Before a flight, SOURCE is a plan or an area; of several heights the best is told. After a
+    flight it is the flight directory: the map then tells with which probability a tag would
+    have been heard at each place, given where the drone was, how its antenna pointed and how
+    noisy it was, by groups of pulses, or by the whole flight where uavrt integrate has looked
+    for it; with --area, and for tags that were not heard, how probable it is that they are not
+    there.
+
+    Parameters
+    ----------
+    source
+        A plan (QGroundControl's .plan), a way or an area (GeoJSON, KML), or a flight directory.
+    tag_power
+        Power that the tag radiates [dBm], antenna and animal included; collars: -30 to -10.
+    dem
+        Heights of the ground: an SRTM tile (N47E008.hgt), a GeoTIFF, or a folder of these.
+        Without it the ground is level.
+    sea
+        What no elevation file covers is water at height 0.
+    area
+        Outline (GeoJSON, KML, .plan) for which the probability is told.
+    prior
+        Probability before the flight that the tag is in --area; by default the tag may be
+        anywhere on the map alike.
+    height
+        Height of the drone above the ground [m]; several are compared. A flight has its own.
+    speed
+        Speed of the drone [m/s]; a flight has its own.
+    spacing
+        Distance between the lines over an area [m].
+    margin
+        How far the map reaches beyond the way [m].
+    cell
+        Side of the map's squares [m].
+    tags
+        A tag file; by default a flight's own tags, and one tag of the options below.
+    tag
+        Only these tags, by their ids.
+    pulses
+        Pulses in a group (K), without --tags.
+    frequency
+        The tag's frequency [Hz], without --tags.
+    pulse_width
+        The tag's pulse width [s], without --tags.
+    interval
+        The tag's pulse interval [s], without --tags.
+    tag_height
+        Height of the tag above the ground [m].
+    antenna
+        Name of the antenna's pattern, or a CSV file of angles and gains. It points where the
+        drone flies, or as the flight recorded it. Without it all directions are alike.
+    antenna_gain
+        Gain on boresight [dBi].
+    mismatch
+        Loss by polarization and cables [dB].
+    noise_figure
+        Noise that receiver, drone and sky add to the thermal noise [dB]. What a flight measured
+        above its quietest noise is added.
+    level_error
+        Standard deviation of the tag's level [dB]: power, animal, ground.
+    free_space
+        Ignore the ray reflected by the ground.
+    output
+        Directory for the maps, as GeoTIFF and PNG.
+    as_json
+        Print a list of objects.
+    """
+    from uavrt.cli.outputs import make_directory
+    from uavrt.planning import LinkBudget
+
+    if not height:
+        raise ConfigError("there is no height", remedy="Give --height 60")
+    if output is not None:
+        make_directory(output, "--output")
+    asked = _Asked(
+        source=source,
+        elevation=elevation_of(dem, sea=sea),
+        outline=area,
+        prior=prior,
+        heights_m=tuple(sorted(set(height))),
+        speed_m_s=speed,
+        spacing_m=spacing,
+        margin_m=margin,
+        cell_m=cell,
+        pattern=_pattern(antenna),
+        level_sigma_db=level_error,
+        budget=LinkBudget(
+            frequency_hz=frequency,
+            pulse_width_s=pulse_width,
+            tag_eirp_dbm=tag_power,
+            tag_height_m=tag_height,
+            drone_height_m=height[0],
+            antenna_gain_dbi=antenna_gain,
+            mismatch_db=mismatch,
+            noise_figure_db=noise_figure,
+            ground="free" if free_space else "two-ray",
+        ),
+        output=output,
+    )
+    found = (
+        _after(asked, tags, tag)
+        if source.is_dir()
+        else _before(asked, _listed(tags, tag, pulses, interval, frequency, pulse_width))
+    )
+    if as_json:
+        print(json.dumps([_record(one) for one in found], allow_nan=False, indent=2))
+    else:
+        _print(found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """What the command line says."""
+
+    source: Path
+    elevation: "Elevation | None"
+    outline: Path | None
+    prior: float | None
+    heights_m: tuple[float, ...]
+    speed_m_s: float
+    spacing_m: float
+    margin_m: float
+    cell_m: float
+    pattern: "AntennaPattern | None"
+    level_sigma_db: float
+    budget: "LinkBudget"
+    output: Path | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Told:
+    """What is told of one tag at one height."""
+
+    tag: "Tag"
+    height_m: float | None
+    """None: that of a flight."""
+    coverage: "Coverage"
+    best: bool = True
+    in_area: float | None = None
+    """Mean probability in the outline."""
+    absence: "Absence | None" = None
+    heard: int = 0
+    """Confirmed pulses of it in the flight."""
+    in_hindsight: bool = False
+    """Whether the whole flight showed it."""
+    noise: str | None = None
+    files: tuple[Path, ...] = ()
+
+
+def _pattern(antenna: str | None) -> "AntennaPattern | None":
+    if antenna is None:
+        return None
+    from uavrt.analysis.measure import antenna_named
+    from uavrt.localization import pattern_named
+
+    return pattern_named(antenna_named(antenna))
+
+
+def _listed(
+    tags: Path | None,
+    ids: tuple[int, ...],
+    pulses: int,
+    interval_s: float,
+    frequency_hz: float,
+    pulse_width_s: float,
+) -> "list[Tag]":
+    from uavrt.config import read_tags
+    from uavrt.messages import Tag
+
+    if tags is not None:
+        return _chosen(list(read_tags(tags)), ids)
+    if interval_s <= 2.0 * pulse_width_s:
+        raise ConfigError(
+            f"an interval of {interval_s:g} s for pulses of {pulse_width_s:g} s",
+            remedy="Give --interval a longer one",
+        )
+    return [
+        Tag(
+            tag_id=2,
+            frequency_hz=frequency_hz,
+            pulse_width_s=pulse_width_s,
+            pulse_intervals_s=(interval_s,),
+            interval_uncertainty_s=min(0.060, 0.05 * interval_s),
+            interval_jitter_s=min(0.010, 0.1 * interval_s),
+            k=pulses,
+        )
+    ]
+
+
+def _chosen(known: "list[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
+    missing = sorted(set(ids) - {one.tag_id for one in known})
+    if missing or not known:
+        listed = ", ".join(str(one.tag_id) for one in known) or "none"
+        what = f"there is no tag {missing[0]}" if missing else "there are no tags"
+        raise ConfigError(what, remedy=f"Choose from {listed}, or name --tags")
+    return [one for one in known if not ids or one.tag_id in ids]
+
+
+def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
+    """Map a plan, for each tag and height."""
+    import numpy as np
+
+    from uavrt.analysis import (
+        MapSize,
+        best_of,
+        inside,
+        map_around,
+        plan_coverage,
+        read_places,
+        read_polygon,
+        write_maps,
+    )
+
+    plane, corners = read_places(asked.source, asked.spacing_m)
+    east, north = np.array(corners).T
+    size = MapSize(margin_m=asked.margin_m, cell_m=asked.cell_m)
+    area = map_around(plane, east, north, asked.elevation, size)
+    cells = None
+    if asked.outline is not None:
+        cells = inside(read_polygon(asked.outline, plane), area.ground)
+    told = []
+    for tag in tags:
+        maps = []
+        for height_m in asked.heights_m:
+            with _progress(f"tag {tag.tag_id} from {height_m:g} m") as on_pulse:
+                maps.append(
+                    plan_coverage(
+                        area,
+                        corners,
+                        tag,
+                        asked.budget,
+                        height_m=height_m,
+                        speed_m_s=asked.speed_m_s,
+                        pattern=asked.pattern,
+                        level_sigma_db=asked.level_sigma_db,
+                        on_pulse=on_pulse,
+                    )
+                )
+        best = best_of(maps)
+        for number, (height_m, one) in enumerate(zip(asked.heights_m, maps, strict=True)):
+            name = f"coverage_tag_{tag.tag_id}_{height_m:g}m"
+            files = () if asked.output is None else write_maps(asked.output, name, one)
+            told.append(
+                _Told(
+                    tag=tag,
+                    height_m=height_m,
+                    coverage=one,
+                    best=number == best,
+                    in_area=None if cells is None else _mean(one, cells),
+                    files=tuple(files),
+                )
+            )
+    return told
+
+
+def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told]:
+    """Map what a flight would have heard, for each tag."""
+    from uavrt.analysis import ListenedFlight, MapSize, inside, read_polygon, write_maps
+    from uavrt.config import read_tags
+    from uavrt.planning import absence
+    from uavrt.recording import read_flight
+
+    flight = read_flight(asked.source)
+    known = list(flight.info.tags if tags is None else read_tags(tags))
+    size = MapSize(margin_m=asked.margin_m, cell_m=asked.cell_m)
+    listened = ListenedFlight.read(asked.source, flight, asked.elevation, size)
+    cells = None
+    if asked.outline is not None:
+        ground = listened.area.ground
+        cells = inside(read_polygon(asked.outline, ground.plane), ground)
+    told = []
+    for tag in _chosen(known, ids):
+        with _progress(f"tag {tag.tag_id}") as on_pulse:
+            found = listened.silent_map(
+                tag,
+                asked.budget,
+                pattern=asked.pattern,
+                level_sigma_db=asked.level_sigma_db,
+                on_pulse=on_pulse,
+            )
+        one = found.coverage
+        silence = None
+        if cells is not None and not found.heard:
+            silence = absence(one, cells, asked.prior)
+        name = f"coverage_tag_{tag.tag_id}"
+        files = () if asked.output is None else write_maps(asked.output, name, one)
+        told.append(
+            _Told(
+                tag=tag,
+                height_m=None,
+                coverage=one,
+                in_area=None if cells is None else _mean(one, cells),
+                absence=silence,
+                heard=found.heard_pulses,
+                in_hindsight=found.in_hindsight,
+                noise=found.noise,
+                files=tuple(files),
+            )
+        )
+    return told
+
+
+def _mean(one: "Coverage", cells: Any) -> float:
+    import numpy as np
+
+    known = one.heard[cells & np.isfinite(one.heard)]
+    return float(known.mean()) if known.size else math.nan
+
+
+@contextmanager
+def _progress(text: str) -> "Iterator[Callable[[int, int], None]]":
+    """Show how many pulses are done."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(text, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else round(value, 4)
+
+
+def _record(one: _Told) -> dict[str, Any]:
+    ground, silence = one.coverage.ground, one.absence
+    rows, columns = ground.height_m.shape
+    return {
+        "tag_id": one.tag.tag_id,
+        "height_m": one.height_m,
+        "best": one.best,
+        "map_km2": round(rows * columns * ground.cell_m**2 / 1e6, 3),
+        "unknown_share": _finite(ground.unknown_share),
+        "groups": one.coverage.groups,
+        "mean_probability": _finite(one.coverage.mean),
+        "share50": _finite(one.coverage.share_above(0.5)),
+        "share90": _finite(one.coverage.share_above(0.9)),
+        "area_probability": _finite(one.in_area),
+        "heard_pulses": one.heard,
+        "in_hindsight": one.in_hindsight,
+        "whole_flight": one.coverage.whole_flight,
+        "prior": None if silence is None else _finite(silence.prior),
+        "not_here": None if silence is None else _finite(silence.not_here),
+        "noise": one.noise,
+        "limitations": list(one.coverage.limitations),
+        "files": [str(path) for path in one.files],
+    }
+
+
+def _print(found: list[_Told]) -> None:
+    for one in found:
+        ground = one.coverage.ground
+        rows, columns = ground.height_m.shape
+        km2 = rows * columns * ground.cell_m**2 / 1e6
+        where = "in this flight" if one.height_m is None else f"from {one.height_m:g} m"
+        best = " (best)" if one.best and len(found) > 1 and one.height_m is not None else ""
+        print(f"tag {one.tag.tag_id} {where}{best}: {_percent(one.coverage.mean)} on average")
+        if one.coverage.whole_flight:
+            print("  as uavrt integrate would have found it, which looked for it in vain")
+        print(
+            f"  heard with .9 or more on {_percent(one.coverage.share_above(0.9))} of "
+            f"{km2:.1f} km², with .5 or more on {_percent(one.coverage.share_above(0.5))}"
+        )
+        if one.in_area is not None:
+            print(f"  in the area: {_percent(one.in_area)}")
+        if one.heard:
+            print(f"  it was heard: {one.heard} confirmed pulses")
+        if one.in_hindsight:
+            print("  it was found over the whole flight (uavrt integrate)")
+        if one.absence is not None:
+            print(
+                f"  not heard: not here, p = {one.absence.not_here:.3f} (it was in the area "
+                f"with {one.absence.prior:.3f} before the flight)"
+            )
+        if one.noise is not None:
+            print(f"  noise of the drone: {one.noise}")
+        for text in one.coverage.limitations:
+            print(f"  note: {text}")
+        for path in one.files:
+            print(f"  {path}")
+
+
+def _percent(share: float) -> str:
+    return "unknown" if not math.isfinite(share) else f"{100.0 * share:.0f} %"

@@ -1,0 +1,22 @@
+"""The option ``--dem`` of commands that know of hills."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from uavrt.terrain import Elevation
+
+
+def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
+    """Open elevation files; None where none are named.
+
+    Raises
+    ------
+    FormatError
+        There are none, or one is cut off, damaged, or of a kind that is not read.
+    """
+    if dem is None:
+        return None
+    from uavrt.terrain import open_elevation
+
+    return open_elevation(dem, sea=sea)

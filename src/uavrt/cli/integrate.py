@@ -1,0 +1,336 @@
+"""``uavrt integrate``: a whole flight judged at once, for tags below the noise."""
+
+# isort: off
+from uavrt.cli.elevation import elevation_of
+from uavrt.cli.kinds import Between, Hertz, HertzOrZero, TagIds
+import uavrt.cli.one_thread  # noqa: F401  before numpy
+
+# isort: on
+import json
+import sys
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from uavrt.clock import parse_iso_utc
+from uavrt.errors import ConfigError, FormatError, RecordingError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from uavrt.analysis import IntegratedTag
+    from uavrt.localization import AntennaPattern
+    from uavrt.messages import Tag
+    from uavrt.recording import Flight
+    from uavrt.terrain import Elevation
+
+
+def integrate(
+    flight: Path,
+    *others: Path,
+    recording: Path | None = None,
+    tags: Path | None = None,
+    tag: TagIds = (),
+    antenna: str = "RA-23K",
+    frequency_window: Hertz = 500.0,
+    false_alarm: Annotated[float, Parameter(validator=Between(above=0, most=0.5))] = 0.01,
+    drift: Annotated[float, Parameter(validator=Between(least=0, most=0.05))] = 0.0,
+    dem: Path | None = None,
+    sea: Annotated[bool, Parameter(negative="")] = False,
+    format: str | None = None,
+    sample_rate: Hertz | None = None,
+    center_frequency: HertzOrZero | None = None,
+    start_time: str | None = None,
+    moves: Annotated[bool, Parameter(negative="")] = False,
+    plot: Path | None = None,
+    save: bool = True,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Look for tags below the noise: all pulses of a flight are judged together.
+
+    Interval, phase, frequency and place are searched at once, each pulse weighed by how the
+    antenna pointed and how far the drone was. A tag is found here some 4 dB below what a group
+    of 10 to 40 pulses needs. Several flights are judged each alone and all together: half of
+    the false-alarm probability is for either. Exits with 1 when no tag is found.
+
+    Parameters
+    ----------
+    flight
+        The flight directory: its poses, and its tags unless --tags names others.
+    others
+        Further flights of the same tags: what is too weak in each is found in all together.
+    recording
+        Samples recorded in that flight: of the band or of a channel, in any format of uavrt
+        detect. By default the channels that the flight kept (iq/channels), or what it recorded
+        of the band.
+    tags
+        Tag file; by default the flight's tags.
+    tag
+        Only these tags, by their ids.
+    antenna
+        Name of the antenna's pattern, or a CSV file of angles and gains.
+    frequency_window
+        Half-width of the search around each tag's nominal frequency, in hertz.
+    false_alarm
+        Probability with which noise alone shows a tag, for a whole flight and each tag.
+    drift
+        Largest relative change of a tag's interval over the flight, up or down: 0.01 is 1 %.
+        Costs time, and some tenths of a decibel.
+    dem
+        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken pulses, and
+        explain silence. Without it the ground is taken as level.
+    sea
+        Take ground that no elevation file covers for water at height 0.
+    format
+        cf32, cs16, cu8, ci8, sigmf or wav; by default taken from the file name.
+    sample_rate
+        Samples per second, unless the recording states it.
+    center_frequency
+        Radio frequency in hertz, unless the recording states it.
+    start_time
+        Time of the first sample, ISO 8601, UTC, unless the recording states it.
+    moves
+        Of several flights: the tag may be elsewhere in each. By default it rests.
+    plot
+        Directory for a picture of each tag: the flight folded at the interval found. Needs the
+        extra uavrt[analysis].
+    save
+        Write what was found beside the flight (integrated/), for report and export, where its
+        pulses are marked; the flight's own log is never changed.
+    as_json
+        Print a list of objects, with the times of all pulses.
+    """
+    from uavrt.analysis.measure import antenna_named, read_tag_source
+    from uavrt.localization import pattern_named
+    from uavrt.recording import read_flight
+
+    if others and recording is not None:
+        raise ConfigError(
+            "--recording holds the samples of one flight",
+            remedy="Leave it out: each flight's own samples are used",
+        )
+    if moves and not others:
+        raise ConfigError(
+            "--moves is of several flights", remedy="Name further flights, or leave it out"
+        )
+    asked = _Asked(
+        recording=recording,
+        opened={
+            "format_name": format,
+            "sample_rate_hz": sample_rate,
+            "center_frequency_hz": center_frequency,
+            "start_time_ns": None if start_time is None else _time_ns(start_time),
+        },
+        pattern=pattern_named(antenna_named(antenna)),
+        frequency_window_hz=frequency_window,
+        false_alarm=false_alarm,
+        most_drift=drift,
+        elevation=elevation_of(dem, sea=sea),
+        moves=moves,
+        plot=plot,
+        save=save,
+    )
+    flown = [read_flight(one) for one in (flight, *others)]
+    listed = read_tag_source(tags).tags if tags else None
+    if others:
+        found, told = _together(asked, flown, listed, tag)
+    else:
+        wanted = _wanted(listed or flown[0].info.tags, tag)
+        found, told = _one_flight(asked, flown[0], wanted)
+    if as_json:
+        print(json.dumps([one for one, _ in told], allow_nan=False, indent=2))
+    else:
+        for _, text in told:
+            print(text)
+    if not found:
+        sys.exit(1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """What the command line says."""
+
+    recording: Path | None
+    opened: dict[str, Any]
+    """How a recording is to be read."""
+    pattern: "AntennaPattern"
+    frequency_window_hz: float
+    false_alarm: float
+    most_drift: float
+    elevation: "Elevation | None"
+    moves: bool
+    plot: Path | None
+    save: bool
+
+
+_Told = list[tuple[dict[str, Any], str]]
+"""Of each tag JSON and words."""
+
+
+def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[bool, _Told]:
+    """Judge one flight; whether any tag was found, and what is told."""
+    from uavrt.cli.integrated_words import record, sentence
+
+    with _progress(len(wanted)) as (on_progress, on_tag):
+        results = _judged(asked, flight, wanted, asked.false_alarm, on_progress, on_tag)
+    _keep(asked, flight, results, asked.plot)
+    return (
+        any(one.found for one in results),
+        [(record(one), sentence(one)) for one in results],
+    )
+
+
+def _together(
+    asked: _Asked,
+    flights: "list[Flight]",
+    listed: "Sequence[Tag] | None",
+    ids: tuple[int, ...],
+) -> tuple[bool, _Told]:
+    """Judge several flights, tag by tag: the energies of all would not fit in memory."""
+    from uavrt.analysis import common_tags, judge_together, share_alone
+    from uavrt.cli.integrated_words import record_of_flights, sentence_of_flights
+
+    shared = common_tags(flights, listed)
+    wanted = _wanted(shared, ids)
+    alone = share_alone(asked.false_alarm, len(flights))
+    found, told = False, []
+    with _progress(len(wanted) * len(flights)) as (on_progress, on_tag):
+        for number, tag in enumerate(wanted):
+            each = []
+            for flight in flights:
+                each += _judged(asked, flight, [tag], alone, on_progress, None)
+                on_tag(number * len(flights) + len(each))
+            one = judge_together(
+                flights,
+                each,
+                asked.pattern,
+                false_alarm_probability=asked.false_alarm,
+                moves=asked.moves,
+                elevation=asked.elevation,
+            )
+            for flight, own in zip(flights, one.flights, strict=True):
+                name = Path(flight.info.directory).resolve().name
+                _keep(asked, flight, [own], None if asked.plot is None else asked.plot / name)
+            found |= one.found
+            told.append((record_of_flights(one), sentence_of_flights(one)))
+    return found, told
+
+
+def _judged(
+    asked: _Asked,
+    flight: "Flight",
+    wanted: "list[Tag]",
+    false_alarm: float,
+    on_progress: "Callable[[int, int | None], None]",
+    on_tag: "Callable[[int], None] | None",
+) -> "list[IntegratedTag]":
+    """Judge a flight by the samples that were named, or by its own."""
+    from uavrt.analysis import integrate_flight, integrate_kept
+    from uavrt.radio import open_recording
+
+    how: dict[str, Any] = {
+        "frequency_window_hz": asked.frequency_window_hz,
+        "false_alarm_probability": false_alarm,
+        "most_drift": asked.most_drift,
+        "elevation": asked.elevation,
+        "on_progress": on_progress,
+        "on_tag": on_tag,
+    }
+    path = asked.recording or _band_recording(Path(flight.info.directory), wanted)
+    if path is None:
+        return integrate_kept(flight, wanted, asked.pattern, on_fault=_tell, **how)
+    with closing(open_recording(path, **asked.opened)) as source:
+        return integrate_flight(flight, source, wanted, asked.pattern, **how)
+
+
+def _keep(
+    asked: _Asked, flight: "Flight", results: "list[IntegratedTag]", plot: Path | None
+) -> None:
+    """Write what was found beside the flight, and its pictures, as asked."""
+    from uavrt.analysis import save_integrated, write_fold_pictures
+
+    if asked.save:
+        try:
+            directory = save_integrated(flight, results)
+            with suppress(UsageError):  # without matplotlib there are no pictures
+                write_fold_pictures(directory, results)
+        except (RecordingError, FormatError) as error:  # what was found is told all the same
+            print(f"uavrt: not saved: {error}", file=sys.stderr)
+    if plot is not None:
+        for file in write_fold_pictures(plot, results):
+            print(f"drawn: {file}", file=sys.stderr)
+
+
+def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
+    """Pick the tags that are asked for.
+
+    Raises
+    ------
+    ConfigError
+        One is not listed.
+    """
+    missing = sorted(set(ids) - {one.tag_id for one in known})
+    if missing:
+        listed = ", ".join(str(one.tag_id) for one in known) or "none"
+        raise ConfigError(
+            f"there is no tag {missing[0]}", remedy=f"Choose from {listed}, or name --tags"
+        )
+    return [one for one in known if not ids or one.tag_id in ids]
+
+
+def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
+    """Find what a flight recorded of the band; None when the channels that it kept will do.
+
+    Raises
+    ------
+    ConfigError
+        It kept no samples, or several recordings.
+    """
+    from uavrt.analysis import channel_of, kept_channels
+    from uavrt.recording import FlightLayout
+
+    found = sorted(FlightLayout(flight).iq_directory.glob("*.sigmf-meta"))
+    kept = kept_channels(flight)
+    if kept and (len(found) != 1 or all(channel_of(kept, one) for one in wanted)):
+        return None
+    if len(found) != 1:
+        what = "no samples" if not found else f"{len(found)} recordings"
+        raise ConfigError(
+            f"{flight} holds {what}",
+            remedy="Name the samples with --recording, or fetch them: uavrt fetch --samples",
+        )
+    return found[0]
+
+
+def _tell(fault: str) -> None:
+    print(f"uavrt: left out: {fault}", file=sys.stderr)
+
+
+def _time_ns(text: str) -> int:
+    try:
+        return parse_iso_utc(text)
+    except ValueError as error:
+        raise ConfigError(
+            f"--start-time {text!r} is not a time",
+            remedy="Write it as 2024-05-01T06:00:00Z, from 1970 to 2261",
+        ) from error
+
+
+@contextmanager
+def _progress(
+    tags: int,
+) -> "Iterator[tuple[Callable[[int, int | None], None], Callable[[int], None]]]":
+    """Show how far reading and searching are."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        read = bar.add_task("reading the samples", total=None)
+        searched = bar.add_task("searching for tags", total=tags)
+        yield (
+            lambda done, total: bar.update(read, completed=done, total=total),
+            lambda done: bar.update(searched, completed=done),
+        )

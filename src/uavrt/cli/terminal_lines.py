@@ -1,0 +1,83 @@
+"""Lines for a terminal or a pipe, that keep nobody waiting.
+
+A terminal that is stopped (Ctrl-S), a pager that waits or a pipe that nobody reads takes no
+more bytes: to print would stand still, and everything else in the program with it. So another
+thread prints.
+"""
+
+import contextlib
+import os
+import queue
+import sys
+import threading
+from typing import TextIO
+
+MOST_WAITING = 100_000
+"""Lines; three hours of 10 pulses a second, some 20 MB."""
+LAST_S = 1.0
+"""How long the end of a program waits for lines that are not out."""
+
+
+class TerminalLines:
+    """Prints lines in their order, in a thread of its own.
+
+    When its reader has gone it prints no more; what cannot wait is left out. Both are counted.
+
+    Parameters
+    ----------
+    stream : TextIO, optional
+        Where to; standard output unless told.
+    most : int
+        Lines that wait at most.
+    """
+
+    def __init__(self, stream: TextIO | None = None, *, most: int = MOST_WAITING) -> None:
+        self._stream = sys.stdout if stream is None else stream
+        self._lines: queue.Queue[str | None] = queue.Queue(most)
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._print, daemon=True)
+        self._thread.start()
+        self.left_out = 0
+        self.gone = False
+        """Nobody reads any more."""
+
+    def __call__(self, line: str) -> None:
+        """Print a line soon."""
+        try:
+            self._lines.put_nowait(line)
+        except queue.Full:
+            self.left_out += 1
+
+    def close(self, timeout_s: float = LAST_S) -> bool:
+        """Print what waits, and no more after it; whether the thread has ended.
+
+        If not, it stands in a write and holds the stream's lock: the program must leave by
+        `os._exit`, for the interpreter's own end would wait for that lock.
+        """
+        self._ending.set()
+        with contextlib.suppress(queue.Full):
+            self._lines.put_nowait(None)  # wakes a thread that has nothing to print
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _print(self) -> None:
+        while True:
+            lines = [self._lines.get()]
+            while not self._lines.empty() and len(lines) < 1000:
+                lines.append(self._lines.get_nowait())
+            self._write([line for line in lines if line is not None])
+            if self._ending.is_set() and self._lines.empty():
+                return
+
+    def _write(self, lines: list[str]) -> None:
+        if self.gone:
+            self.left_out += len(lines)
+            return
+        try:
+            self._stream.write("".join(f"{line}\n" for line in lines))
+            self._stream.flush()
+        except (OSError, ValueError):  # a broken pipe; a terminal that was closed
+            self.gone = True
+            self.left_out += len(lines)
+            with contextlib.suppress(OSError, ValueError):  # what it still holds goes nowhere
+                os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())

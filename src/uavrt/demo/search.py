@@ -1,0 +1,295 @@
+"""``uavrt demo --search``: a simulated drone finds animals with nobody touching it."""
+
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+from rich.table import Table
+
+from uavrt.clock import Clock
+from uavrt.config import GuidanceSettings, write_tags
+from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.errors import UavrtError
+from uavrt.geodesy import distance_m
+from uavrt.messages import ProcessStatus, SearchNote, SoughtTag, SystemStatus
+from uavrt.monitor import StatusReader
+from uavrt.recording import require_writable
+from uavrt.simulation import Scenario, search_scenario, write_scenario
+from uavrt.units import ns_from_s
+
+RADIUS_M = 260.0
+WISH_M = 25.0
+BATTERY_WH = 120.0
+SPEED_M_S = 8.0
+"""Both as the simulated vehicle has them."""
+START_LEAD_S = 2.0
+READY_TIMEOUT_S = 30.0
+RETURNS_WITHIN_S = 30.0
+"""After the time of the search, it must have ended."""
+REFRESH_S = 0.25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SoughtAnimal:
+    """One animal's account."""
+
+    name: str
+    found: bool
+    found_s: float | None
+    """After the begin of the search."""
+    error_m: float | None
+    """From where it truly was at that moment."""
+    radius95_m: float
+    """That the search told."""
+    walked_m: float
+    """Since the begin of the search."""
+    pulses: int
+    latitude_deg: float
+    longitude_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchSummary:
+    """What ``uavrt demo --search --json`` prints as its last line."""
+
+    tags: dict[str, SoughtAnimal]
+    ended: str
+    duration_s: float
+    decisions: int
+    guide_cpu_percent: float
+    """Of one core, over the search."""
+    guide_memory_mb: float
+    flight_directory: str
+
+    @property
+    def complete(self) -> bool:
+        """Whether every animal was found."""
+        return all(one.found for one in self.tags.values())
+
+    def as_dict(self) -> dict[str, object]:
+        """Get it as plain values for JSON."""
+        return asdict(self)
+
+    def table(self) -> Table:
+        """Show it to a person."""
+        table = Table(title=f"{self.ended}, after {self.duration_s:.0f} s")
+        for name in ("tag", "found", "place", "error", "95 % within", "walked", "pulses"):
+            justify: Literal["left", "right"] = "left" if name == "place" else "right"
+            table.add_column(name, justify=justify, no_wrap=True)
+        for tag_id, one in self.tags.items():
+            table.add_row(
+                f"{tag_id} {one.name}",
+                "no" if one.found_s is None else f"after {one.found_s:.0f} s",
+                f"{one.latitude_deg:.6f}, {one.longitude_deg:.6f}",
+                "–" if one.error_m is None else f"{one.error_m:.1f} m",
+                f"{one.radius95_m:.0f} m",
+                f"{one.walked_m:.0f} m",
+                str(one.pulses),
+            )
+        return table
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What the drone side has told so far."""
+
+    notes: list[SearchNote] = field(default_factory=list)
+    guide: list[tuple[float, ProcessStatus]] = field(default_factory=list)
+    """With the time, while the search goes on."""
+    flight_directory: str = ""
+
+    @property
+    def ended(self) -> bool:
+        return bool(self.notes) and self.notes[-1].event == "ended"
+
+
+class SearchDemo:
+    """One search on this machine, by the real processes.
+
+    Parameters
+    ----------
+    seed : int
+        Of everything random in the world.
+    limit_s : float
+        The search lasts at most.
+    flight_dir : Path
+        Where the drone makes its flight directory.
+    say : callable
+        Takes a line for the person at the terminal.
+    """
+
+    def __init__(
+        self, *, seed: int, limit_s: float, flight_dir: Path, say: Callable[[str], None]
+    ) -> None:
+        self._seed, self._limit_s, self._flight_dir = seed, limit_s, flight_dir
+        self._say = say
+        self._stack = ExitStack()
+        self._seen = _Seen()
+
+    def run(self) -> SearchSummary:
+        """Fly once.
+
+        Raises
+        ------
+        UavrtError
+            A program ended by itself, or nothing was searched; the text says why.
+        """
+        with self._stack:
+            self._start()
+            self._search()
+            return self._summary()
+
+    def _start(self) -> None:
+        require_writable(self._flight_dir)
+        work = Path(tempfile.mkdtemp(prefix="uavrt-search-"))
+        self._stack.callback(shutil.rmtree, work, ignore_errors=True)
+        paths = DemoPaths(directory=work, flights=self._flight_dir.resolve())
+        self._paths, self._direct = paths, free_udp_port()
+        start_ns = Clock.start().now_ns() + ns_from_s(START_LEAD_S)
+        self.scenario: Scenario = search_scenario(self._seed).starting_at(start_ns)
+        write_scenario(self.scenario, paths.scenario)
+        write_tags(paths.tags, self.scenario.tags)
+        companion, ground = free_udp_port(), free_udp_port()
+        settings = drone_settings(self.scenario, paths, companion, flies=True)
+        settings = replace(
+            settings,
+            mavlink=replace(
+                settings.mavlink, direct_links=(f"udpin://127.0.0.1:{self._direct}",)
+            ),
+            guidance=GuidanceSettings(enabled=True, battery_wh=BATTERY_WH, speed_m_s=SPEED_M_S),
+        )
+        self._autopilot = self._program(
+            "autopilot",
+            "uavrt.simulation.autopilot",
+            *("--scenario", str(paths.scenario)),
+            *("--companion", f"127.0.0.1:{companion}"),
+            *("--ground", f"127.0.0.1:{ground}"),
+            *("--flies", "--path", str(paths.flown)),
+        )
+        self._supervisor = self._program(
+            "supervisor",
+            "uavrt.supervisor",
+            msgspec.json.encode(settings).decode(),
+            msgspec.json.encode(self.scenario.tags).decode(),
+        )
+        self._reader = StatusReader(paths.status_socket, READY_TIMEOUT_S, self._check)
+        self._stack.callback(self._reader.close)
+
+    def _program(self, name: str, *arguments: str) -> Program:
+        program = Program(name, arguments, self._paths.directory / f"{name}.log")
+        self._stack.callback(program.stop)
+        return program
+
+    def _check(self) -> None:
+        self._autopilot.check()
+        self._supervisor.check()
+
+    # ------------------------------------------------------------------ the search
+
+    def _search(self) -> None:
+        """Order it once the drone is ready; then only watch."""
+        order = self._ordered()
+        deadline_s = time.monotonic() + self._limit_s + RETURNS_WITHIN_S
+        while not self._seen.ended:
+            self._watch()
+            if time.monotonic() > deadline_s:
+                raise UavrtError("the search did not end", remedy="Run it again, or report it")
+        order.stop()
+
+    def _ordered(self) -> Program:
+        """The order, asked for again until the drone has its position and its home."""
+        deadline_s = time.monotonic() + READY_TIMEOUT_S
+        while True:
+            order = self._program(
+                "fly",
+                *("uavrt.cli", "fly", "search", "--yes", "--sticks-unseen", "--json"),
+                *("--mavlink", f"udpout://127.0.0.1:{self._direct}"),
+                *("--radius", str(RADIUS_M), "--radius-wish", str(WISH_M)),
+                *("--minutes", str(self._limit_s / 60.0)),
+            )
+            while not self._seen.notes and not order.ended:
+                self._watch()
+            if self._seen.notes:
+                return order
+            if time.monotonic() > deadline_s:
+                order.check()
+
+    def _watch(self) -> None:
+        self._check()
+        for topic, record in self._reader.read(REFRESH_S):
+            match record:
+                case SearchNote():
+                    self._seen.notes.append(record)
+                    self._say(_line(record))
+                case SystemStatus() if topic == "system_status":
+                    self._take_status(record)
+
+    def _take_status(self, status: SystemStatus) -> None:
+        seen = self._seen
+        seen.flight_directory = status.flight_directory or seen.flight_directory
+        for one in status.processes:
+            if one.process == "guide" and seen.notes and not seen.ended:
+                seen.guide.append((time.monotonic(), one))
+
+    # ------------------------------------------------------------------ the account
+
+    def _summary(self) -> SearchSummary:
+        seen = self._seen
+        last = seen.notes[-1]
+        shutil.copy(self._paths.scenario, seen.flight_directory)
+        shutil.copy(self._paths.flown, seen.flight_directory)
+        cpu, memory = 0.0, 0.0
+        if len(seen.guide) > 1:
+            (first_s, first), (end_s, end) = seen.guide[0], seen.guide[-1]
+            cpu = 100.0 * (end.cpu_s - first.cpu_s) / (end_s - first_s)
+            memory = max(one.memory_mb for _, one in seen.guide)
+        return SearchSummary(
+            tags={str(one.tag_id): self._animal(one) for one in last.tags},
+            ended=last.reason,
+            duration_s=last.elapsed_s,
+            decisions=sum(note.event == "decision" for note in seen.notes),
+            guide_cpu_percent=round(cpu, 2),
+            guide_memory_mb=round(memory, 1),
+            flight_directory=seen.flight_directory,
+        )
+
+    def _animal(self, told: SoughtTag) -> SoughtAnimal:
+        begun, last = self._seen.notes[0], self._seen.notes[-1]
+        name = next(tag.name for tag in self.scenario.tags if tag.tag_id == told.tag_id)
+        then_ns = last.time_ns
+        if told.found_s is not None:
+            then_ns = begun.time_ns + ns_from_s(told.found_s)
+        first, then = (
+            self.scenario.tag_position(told.tag_id, moment)
+            for moment in (begun.time_ns, then_ns)
+        )
+        error = distance_m(told.latitude_deg, told.longitude_deg, *then)
+        return SoughtAnimal(
+            name=name or "",
+            found=told.found_s is not None,
+            found_s=told.found_s,
+            error_m=None if told.found_s is None else round(error, 1),
+            radius95_m=round(told.radius95_m, 1),
+            walked_m=round(distance_m(*first, *then), 1),
+            pulses=told.pulses,
+            latitude_deg=told.latitude_deg,
+            longitude_deg=told.longitude_deg,
+        )
+
+
+def _line(note: SearchNote) -> str:
+    minutes, seconds = divmod(round(note.elapsed_s), 60)
+    return f"{minutes:2d}:{seconds:02d} {note.text}: {note.reason}"
+
+
+def run_search_demo(
+    *, seed: int, limit_s: float, flight_dir: Path, say: Callable[[str], None]
+) -> SearchSummary:
+    """Run the search once; see `SearchDemo`."""
+    return SearchDemo(seed=seed, limit_s=limit_s, flight_dir=flight_dir, say=say).run()

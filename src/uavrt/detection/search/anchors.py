@@ -1,0 +1,444 @@
+"""The search that starts from cells strong enough to be a pulse of a group: anchors.
+
+Searches of several tags are done together: the work on their cells and hypotheses is one long
+array for all of them, and a call of NumPy costs more than what a single tag gives it to do
+(docs/decisions/0147). A search alone is such a company of one.
+"""
+
+import bisect
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.search.hypotheses import Anchors, Candidate, RateSearch, best_first
+from uavrt.native import kernels
+
+_ANCHORS_AT_ONCE = 96
+_CANDIDATES_AT_ONCE = 24
+"""Of the strongest. A neighbour 10 dB above the tag fills eight with its flanks: for 36 pulses
+the tag was not seen beside it."""
+
+
+class AnchorSearch(RateSearch):
+    """Search of one rate for groups of up to eight pulses; parameters as of `RateSearch`."""
+
+    def __init__(self, **parameters: Any) -> None:
+        super().__init__(**parameters)
+        k, reach = self.k, self.reach
+        self.waits = [math.ceil((k - 1 - p) * self.intervals[-1]) for p in range(k)]
+        """Columns from an anchor in each place to the last pulse, at the longest interval."""
+        others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
+        first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
+        self.rest = others - first
+        """(places, k - 1, intervals): where the others lie in the stretch looked at."""
+        self.lows = first[:, :, 0] - reach
+        """(places, k - 1): from the anchor to the first column of that stretch."""
+        self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
+        """Columns to look at for one other pulse."""
+        self.length = self.span + self.piece + 2 * reach + 4
+        """Columns that are kept; column c lies at c modulo this."""
+        self.width = self.length + max(self.stretch, self.piece + 2 * reach)
+        """Columns with those that lie twice."""
+        self.base = 0
+        # Its own when it is first needed: of a hundred tags in a group 48 MB never are.
+        self.memory = np.zeros(0, np.float32)
+        self.cells = self.memory.reshape(0, self.width)
+        self.pushed = 0
+        self.anchor_columns: list[int] = []
+        self.anchor_rows: list[int] = []
+        self.anchor_powers: list[float] = []
+        self.tested = [0] * k
+        """How many of the anchors were tested in each place."""
+
+    def begin_at(self, column: int) -> None:
+        """Begin in mid-stream: the first column that will be pushed is this one."""
+        super().begin_at(column)
+        self.pushed = column
+
+    def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
+        return search_together([self], power[np.newaxis], noise[np.newaxis])[0]
+
+    def open_anchors(self) -> Anchors:
+        """Get the anchors that the search is not done with."""
+        return self.anchor_columns, self.anchor_rows, self.anchor_powers
+
+    def kind(self) -> tuple[int, ...]:
+        """What searches that `search_together` must have in common and keep forever."""
+        return self.rows, self.k, self.reach, len(self.intervals)
+
+    @property
+    def size(self) -> int:
+        """Cells of the ring."""
+        return self.rows * self.width
+
+    def settle_in(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
+        """Keep the ring in `memory`, shape (n,), from index `base` on; maybe all is zero there.
+
+        The ring's beginning is repeated behind its end: whatever is looked at lies in one
+        piece. The cells of one row lie side by side.
+        """
+        cells = memory[base : base + self.size].reshape(self.rows, self.width)
+        if len(self.cells):
+            cells[:] = self.cells
+        elif not empty:
+            cells[:] = 0.0
+        self.memory, self.base, self.cells = memory, base, cells
+
+    def settle(self) -> None:
+        """See that there is a ring: in memory of its own if it has not settled in another."""
+        if not len(self.memory):
+            self.settle_in(np.zeros(self.size, np.float32), 0, empty=True)
+
+    def append(self, power: NDArray[np.float32]) -> None:
+        """Put new columns, shape (rows, columns), into the ring."""
+        self.settle()
+        count, cells, length = power.shape[1], self.cells, self.length
+        at = self.pushed % length
+        cells[:, at : at + count] = power
+        # What lies twice is written twice.
+        if at + count > length:
+            cells[:, : at + count - length] = power[:, length - at :]
+        spare = cells.shape[1] - length
+        if at < spare:
+            twice = min(count, spare - at)
+            cells[:, length + at : length + at + twice] = power[:, :twice]
+        self.pushed += count
+
+    @property
+    def fresh(self) -> int:
+        """Columns that can be searched for anchors since the last were."""
+        return max(0, self.pushed - self.reach - self.columns)
+
+    def advance(self, fresh: int) -> int:
+        """Continue by so many columns; where the first of them lies in the ring."""
+        first = self.columns % self.length
+        self.columns += fresh
+        if self.columns > self._first_columns:
+            self.threshold = self._steady_threshold
+        return first
+
+    def note(self, columns: list[int], rows: list[int], powers: list[float]) -> None:
+        """Add anchors, in the order of their columns."""
+        self.anchor_columns += columns
+        self.anchor_rows += rows
+        self.anchor_powers += powers
+
+    def take_due(self, due: "_Due", member: int) -> None:
+        """Hand over every anchor in every place whose last pulse is complete."""
+        columns, tested = self.anchor_columns, self.tested
+        if not columns:
+            return
+        for place, wait in enumerate(self.waits):
+            done = tested[place]
+            upto = bisect.bisect_left(columns, self.columns - wait, done)
+            if upto > done:
+                due.columns += columns[done:upto]
+                due.rows += self.anchor_rows[done:upto]
+                due.powers += self.anchor_powers[done:upto]
+                due.places += [place] * (upto - done)
+                tested[place] = upto
+        # Those tested as the first of K, which waits longest, are done with.
+        keep = tested[0]
+        if keep:
+            if self.pass_on is not None:
+                self.pass_on(columns[:keep], self.anchor_rows[:keep], self.anchor_powers[:keep])
+            del columns[:keep], self.anchor_rows[:keep], self.anchor_powers[:keep]
+            self.tested = [upto - keep for upto in tested]
+        due.members += [member] * (len(due.columns) - len(due.members))
+
+    def collect(self, tested: "_Tested", part: slice) -> list[Candidate]:
+        """Make candidates of the hypotheses in `part`, all this search's, above threshold."""
+        best, level = tested.best[part], tested.level[part]
+        cells, power = tested.cells[part], tested.power[part]
+        hits = np.flatnonzero(best >= self.threshold * self.margin)
+        strengths = (cells[hits].sum(axis=1) + power[hits][:, np.newaxis]) / level[hits][
+            :, np.newaxis
+        ]
+        # Of the intervals that the limit makes equal, the one with the most power.
+        totals = tested.totals[part][hits] / level[hits][:, np.newaxis]
+        strengths[totals < best[hits][:, np.newaxis] - 0.01] = 0.0
+        strength = strengths.max(axis=1)
+        strongest = np.argsort(-strength)[:_CANDIDATES_AT_ONCE]
+        which = hits[strongest]
+        interval = self.intervals[strengths.argmax(axis=1)[strongest]]
+        after = np.arange(self.k) - tested.place[part][which][:, np.newaxis]
+        columns = tested.column[part][which][:, np.newaxis] + after * interval[:, np.newaxis]
+        score, strength, row = best[which], strength[strongest], tested.row[part][which]
+        return self._unknown(score, strength, row, columns)
+
+    def candidates(
+        self, due: "_Due", hits: list[tuple[int, float, float, int]]
+    ) -> list[Candidate]:
+        """Make candidates of the anchors that the compiled kernel found above threshold.
+
+        Parameters
+        ----------
+        due : _Due
+        hits : list of (int, float, float, int)
+            Which of these, the best sum and the strength in noise powers, and the interval.
+        """
+        hits = sorted(hits, key=lambda hit: -hit[2])[:_CANDIDATES_AT_ONCE]
+        which, score, strength, interval = zip(*hits, strict=True)
+        place = np.array([due.places[index] for index in which])
+        column = np.array([due.columns[index] for index in which])
+        after = np.arange(self.k) - place[:, np.newaxis]
+        columns = column[:, np.newaxis] + after * self.intervals[list(interval), np.newaxis]
+        row = np.array([due.rows[index] for index in which])
+        return self._unknown(np.array(score), np.array(strength), row, columns)
+
+    def _unknown(
+        self,
+        score: NDArray[np.floating],
+        strength: NDArray[np.floating],
+        row: NDArray[np.intp],
+        columns: NDArray[np.float64],
+    ) -> list[Candidate]:
+        """Candidates that no known pulse explains; arrays along them."""
+        if self.known is not None:
+            new = ~self.known.explain(columns, row, strength, reach=self.reach)
+            if not new.any():
+                return []
+            score, strength, row, columns = score[new], strength[new], row[new], columns[new]
+        threshold = self.threshold
+        return [
+            Candidate(one / threshold, strong, self.rate, at, tuple(where))
+            for one, strong, at, where in zip(
+                score.tolist(), strength.tolist(), row.tolist(), columns.tolist(), strict=True
+            )
+        ]
+
+
+@dataclass(slots=True)
+class _Due:
+    """Anchors to be tested, those of one search after those of the other."""
+
+    columns: list[int] = field(default_factory=list)
+    rows: list[int] = field(default_factory=list)
+    powers: list[float] = field(default_factory=list)
+    places: list[int] = field(default_factory=list)
+    members: list[int] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Tested:
+    """Statistics of some anchors, along the first axis; powers in the input's units."""
+
+    column: NDArray[np.intp]
+    row: NDArray[np.intp]
+    place: NDArray[np.intp]
+    power: NDArray[np.float32]
+    level: NDArray[np.float32]
+    cells: NDArray[np.float32]
+    """(anchors, k - 1, intervals): the largest within the jitter at the other places."""
+    totals: NDArray[np.float32]
+    """(anchors, intervals)"""
+    best: NDArray[np.float32]
+    """In noise powers."""
+
+
+def search_together(
+    searches: Sequence[AnchorSearch],
+    power: NDArray[np.float32],
+    noise: NDArray[np.float32],
+) -> list[list[Candidate]]:
+    """Add new columns of several searches; test every hypothesis that they complete.
+
+    Parameters
+    ----------
+    searches : sequence of AnchorSearch
+        Of equal rows, K, reach and number of intervals, with as many columns `fresh` after
+        these; their rings in one memory.
+    power : ndarray of float32, shape (searches, rows, columns)
+        At most a piece of columns.
+    noise : ndarray of float32, shape (searches, rows)
+
+    Returns
+    -------
+    list of list of Candidate
+        For each search, best first.
+    """
+    if kernels() is not None:
+        return [
+            _search_by_kernel(search, columns, level)
+            for search, columns, level in zip(searches, power, noise, strict=True)
+        ]
+    found: list[list[Candidate]] = [[] for _ in searches]
+    for search, columns in zip(searches, power, strict=True):
+        search.append(columns)
+    if not searches[0].fresh:
+        return found
+    _note_anchors(searches, noise)
+    due = _Due()
+    for member, search in enumerate(searches):
+        search.take_due(due, member)
+    if due.columns:
+        _test_all(searches, due, noise, found)
+        for some in found:
+            best_first(some)
+    return found
+
+
+def _search_by_kernel(
+    search: AnchorSearch, power: NDArray[np.float32], level: NDArray[np.float32]
+) -> list[Candidate]:
+    """Do as `search_together` for one search: its powers (rows, columns), its noise (rows,)."""
+    native = kernels()
+    if power.strides[1] != power.itemsize:
+        power = np.ascontiguousarray(power)
+    search.settle()
+    at, first = search.pushed % search.length, search.columns
+    search.pushed += power.shape[1]
+    fresh = search.fresh
+    begin = search.advance(fresh) if fresh else 0
+    ring = (search.memory, search.base, search.rows, search.width, search.length)
+    share = search.threshold / search.k
+    search.note(*native.note(*ring, at, begin, fresh, first, search.reach, share, level, power))
+    due = _Due()
+    if fresh:
+        search.take_due(due, 0)
+    if not due.columns:
+        return []
+    least = search.threshold * search.margin
+    largest, hits = native.rate(
+        *(*ring, search.stretch, search.reach, search.limit, search.lows, search.rest, level),
+        *(due.columns, due.rows, due.powers, due.places, least),
+    )
+    search.best = max(search.best, largest / search.threshold)
+    if hits and len(due.columns) > _ANCHORS_AT_ONCE:
+        found: list[list[Candidate]] = [[]]
+        _test_all([search], due, level[np.newaxis], found)
+        return best_first(found[0])
+    return best_first(search.candidates(due, hits)) if hits else []
+
+
+def _note_anchors(searches: Sequence[AnchorSearch], noise: NDArray[np.float32]) -> None:
+    """Continue to the newest columns and note their cells that may be anchors."""
+    reach, rows, fresh = searches[0].reach, searches[0].rows, searches[0].fresh
+    mask = np.empty((len(searches), rows, fresh), np.bool_)
+    places = []
+    for search, level, strong in zip(searches, noise, mask, strict=True):
+        first = search.columns
+        at = search.advance(fresh)
+        needed = np.float32(search.threshold / search.k) * level
+        np.greater_equal(search.cells[:, at : at + fresh], needed[:, np.newaxis], out=strong)
+        places.append((search.base, search.width, search.length, at, first))
+    # In one dimension: for two NumPy walks through all cells, at 40 times the price.
+    cells = mask.reshape(-1).nonzero()[0]
+    if not len(cells):
+        return
+    line, column = np.divmod(cells, fresh)
+    member, row = np.divmod(line, rows)
+    base, width, length, at, first = np.array(places).T[:, member]
+    starts = base + row * width + (at + column - reach) % length
+    around = _stretches(searches[0].memory, 2 * reach + 1)[starts]
+    power = around[:, reach]
+    peaks = (power >= around.max(axis=1)).nonzero()[0]
+    member = member[peaks]
+    order = (member * fresh + column[peaks]).argsort(kind="stable")
+    peaks = peaks[order]
+    columns, which = (first + column)[peaks].tolist(), row[peaks].tolist()
+    powers = power[peaks].tolist()
+    upto = 0
+    for search, count in zip(searches, np.bincount(member).tolist(), strict=False):
+        part = slice(upto, upto + count)
+        search.note(columns[part], which[part], powers[part])
+        upto += count
+
+
+def _test_all(
+    searches: Sequence[AnchorSearch],
+    due: _Due,
+    noise: NDArray[np.float32],
+    found: list[list[Candidate]],
+) -> None:
+    """Test anchors, about `_ANCHORS_AT_ONCE` at a time, and put what they find to `found`."""
+    member = np.array(due.members)
+    column, row = np.array(due.columns), np.array(due.rows)
+    place, power = np.array(due.places), np.array(due.powers, np.float32)
+    first = 0
+    parts: list[tuple[int, slice]] = []
+    for index in range(len(searches)):
+        last = bisect.bisect_right(due.members, index, first)
+        while first < last:
+            part = slice(first, min(first + _ANCHORS_AT_ONCE, last))
+            parts.append((index, part))
+            first = part.stop
+    begin = 0
+    for number, (_, part) in enumerate(parts):
+        if part.stop - parts[begin][1].start < _ANCHORS_AT_ONCE and number + 1 < len(parts):
+            continue
+        low = parts[begin][1].start
+        some = slice(low, part.stop)
+        tested = _test(
+            searches, member[some], column[some], row[some], place[some], power[some], noise
+        )
+        best = tested.best.tolist()
+        for index, own in parts[begin : number + 1]:
+            search = searches[index]
+            own = slice(own.start - low, own.stop - low)
+            largest = max(best[own])
+            search.best = max(search.best, largest / search.threshold)
+            if largest >= search.threshold * search.margin:
+                found[index] += search.collect(tested, own)
+        begin = number + 1
+
+
+def _test(
+    searches: Sequence[AnchorSearch],
+    member: NDArray[np.intp],
+    column: NDArray[np.intp],
+    row: NDArray[np.intp],
+    place: NDArray[np.intp],
+    power: NDArray[np.float32],
+    noise: NDArray[np.float32],
+) -> _Tested:
+    """Sum over all intervals for some anchors; arrays along them."""
+    k, reach = searches[0].k, searches[0].reach
+    rows = searches[0].rows
+    level = noise.reshape(-1)[member * rows + row]
+    limit = searches[0].limit
+    limits = level * np.float32(limit) if k > 1 else np.full_like(level, np.inf)
+    if len(searches) == 1:
+        search = searches[0]
+        lows, rest, stretch = search.lows[place], search.rest[place], search.stretch
+        where = (column[:, np.newaxis] + lows) % search.length
+        where += (search.base + row * search.width)[:, np.newaxis]
+    else:
+        table = member * k + place
+        lows = np.concatenate([search.lows for search in searches])[table]
+        rest = np.concatenate([search.rest for search in searches])[table]
+        stretch = max(search.stretch for search in searches)
+        layout = np.array([(s.base, s.width, s.length) for s in searches])
+        base, width, length = layout.T[:, member]
+        where = (column[:, np.newaxis] + lows) % length[:, np.newaxis]
+        where += (base + row * width)[:, np.newaxis]
+    largest = _stretches(searches[0].memory, stretch)[where]
+    covered = 1
+    while covered < 2 * reach + 1:
+        shift = min(covered, 2 * reach + 1 - covered)
+        largest = np.maximum(largest[..., :-shift], largest[..., shift:])
+        covered += shift
+    starts = np.arange(where.size) * largest.shape[2]
+    rest += starts.reshape(where.shape)[:, :, np.newaxis]
+    cells = largest.reshape(-1).take(rest)
+    totals = np.minimum(cells, limits[:, np.newaxis, np.newaxis]).sum(axis=1)
+    totals += np.minimum(power, limits)[:, np.newaxis]
+    return _Tested(
+        column=column,
+        row=row,
+        place=place,
+        power=power,
+        level=level,
+        cells=cells,
+        totals=totals,
+        best=totals.max(axis=1) / level,
+    )
+
+
+def _stretches(memory: NDArray[np.float32], length: int) -> NDArray[np.float32]:
+    """Every stretch of `length` cells in a row, without a copy."""
+    return np.ndarray((len(memory) - length + 1, length), np.float32, memory, 0, (4, 4))

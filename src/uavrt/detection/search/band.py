@@ -1,0 +1,400 @@
+"""One band of frequencies under search: its spectrogram, its noise, a search for each rate."""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.bounds import Bounds
+from uavrt.detection.search.anchors import AnchorSearch, search_together
+from uavrt.detection.search.evidence import gate
+from uavrt.detection.search.grid import Grid, Spectrogram
+from uavrt.detection.search.hypotheses import Candidate, RateSearch, best_first
+from uavrt.detection.search.known_pulses import KnownPulses
+from uavrt.detection.search.levelling import SLOT, Leveller, level_together
+from uavrt.detection.search.noise import RowNoise, update_together
+from uavrt.detection.search.rates import make_searches
+from uavrt.detection.search.spectra import Workspace, columns_ahead, push_together
+from uavrt.detection.search.thresholds import USUAL_NOISE_ERROR, young_margin
+from uavrt.detection.signal import SampleBuffer
+from uavrt.detection.track import Bursts, Known
+from uavrt.messages import Tag
+
+NOISE_STRIDE = SLOT
+"""Of the columns, eight to a pulse, every fourth tells the noise as much as all."""
+_LEARN_BATCHES = 3
+"""The noise is followed so many batches at a time: a call costs more than its data."""
+_LEAST_NOISE_S = 0.35
+_LEAST_CLEAN = 0.2
+"""Share of the columns without impulses from which on these alone tell the noise. Impulses so
+dense that fewer are left are in nearly all, which then have about the same noise."""
+_LAG_S = 0.07
+"""The newest columns lag a window and a filter behind the samples."""
+_KEPT_S = 4.0
+"""Besides a group's span, levels are kept so long: pulses are measured some time later."""
+_YOUNG_NOISE_S = 2.5
+"""Until so much is heard the noise is measured anew from all of it with each batch."""
+
+
+class SearchBand:
+    """The search of one stream in one band.
+
+    Parameters
+    ----------
+    grid : Grid
+    buffer : SampleBuffer
+    bounds : Bounds
+        Half-width of the band, and what in it is not searched.
+    batch_s : float
+        Samples come in pieces of at most so much [s].
+    """
+
+    def __init__(
+        self,
+        *,
+        grid: Grid,
+        buffer: SampleBuffer,
+        bounds: Bounds,
+        batch_s: float,
+    ) -> None:
+        tag, half_width_hz = bounds.tag, bounds.half_width_hz
+        self._grid = grid
+        self._buffer = buffer
+        self._batch = round(batch_s * grid.sample_rate_hz)
+        self._spectrogram = Spectrogram(grid)
+        self._noise = RowNoise(
+            column_s=grid.hop_s * NOISE_STRIDE,
+            independent_per_s=1.0 / tag.pulse_width_s,
+            circular=half_width_hz >= grid.sample_rate_hz / 2.0,
+        )
+        self._searches = make_searches(tag, grid, half_width_hz)
+        for search in self._searches:
+            search.margin = gate(search.k)
+        steady = self._searches[0]
+        self.leveller = Leveller(
+            rows=grid.rows,
+            keep=max(search.span for search in self._searches)
+            + math.ceil(_KEPT_S / grid.hop_s),
+            steepness=steady.threshold / steady.k,
+            circular=half_width_hz >= grid.sample_rate_hz / 2.0,
+        )
+        """How loud the noise is at each time, over `noise`."""
+        self._anchor_searches = [s for s in self._searches if isinstance(s, AnchorSearch)]
+        self._bursts = Bursts(grid, tag.pulse_width_s)
+        # The cells of all rates are the same.
+        self._searches[0].pass_on = self._bursts.add
+        self._begun = 0
+        self._kind: tuple[int, ...] | None = None
+        """What never changes of what bands that go on together have in common; None: alone."""
+        if grid.halves is not None and len(self._anchor_searches) == len(self._searches):
+            kinds = [search.kind() for search in self._anchor_searches]
+            self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
+        self._excluded = bounds.excluded_rows(grid.offsets_hz)
+        self._unsure = False
+        """Whether the noise is known worse than usually: a narrow band's for ten seconds."""
+        self._learnt: list[NDArray[np.float32]] = []
+        self._column = 0
+        self._heard_s = 0.0
+        self._first_noise_s = _needed_noise_s(tag, self._searches)
+
+    @property
+    def noise(self) -> NDArray[np.float32]:
+        """Noise power of each row at a level of one, shape (rows,)."""
+        return self._noise.level
+
+    @property
+    def noise_now(self) -> NDArray[np.float32]:
+        """Noise power of each row in the newest columns, shape (rows,)."""
+        return self._noise.level * self.leveller.rows_now
+
+    def note_lines(self, *, many: bool) -> None:
+        """Report whether many lines are being taken out of the samples."""
+        self._noise.ragged = many
+
+    def advance(
+        self, upto: int, *, last: bool
+    ) -> list[tuple[RateSearch, list[Candidate]]] | None:
+        """Transform and search the clean samples up to an index.
+
+        Parameters
+        ----------
+        upto : int
+        last : bool
+            Nothing follows: test what only silence would complete.
+
+        Returns
+        -------
+        list of (RateSearch, list of Candidate), or None
+            Best candidates first; None while the noise is not known.
+        """
+        power = self._columns(self._spectrogram, upto, last=last)
+        was_ready = self._noise.ready
+        if was_ready and len(power):
+            whole = self._whole_columns(self._column, len(power)) if self._broken else None
+            self.leveller.level(power.T, self.noise, self._column, whole)
+            self._noise.only_rises = self.leveller.uneven
+        self._take(power, last=last)
+        if not self._noise.ready:
+            return None
+        level = self._noise.level
+        results = []
+        for search in self._searches:
+            found: list[Candidate] = []
+            for block in (power,) if was_ready else self._from_the_start(upto, last=last):
+                if len(self._excluded):
+                    block[:, self._excluded] = 0.0
+                found += search.push(block, level)
+            if last:
+                found += search.finish(level)
+            results.append((search, best_first(found)))
+        return results
+
+    def company(self, upto: int) -> tuple[int, ...] | None:
+        """What bands that `advance_together` to such an index must have in common.
+
+        None: this one must go alone.
+        """
+        spectrogram = self._spectrogram
+        first = spectrogram.needed()
+        if first < 0 or not self._noise.ready or self._kind is None:
+            return None
+        columns = columns_ahead(spectrogram, upto - first)
+        key = [upto - first, len(spectrogram.band)]
+        for search in self.anchor_searches():
+            if not 0 < columns <= search.piece:
+                return None
+            key += (search.pushed - search.columns, id(search.memory))
+        return (*key, *self._kind)
+
+    def know(self, pulses: KnownPulses | None) -> None:
+        """Leave out the candidates that known pulses explain, from the next step on."""
+        for search in self._searches:
+            search.known = pulses
+
+    def anchor_searches(self) -> list[AnchorSearch]:
+        """Get the searches whose cells may lie in one memory."""
+        return self._anchor_searches
+
+    def _take(self, power: NDArray[np.float32], *, last: bool) -> None:
+        """Count new columns, and learn the noise from them."""
+        begin, self._column = self._column, self._column + len(power)
+        if len(power):
+            self._learn(power, begin, last=last)
+
+    def bursts(self, known: Sequence[Known]) -> Bursts:
+        """What else is on air, up to the present.
+
+        Parameters
+        ----------
+        known : sequence of Known
+            Pulses of tags that are sure: no bursts.
+        """
+        search = self._searches[0]
+        self._bursts.look(
+            search.open_anchors(),
+            self._noise.level,
+            now_column=search.columns,
+            begin_column=self._begun,
+            known=known,
+        )
+        return self._bursts
+
+    def score(self) -> float:
+        """Best statistic since the last call over its threshold, of what did not reach it."""
+        best = max(search.best for search in self._searches)
+        for search in self._searches:
+            search.best = 0.0
+        return min(best, 0.999)
+
+    def take_over(self, other: "SearchBand", upto: int) -> None:
+        """Begin at an index, in mid-stream, with the noise of a band that holds this one."""
+        grid = self._grid
+        column = 8 * math.ceil((upto + grid.reach) / grid.hop / 8.0)
+        self._column = self._begun = column
+        self._spectrogram.consumed = column * grid.hop // grid.decimation
+        offsets = other._grid.offsets_hz
+        level = np.interp(grid.offsets_hz, offsets, other.noise_now).astype(np.float32)
+        self._noise.take_over(other._noise, level)
+        self._heard_s = other._heard_s
+        for search in self._searches:
+            search.begin_at(column)
+
+    def _columns(
+        self, spectrogram: Spectrogram, upto: int, *, last: bool
+    ) -> NDArray[np.float32]:
+        """The next columns, from the samples up to an index; behind the last come zeros."""
+        first = spectrogram.needed()
+        if first >= upto:
+            return np.zeros((0, self._grid.rows), np.float32)
+        stretch = self._buffer.view(max(0, first), upto)
+        if first < 0 or last:
+            ends = np.zeros(self._grid.reach + self._grid.window if last else 0, np.complex64)
+            stretch = np.concatenate((np.zeros(max(0, -first), np.complex64), stretch, ends))
+        return spectrogram.push(stretch)
+
+    def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
+        """All columns so far, made again: to keep them until the noise is known is 0.3 MB."""
+        grid, at = self._grid, self._buffer.start
+        spectrogram = Spectrogram(grid)
+        if at:
+            column = 8 * math.ceil((at + grid.reach) / grid.hop / 8.0)
+            spectrogram.consumed = column * grid.hop // grid.decimation
+            yield np.zeros((column, grid.rows), np.float32)
+        while at < upto:
+            at = min(at + self._batch, upto)
+            if at == upto or at > spectrogram.needed() + grid.window:
+                yield self._columns(spectrogram, at, last=last and at == upto)
+
+    @property
+    def _broken(self) -> bool:
+        """Whether samples are lost, or were taken out as impulses."""
+        return bool(self._buffer.holes or self._buffer.blanked)
+
+    @property
+    def _knows_noise(self) -> bool:
+        """Whether the noise is only followed from here on."""
+        return self._noise.ready and self._heard_s >= _YOUNG_NOISE_S
+
+    def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
+        """Feed the noise with columns that hold no lost samples."""
+        whole = power
+        if self._broken:
+            whole = power[self._whole_columns(begin, len(power))]
+        self._learnt.append(whole[::NOISE_STRIDE].copy())
+        known = self._knows_noise
+        self._heard_s += len(power) * self._grid.hop_s
+        if known:
+            if len(self._learnt) >= _LEARN_BATCHES:
+                self._noise.update(np.concatenate(self._learnt))
+                self._learnt.clear()
+                self._trust_noise()
+            return
+        if self._heard_s < self._first_noise_s and not last:
+            return
+        everything = np.concatenate(self._learnt)
+        if len(everything) >= 16:
+            self._noise.start(everything)
+            self._unsure = True
+            self._trust_noise()
+            if self._heard_s >= _YOUNG_NOISE_S:
+                self._learnt.clear()
+
+    def _trust_noise(self) -> None:
+        """Search with what the noise's error asks for, until that is no more than usual."""
+        if not self._unsure:
+            return
+        error = self._noise.relative_error
+        for search in self._searches:
+            search.margin = gate(search.k) * young_margin(search.threshold, error)
+        self._unsure = error > USUAL_NOISE_ERROR
+
+    def _whole_columns(self, begin: int, count: int) -> NDArray[np.bool_]:
+        whole = self._without(self._buffer.holes, begin, count)
+        # A window with 7 ms taken out has a third of its noise less: five such in a second
+        # told 3 % too little, two and a half times the false groups.
+        clean = whole & self._without(self._buffer.blanked, begin, count)
+        return clean if clean.sum() > _LEAST_CLEAN * whole.sum() else whole
+
+    def _without(
+        self, stretches: list[tuple[int, int]], begin: int, count: int
+    ) -> NDArray[np.bool_]:
+        """Which columns have no sample of any of the stretches, shape (count,)."""
+        grid = self._grid
+        whole = np.ones(count, np.bool_)
+        for low, high in reversed(stretches):
+            end = (high + grid.reach) // grid.hop + 1 - begin
+            if end <= 0:
+                break  # they lie in order of time
+            whole[max(0, (low - grid.window - grid.reach) // grid.hop - begin) : end] = False
+        return whole
+
+
+def advance_together(
+    bands: Sequence[SearchBand], uptos: Sequence[int], workspace: Workspace
+) -> list[list[tuple[RateSearch, list[Candidate]]]]:
+    """Do as `SearchBand.advance` for bands that have the same `company`.
+
+    Parameters
+    ----------
+    bands : sequence of SearchBand
+    uptos : sequence of int
+        For each.
+    workspace : Workspace
+    """
+    power = push_together(
+        [band._spectrogram for band in bands],
+        [
+            band._buffer.view(band._spectrogram.needed(), upto)
+            for band, upto in zip(bands, uptos, strict=True)
+        ],
+        workspace,
+    )
+    level_together(
+        [band.leveller for band in bands],
+        power,
+        [band.noise for band in bands],
+        [band._column for band in bands],
+        [
+            band._whole_columns(band._column, power.shape[2]) if band._broken else None
+            for band in bands
+        ],
+    )
+    for band in bands:
+        band._noise.only_rises = band.leveller.uneven
+    _learn_together(bands, power)
+    for band, columns in zip(bands, power, strict=True):
+        if len(band._excluded):
+            columns[band._excluded] = 0.0
+    levels = np.stack([band._noise.level for band in bands])
+    results: list[list[tuple[RateSearch, list[Candidate]]]] = [[] for _ in bands]
+    for searches in zip(*(band.anchor_searches() for band in bands), strict=True):
+        for result, search, found in zip(
+            results, searches, search_together(searches, power, levels), strict=True
+        ):
+            result.append((search, found))
+    return results
+
+
+def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> None:
+    """Feed the noises with new columns, shape (bands, rows, columns)."""
+    count = power.shape[2]
+    plain = []
+    for index, band in enumerate(bands):
+        if band._knows_noise and not band._broken:
+            plain.append(index)
+        else:
+            band._take(power[index].T, last=False)
+    some = power[:, :, ::NOISE_STRIDE]
+    some = some if len(plain) == len(bands) else some[plain]
+    due: dict[int, list[SearchBand]] = {}
+    for index, piece in zip(plain, some.transpose(0, 2, 1).copy(), strict=True):
+        band = bands[index]
+        band._column += count
+        band._heard_s += count * band._grid.hop_s
+        band._learnt.append(piece)
+        if len(band._learnt) >= _LEARN_BATCHES:
+            due.setdefault(sum(map(len, band._learnt)), []).append(band)
+    for columns, alike in due.items():
+        learnt = np.empty((len(alike), columns, power.shape[1]), np.float32)
+        for band, own in zip(alike, learnt, strict=True):
+            np.concatenate(band._learnt, out=own)
+            band._learnt.clear()
+        update_together([band._noise for band in alike], learnt)
+        for band in alike:
+            band._trust_noise()
+
+
+def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
+    """How soon a group can reach a threshold: before, no noise needs to be known.
+
+    A cell adds no more than the limit, so a threshold needs several pulses, the last of them
+    some intervals after the stream's first sample.
+    """
+    soonest_s = min(
+        (math.ceil(search.threshold / search.limit) - 1)
+        * (interval_s - tag.interval_uncertainty_s)
+        for search, interval_s in zip(searches, tag.pulse_intervals_s, strict=True)
+    )
+    return min(max(soonest_s, _LEAST_NOISE_S), _YOUNG_NOISE_S) - _LAG_S

@@ -1,0 +1,210 @@
+"""The search for K pulses of one rate in the power of the grid's cells.
+
+A hypothesis is a row, an anchor cell, the anchor's place among the K pulses, and an interval.
+Its statistic is the anchor's power plus, for each other place, the largest power within the
+jitter around where that pulse should be; all relative to the row's noise and none above a
+limit. By the pigeonhole principle a sum of K terms that reaches T has a term that reaches T/K,
+so only cells above T/K need be anchors: a few in a second of noise at K = 3. Only what an
+anchor looks at is maximised over the jitter; the work is linear in K.
+
+The anchor sits at its own peak and the others within the jitter of it, so pulses whose errors
+differ by more than the bound lose a part of their energy.
+
+The limit is 14 noise powers per cell. At equal false alarms it costs nothing (Pd .553 against
+.549 at 9 dB), because the threshold falls with it; a log-likelihood would gain .008 more but
+let one impulse carry a group. The strength without the limit settles ties.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.search.known_pulses import KnownPulses
+
+Anchors = tuple[list[int], list[int], list[float]]
+"""Columns, rows and powers of strong cells, in order of time."""
+CELL_LIMIT = 14.0
+"""Most that one cell adds to a sum of several, in noise powers: 0.5 of a K = 3 threshold.
+
+Without a limit one impulse carries a group. The limit costs nothing at the threshold: it lowers
+the false alarms of noise as much (measured: docs/explanation/detection.md)."""
+_PIECE_S = 0.46
+"""Most columns taken in at once, in seconds: a ring of cells needs no more beyond its span, and
+a detector's pieces are of 0.44 s."""
+
+
+class Candidate(NamedTuple):
+    """A hypothesis whose statistic reached the threshold."""
+
+    score: float
+    """The statistic over the threshold."""
+    strength: float
+    """The sum without the limit on a cell, in noise powers: settles ties of strong pulses."""
+    rate: int
+    row: int
+    columns: tuple[float, ...]
+    """Where its pulses should be, in columns since the start."""
+
+
+EQUAL_SCORES = 4
+"""Decimal places of a score that count. Cells are limited before they are summed, so strong
+groups share one score but for the last bits of float32, which must not choose between them."""
+
+
+def best_first(found: list[Candidate]) -> list[Candidate]:
+    """Sort candidates in place: the highest score, of equal ones the strongest, first."""
+    if len(found) > 1:
+        found.sort(key=lambda one: (-round(one.score, EQUAL_SCORES), -one.strength))
+    return found
+
+
+class RateSearch(ABC):
+    """Search of one rate over a sliding stretch of columns.
+
+    What all searches have; `uavrt.detection.search.anchors.AnchorSearch` and
+    `uavrt.detection.search.long_groups.LongSearch` are the two ways to do it.
+
+    Parameters
+    ----------
+    rows : int
+        Rows of the grid.
+    hop_s : float
+        Time between two columns.
+    interval_s, uncertainty_s, jitter_s : float
+        The tag's interval, the bound of its constant error and of each pulse's own.
+    k : int
+        Pulses summed.
+    threshold : float
+        Of the sum, in noise powers.
+    rate : int
+        Number of the rate, from 1.
+    first_threshold, first_columns : float, int
+        Threshold while fewer columns than these have been seen. In the first decision interval
+        few groups can have begun; it may spend its false alarms on these.
+    """
+
+    def __init__(
+        self,
+        *,
+        rows: int,
+        hop_s: float,
+        interval_s: float,
+        uncertainty_s: float,
+        jitter_s: float,
+        k: int,
+        threshold: float,
+        rate: int,
+        first_threshold: float | None = None,
+        first_columns: int = 0,
+    ) -> None:
+        self.rate = rate
+        self.k = k
+        self.rows = rows
+        self._steady_threshold = threshold
+        self._first_columns = first_columns
+        self.threshold = threshold if first_threshold is None else first_threshold
+        self.limit = CELL_LIMIT if k > 1 else math.inf
+        self.reach = jitter_reach(jitter_s, hop_s)
+        intervals = interval_grid(
+            interval_s=interval_s,
+            uncertainty_s=uncertainty_s,
+            hop_s=hop_s,
+            k=k,
+            reach=self.reach,
+        )
+        self.intervals = intervals
+        self.longest = math.ceil(float(intervals[-1]))
+        self.span = (k - 1) * self.longest + 1
+        """Columns from the first to the last pulse, at the longest interval."""
+        places = np.arange(k)
+        self._offsets = np.rint(
+            (places[np.newaxis, :] - places[:, np.newaxis])[:, :, np.newaxis]
+            * intervals[np.newaxis, np.newaxis, :]
+        ).astype(np.intp)
+        """(place, place, intervals): columns from a pulse to another."""
+        self.columns = 0
+        """Columns whose maxima over the jitter are known, since the start."""
+        self.piece = max(16, math.ceil(_PIECE_S / hop_s))
+        self.best = 0.0
+        """Largest statistic over the threshold since it was last set to zero."""
+        self.margin = 1.0
+        """What the threshold is multiplied by while the noise is hardly known."""
+        self.known: KnownPulses | None = None
+        """What they explain need not be returned."""
+        self.pass_on: Callable[[list[int], list[int], list[float]], None] | None = None
+        """Takes strong cells that the search is done with: columns, rows and powers."""
+
+    def open_anchors(self) -> Anchors:
+        """Get the strong cells that the search is not done with."""
+        return [], [], []
+
+    @property
+    def steady(self) -> bool:
+        """Whether the threshold is no longer that of the first decision."""
+        return self.threshold == self._steady_threshold
+
+    def begin_at(self, column: int) -> None:
+        """Begin in mid-stream: the first column that will be pushed is this one."""
+        self.columns = column + self.reach
+        self._first_columns = 0
+
+    def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
+        """Add new columns and test every hypothesis that they complete.
+
+        Parameters
+        ----------
+        power : ndarray of float32, shape (columns, rows)
+            Power of the cells, in the input's units.
+        noise : ndarray of float32, shape (rows,)
+            Noise power of each row, in the same units.
+
+        Returns
+        -------
+        list of Candidate
+            Best first; several may be of the same pulses.
+        """
+        found: list[Candidate] = []
+        for first in range(0, len(power), self.piece):
+            found += self._push(power[first : first + self.piece].T, noise)
+        return best_first(found)
+
+    def finish(self, noise: NDArray[np.float32]) -> list[Candidate]:
+        """Test the hypotheses still open, as if only silence followed."""
+        columns = self.longest * (self.k - 1) + 2 * self.reach + 1
+        if self.columns <= self._first_columns:
+            self._first_columns += columns
+        return self.push(np.zeros((columns, self.rows), np.float32), noise)
+
+    @abstractmethod
+    def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
+        """Take at most a piece of columns, shape (rows, columns)."""
+
+
+def jitter_reach(jitter_s: float, hop_s: float) -> int:
+    """Columns to look to either side of where a pulse should be.
+
+    Two pulses that are both off by their utmost are rare, and a pulse a little beyond the reach
+    is still seen by its flank: 0.7 of the bound loses less than the smaller search gains.
+    """
+    return max(1, math.ceil(0.7 * jitter_s / hop_s - 0.25))
+
+
+def interval_grid(
+    *, interval_s: float, uncertainty_s: float, hop_s: float, k: int, reach: int
+) -> NDArray[np.float64]:
+    """Intervals to try, in columns.
+
+    They lie so close that between two of them no pulse of the K moves by more than the reach of
+    the jitter or one column, whichever is the larger half.
+    """
+    middle = interval_s / hop_s
+    if k == 1:
+        return np.array([middle])
+    spread = uncertainty_s / hop_s
+    step = min(1.0, max(1.0, reach / 2.0) * 2.0 / (k - 1))
+    count = 2 * math.ceil(spread / step) + 1 if spread > 0.0 else 1
+    return middle + np.linspace(-spread, spread, count)

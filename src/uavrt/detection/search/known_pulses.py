@@ -1,0 +1,68 @@
+"""Pulses already known, and the search candidates that they explain."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.search.grid import Grid
+from uavrt.detection.signal import Measured
+
+_SAME_BINS = 1.5
+_LEAK_SHARE = 0.2
+"""Of a candidate's strength, that the leak of a known pulse must have to explain it."""
+
+
+class KnownPulses:
+    """Pulses of confirmed tracks, or of groups just taken.
+
+    Of a tag that is heard they explain nearly all that is found.
+
+    Parameters
+    ----------
+    grid : Grid
+    pulses : list of Measured
+        At least one.
+    """
+
+    def __init__(self, grid: Grid, pulses: list[Measured]) -> None:
+        self._grid = grid
+        self._pulses = pulses
+
+    def explain(
+        self,
+        columns: NDArray[np.float64],
+        rows: NDArray[np.intp],
+        strength: NDArray[np.floating],
+        *,
+        reach: int,
+    ) -> NDArray[np.bool_]:
+        """Which candidates have one of their pulses from a known one, or its leak.
+
+        Parameters
+        ----------
+        columns : ndarray of float64, shape (candidates, K)
+        rows : ndarray of int, shape (candidates,)
+        strength : ndarray, shape (candidates,)
+            Sums of powers, in noise powers.
+        reach : int
+            Columns that a pulse's jitter was looked for to either side.
+
+        Returns
+        -------
+        ndarray of bool, shape (candidates,)
+        """
+        grid = self._grid
+        bin_hz = grid.sample_rate_hz / grid.window
+        near = (reach + 1) * grid.hop + 0.75 * grid.window
+        starts = columns * grid.hop - (grid.decimation - 1) / 2.0
+        at, offset_hz, power = np.array(
+            [(m.start, m.offset_hz, m.power) for m in self._pulses]
+        ).T
+        meet = (np.abs(starts[:, :, np.newaxis] - at) < near).any(axis=1)
+        away_hz = offset_hz - grid.offsets_hz[rows][:, np.newaxis]
+        away_hz -= grid.sample_rate_hz * np.rint(away_hz / grid.sample_rate_hz)
+        apart = np.abs(away_hz) / bin_hz
+        leak = power / np.maximum(1.0, math.pi * apart / 2.0) ** 2
+        meet &= (apart < _SAME_BINS) | (leak > _LEAK_SHARE * strength[:, np.newaxis])
+        return np.asarray(meet.any(axis=1))

@@ -1,0 +1,630 @@
+"""Track sudden rises of the noise: throttle, a transmitter near by.
+
+`uavrt.detection.search.noise` knows each row's noise within some tens of seconds. A rise that
+many rows share is known in a tenth of a second, as they all tell of it. Cells are divided by
+that level before any sum, so that a group's quiet and loud pulses weigh what they are worth.
+
+Time goes in slots of half a pulse, frequency in bands of one bin. A level is a mean over the
+longest stretch of slots that agrees with all shorter ones (the intersection of confidence
+intervals: Goldenshluger and Nemirovski, Mathematical Methods of Statistics 6, 1997), looking
+back and ahead separately; where both disagree there is a step, and the louder counts.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.search.grid import HOPS_PER_PULSE, ROWS_PER_BIN
+from uavrt.native import kernels
+
+SLOT = HOPS_PER_PULSE // 2
+"""Columns of a slot."""
+_TRUNCATION = 4.0
+_MEAN = 1.0 - math.exp(-_TRUNCATION)
+"""Mean of a unit exponential that is limited to the truncation."""
+_PAST = 80
+"""Slots that are looked back at."""
+_STRETCHES = (6, 10, 16, 26, 42, 80)
+"""Slots over which a level may be averaged; a step is seen to within the shortest."""
+_MOST_SPLITS = 4
+_SPLIT = 6.5
+"""Logarithm of the likelihood ratio from which on two sides differ."""
+_SIGMAS = 2.2
+"""Means that differ by more are of different levels."""
+_VARIANCE = 1.5
+"""Of a slot in one bin: windows of two neighbouring slots overlap by half."""
+_TRIGGER = 3.0
+"""Standard deviations from which on a steady level is doubted."""
+_BAND_TRIGGER = 3.6
+_CALM = 11
+"""Slots of the shortest piece that is compared with the level."""
+_BURST = 1.7
+"""A slot so many times above both sides is a strong pulse's, not noise."""
+_BURST_SIGMAS = 2.6
+"""Of a single slot, by which three of a weaker pulse stand out."""
+_BESIDE = (4, 8)
+"""Where these sides lie: so many slots away. A pulse is in three slots or four."""
+_MEDIAN_SLOTS = 11
+_AHEAD = 10
+_MOST_MARGIN = 0.3
+_SAME = 0.12
+"""Levels that differ by less are the same, as far as is told."""
+_STAYED = 40
+_LEARNT = 40
+"""Slots that count as known before the first."""
+_NEARLY = 0.5
+_LEAST = 1e-9
+"""Of a level: a receiver may fall silent."""
+
+
+@dataclass(slots=True)
+class _Stretch:
+    """Levels of consecutive columns."""
+
+    first: int
+    common: NDArray[np.float32]
+    """(slots,)"""
+    bands: NDArray[np.float32] | None
+    """(bands, slots): on top of the common one, where bands differ."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Followed:
+    """Levels that change: to search with, and to measure with."""
+
+    divisor: NDArray[np.float32]
+    """(new slots,): common level to search with, what it may err by added."""
+    bands: NDArray[np.float32] | None
+    """(bands, new slots): over that, where bands differ."""
+    told: NDArray[np.float32]
+    """(slots,): common level to measure with."""
+    told_bands: NDArray[np.float32] | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Levels:
+    """Levels of some slots."""
+
+    common: NDArray[np.float32]
+    """(slots,)"""
+    margin: NDArray[np.float32]
+    """(slots,): what to search with over that, as it is not known exactly."""
+    bands: NDArray[np.float32] | None
+    """(bands, new slots): over the common one, where bands differ."""
+
+
+class Leveller:
+    """Follows the level that the rows of one search share.
+
+    Parameters
+    ----------
+    rows : int
+    keep : int
+        Columns whose levels are kept.
+    steepness : float
+        Threshold of the search over K: how much faster than a cell's error false alarms grow.
+    circular : bool
+        Whether the last row is the first's neighbour.
+    """
+
+    def __init__(
+        self, *, rows: int, keep: int, steepness: float, circular: bool = False
+    ) -> None:
+        count = max(1, round(rows / ROWS_PER_BIN))
+        self.band_of = np.minimum(np.arange(rows) // ROWS_PER_BIN, count - 1)
+        """Band of each row."""
+        self._members = np.bincount(self.band_of).astype(np.float32)
+        self._sums = np.zeros((count, rows), np.float32)
+        self._sums[self.band_of, np.arange(rows)] = 1.0 / self._members[self.band_of]
+        self._bins = (rows + ROWS_PER_BIN - 1) / ROWS_PER_BIN
+        self._steepness = steepness
+        self._keep = keep
+        self._circular = circular
+        self._now = np.ones(count, np.float32)
+        """Newest level of each band."""
+        self._usual = np.ones(count, np.float32)
+        """The same, averaged for as long as it stayed."""
+        self._stayed = 0
+        """Calls since it changed."""
+        # The rows' noise was just learnt from what came before.
+        self._past = np.ones((count, _LEARNT), np.float32)
+        self._whole = np.ones(_LEARNT, np.float32)
+        """Which slots of the past count: 1 or 0."""
+        self._stretches: list[_Stretch] = []
+        self.unsteady = False
+        """Whether the level changes, or bands differ."""
+        self.uneven = False
+        """Whether bands differ."""
+
+    @property
+    def rows_now(self) -> NDArray[np.float32]:
+        """Newest level of each row, averaged for as long as it stayed, shape (rows,)."""
+        return self._usual[self.band_of]
+
+    def at(self, row: float, column: float) -> float:
+        """Level at a row and a column (between two: that of the nearer)."""
+        for stretch in reversed(self._stretches):
+            if column >= stretch.first:
+                slot = min(int((column - stretch.first) / SLOT), len(stretch.common) - 1)
+                level = float(stretch.common[slot])
+                if stretch.bands is not None:
+                    index = min(max(round(row), 0), len(self.band_of) - 1)
+                    level *= float(stretch.bands[self.band_of[index], slot])
+                return level
+        return 1.0
+
+    def level(
+        self,
+        power: NDArray[np.float32],
+        noise: NDArray[np.float32],
+        first: int,
+        whole: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Divide new columns by their level, in place.
+
+        Parameters
+        ----------
+        power : ndarray of float32, shape (rows, columns)
+        noise : ndarray of float32, shape (rows,)
+            Noise of each row at a level of one.
+        first : int
+            Number of the first column.
+        whole : ndarray of bool, shape (columns,), optional
+            Columns without lost samples; None: all.
+        """
+        level_together([self], power[np.newaxis], [noise], [first], [whole])
+
+    def _keep_steady(
+        self, both: NDArray[np.float32], weights: NDArray[np.float32], mean: float
+    ) -> float:
+        """Note slots that are all of one level; what to divide by."""
+        self.unsteady = self.uneven = False
+        total = max(float(weights.sum()), 1.0)
+        level = mean * (1.0 + 0.5 * self._steepness * _VARIANCE / self._bins / total)
+        self._now[:] = mean
+        self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
+        return level
+
+    def _level_by_kernel(
+        self,
+        power: NDArray[np.float32],
+        noise: NDArray[np.float32],
+        first: int,
+        whole: NDArray[np.bool_] | None,
+    ) -> None:
+        """Do as `level_together` for one search."""
+        count = -(-power.shape[1] // SLOT)
+        slots = self._past.shape[1] + count
+        both = np.empty((len(self._past), slots), np.float32)
+        weights = np.empty(slots, np.float32)
+        steady = kernels().level(
+            *(power, noise, self._now, self._usual, self._stayed, self._members),
+            *(self._past, self._whole, whole, self._bins, self._steepness, both, weights),
+        )
+        if steady is None:
+            self._level(power, noise, first, both, weights)
+            return
+        level, self._stayed = steady
+        self.unsteady = self.uneven = False
+        self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
+        self._note(first, np.full(count, level, np.float32), None)
+
+    def _level(
+        self,
+        power: NDArray[np.float32],
+        noise: NDArray[np.float32],
+        first: int,
+        both: NDArray[np.float32],
+        weights: NDArray[np.float32],
+    ) -> None:
+        """Divide columns by levels that change, in place."""
+        columns = power.shape[1]
+        slots = power[:, ::SLOT]
+        past = both.shape[1] - slots.shape[1]
+        if not self._nearly_steady(both):
+            both[:, past:] = self._robust(slots, noise, both, past)
+        found = self._follow(both, weights, past)
+        told, common, bands = found.told, found.divisor, found.bands
+        if self._stretches:
+            # What is known by now of slots that might have been a pulse's.
+            before = self._stretches[-1].common
+            upto = min(_BESIDE[1], past, len(before))
+            before[len(before) - upto :] = told[past - upto : past]
+        self.unsteady, self.uneven = True, bands is not None
+        self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
+        self._note(first, told[past:].copy(), found.told_bands)
+        self._now[:] = told[-1]
+        if found.told_bands is not None:
+            self._now *= found.told_bands[:, -1]
+        if bands is None:
+            power /= np.repeat(common, SLOT)[:columns]
+        else:
+            power /= np.repeat((bands * common)[self.band_of], SLOT, axis=1)[:, :columns]
+        self._average()
+
+    def _nearly_steady(self, both: NDArray[np.float32]) -> bool:
+        """Whether no level is so far from the newest that its cells are limited wrongly."""
+        pieces = both.shape[1] // _CALM
+        some = both[:, both.shape[1] - pieces * _CALM :]
+        common = self._common(some).reshape(pieces, _CALM).mean(axis=1)
+        bands = some.mean(axis=1)
+        least = min(float(common.min()), float(bands.min()))
+        return least > _NEARLY * max(float(common.max()), float(bands.max()))
+
+    def _average(self) -> None:
+        """Average the newest level with those before, if these were the same."""
+        self._stayed = min(self._stayed + 1, _STAYED)
+        if bool((np.abs(self._now - self._usual) > _SAME * self._usual).any()):
+            self._stayed = 1
+        self._usual = self._usual + (self._now - self._usual) / np.float32(self._stayed)
+
+    def _note(
+        self, first: int, common: NDArray[np.float32], bands: NDArray[np.float32] | None
+    ) -> None:
+        self._stretches.append(_Stretch(first, common, bands))
+        last = first + SLOT * len(common)
+        while len(self._stretches) > 1 and self._stretches[1].first < last - self._keep:
+            del self._stretches[0]
+
+    def _common(self, bands: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Mean over the bands, weighted by their rows, shape (slots,)."""
+        return np.asarray(self._members @ bands / self._members.sum(), np.float32)
+
+    def _robust(
+        self,
+        slots: NDArray[np.float32],
+        noise: NDArray[np.float32],
+        both: NDArray[np.float32],
+        past: int,
+    ) -> NDArray[np.float32]:
+        """Means of each band's new cells, limited by what is usual around; (bands, slots)."""
+        lead = min(past, _MEDIAN_SLOTS // 2)
+        cells = slots / noise[:, np.newaxis]
+        x = self._sums @ cells
+        # Of the newest nobody knows yet what is usual: what a quarter of the bands exceed.
+        newest = np.zeros_like(x)
+        last = _BESIDE[0]
+        newest[:, -last:] = np.quantile(x[:, -last:], 0.75, axis=0)
+        for _ in range(2):
+            around = np.concatenate((both[:, past - lead : past], x), axis=1)
+            if len(around) > 2:
+                beside = np.pad(around, ((1, 1), (0, 0)), mode="edge")
+                around = (beside[:-2] + beside[1:-1] + beside[2:]) / np.float32(3.0)
+            half = _MEDIAN_SLOTS // 2
+            padded = np.pad(around, ((0, 0), (half, half)), mode="reflect")
+            windows = np.lib.stride_tricks.sliding_window_view(padded, _MEDIAN_SLOTS, axis=1)
+            usual = np.partition(windows, half, axis=2)[:, lead:, half]
+            usual = np.maximum(usual, np.maximum(newest, np.float32(_LEAST)))
+            x = self._sums @ np.minimum(cells, np.float32(_TRUNCATION) * usual[self.band_of])
+            x /= np.float32(_MEAN)
+        return x
+
+    def _follow(
+        self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
+    ) -> _Followed:
+        """Levels of the slots at hand: to search with, and to measure with.
+
+        A rise among the newest slots may be a strong pulse: searched with as a rise, measured
+        with as a pulse.
+        """
+        if kernels() is not None:
+            return self._follow_by_kernel(both, weights, past)
+        common = np.maximum(self._common(both), np.float32(_LEAST))
+        weights = weights.copy()
+        doubtful = self._take_out_bursts(common, weights)
+        levels = told = self._levels(both, common, weights, past)
+        if doubtful.any():
+            weights[doubtful] = 0.0
+            told = self._levels(both, common, weights, past)
+        divisor = (levels.common * levels.margin)[past:]
+        return _Followed(divisor, levels.bands, told.common, told.bands)
+
+    def _follow_by_kernel(
+        self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
+    ) -> _Followed:
+        slots = len(weights)
+        divisor = np.empty(slots - past, np.float32)
+        bands = np.empty((len(both), slots - past), np.float32)
+        told, told_bands = np.empty(slots, np.float32), np.empty_like(bands)
+        differ, told_differ = kernels().follow(
+            *(both, weights, self._members, past, self._bins, self._steepness),
+            *(self._circular, divisor, bands, told, told_bands),
+        )
+        return _Followed(
+            divisor, bands if differ else None, told, told_bands if told_differ else None
+        )
+
+    def _levels(
+        self,
+        both: NDArray[np.float32],
+        common: NDArray[np.float32],
+        weights: NDArray[np.float32],
+        past: int,
+    ) -> _Levels:
+        """Level of each slot, and of the bands from slot `past` on."""
+        scale = math.sqrt(_VARIANCE / self._bins)
+        back, begin, least = _longest(common, weights, scale)
+        ahead, end, _ = _longest(common[::-1], weights[::-1], scale)
+        ahead, end = ahead[::-1], end[::-1]
+        sums, total = _sums(common * weights), _sums(weights)
+        begin, end = _agreed(back, begin, ahead, len(common) - end, scale, total)
+        n = total[end] - total[begin]
+        level = np.where(n > 0.0, (sums[end] - sums[begin]) / np.maximum(n, 1e-9), back)
+        # Where little lies ahead a stretch takes in too much from before a rise.
+        level[-_AHEAD:] = np.maximum(level, least)[-_AHEAD:]
+        level = np.maximum(level, _LEAST)
+        margin = np.minimum(0.5 * self._steepness * scale**2 / np.maximum(n, 1.0), _MOST_MARGIN)
+        return _Levels(
+            common=np.asarray(level, np.float32),
+            margin=np.asarray(1.0 + margin, np.float32),
+            bands=self._bands(both, weights, begin[past:], end[past:], level[past:]),
+        )
+
+    def _take_out_bursts(
+        self, common: NDArray[np.float32], weights: NDArray[np.float32]
+    ) -> NDArray[np.bool_]:
+        """Give strong pulses no weight; which of the newest slots may yet be such."""
+        near, far = _BESIDE
+        width = far - near + 1
+        # Nothing is known of what comes; before the first slot it was as after it.
+        padded = np.pad(common, (0, far), mode="edge")
+        padded = np.pad(padded, (far, 0), mode="reflect")
+        medians = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+        before, after = medians[: len(common)], medians[far + near : far + near + len(common)]
+        # Of three slots together weaker pulses are seen, where the rows are many.
+        three = np.convolve(np.pad(common, 1, mode="edge"), np.full(3, 1.0 / 3.0), "valid")
+        burst = min(1.0 + _BURST_SIGMAS * math.sqrt(_VARIANCE / self._bins), _BURST)
+        high = (common > _BURST * before) | (three > burst * before)
+        short = high & ((common > _BURST * after) | (three > burst * after))
+        weights[short] = 0.0
+        doubtful = high.copy()
+        doubtful[:-far] = False
+        return doubtful
+
+    def _bands(
+        self,
+        both: NDArray[np.float32],
+        weights: NDArray[np.float32],
+        begin: NDArray[np.intp],
+        end: NDArray[np.intp],
+        level: NDArray[np.float64],
+    ) -> NDArray[np.float32] | None:
+        """Level of each band over the common one, or None while they are alike."""
+        if len(both) < 4:
+            return None
+        total, sums = _sums(weights), _sums(both * weights)
+        n = np.maximum(total[end] - total[begin], 1e-3)
+        ratio = (sums[:, end] - sums[:, begin]) / (n * level)
+        levels = _segments(ratio, n, circular=self._circular)
+        return levels if bool((levels != levels[0]).any()) else None
+
+
+def _sums(values: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Sums along the last axis before each index, one more than the values."""
+    zero = np.zeros((*values.shape[:-1], 1))
+    return np.concatenate((zero, np.cumsum(values, axis=-1, dtype=np.float64)), axis=-1)
+
+
+def _longest(
+    common: NDArray[np.float32], weights: NDArray[np.float32], scale: float
+) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
+    """Mean over the longest stretch back from each slot that agrees with all shorter ones.
+
+    Returns
+    -------
+    mean : ndarray, shape (slots,)
+    begin : ndarray, shape (slots,)
+        Its first slot; it ends with the slot itself.
+    least : ndarray, shape (slots,)
+        What the loudest of the stretches is, less its error.
+    """
+    sums, total = _sums(common * weights), _sums(weights)
+    end = np.arange(1, len(common) + 1)
+    mean, first = np.asarray(common, np.float64), end - 1
+    low, high = np.zeros(len(common)), np.full(len(common), np.inf)
+    least = np.zeros(len(common))
+    going = np.ones(len(common), np.bool_)
+    for length in _STRETCHES:
+        begin = np.maximum(end - length, 0)
+        some = total[end] - total[begin]
+        here = np.where(some > 0, (sums[end] - sums[begin]) / np.maximum(some, 1e-9), mean)
+        error = scale / np.sqrt(np.maximum(some, 1e-9))
+        least = np.maximum(least, here * (1.0 - error))
+        error *= _SIGMAS
+        low = np.maximum(low, here * (1.0 - error))
+        high = np.minimum(high, here * (1.0 + error))
+        going &= low <= high
+        mean, first = np.where(going, here, mean), np.where(going, begin, first)
+    return mean, first, least
+
+
+def _agreed(
+    back: NDArray[np.float64],
+    begin: NDArray[np.intp],
+    ahead: NDArray[np.float64],
+    end: NDArray[np.intp],
+    scale: float,
+    total: NDArray[np.float64],
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Stretch of each slot: what lies behind and ahead where they agree; else the louder."""
+    at = np.arange(len(back))
+    seen, coming = total[at + 1] - total[begin], total[end] - total[at]
+    error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))
+    apart = np.abs(back - ahead) > _SIGMAS * scale * error * 0.5 * (back + ahead)
+    apart &= (seen > 0) & (coming > 0)
+    louder = back >= ahead
+    return np.where(apart & ~louder, at, begin), np.where(apart & louder, at + 1, end)
+
+
+def _segments(
+    ratio: NDArray[np.float64], n: NDArray[np.float64], *, circular: bool
+) -> NDArray[np.float32]:
+    """Split the bands where their levels differ, and dilate the louder side by one band.
+
+    The split that is likeliest comes first: of means of exponentials over two sides, against
+    one over both, the logarithm of the likelihood grows by the sum of cells × ln(mean).
+
+    Parameters
+    ----------
+    ratio : ndarray, shape (bands, slots)
+        Mean of each band over the common level.
+    n : ndarray, shape (slots,)
+        Slots that each is a mean of.
+    circular : bool
+        Whether the last band is the first's neighbour.
+
+    Returns
+    -------
+    ndarray of float32, shape (bands, slots)
+        Mean of the segment that each band is in.
+    """
+    count, slots = ratio.shape
+    sums = np.concatenate((np.zeros((1, slots)), np.cumsum(np.maximum(ratio, 1e-9), axis=0)))
+    cells = n / _VARIANCE
+    slot = np.arange(slots)
+    begin, end = np.zeros((count, slots), np.intp), np.full((count, slots), count)
+    split = np.arange(1, count)[:, np.newaxis]
+    band = np.arange(count)[:, np.newaxis]
+    for _ in range(_MOST_SPLITS):
+        low, high = begin[1:], end[1:]
+        below, above = split - low, high - split
+        first = (sums[1:-1] - sums[low, slot]) / np.maximum(below, 1)
+        second = (sums[high, slot] - sums[1:-1]) / np.maximum(above, 1)
+        whole = (sums[high, slot] - sums[low, slot]) / (high - low)
+        gain = (high - low) * np.log(whole)
+        gain -= below * np.log(np.maximum(first, 1e-9)) + above * np.log(second)
+        gain[below == 0] = 0.0
+        best = gain.argmax(axis=0)
+        going = gain[best, slot] * cells > _SPLIT
+        if not going.any():
+            break
+        at, low, high = best + 1, begin[best + 1, slot], end[best + 1, slot]
+        end = np.where(going & (band >= low) & (band < at), at, end)
+        begin = np.where(going & (band >= at) & (band < high), at, begin)
+    mean = (sums[end, slot] - sums[begin, slot]) / (end - begin)
+    wide = np.maximum(mean[:-1], mean[1:])
+    if circular:
+        mean[0] = mean[-1] = np.maximum(mean[0], mean[-1])
+    mean[:-1] = np.maximum(mean[:-1], wide)
+    mean[1:] = np.maximum(mean[1:], wide)
+    return np.asarray(mean, np.float32)
+
+
+def level_together(
+    levellers: Sequence[Leveller],
+    power: NDArray[np.float32],
+    noise: Sequence[NDArray[np.float32]],
+    first: Sequence[int],
+    whole: Sequence[NDArray[np.bool_] | None],
+) -> None:
+    """Do as `Leveller.level` for several searches.
+
+    Parameters
+    ----------
+    levellers : sequence of Leveller
+    power : ndarray of float32, shape (searches, rows, columns)
+        Divided in place.
+    noise : sequence of ndarray of float32, shape (rows,)
+    first : sequence of int
+    whole : sequence of ndarray of bool or None
+    """
+    if not power.shape[2]:
+        return
+    if kernels() is not None and power.strides[2] == power.itemsize:
+        for leveller, columns, level, at, good in zip(
+            levellers, power, noise, first, whole, strict=True
+        ):
+            leveller._level_by_kernel(columns, level, at, good)
+        return
+    alike: dict[tuple[int, int], list[int]] = {}
+    for index, leveller in enumerate(levellers):
+        key = (leveller._past.shape[1], len(leveller.band_of))
+        alike.setdefault(key, []).append(index)
+    for some in alike.values():
+        _level_alike(
+            [levellers[i] for i in some],
+            power if len(some) == len(power) else power[some],
+            np.stack([noise[i] for i in some]),
+            [first[i] for i in some],
+            [whole[i] for i in some],
+        )
+
+
+def _level_alike(
+    levellers: Sequence[Leveller],
+    power: NDArray[np.float32],
+    noise: NDArray[np.float32],
+    first: Sequence[int],
+    whole: Sequence[NDArray[np.bool_] | None],
+) -> None:
+    """Level searches of the same bands, with as many slots behind them; (searches, …)."""
+    one = levellers[0]
+    columns = power.shape[2]
+    cells = power[:, :, ::SLOT] / noise[:, :, np.newaxis]
+    count = cells.shape[2]
+    limit = np.stack([leveller._now for leveller in levellers])[:, one.band_of]
+    np.minimum(cells, (np.float32(_TRUNCATION) * limit)[:, :, np.newaxis], out=cells)
+    new = np.matmul(one._sums, cells)
+    new /= np.float32(_MEAN)
+    both = np.concatenate((np.stack([leveller._past for leveller in levellers]), new), axis=2)
+    weights = np.ones((len(levellers), both.shape[2]), np.float32)
+    for index, (leveller, good) in enumerate(zip(levellers, whole, strict=True)):
+        weights[index, :-count] = leveller._whole
+        if good is not None:
+            weights[index, -count:] = good[::SLOT]
+    mean, steady = _steady(both, weights, one._members, one._bins)
+    levels = np.ones(len(levellers), np.float32)
+    for index, leveller in enumerate(levellers):
+        if steady[index]:
+            own = leveller._keep_steady(both[index], weights[index], float(mean[index]))
+            leveller._note(first[index], np.full(count, own, np.float32), None)
+            leveller._average()
+            levels[index] = own
+    if columns and bool(steady.any()):
+        power *= (1.0 / levels)[:, np.newaxis, np.newaxis]
+    for index in np.flatnonzero(~steady).tolist():
+        levellers[index]._level(
+            power[index], noise[index], first[index], both[index], weights[index]
+        )
+
+
+def _steady(
+    both: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    members: NDArray[np.float32],
+    bins: float,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Mean level of some searches' slots, and whether it may be that of all; (searches,)."""
+    common = np.matmul(members / members.sum(), both)
+    common *= weights
+    total = np.maximum(weights.sum(axis=1), np.float32(1.0))
+    mean = np.maximum(common.sum(axis=1) / total, np.float32(_LEAST))
+    pieces = common.shape[1] // _CALM
+    tail = slice(common.shape[1] - pieces * _CALM, None)
+    shape = (len(common), pieces, _CALM)
+    some = weights[:, tail].reshape(shape).sum(axis=2)
+    sums = common[:, tail].reshape(shape).sum(axis=2)
+    scale = _TRIGGER * math.sqrt(_VARIANCE / bins) * mean[:, np.newaxis]
+    steady = np.ones(len(common), np.bool_)
+    for _ in range(3):
+        away = np.abs(sums - some * mean[:, np.newaxis])
+        steady &= (away <= scale * np.sqrt(np.maximum(some, np.float32(1.0)))).all(axis=1)
+        pieces //= 2
+        if pieces < 2:
+            break
+        some = some[:, -2 * pieces :].reshape(-1, pieces, 2).sum(axis=2)
+        sums = sums[:, -2 * pieces :].reshape(-1, pieces, 2).sum(axis=2)
+    own = np.matmul(both, weights[:, :, np.newaxis])[:, :, 0]
+    own /= (total * mean)[:, np.newaxis]
+    tall = np.zeros((len(own), own.shape[1] + 1), np.float32)
+    np.cumsum(own - np.float32(1.0), axis=1, out=tall[:, 1:])
+    error = _BAND_TRIGGER * np.sqrt(_VARIANCE * ROWS_PER_BIN / members[0] / total)
+    for width in (1, 3, 7):
+        if width > own.shape[1] // 2 + 1:
+            break
+        most = np.abs(tall[:, width:] - tall[:, :-width]).max(axis=1)
+        steady &= most <= error * math.sqrt(width)
+    return mean, steady

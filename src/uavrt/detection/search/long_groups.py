@@ -1,0 +1,158 @@
+"""Search for groups of many pulses: try every cell as the last pulse.
+
+With K = 9 and more, one cell in ten is above T/K, so anchors would not narrow the search. The
+maximum over the jitter is taken once for all cells, and of the long past only columns where a
+pulse may lie are read: 0.3 of the time for K = 40.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.search.grid import ROWS_PER_BIN, sliding_maximum
+from uavrt.detection.search.hypotheses import Candidate, RateSearch, best_first
+from uavrt.detection.track import LEAST_POWER
+
+_CANDIDATES_AT_ONCE = 8
+"""Measuring one takes up to 10 ms. Every row around a tag of 50 dB made candidates for each
+interval: steps of 5 s."""
+
+
+class LongSearch(RateSearch):
+    """Search of one rate for groups of nine pulses or more; parameters as of `RateSearch`."""
+
+    def __init__(self, **parameters: Any) -> None:
+        super().__init__(**parameters)
+        self._backs = self._offsets[0].tolist()
+        """(k, intervals): columns from a pulse to the last, those of the last first."""
+        self._cells = np.zeros((self.span + self.piece + 2, self.rows), np.float32)
+        """Maxima over the jitter, a ring: column c lies at c modulo the length."""
+        self._tail = np.zeros((self.rows, 0), np.float32)
+        self._searched = 0
+
+    def begin_at(self, column: int) -> None:
+        """Begin in mid-stream: the first column that will be pushed is this one."""
+        super().begin_at(column)
+        self._searched = self.columns
+
+    def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
+        reach, tail = self.reach, self._tail
+        if self.pass_on is not None:
+            self._pass_on(power, noise)
+        if not self.columns and not tail.size:
+            # The very first columns have no past: zeros stand for it.
+            tail = np.zeros((self.rows, reach), np.float32)
+        block = np.concatenate((tail, power), axis=1)
+        columns = block.shape[1]
+        if columns <= 2 * reach:
+            self._tail = block
+            return []
+        largest = sliding_maximum(block.T, reach)
+        self._tail = block[:, columns - 2 * reach :].copy()
+        ring = self._cells
+        at = self.columns % len(ring)
+        before = min(len(largest), len(ring) - at)
+        ring[at : at + before] = largest[:before]
+        if before < len(largest):
+            ring[: len(largest) - before] = largest[before:]
+        self.columns += len(largest)
+        if self.columns > self._first_columns:
+            self.threshold = self._steady_threshold
+        return self._search_dense(noise)
+
+    def _pass_on(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> None:
+        """Hand over new cells that are strong, the tops of their rows in time."""
+        row, column = np.nonzero(power >= LEAST_POWER * noise[:, np.newaxis])
+        if not len(row):
+            return
+        strong = power[row, column]
+        top = strong >= power[row, np.maximum(column - 1, 0)]
+        top &= strong >= power[row, np.minimum(column + 1, power.shape[1] - 1)]
+        row, column, strong = row[top], column[top], strong[top]
+        order = column.argsort(kind="stable")
+        # Columns before the first are the maxima's margin.
+        begin = self.columns + (self._tail.shape[1] - self.reach if self._tail.size else 0)
+        assert self.pass_on is not None
+        self.pass_on(
+            (column[order] + begin).tolist(), row[order].tolist(), strong[order].tolist()
+        )
+
+    def _search_dense(self, noise: NDArray[np.float32]) -> list[Candidate]:
+        """Every cell as the last pulse, every interval: for many pulses in a small volume.
+
+        Of the long past only columns where a pulse may lie are looked at: at K = 40 a third.
+        """
+        done, upto = self._searched, self.columns
+        self._searched = upto
+        if upto <= done:
+            return []
+        totals = self._totals(done, upto, noise, self.limit)
+        largest = np.stack([total.max(axis=0) for total in totals])
+        self.best = max(self.best, float(largest.max()) / self.threshold)
+        least = self.threshold * self.margin
+        if not (largest >= least).any():
+            return []
+        # At the limit all places and rows around a strong tag are alike: power tells.
+        strengths = self._totals(done, upto, noise, math.inf)
+        column = np.empty(largest.shape, np.intp)
+        strength = np.empty_like(largest)
+        for i, (total, power) in enumerate(zip(totals, strengths, strict=True)):
+            power[total < least] = 0.0
+            column[i] = power.argmax(axis=0)
+            strength[i] = power[column[i], np.arange(self.rows)]
+        best = strength.argmax(axis=0)
+        found: list[Candidate] = []
+        for row in _tops(strength.max(axis=0)):
+            choice = int(best[row])
+            at = int(column[choice, row])
+            if at == upto - done - 1:
+                # Maybe on the way to its top, 6 ms early: the next step looks at it again.
+                self._searched = upto - 1
+                continue
+            interval = float(self.intervals[choice])
+            found.append(
+                Candidate(
+                    score=float(totals[choice][at, row]) / self.threshold,
+                    strength=float(strength[choice, row]),
+                    rate=self.rate,
+                    row=row,
+                    columns=tuple(
+                        done + at - (self.k - 1 - k) * interval for k in range(self.k)
+                    ),
+                )
+            )
+        return best_first(found)
+
+    def _totals(
+        self, done: int, upto: int, noise: NDArray[np.float32], limit: float
+    ) -> list[NDArray[np.float32]]:
+        """Sum for each interval, shape (upto - done, rows), by column of the last pulse."""
+        count = upto - done
+        weight = (1.0 / noise).astype(np.float32)
+        common = np.zeros((count, self.rows), np.float32)
+        totals = [np.zeros_like(common) for _ in self.intervals]
+        for backs in self._backs:
+            low, least = done - max(backs), min(backs)
+            columns = np.arange(low, upto - least)
+            cells = self._cells.take(columns, axis=0, mode="wrap")
+            cells *= weight
+            np.minimum(cells, np.float32(limit), out=cells)
+            if max(backs) == least:
+                common += cells
+                continue
+            for total, back in zip(totals, backs, strict=True):
+                at = done - back - low
+                total += cells[at : at + count]
+        for total in totals:
+            total += common
+        return totals
+
+
+def _tops(strength: NDArray[np.float32]) -> list[int]:
+    """Rows that are the strongest within a bin to either side, the strongest few."""
+    padded = np.pad(strength, ROWS_PER_BIN)
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * ROWS_PER_BIN + 1)
+    tops = np.flatnonzero((strength > 0.0) & (strength >= around.max(axis=1)))
+    return [int(row) for row in tops[np.argsort(-strength[tops])][:_CANDIDATES_AT_ONCE]]

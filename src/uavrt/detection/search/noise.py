@@ -1,0 +1,344 @@
+"""Noise power of each row, on the very statistic that is searched.
+
+The original estimates noise in whole bins and interpolates to the half bins between; a carrier
+on a whole bin is then seen by the half bins but not by their threshold, and every segment is a
+false alarm. Here each row looks after itself.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.dsp import medians
+
+TRUNCATION = 4.0
+"""Cells above so many times the noise are not noise: 1.8 % of noise, all of a pulse."""
+_KEPT = 1.0 - math.exp(-TRUNCATION)
+_KAPPA = 1.0 - TRUNCATION * math.exp(-TRUNCATION) / _KEPT
+"""Mean of a unit exponential below the truncation (0.925)."""
+_SLOPE_GAIN = 1.31
+"""One over one minus the slope of the fixed point: what a step must be multiplied by."""
+LONG_S = 20.0
+"""Time constant of the steady estimate."""
+SHORT_S = 1.0
+"""Time constant of the alarm that the noise has risen."""
+RISE = 2.2
+"""A short-term noise so many times the long-term one replaces it (3 % of pulses give 1.3)."""
+_RISEN = math.exp(-TRUNCATION / RISE)
+"""Share of the cells above the truncation at that rise."""
+_SETTLE_S = 2.0
+_YOUNG_S = 8.0
+_YOUNG_REACH = 24
+"""Wider while there is little to average: an error of 5 % doubles the false alarms."""
+_FLAT = 1.2
+"""Spread of the medians over their error up to which a spectrum passes for flat. A tilt that
+this overlooks, 0.4 dB over the band, errs no more than the medians did."""
+_STEEP = 4.0
+"""Medians at both ends of a row's neighbours that differ by so many errors, and more than
+0.7 dB, make an edge. Not if all rows lie on a line: there the median is right."""
+_LEAST_STEEP = 0.15
+_EDGE_FLAT = 1.5
+"""Spread of the rows on one side over a row's error, up to which that side is flat."""
+_RAGGED_SIGMAS = 0.5
+"""With hum a line every 100 Hz: halfway between two there is 3 to 5 % more noise than the
+median of the rows, and there were 3.4 times the false groups."""
+_USUAL_THRESHOLD = 25.0
+"""Noise powers that make a group, for what an uncertain noise does to the false alarms."""
+_NEIGHBOUR_REACH = 8
+"""Rows on each side (two bins) whose median is the broadband noise."""
+
+
+def _truncated(
+    power: NDArray[np.float32], noise: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Fixed-point step of the truncated mean, and the share of the cells that were kept.
+
+    Parameters
+    ----------
+    power : ndarray of float32, shape (..., columns, rows)
+    noise : ndarray of float32, shape (..., rows)
+    """
+    kept = (power < (np.float32(TRUNCATION) * noise)[..., np.newaxis, :]).astype(np.float32)
+    columns = power.shape[-2]
+    ones = np.ones(columns, np.float32)
+    # Products with ones add columns several times faster than sums along an axis.
+    count = ones @ kept
+    np.multiply(kept, power, out=kept)
+    mean = (ones @ kept) / (np.maximum(count, np.float32(1.0)) * np.float32(_KAPPA))
+    return np.where(count > 0, mean, noise), count / np.float32(columns)
+
+
+@lru_cache(maxsize=64)
+def _neighbours(rows: int, reach: int, mode: Literal["wrap", "reflect"]) -> NDArray[np.intp]:
+    """Which rows lie around each, shape (rows, 2 × reach + 1)."""
+    padded = np.pad(np.arange(rows), reach, mode=mode)
+    return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).copy()
+
+
+def _beside_an_edge(
+    noise: NDArray[np.float32], around: NDArray[np.intp], error: float
+) -> NDArray[np.float32]:
+    """Noise of rows where the spectrum is steep.
+
+    The median over both sides of a corner is the lowest of the rows on its flat side: 2 to 3.5
+    times the false alarms asked for. Where one side is flat and the row belongs to it that side
+    alone counts; on the slope itself the nearest rows, and what they do not know is added.
+
+    Parameters
+    ----------
+    noise : ndarray of float32, shape (rows,)
+    around : ndarray of intp, shape (steep, 2 × reach + 1)
+        The rows on both sides of each.
+    error : float
+        Relative standard deviation of a single row.
+
+    Returns
+    -------
+    ndarray of float32, shape (steep,)
+    """
+    windows = noise[around]
+    reach = windows.shape[1] // 2
+    own = windows[:, reach]
+    near = np.log(windows[:, max(0, reach - 2) : reach + 3]).mean(axis=1)
+    # Five rows a quarter of a bin apart know as much as one and a half.
+    result = np.exp(near) * (1.0 + 0.5 * _USUAL_THRESHOLD * error**2 / 1.5)
+    flattest = np.full(len(own), _EDGE_FLAT * error)
+    for side in (windows[:, : reach + 1], windows[:, reach:]):
+        level = np.median(side, axis=1)
+        spread = side.std(axis=1) / level
+        better = (spread < flattest) & (own > level * (1.0 - 2.5 * error))
+        result[better], flattest[better] = level[better], spread[better]
+    return np.asarray(result, np.float32)
+
+
+class RowNoise:
+    """Noise power of each row, followed over time.
+
+    Parameters
+    ----------
+    column_s : float
+        Time between two columns.
+    independent_per_s : float
+        Independent cells a row has in a second: one over the pulse width.
+    circular : bool
+        Whether the last row is the first's neighbour.
+    """
+
+    def __init__(self, *, column_s: float, independent_per_s: float, circular: bool) -> None:
+        self._column_s = column_s
+        self._independent_per_s = independent_per_s
+        self._circular = circular
+        self._long: NDArray[np.float32] | None = None
+        self._exceeding: NDArray[np.float32] | None = None
+        self._seen_s = 0.0
+        self._settled_s = 0.0
+        self._level: NDArray[np.float32] = np.ones(1, np.float32)
+        self.only_rises = False
+        """Whether rows are louder now than usually, not all by as much: what is taken off each
+        is a little too much beside an edge, and must not be learnt."""
+        self.ragged = False
+        """Whether many lines are taken out of the samples, and noise with each: the rows
+        between them then have more than the median of all."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is an estimate."""
+        return self._long is not None
+
+    @property
+    def level(self) -> NDArray[np.float32]:
+        """Noise power of each row, shape (rows,): the one that the search divides by."""
+        return self._level
+
+    @property
+    def relative_error(self) -> float:
+        """Standard deviation of a row's level over the level, in white noise."""
+        seconds = min(self._seen_s, 2.0 * LONG_S)
+        pooled = 1.0 if self._long is None else 2.0 * self._reach(len(self._long)) + 1.0
+        # Rows a quarter of a bin apart and their median: measured, as good as one in five.
+        return 1.13 / math.sqrt(max(self._independent_per_s * seconds * pooled / 5.0, 1.0))
+
+    def start(self, power: NDArray[np.float32]) -> None:
+        """Make the first estimate from all the columns at hand.
+
+        Parameters
+        ----------
+        power : ndarray of float32, shape (columns, rows)
+        """
+        noise = medians(power) / np.float32(math.log(2.0))
+        noise = np.maximum(noise, np.float32(1e-30))
+        for _ in range(6):
+            noise, kept = _truncated(power, noise)
+            noise = np.maximum(noise, np.float32(1e-30))
+        self._long = noise
+        self._exceeding = np.maximum(1.0 - kept, np.float32(math.exp(-TRUNCATION)))
+        self._seen_s = len(power) * self._column_s
+        self._settle()
+
+    def take_over(self, other: "RowNoise", level: NDArray[np.float32]) -> None:
+        """Continue where another estimate, of more rows, stands.
+
+        Parameters
+        ----------
+        other : RowNoise
+        level : ndarray of float32, shape (rows,)
+            Its level at the rows of this one.
+        """
+        self._long, self._level = level, level.copy()
+        self._exceeding = np.full_like(level, math.exp(-TRUNCATION))
+        self._seen_s, self._settled_s = other._seen_s, other._settled_s
+
+    def update(self, power: NDArray[np.float32]) -> None:
+        """Follow the noise with new columns, shape (columns, rows)."""
+        if self._long is not None and len(power):
+            update_together([self], power[np.newaxis])
+
+    def _take(
+        self,
+        long: NDArray[np.float32],
+        exceeding: NDArray[np.float32],
+        span_s: float,
+        *,
+        risen: bool,
+    ) -> bool:
+        """Add new averages; whether the level is to be made again from them."""
+        self._long, self._exceeding = long, exceeding
+        self._seen_s += span_s
+        if not risen:
+            return self._seen_s - self._settled_s > _SETTLE_S
+        short_weight = _short_weight(span_s)
+        rise = np.float32(-TRUNCATION) / np.log(np.clip(exceeding, 1e-3, 0.98))
+        rows = rise > RISE
+        # Learn a rise at the short time constant; falls take the long one.
+        long[rows] *= 1.0 + short_weight * (rise[rows] - 1.0)
+        self._settle()
+        self._level[rows] = np.maximum(
+            self._level[rows], long[rows] * rise[rows] / (1.0 + short_weight)
+        )
+        return False
+
+    def _settle(self) -> None:
+        """Take the median of the neighbours where a row does not stand out from it."""
+        assert self._long is not None
+        reach = self._reach(len(self._long))
+        windows = self._long.take(_neighbours(len(self._long), reach, self._mode))
+        windows.partition(reach, axis=1)
+        self._settle_on(windows[:, reach], reach)
+
+    def _settle_on(self, smooth: NDArray[np.float32], reach: int) -> None:
+        """Make the level from the medians of the neighbours, shape (rows,)."""
+        assert self._long is not None
+        self._settled_s = self._seen_s
+        if self._seen_s < _YOUNG_S and self._is_flat(smooth):
+            # No more structure than chance makes: all rows together know the noise better.
+            smooth = np.full_like(smooth, np.median(self._long))
+        else:
+            smooth = self._shaped(smooth, reach)
+        # A row 2.5 standard deviations above its neighbours is a line, not a fluctuation.
+        sigmas = _RAGGED_SIGMAS if self.ragged else 2.5
+        line = self._long > smooth * np.float32(1.0 + sigmas * self._row_error)
+        self._level = np.where(line, self._long, smooth)
+
+    def _is_flat(self, smooth: NDArray[np.float32]) -> bool:
+        """Whether medians differ no more than they err."""
+        spread = float(smooth.std()) / max(float(smooth.mean()), 1e-30)
+        return spread < _FLAT * self.relative_error
+
+    @property
+    def _mode(self) -> Literal["wrap", "reflect"]:
+        """What lies beyond the last row: a mirror, for itself repeated is its own median."""
+        return "wrap" if self._circular else "reflect"
+
+    @property
+    def _row_error(self) -> float:
+        """Relative standard deviation of a single row."""
+        seconds = min(self._seen_s, 2.0 * LONG_S)
+        return 1.13 / math.sqrt(max(self._independent_per_s * seconds, 1.0))
+
+    def _shaped(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
+        """Noise of a spectrum that is not flat, from the medians of the neighbours."""
+        assert self._long is not None
+        straight = self._straight(smooth, reach) if self._seen_s < _YOUNG_S else None
+        if straight is not None:
+            return straight
+        around = _neighbours(len(self._long), reach, self._mode)
+        before, after = smooth[around[:, 0]], smooth[around[:, -1]]
+        least = max(_STEEP * self.relative_error, _LEAST_STEEP)
+        steep = np.abs(before - after) > least * np.maximum(before, after)
+        # Between two slopes both ends are alike, and the row far below them.
+        steep |= self._long < smooth * np.float32(1.0 - 3.0 * self._row_error)
+        if steep.any():
+            smooth = smooth.copy()
+            smooth[steep] = _beside_an_edge(self._long, around[steep], self._row_error)
+        return smooth
+
+    def _straight(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32] | None:
+        """One line in decibels for all rows, if the medians are on it; else None."""
+        assert self._long is not None
+        rows = np.arange(len(smooth), dtype=np.float64)
+        # At the ends of a channel the medians take in what lies across the edge.
+        inner = slice(reach, len(smooth) - reach) if self._circular else slice(None)
+        if len(rows[inner]) < 2 * reach:
+            return None
+        slope, start = np.polyfit(rows[inner], np.log(smooth[inner]), 1)
+        line = np.exp(start + slope * rows).astype(np.float32)
+        if float((smooth[inner] / line[inner]).std()) > _FLAT * self.relative_error:
+            return None
+        line *= np.median(self._long / line)
+        # Noise puts six rows in a thousand there; rows behind a filter's edge are more.
+        below = self._long < line * np.float32(1.0 - 2.5 * self._row_error)
+        return line if float(below.mean()) < 0.03 else None
+
+    def _reach(self, rows: int) -> int:
+        """Rows on each side that the median takes in."""
+        reach = _YOUNG_REACH if self._seen_s < _YOUNG_S else _NEIGHBOUR_REACH
+        return min(reach, rows // 2)
+
+
+def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> None:
+    """Follow the noises of several bands of equal rows, as `RowNoise.update` each.
+
+    Parameters
+    ----------
+    noises : sequence of RowNoise
+        All started.
+    power : ndarray of float32, shape (noises, columns, rows)
+        New columns, at least one.
+    """
+    long = np.stack([noise._long for noise in noises if noise._long is not None])
+    exceeding = np.stack([n._exceeding for n in noises if n._exceeding is not None])
+    mean, kept = _truncated(power, long)
+    span_s = power.shape[1] * noises[0]._column_s
+    exceeding += np.float32(_short_weight(span_s)) * ((1.0 - kept) - exceeding)
+    weights = [
+        min(1.0, span_s * _SLOPE_GAIN / min(noise._seen_s + span_s, LONG_S)) for noise in noises
+    ]
+    before, long = long, long + np.array(weights, np.float32)[:, np.newaxis] * (mean - long)
+    for index, noise in enumerate(noises):
+        if noise.only_rises:
+            np.maximum(long[index], before[index], out=long[index])
+    risen = (exceeding.max(axis=1) > _RISEN).tolist()
+    due = [
+        index
+        for index, noise in enumerate(noises)
+        if noise._take(long[index], exceeding[index], span_s, risen=risen[index])
+    ]
+    if not due:
+        return
+    first, rows = noises[due[0]], long.shape[1]
+    reaches = {noises[index]._reach(rows) for index in due}
+    for reach in reaches:
+        some = [index for index in due if noises[index]._reach(rows) == reach]
+        windows = long[some].take(_neighbours(rows, reach, first._mode), axis=1)
+        windows.partition(reach, axis=2)
+        for index, smooth in zip(some, windows[:, :, reach], strict=True):
+            noises[index]._settle_on(smooth, reach)
+
+
+def _short_weight(span_s: float) -> float:
+    """What new columns of so many seconds weigh in the alarm of a rise."""
+    return 1.0 - math.exp(-span_s / SHORT_S)

@@ -1,0 +1,73 @@
+"""The searches of a tag's rates, each with its thresholds."""
+
+import math
+
+from uavrt.detection.search.anchors import AnchorSearch
+from uavrt.detection.search.grid import Grid
+from uavrt.detection.search.hypotheses import RateSearch, jitter_reach
+from uavrt.detection.search.long_groups import LongSearch
+from uavrt.detection.search.thresholds import (
+    begun_within_s,
+    decision_interval_s,
+    decision_span_s,
+    effective_hypotheses,
+    spread,
+    threshold,
+)
+from uavrt.messages import Tag
+
+_FIRST_SHARE = 0.8
+"""Share of the groups that could have begun in the first decision's stretch that count:
+calibrated. A group near its ends has places before the first sample or after the last."""
+_LONG_FROM_K = 9
+
+
+def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[RateSearch]:
+    """One search for each of the tag's rates.
+
+    Parameters
+    ----------
+    tag : Tag
+    grid : Grid
+    frequency_window_hz : float
+        Half-width of the search, maybe infinite.
+    """
+    bandwidth = min(2.0 * frequency_window_hz, grid.sample_rate_hz)
+    searches: list[RateSearch] = []
+    kind = LongSearch if tag.k >= _LONG_FROM_K else AnchorSearch
+    for rate, interval_s in enumerate(tag.pulse_intervals_s, start=1):
+        reach_s = jitter_reach(tag.interval_jitter_s, grid.hop_s) * grid.hop_s
+        interval_time_s = decision_interval_s(tag, rate)
+        first_s = decision_span_s(tag, rate)
+        begun_s = _FIRST_SHARE * min(begun_within_s(tag, rate), interval_time_s)
+        steady, first = (
+            threshold(
+                k=tag.k,
+                hypotheses=effective_hypotheses(
+                    k=tag.k,
+                    bandwidth_hz=bandwidth,
+                    time_s=time_s,
+                    pulse_width_s=tag.pulse_width_s,
+                    uncertainty_s=tag.interval_uncertainty_s,
+                    reach_s=reach_s,
+                ),
+                spread=spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s),
+                expected_false=tag.false_alarm_probability / len(tag.pulse_intervals_s),
+            )
+            for time_s in (interval_time_s, begun_s)
+        )
+        searches.append(
+            kind(
+                rows=grid.rows,
+                hop_s=grid.hop_s,
+                interval_s=interval_s,
+                uncertainty_s=tag.interval_uncertainty_s,
+                jitter_s=tag.interval_jitter_s,
+                k=tag.k,
+                threshold=steady,
+                rate=rate,
+                first_threshold=first,
+                first_columns=math.ceil(first_s / grid.hop_s),
+            )
+        )
+    return searches

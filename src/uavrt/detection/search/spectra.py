@@ -1,0 +1,134 @@
+"""Spectrograms of several tags at once.
+
+Tags of equal pulse width and search window share the transform, for their narrow bands are
+shifted to put each tag at zero. Four are transformed at once: more would not stay in a cache of
+1 MB.
+
+With the tag at zero, each window is split into sums and differences of samples that mirror each
+other around its middle; two real matrix products then give the rows at + f and - f together,
+with a quarter of the multiplications of one complex product. The complex product remains where
+rows are not symmetric: at a channel's edge, or when the whole channel is searched.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.search.grid import OUTPUTS_PER_ROW, Grid, Spectrogram
+
+_TAGS_AT_ONCE = 4
+
+
+class Workspace:
+    """Arrays that are used again: fresh ones of this size cost a page fault each 4 kB."""
+
+    def __init__(self) -> None:
+        self._arrays: dict[str, NDArray[np.float32]] = {}
+
+    def take(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
+        """Get an array of any content, valid until the same name is taken again."""
+        size = math.prod(shape)
+        kept = self._arrays.get(name)
+        if kept is None or kept.size < size:
+            kept = self._arrays[name] = np.zeros(size, np.float32)
+        return kept[:size].reshape(shape)
+
+
+def columns_ahead(spectrogram: Spectrogram, samples: int) -> int:
+    """How many columns so many channel samples from `needed` on complete."""
+    grid = spectrogram.grid
+    assert grid.filter is not None
+    stride = OUTPUTS_PER_ROW * grid.decimation
+    outputs = OUTPUTS_PER_ROW * max(0, (samples - len(grid.filter)) // stride + 1)
+    carried = len(spectrogram.band) + outputs - grid.length
+    return max(0, carried // (grid.hop // grid.decimation) + 1)
+
+
+def push_together(
+    spectrograms: Sequence[Spectrogram],
+    stretches: Sequence[NDArray[np.complex64]],
+    workspace: Workspace,
+) -> NDArray[np.float32]:
+    """Take channel samples of each, from index `needed` on.
+
+    Parameters
+    ----------
+    spectrograms : sequence of Spectrogram
+        Their grids have the same `halves`; as many samples are carried in each.
+    stretches : sequence of ndarray of complex64
+        All of one length, for at least one column.
+    workspace : Workspace
+
+    Returns
+    -------
+    ndarray of float32, shape (spectrograms, rows, columns)
+        The new columns' power, in the workspace.
+    """
+    grid = spectrograms[0].grid
+    count = columns_ahead(spectrograms[0], len(stretches[0]))
+    used = count * (grid.hop // grid.decimation)
+    power = workspace.take("power", (len(stretches), grid.rows, count))
+    if grid.for_kernel:
+        for index, (spectrogram, stretch) in enumerate(
+            zip(spectrograms, stretches, strict=True)
+        ):
+            block = spectrogram.lengthened(stretch)
+            spectrogram.band = block[used:].copy()
+            grid.power_by_kernel(block, power, index * grid.rows * count, count)
+        return power
+    for begin in range(0, len(stretches), _TAGS_AT_ONCE):
+        some = slice(begin, begin + _TAGS_AT_ONCE)
+        blocks = []
+        for spectrogram, stretch in zip(spectrograms[some], stretches[some], strict=True):
+            block = np.concatenate((spectrogram.band, spectrogram.decimate(stretch)))
+            spectrogram.band = block[used:].copy()
+            blocks.append(block)
+        shape = (2, len(blocks), len(blocks[0]))
+        parts = workspace.take("parts", shape)
+        for index, block in enumerate(blocks):
+            parts[0, index], parts[1, index] = block.real, block.imag
+        _power(grid, parts, power[some], workspace)
+    return power
+
+
+def _power(
+    grid: Grid,
+    parts: NDArray[np.float32],
+    power: NDArray[np.float32],
+    workspace: Workspace,
+) -> None:
+    """Power of every cell, as `Grid.power`, into shape (tags, rows, columns)."""
+    assert grid.halves is not None
+    cosines, sines = grid.halves
+    hop, half, length = grid.hop // grid.decimation, grid.length // 2, grid.length
+    tags, total = parts.shape[1:]
+    columns, middle = power.shape[2], grid.rows // 2
+    frames = np.ndarray(
+        (2, tags, length, columns),
+        np.float32,
+        parts,
+        0,
+        (4 * total * tags, 4 * total, 4, 4 * hop),
+    )
+    late, early = frames[:, :, length - half :], frames[:, :, half - 1 :: -1]
+    even = workspace.take("even", (2, tags, length - half, columns))
+    odd = workspace.take("odd", (2, tags, half, columns))
+    np.add(late, early, out=even[:, :, :half])
+    even[:, :, half:] = frames[:, :, half : length - half]
+    np.subtract(late, early, out=odd)
+    shape = (2, tags, middle + 1, columns)
+    a = np.matmul(cosines, even, out=workspace.take("a", shape))
+    b = np.matmul(sines, odd, out=workspace.take("b", shape))
+    one = workspace.take("one", shape[1:])
+    two = workspace.take("two", shape[1:])
+    for out, join, part in (
+        (power[:, middle::-1], np.subtract, np.add),
+        (power[:, middle:], np.add, np.subtract),
+    ):
+        join(a[0], b[1], out=one)
+        part(a[1], b[0], out=two)
+        np.multiply(one, one, out=one)
+        np.multiply(two, two, out=two)
+        np.add(one, two, out=out)

@@ -1,0 +1,131 @@
+"""Put the blocks of a stream in order: late, early, duplicate, or after a gap."""
+
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.signal.samples import BACKWARD_RESTART_BLOCKS, Counters, SampleBuffer
+from uavrt.messages import Tag
+from uavrt.units import ns_from_s
+
+REORDER_S = 0.1
+"""So long the search waits for a block that another has overtaken: one block of a flight, and
+as long as only one block has come since."""
+_BLOCKS_KNOWN = 64
+
+
+class LongestBlock:
+    """How long the next block may be: as the longest of the 64 to 128 before it."""
+
+    def __init__(self) -> None:
+        self.length = 0
+        self._lately = 0
+        self._before = 0
+        self._count = 0
+
+    def note(self, length: int) -> None:
+        """Take the length of a block."""
+        self._count += 1
+        if self._count == _BLOCKS_KNOWN:
+            self._before, self._lately, self._count = self._lately, 0, 0
+            self.length = max(self._before, length)
+        if length > self._lately:
+            self._lately = length
+            if length > self.length:
+                self.length = length
+
+
+class Intake:
+    """Puts the blocks of one detector into its buffer.
+
+    Parameters
+    ----------
+    tag : Tag
+    sample_rate_hz : float
+    counters : Counters
+    """
+
+    def __init__(self, tag: Tag, *, sample_rate_hz: float, counters: Counters) -> None:
+        longest = max(tag.pulse_intervals_s) + tag.interval_uncertainty_s
+        span_s = (tag.k - 1) * longest
+        if len(tag.pulse_intervals_s) > 1:
+            # The other rate is followed from the last pulse heard, maybe two intervals ago.
+            span_s += 2.0 * longest
+        # Batch, block, filter and the windows beside a pulse: a group is judged 0.7 s late.
+        keep_s = max(span_s, 1.0) + tag.interval_jitter_s + 0.8
+        self._slow_clock_s = tag.pulse_width_s / 8.0
+        self.buffer = SampleBuffer(
+            sample_rate_hz=sample_rate_hz,
+            keep=math.ceil((keep_s + tag.pulse_width_s) * sample_rate_hz),
+            tolerance_s=self._slow_clock_s,
+        )
+        self._longest_hole_s = (tag.k + 1) * longest + tag.interval_jitter_s + 1.0
+        self._rate_hz = sample_rate_hz
+        self._counters = counters
+        self.stale_blocks = 0
+        """Blocks of the past in a row."""
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self.buffer.clear()
+        self.stale_blocks = 0
+
+    def admit(
+        self, samples: NDArray[np.complex64], time_ns: int, *, after: int
+    ) -> Literal["taken", "refused", "later", "earlier"]:
+        """Put a block in its place.
+
+        Parameters
+        ----------
+        samples : ndarray of complex64, shape (n,)
+        time_ns : int
+            Time of the first.
+        after : int
+            Index from which on a hole can still be filled.
+
+        Returns
+        -------
+        str
+            ``later``, ``earlier``: not taken, for it begins another stream.
+        """
+        buffer, counters = self.buffer, self._counters
+        if not buffer.empty:
+            late_s = buffer.deviation_ns(time_ns) * 1e-9
+            if late_s > self._longest_hole_s:
+                counters.restarts += 1
+                return "later"
+            if late_s >= self._slow_clock_s:
+                count = round(late_s * self._rate_hz)
+                counters.samples_lost += count
+                buffer.append_hole(count)
+            elif late_s <= -self._slow_clock_s:
+                overlap = round(-late_s * self._rate_hz)
+                if buffer.fill_hole(samples, time_ns, after):
+                    counters.samples_lost -= len(samples)
+                    counters.samples += len(samples)
+                    return "refused"
+                if overlap >= len(samples):
+                    counters.blocks_stale += 1
+                    self.stale_blocks += 1
+                    if self.stale_blocks < BACKWARD_RESTART_BLOCKS:
+                        return "refused"
+                    counters.restarts += 1
+                    return "earlier"
+                samples = samples[overlap:]
+                time_ns += ns_from_s(overlap / self._rate_hz)
+        self.stale_blocks = 0
+        counters.samples += len(samples)
+        buffer.append(samples, time_ns)
+        return "taken"
+
+    def may_be_filled(self, upto: int) -> bool:
+        """Whether a hole before an index is so new that its block may yet come."""
+        if not self.buffer.holes:
+            return False
+        low, high = self.buffer.holes[-1]
+        patience = round(REORDER_S * self._rate_hz)
+        # One block behind it may be longer than that, and be the one that overtook.
+        young = self.buffer.end - high < patience or self.buffer.newest <= high
+        return young and low < upto

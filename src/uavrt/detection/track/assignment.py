@@ -1,0 +1,195 @@
+"""Assign trains to tags by likelihood, at most one to one, and price the alternatives.
+
+Trains and tags that may belong together make a graph with few edges. Its parts are shared out
+one by one. In each, trains are added one after the other, and each time the assignment is
+changed along the path that loses least, which keeps it the best of those so far (successive
+shortest paths with Dijkstra's algorithm: Edmonds and Karp, Journal of the ACM 19, 1972). What
+it costs to give a train to another tag is the shortest way back to the assignment, for all at
+once by Floyd and Warshall's algorithm. The work grows with the cube of the trains of one part,
+not with the ways to share them out.
+
+Not `scipy.optimize.linear_sum_assignment`: it tells nothing of the second best, without which
+no pulse can name the other tags it may be, and would load more of SciPy into the drone's
+processes. Of the trains of one stretch of frequencies, the six heard last take part.
+"""
+
+import heapq
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
+    """Find the trains that compete, directly or through others.
+
+    Parameters
+    ----------
+    able : sequence of mapping of int to float
+        What each train is worth to each tag that it may be.
+
+    Returns
+    -------
+    list of list of int
+        Places of the trains of each part, in their order; those that may be no tag are in none.
+    """
+    trains_of: dict[int, list[int]] = {}
+    for at, worth in enumerate(able):
+        for to in worth:
+            trains_of.setdefault(to, []).append(at)
+    seen: set[int] = set()
+    found = []
+    for start, worth in enumerate(able):
+        if start in seen or not worth:
+            continue
+        seen.add(start)
+        part, open_tags = [start], list(worth)
+        while open_tags:
+            for at in trains_of.pop(open_tags.pop(), ()):
+                if at not in seen:
+                    seen.add(at)
+                    part.append(at)
+                    open_tags += able[at]
+        found.append(sorted(part))
+    return found
+
+
+def best_sharing(able: Sequence[Mapping[int, float]]) -> list[int | None]:
+    """Give trains to tags so that the sum of their worths is largest.
+
+    Parameters
+    ----------
+    able : sequence of mapping of int to float
+        What each train is worth to each tag that it may be, positive.
+
+    Returns
+    -------
+    list of int or None
+        Tag of each train; None: it has none.
+    """
+    made = _Sharing(able)
+    for start in range(len(able)):
+        made.add(start)
+    return made.chosen
+
+
+class _Sharing:
+    """The best sharing of the trains so far.
+
+    Tags have prices, and each train has what it gains from the tag that it has at its price:
+    no less than from any other, or from none.
+    """
+
+    def __init__(self, able: Sequence[Mapping[int, float]]) -> None:
+        self._able = able
+        self.chosen: list[int | None] = [None] * len(able)
+        self._owner: dict[int, int] = {}
+        self._price: dict[int, float] = {}
+        self._gain = [0.0] * len(able)
+
+    def add(self, start: int) -> None:
+        """Give one train more, and others again along the path that loses least."""
+        price, gain = self._price, self._gain
+        gains = (worth - price.get(to, 0.0) for to, worth in self._able[start].items())
+        gain[start] = max(0.0, max(gains, default=0.0))
+        least, last, free = np.inf, start, None
+        lost: dict[int, float] = {}
+        came: dict[int, tuple[int, int]] = {}
+        waiting: list[tuple[float, int, tuple[int, int] | None]] = [(0.0, start, None)]
+        while waiting:
+            loss, at, by = heapq.heappop(waiting)
+            if loss >= least:
+                break
+            if at in lost:
+                continue
+            lost[at] = loss
+            if by is not None:
+                came[at] = by
+            if loss + gain[at] < least:
+                least, last, free = loss + gain[at], at, None
+            for to, worth in self._able[at].items():
+                total = loss + max(0.0, gain[at] + price.get(to, 0.0) - worth)
+                holder = self._owner.get(to)
+                if total >= least or holder in lost:
+                    continue
+                if holder is None:
+                    least, last, free = total, at, to
+                else:
+                    heapq.heappush(waiting, (total, holder, (at, to)))
+        for at, loss in lost.items():
+            gain[at] -= least - loss
+            held = self.chosen[at]
+            if held is not None:
+                price[held] = price.get(held, 0.0) + least - loss
+        self._exchange(start, last, free, came)
+
+    def _exchange(
+        self, start: int, last: int, free: int | None, came: Mapping[int, tuple[int, int]]
+    ) -> None:
+        """Give tags again along a path."""
+        while True:
+            self.chosen[last] = free
+            if free is not None:
+                self._owner[free] = last
+            if last == start:
+                return
+            last, free = came[last]
+
+
+def losses(
+    able: Sequence[Mapping[int, float]], chosen: Sequence[int | None]
+) -> list[dict[int, float]]:
+    """Describe how much worse the best sharing is in which a train is a certain tag's.
+
+    Parameters
+    ----------
+    able : sequence of mapping of int to float
+        As for `best_sharing`.
+    chosen : sequence of int or None
+        What that gave.
+
+    Returns
+    -------
+    list of dict of int to float
+        For each train and each tag that it may be; 0 for its own.
+    """
+    owner = {to: at for at, to in enumerate(chosen) if to is not None}
+    back = _ways(able, chosen, owner)
+    free = len(able)
+    found = []
+    for at, worth in enumerate(able):
+        own = chosen[at]
+        now = 0.0 if own is None else worth[own]
+        found.append(
+            {
+                to: 0.0 if to == own else now - value + float(back[owner.get(to, free), at])
+                for to, value in worth.items()
+            }
+        )
+    return found
+
+
+def _ways(
+    able: Sequence[Mapping[int, float]],
+    chosen: Sequence[int | None],
+    owner: Mapping[int, int],
+) -> NDArray[np.float64]:
+    """Least loss from a train that lost its tag to one whose tag is to be free.
+
+    The last row and column stand for the tags that nobody has, and for having none.
+    """
+    free = len(able)
+    ways = np.full((free + 1, free + 1), np.inf)
+    np.fill_diagonal(ways, 0.0)
+    ways[free, :] = 0.0
+    for at, worth in enumerate(able):
+        own = chosen[at]
+        now = 0.0 if own is None else worth[own]
+        ways[at, free] = now
+        for to, value in worth.items():
+            other = owner.get(to, free)
+            if other != at:
+                ways[at, other] = min(ways[at, other], now - value)
+    for via in range(free + 1):
+        np.minimum(ways, ways[:, via, np.newaxis] + ways[via], out=ways)
+    return ways

@@ -1,0 +1,282 @@
+"""Other signals on air: recent bursts that no track explains, and their rate.
+
+The anchors of the search are all cells strong enough to be a pulse; the search for long groups
+has none and hands over its strong cells. Those that lie on the
+lattice of no tag are bursts of something else: of a hopper, of the slots of a frame, of speech.
+Their rate says how often one lies by chance where a tag's pulse is expected. In noise alone
+there are none, and nothing is different for a tag.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.search import ROWS_PER_BIN, Grid, effective_hypotheses
+from uavrt.detection.signal import Measured
+from uavrt.detection.track.chance import QUIET, OnAir
+from uavrt.detection.track.tracks import Track
+
+LEAST_POWER = 13.0
+"""Of a burst: noise reaches it once in six seconds in a channel of 3.75 kHz."""
+_NOISE_SIGMAS = 3.0
+"""By which bursts must be more than noise makes to be counted as more."""
+_MEMORY_S = 30.0
+"""How long a burst is remembered: talk comes in overs of some seconds."""
+_MOST = 3000
+"""Bursts remembered: of more these say how often they come well enough."""
+_PENDING = 6000
+_WINDOWS_S = (4.0, 10.0, _MEMORY_S)
+"""Of the rates in the last so many seconds the highest counts: what has just begun, too."""
+_POOLED_S = 2.0
+"""The rate of the whole band counts as so many seconds of the track's own frequencies."""
+_LIKE_DB = 8.0
+"""Bursts so much weaker or stronger may be taken for a pulse's fellows."""
+_OWN_ROWS = 2.6
+"""Rows beside a track's in which a burst is found where its pulse is looked for: 30 Hz."""
+_PAIR_S = 0.012
+"""Two bursts an interval apart within this are a pair: of a frame that the interval meets."""
+_LEAST_PHASES = 3
+"""Pairs at so many phases of the interval are of a frame; at fewer, of another tag."""
+_SAME_BINS = 1.5
+_LEAK_SHARE = 0.2
+"""Of a burst's power, that the leak of a known pulse must have to explain it."""
+Known = tuple[float, float, float]
+"""A known pulse: sample at which it begins, offset [Hz] and power."""
+_Cells = tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]
+"""Times, rows and powers."""
+
+
+class Bursts:
+    """Recent bursts in one band.
+
+    Parameters
+    ----------
+    grid : Grid
+    pulse_width_s : float
+    """
+
+    def __init__(self, grid: Grid, pulse_width_s: float) -> None:
+        self._grid = grid
+        self._width_s = pulse_width_s
+        self._column_s = grid.hop / grid.sample_rate_hz
+        self._noise_per_s = effective_hypotheses(
+            k=1,
+            bandwidth_hz=float(grid.offsets_hz[-1] - grid.offsets_hz[0]),
+            time_s=1.0,
+            pulse_width_s=pulse_width_s,
+            uncertainty_s=0.0,
+            reach_s=0.0,
+        )
+        """Of its peaks, those that noise has above a power P are this times exp(-P)."""
+        self._pending: tuple[list[int], list[int], list[float]] = ([], [], [])
+        self._time_s = np.zeros(0)
+        self._row = np.zeros(0, np.intp)
+        self._power = np.zeros(0)
+        self._begin_s = 0.0
+        """Since when all bursts are remembered."""
+        self._now_s = 0.0
+        self._kept: _Cells = self._time_s, self._row, self._power
+
+    def add(self, columns: list[int], rows: list[int], powers: list[float]) -> None:
+        """Add anchors that the search is done with, in order of time."""
+        for own, new in zip(self._pending, (columns, rows, powers), strict=True):
+            own += new  # type: ignore[operator]
+        if len(self._pending[0]) > 2 * _PENDING:
+            self._begin_s = max(self._begin_s, self._pending[0][-_PENDING] * self._column_s)
+            for own in self._pending:
+                del own[:-_PENDING]
+
+    def look(
+        self,
+        fresh: tuple[Sequence[int], Sequence[int], Sequence[float]],
+        noise: NDArray[np.float32],
+        *,
+        now_column: int,
+        begin_column: int,
+        known: Sequence[Known],
+    ) -> None:
+        """Bring the statistics up to date.
+
+        Parameters
+        ----------
+        fresh : (sequence of int, sequence of int, sequence of float)
+            Columns, rows and powers of the anchors that the search still holds.
+        noise : ndarray of float32, shape (rows,)
+        now_column, begin_column : int
+            The newest that was searched, and the first of the stream.
+        known : sequence of Known
+            Pulses of tags that are sure: no bursts.
+        """
+        self._now_s = now_column * self._column_s
+        begin_s = begin_column * self._column_s
+        oldest_s = max(self._begin_s, begin_s, self._now_s - _MEMORY_S)
+        if self._pending[0]:
+            new = self._gather(self._pending, noise)
+            for own in self._pending:
+                own.clear()
+            self._time_s, self._row, self._power = (
+                np.concatenate(pair)
+                for pair in zip((self._time_s, self._row, self._power), new, strict=True)
+            )
+        if len(self._time_s):
+            if len(self._time_s) > _MOST:
+                oldest_s = max(oldest_s, float(self._time_s[-_MOST]))
+            first = int(np.searchsorted(self._time_s, oldest_s))
+            if first:
+                self._time_s = self._time_s[first:]
+                self._row, self._power = self._row[first:], self._power[first:]
+        self._begin_s = oldest_s
+        # Also of those before: a tag is known some pulses after its first.
+        held = self._without(known, (self._time_s, self._row, self._power))
+        self._time_s, self._row, self._power = held
+        if fresh[0]:
+            new = self._without(known, self._gather(fresh, noise))
+            time_s, row, power = (np.concatenate(pair) for pair in zip(held, new, strict=True))
+            held = time_s, row, power
+        self._kept = held
+
+    def around(self, track: Track, found: Measured) -> OnAir:
+        """What else is on air around a track's place.
+
+        Parameters
+        ----------
+        track : Track
+        found : Measured
+            The strongest at that place. One's own pulses, there and before, are no bursts.
+        """
+        time_s, row, power = self._kept
+        if not len(time_s):
+            return QUIET
+        like = 10.0 ** (_LIKE_DB / 10.0)
+        some = power * like >= found.power
+        some &= ~self._on_lattice(track, found, time_s)
+        if not some.any():
+            return QUIET
+        time_s, row, power = time_s[some], row[some], power[some]
+        alike = power <= like * found.power
+        offsets = self._grid.offsets_hz
+        step_hz = float(offsets[1] - offsets[0]) if len(offsets) > 1 else 1.0
+        own_row = (found.offset_hz - float(offsets[0])) / step_hz
+        turn = self._grid.sample_rate_hz / step_hz
+        away = (row - own_row + turn / 2.0) % turn - turn / 2.0
+        own = np.abs(away) <= _OWN_ROWS
+        bands = max(1.0, len(offsets) / ROWS_PER_BIN)
+        least = max(LEAST_POWER, found.power / like)
+        noise_per_s = self._noise_per_s * math.exp(-least)
+        begin, chance = 0.0, 0.0
+        for window_s in _WINDOWS_S:
+            since_s = max(self._begin_s, self._now_s - window_s)
+            heard_s = max(self._now_s - since_s, 1.0)
+            late = time_s >= since_s
+            all_like = late & alike
+            count = np.count_nonzero(all_like)
+            pooled = count / heard_s / bands
+            here = self._distinct(time_s[all_like & own])
+            begin = max(begin, beyond_noise(int(count), noise_per_s * heard_s) / heard_s)
+            chance = max(chance, (here + _POOLED_S * pooled) / (heard_s + _POOLED_S))
+            if heard_s < window_s:
+                break
+        mine = time_s[own & alike]
+        paired = self._paired(mine, track.interval_s, chance)
+        heard_s = max(self._now_s - self._begin_s, 1.0)
+        return OnAir(
+            alike_per_s=max(chance, paired),
+            hiding_per_s=self._distinct(time_s[own & (2.0 * power >= found.power)]) / heard_s,
+            begin_per_s=begin,
+        )
+
+    def _on_lattice(
+        self,
+        track: Track,
+        found: Measured,
+        time_s: NDArray[np.float64],
+    ) -> NDArray[np.bool_]:
+        """Which bursts lie where the track has, or would have had, its pulses."""
+        rate_hz = self._grid.sample_rate_hz
+        lag_s = self._grid.start(0) / rate_hz
+        near_s = self._width_s
+        own = np.zeros(len(time_s), np.bool_)
+        for pulse in (found, *(slot.measured for slot in track.slots)):
+            own |= np.abs(time_s + lag_s - pulse.start / rate_hz) < near_s
+        places = (found.start / rate_hz - lag_s - time_s) / track.interval_s
+        number = np.rint(places)
+        reach_s = near_s + track.tag.interval_jitter_s
+        reach_s = reach_s + 2.0 * np.abs(number) * max(track.variance[2], 0.0) ** 0.5
+        own |= (np.abs(places - number) * track.interval_s < reach_s) & (
+            reach_s < 0.1 * track.interval_s
+        )
+        return own
+
+    def _distinct(self, time_s: NDArray[np.float64]) -> int:
+        """How many pulse widths of time hold a burst; times in any order."""
+        return len(set((time_s / self._width_s).astype(np.intp).tolist()))
+
+    def _paired(
+        self, time_s: NDArray[np.float64], interval_s: float, chance_per_s: float
+    ) -> float:
+        """Rate at which bursts come an interval after another: of a frame that fits it."""
+        if len(time_s) < 4:
+            return 0.0
+        time_s = np.sort(time_s)
+        time_s = time_s[np.diff(time_s, prepend=-np.inf) > 0.5 * self._width_s]
+        low = np.searchsorted(time_s, time_s + interval_s - _PAIR_S)
+        high = np.searchsorted(time_s, time_s + interval_s + _PAIR_S)
+        first = time_s[high > low]
+        begun = np.count_nonzero(time_s < self._now_s - interval_s)
+        phases = set((first % interval_s / (2.0 * self._width_s)).astype(np.intp).tolist())
+        if begun < 4 or len(phases) < _LEAST_PHASES:
+            return 0.0
+        expected = chance_per_s * 2.0 * _PAIR_S * begun
+        if len(first) < expected + 2.0 * expected**0.5:
+            return 0.0
+        return len(first) / begun / (2.0 * _PAIR_S)
+
+    def _without(self, known: Sequence[Known], cells: _Cells) -> _Cells:
+        """Leave out the cells that known pulses, or their leaks, explain."""
+        time_s, row, power = cells
+        if not known or not len(time_s):
+            return cells
+        grid = self._grid
+        start, offset_hz, strength = np.array(known).T
+        at_s = (start - grid.start(0)) / grid.sample_rate_hz
+        first = time_s.searchsorted(at_s - self._width_s)
+        last = time_s.searchsorted(at_s + self._width_s, "right")
+        new = np.ones(len(time_s), np.bool_)
+        for place in np.flatnonzero(last > first).tolist():
+            some = slice(first[place], last[place])
+            away_hz = grid.offsets_hz[row[some]] - offset_hz[place]
+            away_hz -= grid.sample_rate_hz * np.rint(away_hz / grid.sample_rate_hz)
+            apart = np.abs(away_hz) * grid.window / grid.sample_rate_hz
+            leak = strength[place] / np.maximum(1.0, math.pi * apart / 2.0) ** 2
+            new[some] &= (apart > _SAME_BINS) & (leak < _LEAK_SHARE * power[some])
+        return cells if new.all() else (time_s[new], row[new], power[new])
+
+    def _gather(
+        self,
+        cells: tuple[Sequence[int], Sequence[int], Sequence[float]],
+        noise: NDArray[np.float32],
+    ) -> _Cells:
+        """Times, rows and powers of cells, the strongest of each burst and bin of frequency."""
+        time_s = np.array(cells[0]) * self._column_s
+        row = np.array(cells[1])
+        power = np.array(cells[2]) / noise[row]
+        strong = power >= LEAST_POWER
+        time_s, row, power = time_s[strong], row[strong], power[strong]
+        strongest = (-power).argsort(kind="stable")
+        place = (time_s / self._width_s).astype(np.intp) * 4096 + row // ROWS_PER_BIN
+        _, first = np.unique(place[strongest], return_index=True)
+        kept = strongest[first]
+        kept = kept[time_s[kept].argsort(kind="stable")]
+        return time_s[kept], row[kept], power[kept]
+
+
+def beyond_noise(count: int, expected: float) -> float:
+    """How many bursts of a count are more than noise alone is expected to make.
+
+    What noise makes is told by the threshold already: counted here too, half of the groups of
+    one pulse were kept back that were asked for.
+    """
+    more = count - expected
+    return more if more > _NOISE_SIGMAS * expected**0.5 else 0.0

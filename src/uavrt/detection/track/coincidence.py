@@ -1,0 +1,59 @@
+"""How often pulses of two independent transmitters coincide."""
+
+import math
+
+import numpy as np
+
+SEEN_TOGETHER = 0.9
+"""Share of a ghost's pulses that are heard with their original's."""
+_STEPS = 32
+
+
+def by_chance(
+    together: int, pulses: int, *, near_s: float, interval_s: float, uncertainty_s: float
+) -> float:
+    """Chance that so many pulses of a tag come with those of another transmitter.
+
+    Either two lattices drift past each other slowly: at any phase, with a difference of their
+    intervals anywhere within what is not known of it. Or the pulses meet one by one.
+
+    Parameters
+    ----------
+    together : int
+        Pulses that came together, at least two.
+    pulses : int
+        Consecutive pulses of the tag of which they are.
+    near_s : float
+        Pulses no further apart come together.
+    interval_s : float
+        Of the other transmitter.
+    uncertainty_s : float
+        Of the difference of the two intervals.
+
+    Returns
+    -------
+    float
+        Of this many or more.
+    """
+    window_s = min(2.0 * near_s, interval_s)
+    single = window_s / interval_s
+    one_by_one = _at_least(together, pulses, single)
+    # Steeper than this no run of so many fits into the window.
+    steepest_s = window_s / (together - 1)
+    reach_s = min(uncertainty_s, steepest_s)
+    drift_s = (np.arange(_STEPS) + 0.5) / _STEPS * reach_s
+    phase_s = window_s - (together - 1) * drift_s
+    phase_s = phase_s + (pulses - together) * np.minimum(drift_s, phase_s)
+    share = reach_s / uncertainty_s if uncertainty_s > 0.0 else 1.0
+    return min(1.0, one_by_one + share * float(phase_s.mean()) / interval_s)
+
+
+def of_ghosts(together: int, pulses: int) -> float:
+    """Chance that so many or fewer of a ghost's pulses are heard with its original's."""
+    return 1.0 - _at_least(together + 1, pulses, SEEN_TOGETHER)
+
+
+def _at_least(count: int, of: int, chance: float) -> float:
+    return sum(
+        math.comb(of, n) * chance**n * (1.0 - chance) ** (of - n) for n in range(count, of + 1)
+    )

@@ -1,0 +1,245 @@
+"""Extend tracks through the samples, pulse by pulse."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.bounds import Bounds
+from uavrt.detection.search import Grid
+from uavrt.detection.signal import TRACK_BAND_HZ, Measured, Refiner, SampleBuffer
+from uavrt.detection.track.chance import QUIET, OnAir
+from uavrt.detection.track.masking import hiding, is_due, stronger_beside, strongest_first
+from uavrt.detection.track.tracks import Slot, Track
+from uavrt.detection.track.two_rates import become, lags, set_up_rivals, settle_rivalry
+from uavrt.units import ns_from_s
+
+
+class Follower:
+    """Follows the tracks of one detector.
+
+    Parameters
+    ----------
+    bounds : Bounds
+    grid : Grid
+    buffer : SampleBuffer
+    refiner : Refiner
+    """
+
+    def __init__(
+        self, bounds: Bounds, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner
+    ) -> None:
+        self._tag = bounds.tag
+        self._bounds = bounds
+        self._grid = grid
+        self._buffer = buffer
+        self._refiner = refiner
+        self.epoch_ns = 0
+        """Zero of the tracks' seconds."""
+        self._tracks: list[Track] = []
+        self._around: Callable[[Track, Measured], OnAir] = lambda track, found: QUIET
+
+    def seconds(self, index: float) -> float:
+        """Time of a sample, as the tracks count it [s]."""
+        return (self._buffer.time_ns(index) - self.epoch_ns) * 1e-9
+
+    def follow(
+        self,
+        tracks: list[Track],
+        upto: int,
+        settle: Callable[[], None],
+        *,
+        noise: NDArray[np.float32],
+        floor: float,
+        around: Callable[[Track, Measured], OnAir],
+    ) -> None:
+        """Look where the tracks expect their next pulses; drop the dead.
+
+        Parameters
+        ----------
+        tracks : list of Track
+            Changed in place.
+        upto : int
+            Index after the last clean sample.
+        settle : callable
+            Called after each pulse: decides who is the tag and reports.
+        noise : ndarray of float32, shape (rows,)
+        floor : float
+            Mean power of a sample without pulses.
+        around : callable
+            Tells what else is on air around a track's place.
+        """
+        self._tracks = tracks
+        self._around = around
+        if not tracks:
+            return
+        for track in strongest_first(tracks):
+            while not track.dead and self._step(track, upto, noise=noise, floor=floor):
+                self._follow_rivals(track, upto, settle, noise=noise, floor=floor)
+                settle()
+            # What the other rate could not yet look at may be there now.
+            self._follow_rivals(track, upto, settle, noise=noise, floor=floor)
+        settle()
+        tracks[:] = [t for t in tracks if not t.dead]
+
+    def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
+        """Tracks that may go on behind a jump of the clock, as if no samples were missing.
+
+        Whether the clock was set or samples are missing, nobody can tell.
+
+        Parameters
+        ----------
+        tracks : list of Track
+            Changed in place; their seconds are those after the jump, from its first sample.
+
+        Returns
+        -------
+        tuple of Track
+            They must be confirmed anew: were samples missing, they find nothing and end.
+        """
+        end_s = self.seconds(self._buffer.end)
+        kept = tuple(track for track in tracks if track.confirmed and not track.held)
+        for track in kept:
+            track.doubt(end_s)
+        return kept
+
+    def _follow_rivals(
+        self,
+        track: Track,
+        upto: int,
+        settle: Callable[[], None],
+        *,
+        noise: NDArray[np.float32],
+        floor: float,
+    ) -> None:
+        """Let the other rate look for its pulses up to the same time, and compare."""
+        if len(self._tag.pulse_intervals_s) < 2 or not track.confirmed or track.dead:
+            return
+        set_up_rivals(track)
+        for rival in track.rivals:
+            while not rival.dead and lags(track, rival):
+                if not self._step(rival, upto, noise=noise, floor=floor):
+                    return
+        winner = settle_rivalry(track)
+        if winner is not None:
+            settle()  # what it found at the rate it had
+            if self._is_anothers(track, winner.last_accepted_s):
+                track.dead = True
+            else:
+                become(track, winner)
+
+    def _is_anothers(self, track: Track, time_s: float) -> bool:
+        """Whether a pulse, all that a lost track has come upon, is of another track."""
+        near_s = 0.75 * self._tag.pulse_width_s
+        return any(
+            abs(slot.time_s - time_s) < near_s
+            for other in self._tracks
+            if other is not track and other.confirmed and not other.dead
+            for slot in other.slots
+            if slot.state in ("accepted", "reported")
+        )
+
+    def _step(
+        self, track: Track, upto: int, *, noise: NDArray[np.float32], floor: float
+    ) -> bool:
+        """Test a track's next slot when its samples are there."""
+        grid = self._grid
+        time_s, half_s = track.expected()
+        half = half_s * grid.sample_rate_hz
+        start = self._buffer.index(self.epoch_ns + ns_from_s(time_s))
+        if start + half + grid.window + 3 > upto:
+            return False
+        begin, end = math.floor(start), math.ceil(start) + grid.window
+        if self._buffer.lost_between(begin, end) > grid.window // 2:
+            track.skip()
+            return True
+        others = stronger_beside(track, self._tracks, sample_rate_hz=grid.sample_rate_hz)
+        masked_s = half_s + self._tag.pulse_width_s
+        around = {"earliest_s": time_s - masked_s, "latest_s": time_s + masked_s}
+        if others and is_due(others, **around):
+            return False
+        band = TRACK_BAND_HZ
+        with self._refiner.without(hiding(track, others, **around)):
+            found = self._refiner.search(
+                np.array([start]),
+                half,
+                track.offset_hz,
+                band,
+                noise,
+                spread=track.spread_s() * grid.sample_rate_hz,
+            )
+            if found is not None and found[0].power > 8.0:
+                found = None if self._refiner.is_impulse(found[0], floor) else found
+        if found is None:
+            track.skip()
+            return True
+        slot = self._slot(track, found[0], half_s)
+        if slot.on_air.alike_per_s > 0.0 and track.against_bursts(slot) < 0.0:
+            slot = self._beside(track, slot, start, half, noise) or slot
+        was_confirmed = track.confirmed
+        track.interval_open = not was_confirmed and self._bounds.leaves_open(track)
+        track.step(slot)
+        # Else the flanks of a stronger signal lead it to that one's frequency or interval.
+        if self._bounds.left_by(track):
+            track.slots.pop()
+            track.confirmed &= was_confirmed
+            track.dead = True
+        return True
+
+    def _slot(self, track: Track, measured: Measured, half_s: float) -> Slot:
+        """Make a place of a track of what was found there."""
+        return Slot(
+            number=0,
+            time_s=self.seconds(measured.start),
+            time_ns=self._buffer.time_ns(measured.start),
+            measured=measured,
+            volume=track.volume(half_s, TRACK_BAND_HZ),
+            on_air=self._around(track, measured),
+        )
+
+    def _beside(
+        self,
+        track: Track,
+        burst: Slot,
+        start: float,
+        half: float,
+        noise: NDArray[np.float32],
+    ) -> Slot | None:
+        """Look before and after a burst for the pulse that is weaker than it.
+
+        Parameters
+        ----------
+        track : Track
+        burst : Slot
+            The strongest of the place, likelier something else's.
+        start, half : float
+            Where the pulse is expected, and how far beside it may lie [samples].
+        noise : ndarray of float32, shape (rows,)
+
+        Returns
+        -------
+        Slot or None
+            The likeliest; None where nothing is likelier the tag's than a burst.
+        """
+        at, window = burst.measured.start, self._grid.window
+        best: Slot | None = None
+        least = 0.0
+        with self._refiner.without([burst.measured]):
+            for low, high in ((start - half, at - window), (at + window, start + half)):
+                if high < low:
+                    continue
+                found = self._refiner.search(
+                    np.array([0.5 * (low + high)]),
+                    0.5 * (high - low),
+                    track.offset_hz,
+                    TRACK_BAND_HZ,
+                    noise,
+                )
+                if found is None:
+                    continue
+                slot = self._slot(track, found[0], half / self._grid.sample_rate_hz)
+                odds = track.against_bursts(slot)
+                if odds > least:
+                    best, least = slot, odds
+        return best

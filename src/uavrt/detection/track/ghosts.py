@@ -1,0 +1,203 @@
+"""Ghosts: trains of pulses that the receiver makes out of a stronger tag's pulses.
+
+A quadrature receiver shows each signal weakly at the mirror of its frequency about the radio's
+centre, and one whose converter saturates at multiples of its distance from the centre too. Two
+signals at once, a tag and a steady carrier or the pulses of two tags as long as these come
+together, have products: at 2 f1 - f2 and others. A ghost has the pulses of its original at the
+same instants, and lies at such a place. That another tag does is a matter of chance, which is
+computed: of its phase and interval, and of its frequency.
+"""
+
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Generic
+
+import numpy as np
+
+from uavrt.config import Receiver
+from uavrt.detection.signal import timing_error_s
+from uavrt.detection.track.coincidence import by_chance, of_ghosts
+from uavrt.detection.track.masking import level
+from uavrt.detection.track.tracks import CLOCK_ERROR, Slot, Track
+from uavrt.detection.track.trains import H
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+STRONGER = 10.0**0.8
+"""Power of the original over its ghost's, at least. An image is 25 to 40 dB down. The third
+harmonic of a signal cut to a square wave is 9.5 dB below it; nothing else of it is nearer. Of a
+product each of the two is stronger by so much."""
+LEAST_PULSES = 3
+ALLOWED = 1e-3
+"""Tags that are no ghosts and are taken for one, at most, of those that come with another's
+pulses: chance of what was heard over that of a ghost."""
+_SIGMAS = 2.5
+_ROUNDING_NS = 1000
+"""More than times of today lose as floating-point numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Heard(Generic[H]):
+    hearer: H
+    track: Track
+    level: float
+    frequency_hz: float
+    times_ns: list[int]
+    """Of the pulses."""
+    near_s: list[float]
+    """For each, how near to it another one comes at the same time."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Coincidence:
+    together: int
+    pulses: int
+    near_s: float
+
+
+class _Instants(Generic[H]):
+    """All trains' pulses in order of time: few of hundreds of trains come with any one."""
+
+    def __init__(self, heard: list[_Heard[H]]) -> None:
+        self._heard = heard
+        times_ns = np.array([time_ns for one in heard for time_ns in one.times_ns], np.int64)
+        whose = np.repeat(np.arange(len(heard)), [len(one.times_ns) for one in heard])
+        order = np.argsort(times_ns)
+        self._times_ns, self._whose = times_ns[order], whose[order].tolist()
+
+    def of_company(self, one: _Heard[H]) -> list[_Heard[H]]:
+        """Get the trains of which enough pulses may come with a train's own."""
+        near_ns = (np.array(one.near_s) * NANOSECONDS_PER_SECOND).astype(np.int64)
+        near_ns += _ROUNDING_NS
+        times_ns = np.array(one.times_ns, np.int64)
+        first = np.searchsorted(self._times_ns, times_ns - near_ns, side="left").tolist()
+        last = np.searchsorted(self._times_ns, times_ns + near_ns, side="right").tolist()
+        often: Counter[int] = Counter()
+        for begin, end in zip(first, last, strict=True):
+            often.update(set(self._whose[begin:end]))
+        return [
+            other
+            for number, other in enumerate(self._heard)
+            if often[number] >= LEAST_PULSES and other is not one
+        ]
+
+
+def mark_ghosts(
+    hearers: Iterable[H], receiver: Receiver, carriers_hz: Sequence[float] = ()
+) -> list[tuple[H, Track]]:
+    """Mark the tracks that are ghosts of others, and unmark those that are none any more.
+
+    Parameters
+    ----------
+    hearers : iterable of PulseDetector
+        All detectors of a receiver.
+    receiver : Receiver
+    carriers_hz : sequence of float, optional
+        Absolute frequencies of strong steady carriers in the receiver's band.
+
+    Returns
+    -------
+    list of (Hearer, Track)
+        Tracks that were not marked before.
+    """
+    heard = [
+        _listen(hearer, track, slots)
+        for hearer in hearers
+        for track in hearer.tracks
+        if len(slots := _accepted(track)) >= LEAST_PULSES
+    ]
+    strongest = max((one.level for one in heard), default=0.0)
+    instants: _Instants[H] | None = None
+    new = []
+    for one in heard:
+        if strongest < STRONGER * one.level and one.track.ghost_of is None:
+            continue
+        before = one.track.ghost_of
+        instants = instants or _Instants(heard)
+        one.track.ghost_of = _original(one, instants.of_company(one), receiver, carriers_hz)
+        if one.track.ghost_of is not None and before is None:
+            new.append((one.hearer, one.track))
+    return new
+
+
+def _original(
+    one: _Heard[H],
+    heard: list[_Heard[H]],
+    receiver: Receiver,
+    carriers_hz: Sequence[float],
+) -> int | None:
+    """Number of the tag whose ghost a train is."""
+    beside = [
+        (other, found)
+        for other in heard
+        if other.track.ghost_of is None
+        and other.level >= STRONGER * one.level
+        and (found := _coincidence(one, other)).together >= LEAST_PULSES
+    ]
+    for other, found in beside:
+        partners_hz = [
+            *carriers_hz,
+            *(third.frequency_hz for third, _ in beside if third is not other),
+        ]
+        if receiver.makes(one.frequency_hz, other.frequency_hz, partners_hz) and _chance(
+            one, other, found
+        ) * receiver.share_of_band(
+            other.frequency_hz,
+            partners_hz,
+            nominal_hz=one.hearer.tag.frequency_hz,
+            half_width_hz=one.hearer.half_width_hz,
+        ) <= ALLOWED * of_ghosts(found.together, found.pulses):
+            return other.hearer.tag.tag_id
+    return None
+
+
+def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
+    """Chance that a tag of its own would come so often with another."""
+    tag, interval_s = one.track.tag, other.track.interval_s
+    return by_chance(
+        found.together,
+        found.pulses,
+        near_s=found.near_s,
+        interval_s=interval_s,
+        uncertainty_s=tag.interval_uncertainty_s + CLOCK_ERROR * max(tag.pulse_intervals_s),
+    )
+
+
+def _coincidence(one: _Heard[H], other: _Heard[H]) -> _Coincidence:
+    """Count the newest pulses of a train that come with those of another."""
+    mates_ns = other.times_ns
+    first_ns, last_ns = mates_ns[0], mates_ns[-1]
+    pulses = together = 0
+    widest_s = 0.0
+    for time_ns, near_s in zip(one.times_ns, one.near_s, strict=True):
+        near_ns = NANOSECONDS_PER_SECOND * near_s
+        if not first_ns - near_ns <= time_ns <= last_ns + near_ns:
+            continue
+        pulses += 1
+        widest_s = max(widest_s, near_s)
+        after = bisect_right(mates_ns, time_ns - near_ns)
+        together += after < len(mates_ns) and mates_ns[after] < time_ns + near_ns
+    return _Coincidence(together, pulses, widest_s)
+
+
+def _listen(hearer: H, track: Track, slots: list[Slot]) -> _Heard[H]:
+    """Gather what is asked of a track by all others."""
+    width_s = track.tag.pulse_width_s
+    return _Heard(
+        hearer,
+        track,
+        level(track),
+        hearer.absolute_hz(track),
+        [slot.time_ns for slot in slots],
+        [
+            width_s / 16.0 + _SIGMAS * timing_error_s(width_s, slot.measured.power)
+            for slot in slots
+        ],
+    )
+
+
+def _accepted(track: Track) -> list[Slot]:
+    if track.dead:
+        return []
+    return [slot for slot in track.slots if slot.state in ("accepted", "reported")]

@@ -1,0 +1,126 @@
+"""Reject long groups that are really another tag's pulses, by measuring their interval.
+
+A pulse half a width late still has a quarter of its power. Of a tag whose interval is some
+milliseconds off, a lattice of twenty places meets ten such pulses and more, and at both ends
+noise: where first and last pulse lie says nothing there. So all places speak: the sum along the
+declared interval is compared with the sums along others that cross it.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.bounds import Bounds
+from uavrt.detection.search import Candidate, Grid, RateSearch, sliding_maximum
+from uavrt.detection.signal import Refiner
+
+_MOST_WIDTHS = 0.5
+"""Beyond the bound, in pulse widths: of an interval further off two pulses meet a lattice."""
+_BETTER = 10.0
+"""Noise powers by which another interval must win. Of a tag at its bound 0.375 ms beyond loses
+more than it gains by noise."""
+
+
+class Intervals:
+    """Compares the intervals of one detector's long groups with others.
+
+    Parameters
+    ----------
+    bounds : Bounds
+    grid : Grid
+    refiner : Refiner
+    """
+
+    def __init__(self, bounds: Bounds, *, grid: Grid, refiner: Refiner) -> None:
+        self._bounds = bounds
+        self._grid = grid
+        self._refiner = refiner
+
+    def anothers(
+        self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
+    ) -> NDArray[np.bool_]:
+        """Which places of a candidate have the pulses of a train with another interval.
+
+        Parameters
+        ----------
+        candidate : Candidate
+        search : RateSearch
+            That found it.
+        noise : ndarray of float32, shape (rows,)
+
+        Returns
+        -------
+        ndarray of bool, shape (K,)
+            None of them where no other interval is better than the declared.
+        """
+        hop = self._grid.hop
+        places = np.arange(search.k)
+        none = np.zeros(search.k, np.bool_)
+        starts = np.array([self._grid.start(column) for column in candidate.columns])
+        within, width = self._within(search), self._grid.window / hop
+        change = _changes(within, _MOST_WIDTHS * width, search.k)
+        own = (starts[-1] - starts[0]) / (search.k - 1) / hop
+        change += self._nominal(search) - own
+        most = math.ceil(float(np.abs(change).max()) * (search.k - 1)) + 3
+        cells = self._cells(candidate, search, starts, most, noise)
+        if cells is None:
+            return none
+        # A train is known by how its interval differs and by the place at which it crosses.
+        crossing = places[np.newaxis, :] - places[:, np.newaxis]
+        shift = np.rint(change[:, np.newaxis, np.newaxis] * crossing).astype(np.intp) + most
+        sums = np.zeros((3, *shift.shape[:2]))
+        for late in range(3):
+            for place in places.tolist():
+                sums[late] += cells[place][shift[:, :, place] + late - 1]
+        inside = np.abs(change - (self._nominal(search) - own)) <= within
+        best = np.where(inside[:, np.newaxis], -math.inf, sums)
+        if float(best.max()) < float(sums[:, inside].max()) + _BETTER:
+            return none
+        after, which, cross = np.unravel_index(int(best.argmax()), best.shape)
+        away = change[which] * crossing[cross] + after - 1.0
+        return np.asarray(np.abs(away) < width + search.reach)
+
+    def _within(self, search: RateSearch) -> float:
+        """Most that a tag's interval differs from the declared, in columns."""
+        most_s = self._bounds.most_interval_error_s(search.rate)
+        return most_s * self._grid.sample_rate_hz / self._grid.hop
+
+    def _nominal(self, search: RateSearch) -> float:
+        """Declared interval in columns."""
+        interval_s = self._bounds.tag.pulse_intervals_s[search.rate - 1]
+        return interval_s * self._grid.sample_rate_hz / self._grid.hop
+
+    def _cells(
+        self,
+        candidate: Candidate,
+        search: RateSearch,
+        starts: NDArray[np.float64],
+        most: int,
+        noise: NDArray[np.float32],
+    ) -> NDArray[np.float32] | None:
+        """Powers around each place, limited, the largest within the jitter, by column."""
+        hop, reach = self._grid.hop, search.reach
+        offset_hz = float(self._grid.offsets_hz[candidate.row])
+        side = (most + reach) * hop
+        first = np.rint(starts).astype(np.int64) - side
+        power, moved = self._refiner.powers(first, 2 * side + 1, offset_hz, 0.0, 1)
+        if power is None:
+            return None
+        level = [self._refiner.noise_at(offset_hz, noise, at) for at in starts.tolist()]
+        cells = np.zeros((search.k, 2 * (most + reach) + 1), np.float32)
+        for place, shift in enumerate(moved.tolist()):
+            at = np.arange(cells.shape[1]) * hop - shift
+            there = (at >= 0) & (at < power.shape[2])
+            cells[place, there] = power[place, 0, at[there]]
+            cells[place] /= self._grid.window * level[place]
+        np.minimum(cells, np.float32(search.limit), out=cells)
+        return sliding_maximum(cells.T, reach).T
+
+
+def _changes(within: float, beyond: float, k: int) -> NDArray[np.float64]:
+    """Differences of the interval to be tried, in columns: ends move by two columns."""
+    most = within + beyond
+    step = 2.0 / (k - 1)
+    count = math.ceil(most / step)
+    return np.linspace(-most, most, 2 * count + 1)

@@ -1,0 +1,321 @@
+"""Measure a candidate on the samples and decide whether it is a group of the tag.
+
+Where the energy of a window is six standard deviations above the noise, one row must hold 0.35
+of it, the pulse's own or a stronger signal's; otherwise the candidate is an impulse. (A blanker
+of longer bursts would blank pulses too, and pairs of impulses pass it.)
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.bounds import Bounds
+from uavrt.detection.search import Candidate, Evidence, Grid, KnownPulses, RateSearch, gate
+from uavrt.detection.signal import TRACK_BAND_HZ, Measured, Refiner, SampleBuffer, apart_hz
+from uavrt.detection.track.interval_check import Intervals
+from uavrt.detection.track.tracks import MORE_CELLS, MOST_TOLD_BY_ONE, Track, independent_cells
+from uavrt.detection.track.two_rates import log_evidence
+
+_UNIFORMITY = 0.3
+_FEW_PULSES = 3
+"""Up to here each pulse of a group is strong by itself, and one that is not is missing."""
+_STRONG = 30.0
+_OFF_ROW_HZ = 8.0
+_FLANK_RATIO = 2.0
+"""Half a pulse earlier or later a pulse has a quarter of its power, and so it has 35 Hz beside
+its frequency. Twice as much there is another tag's: of another interval or frequency."""
+_LOBE_RATIO = 3.0
+_WEAK = 4.0
+"""What lies beside a weaker pulse says nothing: the noise of a whole channel reaches twice as
+much in most windows, and one place of noise carries no group."""
+_LOUD = 8.0
+_MOST_BESIDE = 6.0
+"""Sum over a group of what exceeds the allowed on the flanks. Noise exceeds it in one window
+of 800, by this much in one of 300 000; pulses of a tag with another interval in many."""
+_MOST_ANOTHERS = 4
+"""Of so many pulses of a group one may be another's."""
+_FLANK_BINS = 1.9
+"""A strong pulse's cells are at their limit far from its row, and partly beside it in time:
+from so far the top is gone to. One group in twenty of 50 dB was measured on the flank, 6 dB
+low; what is further away is refused as a side lobe."""
+
+
+class Judge:
+    """Judges the candidates of one detector.
+
+    Parameters
+    ----------
+    bounds : Bounds
+    grid : Grid
+    buffer : SampleBuffer
+    refiner : Refiner
+    """
+
+    def __init__(
+        self, bounds: Bounds, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner
+    ) -> None:
+        tag = bounds.tag
+        self._tag = tag
+        self._bounds = bounds
+        self._grid = grid
+        self._buffer = buffer
+        self._refiner = refiner
+        self._evidence = Evidence(tag, grid=grid, refiner=refiner)
+        self._intervals = Intervals(bounds, grid=grid, refiner=refiner)
+
+    def suffices(
+        self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
+    ) -> bool:
+        """Whether a candidate near the search's threshold is likelier than noise."""
+        return self._evidence.suffices(candidate, search, noise)
+
+    def known(self, tracks: list[Track]) -> KnownPulses | None:
+        """Get the pulses of confirmed tracks: they need not be found again."""
+        pulses = [slot.measured for t in tracks if t.confirmed for slot in t.slots]
+        return KnownPulses(self._grid, pulses) if pulses else None
+
+    def unexplained(
+        self, candidates: list[Candidate], search: RateSearch, known: KnownPulses | None
+    ) -> list[Candidate]:
+        """Leave out the candidates of a search that known pulses explain."""
+        if known is None or not candidates:
+            return candidates
+        explained = known.explain(
+            np.array([candidate.columns for candidate in candidates]),
+            np.array([candidate.row for candidate in candidates]),
+            np.array([candidate.strength for candidate in candidates]),
+            reach=search.reach,
+        ).tolist()
+        return [c for c, is_known in zip(candidates, explained, strict=True) if not is_known]
+
+    def is_new(
+        self, candidate: Candidate, search: RateSearch, taken: list[list[Measured]]
+    ) -> bool:
+        """Whether the groups just taken leave a candidate of a search unexplained."""
+        pulses = [pulse for group in taken for pulse in group]
+        known = KnownPulses(self._grid, pulses) if pulses else None
+        return bool(self.unexplained([candidate], search, known))
+
+    def measure(
+        self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
+    ) -> list[tuple[int, Measured]] | None:
+        """Measure a candidate's pulses, with their places among the K."""
+        grid = self._grid
+        starts = np.array([grid.start(column) for column in candidate.columns])
+        half = (search.reach + 1) * grid.hop
+        margin = half + grid.window + 2
+        kept = (starts >= self._buffer.start) & (starts < self._refiner.upto - margin)
+        if not kept.any():
+            return None
+        # Beside the stream's first sample the stretch looked at is moved, not given up.
+        starts = np.maximum(starts, self._buffer.start + math.ceil(half) + 1)
+        starts, offset = starts[kept], float(grid.offsets_hz[candidate.row])
+        bin_hz = grid.sample_rate_hz / grid.window
+        found: list[Measured] | None = None
+        for _ in range(4):
+            found = self._refiner.search(starts, half, offset, bin_hz / 4.0, noise, climb=True)
+            if found is None:
+                return None
+            strongest = max(found, key=lambda pulse: pulse.power)
+            if strongest.power < _STRONG:
+                break
+            top_hz, power = self._refiner.strongest(strongest)
+            apart = apart_hz(top_hz, strongest.offset_hz, grid.sample_rate_hz)
+            if bin_hz / 4.0 < abs(apart) < _FLANK_BINS * bin_hz and power > strongest.power:
+                offset = strongest.offset_hz + apart
+            elif abs(strongest.offset_hz - offset) < _OFF_ROW_HZ:
+                break
+            else:
+                # The limit on a cell lets noise choose among the rows of a strong pulse.
+                offset = strongest.offset_hz
+        assert found is not None
+        return list(zip(np.flatnonzero(kept).tolist(), found, strict=True))
+
+    def own_pulses(
+        self,
+        places: list[tuple[int, Measured]],
+        search: RateSearch,
+        *,
+        candidate: Candidate,
+        noise: NDArray[np.float32],
+        floor: float,
+    ) -> tuple[list[tuple[int, Measured]], str | None]:
+        """Distinguish a tag's group from other signals, and its pulses from others'.
+
+        Among many weak pulses there is always one beside which noise, an impulse or another
+        signal is stronger: such a pulse is left out, and the group must be one without it. What
+        says so of more than one pulse in four, or of one that carries the group, speaks of the
+        group.
+
+        Parameters
+        ----------
+        places : list of (int, Measured)
+            A group above the threshold: places among the K, in order of time.
+        search : RateSearch
+            That found it.
+        candidate : Candidate
+            What was measured.
+        noise : ndarray of float32, shape (rows,)
+        floor : float
+            Mean power of a sample without pulses.
+
+        Returns
+        -------
+        own : list of (int, Measured)
+            The pulses that are the tag's.
+        reason : str or None
+            Why the group is no tag.
+        """
+        reason = self._other_train(places, candidate, search, noise)
+        if reason is not None:
+            return [], reason
+        own: list[tuple[int, Measured]] = []
+        total, without, beside = 0.0, candidate.score * search.threshold, 0.0
+        for place, pulse in places:
+            anothers, more = self._anothers(pulse, floor)
+            if anothers is not None:
+                reason = reason or anothers
+                without -= max(0.0, min(pulse.power, search.limit) - 1.0)
+                beside += more
+                continue
+            own.append((place, pulse))
+            pulse.contrast = self._refiner.contrast(pulse)
+            if pulse.contrast <= 0.0:
+                continue  # its samples are lost: nothing there, nothing beside it to compare
+            local = pulse.power / pulse.contrast
+            total += min(pulse.power / (local if local > 3.0 else 1.0), search.limit)
+        least = search.threshold * gate(search.k)
+        few = _MOST_ANOTHERS * (len(places) - len(own)) <= len(places)
+        if reason is not None and (not few or without < least or beside > _MOST_BESIDE):
+            return [], reason
+        if total < least * 0.97:
+            return [], "no contrast with its surroundings"
+        return own, None
+
+    def _other_train(
+        self,
+        places: list[tuple[int, Measured]],
+        candidate: Candidate,
+        search: RateSearch,
+        noise: NDArray[np.float32],
+    ) -> str | None:
+        """Why the pulses of a group together are not those of the tag's rate, or None."""
+        if (reason := self._bounds.refusal(places, search.rate)) is not None:
+            return reason
+        if self._is_the_other_rate([pulse for _, pulse in places], search, noise):
+            return "a pulse of the other rate between"
+        if len(self._tag.pulse_intervals_s) > 1 and _has_gaps(places):
+            return "a pulse of the rate is missing"
+        if search.k <= MOST_TOLD_BY_ONE:
+            return None
+        anothers = self._intervals.anothers(candidate, search, noise)
+        if not anothers.any():
+            return None
+        without = candidate.score * search.threshold - sum(
+            max(0.0, min(pulse.power, search.limit) - 1.0)
+            for place, pulse in places
+            if anothers[place]
+        )
+        if without < search.threshold * gate(search.k):
+            return "another tag's interval"
+        return None
+
+    def _anothers(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
+        """Why a pulse is not the tag's but made by something stronger, or None.
+
+        The second figure is by how much noise would have to exceed what it may be at the tag's
+        own frequency, in noise powers.
+        """
+        rate_hz = self._grid.sample_rate_hz
+        bin_hz = rate_hz / self._grid.window
+        offset, power = self._refiner.strongest(pulse)
+        apart = abs(apart_hz(offset, pulse.offset_hz, rate_hz))
+        allowed = _FLANK_RATIO * max(pulse.power, _WEAK)
+        if apart < bin_hz / 2.0 and power > allowed:
+            return "flank of a stronger pulse", power - allowed
+        if pulse.power > _WEAK and _leak(power, apart / bin_hz) > pulse.power:
+            if self._bounds.off_frequency(offset) and power > _FLANK_RATIO * pulse.power:
+                return "side lobe of a signal outside", 0.0
+            if apart > bin_hz and power > _LOBE_RATIO * pulse.power:
+                return "side lobe of a stronger signal", 0.0
+        if pulse.power > _LOUD and self._refiner.is_impulse(pulse, floor):
+            return "an impulse", 0.0
+        return None, 0.0
+
+    def _is_the_other_rate(
+        self, group: list[Measured], search: RateSearch, noise: NDArray[np.float32]
+    ) -> bool:
+        """Whether the tag's other rate has pulses between those of the group.
+
+        Every second pulse of a rate is a train of twice the interval; the pulses between give
+        it away.
+        """
+        if len(self._tag.pulse_intervals_s) < 2 or len(group) < 2:
+            return False
+        nominal = self._tag.pulse_intervals_s
+        scale = (group[-1].start - group[0].start) / (
+            max(1, search.k - 1) * nominal[search.rate - 1]
+        )
+        other = nominal[2 - search.rate] * scale
+        strength = min(max(sum(p.enr for p in group) / len(group), 8.0), 30.0)
+        width = self._grid.window
+        half = self._tag.interval_jitter_s * self._grid.sample_rate_hz + width / 8.0
+        # The best of so many cells is looked at: noise has one that is likelier than none.
+        half_s = half / self._grid.sample_rate_hz
+        cells = independent_cells(half_s, TRACK_BAND_HZ, self._tag.pulse_width_s)
+        price = math.log(MORE_CELLS * cells)
+        evidence = 0.0
+        at = group[0].start + other
+        while at < group[-1].start - width:
+            if all(abs(at - p.start) > half + width for p in group):
+                found = self._refiner.search(
+                    np.array([at]), half, group[0].offset_hz, TRACK_BAND_HZ, noise
+                )
+                if found is not None:
+                    evidence += log_evidence(found[0].power, strength) - price
+            at += other
+        return evidence > 0.0
+
+    def overlaps(self, track: Track, group: list[Measured]) -> bool:
+        """Whether a group has a pulse of a track."""
+        return share_a_pulse(group, [s.measured for s in track.slots], self._grid.window)
+
+    def equals(self, track: Track, group: list[Measured]) -> bool:
+        """Whether at most one pulse of the group is new to the track."""
+        own = [s.measured for s in track.slots]
+        shared = sum(share_a_pulse([m], own, self._grid.window) for m in group)
+        return shared >= len(group) - 1
+
+
+def _leak(power: float, apart_bins: float) -> float:
+    """Most that a rectangular pulse leaks so far from its frequency, or a piece of one.
+
+    At most 1 / (pi df tp)^2 of its power; doubled in amplitude as a margin.
+    """
+    return power if apart_bins < 2.0 / math.pi else 4.0 * power / (math.pi * apart_bins) ** 2
+
+
+def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
+    """Whether pulses of a rate are missing: every second one, if it is another rate's train.
+
+    Of few pulses each is compared with the strongest. Of many weak ones some always fall short:
+    there every second place is judged as a whole, a pulse as strong as those between against
+    none.
+    """
+    powers = [pulse.power for _, pulse in places]
+    if len(places) <= _FEW_PULSES:
+        return min(powers) < _UNIFORMITY * min(60.0, max(powers))
+    halves = [[m.power for place, m in places if place % 2 == odd] for odd in (0, 1)]
+    if not all(halves):
+        return False
+    for half, between in (halves, halves[::-1]):
+        strength = min(max(sum(between) / len(between) - 1.0, 0.1), 60.0)
+        if sum(log_evidence(power, strength) for power in half) < 0.0:
+            return True
+    return False
+
+
+def share_a_pulse(one: list[Measured], two: list[Measured], window: int) -> bool:
+    """Whether two groups have a pulse at the same time, at whatever frequency it leaks to."""
+    return any(abs(a.start - b.start) < 0.75 * window for a in one for b in two)

@@ -1,0 +1,72 @@
+"""Pulses hidden by a stronger tag: which ones to subtract before measuring the weaker tag.
+
+A rectangular pulse cut by a window leaks up to 1 / (pi df tp)^2 of its power to df Hz beside
+it: one 20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. Its time,
+frequency and amplitude are known from its own track, so it can be subtracted.
+"""
+
+from uavrt.detection.signal import Measured, apart_hz
+from uavrt.detection.track.tracks import Track
+
+STRONGER = 2.0
+"""A pulse so many times a track's own is taken out before that track is looked at."""
+_LEAST_BINS = 0.8
+"""Nearer in frequency it may be the track's own pulse, followed twice."""
+
+
+def level(track: Track) -> float:
+    """Mean power of a track's newest pulses [noise powers]; 0 while it has none."""
+    powers = [s.measured.power for s in track.slots if s.state in ("accepted", "reported")]
+    return sum(powers[-4:]) / len(powers[-4:]) if powers else 0.0
+
+
+def strongest_first(tracks: list[Track]) -> list[Track]:
+    """The tracks in the order in which they are to be followed."""
+    return sorted(tracks, key=level, reverse=True) if len(tracks) > 1 else list(tracks)
+
+
+def stronger_beside(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
+    """Tracks that may hide a track's pulses: stronger, and at another frequency.
+
+    Parameters
+    ----------
+    track : Track
+    tracks : list of Track
+        All that are followed.
+    sample_rate_hz : float
+        Frequencies are compared around this circle.
+    """
+    if len(tracks) < 2:
+        return []
+    least = STRONGER * level(track)
+    least_hz = _LEAST_BINS / track.tag.pulse_width_s
+    return [
+        other
+        for other in tracks
+        if other.confirmed
+        and not other.dead
+        and level(other) > least
+        and abs(apart_hz(other.offset_hz, track.offset_hz, sample_rate_hz)) > least_hz
+    ]
+
+
+def is_due(others: list[Track], *, earliest_s: float, latest_s: float) -> bool:
+    """Whether one of the tracks has yet to look for a pulse between two times."""
+    for other in others:
+        time_s, half_s = other.expected()
+        if time_s + half_s > earliest_s and time_s - half_s < latest_s:
+            return True
+    return False
+
+
+def hiding(
+    track: Track, others: list[Track], *, earliest_s: float, latest_s: float
+) -> list[Measured]:
+    """Pulses of others between two times that are stronger than a track's own."""
+    least = STRONGER * level(track)
+    return [
+        slot.measured
+        for other in others
+        for slot in other.slots
+        if earliest_s < slot.time_s < latest_s and slot.measured.power > least
+    ]

@@ -1,0 +1,228 @@
+"""From tracks to records: name the tag, fill in the fields, report each pulse once."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.search import decision_interval_s
+from uavrt.detection.signal import EDGE_HZ, Counters, Measured, apart_hz, in_channel_hz
+from uavrt.detection.track.chance import log_doubt
+from uavrt.detection.track.tracks import Slot, Track
+from uavrt.detection.track.two_rates import PATIENCE_INTERVALS
+from uavrt.messages import DetectionStatus, Pulse, SearchReport, Tag
+from uavrt.units import NANOSECONDS_PER_SECOND, db_from_power, ns_from_s
+
+SAME_FREQUENCY_HZ = 40.0
+"""Tracks closer than this are the same transmitter."""
+_REPORT_EVERY_NS = NANOSECONDS_PER_SECOND
+_ACTIVE_INTERVALS = 5.0
+
+
+class Reporter:
+    """Makes the records of one detector.
+
+    Parameters
+    ----------
+    tag : Tag
+    center_frequency_hz : float
+        Of the channel, absolute.
+    counters : Counters
+    """
+
+    def __init__(
+        self,
+        tag: Tag,
+        *,
+        center_frequency_hz: float,
+        sample_rate_hz: float,
+        counters: Counters,
+    ) -> None:
+        self._tag = tag
+        self._center_hz = center_frequency_hz
+        self._sample_rate_hz = sample_rate_hz
+        self._patience_s = PATIENCE_INTERVALS * max(tag.pulse_intervals_s)
+        self._counters = counters
+        self._doubt = log_doubt(tag.false_alarm_probability, decision_interval_s(tag))
+        self._pulses: list[Pulse] = []
+        self._reports: list[SearchReport] = []
+        self._sequence = dict.fromkeys(range(1, len(tag.pulse_intervals_s) + 1), 0)
+        self._last_times: list[int] = []
+        self._given: list[tuple[int, int | None, int]] = []
+        """Rate, group and place of the last pulses."""
+        self._reported_ns: int | None = None
+        self._best = 0.0
+
+    def drain(self) -> list[Pulse]:
+        """Take the pulses found."""
+        pulses, self._pulses = self._pulses, []
+        return pulses
+
+    def drain_reports(self) -> list[SearchReport]:
+        """Take the search reports."""
+        reports, self._reports = self._reports, []
+        return reports
+
+    def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
+        """The track that is the tag: of those alive the one nearest the nominal frequency.
+
+        Whatever its strength; of tracks at one frequency the one that heard its tag last.
+        """
+        alive = [
+            t
+            for t in tracks
+            if t.confirmed
+            and not t.dead
+            and t.ghost_of is None
+            and now_s - t.last_accepted_s < _ACTIVE_INTERVALS * t.interval_s
+        ]
+        if not alive:
+            return None
+        rate_hz = self._sample_rate_hz
+        misses = [abs(apart_hz(t.offset_hz, nominal_hz, rate_hz)) for t in alive]
+        most = min(misses) + SAME_FREQUENCY_HZ
+        close = [t for t, miss in zip(alive, misses, strict=True) if miss < most]
+        return max(close, key=lambda t: (not t.held, t.last_accepted_s))
+
+    def settle(self, tracks: list[Track], nominal_hz: float, now_s: float) -> None:
+        """Decide which track is the tag and report what it has found."""
+        owner = self.owner(tracks, nominal_hz, now_s)
+        for track in tracks:
+            if owner is not None:
+                track.held = track is not owner
+            if not track.held:
+                self.report(track)
+
+    def report(self, track: Track, *, last: bool = False) -> None:
+        """Make records of a track's accepted pulses, and of weak ones it has given up on.
+
+        Parameters
+        ----------
+        track : Track
+        last : bool
+            Nothing follows: what waits for its rate's label waits in vain.
+        """
+        if self.doubts(track, last=last) or track.held:
+            return
+        oldest_open = track.number - self._tag.k + 1
+        for slot in track.slots:
+            if slot.state == "accepted":
+                certain = slot.time_s <= track.certain_s
+                if not (certain or last or track.time_s - slot.time_s > self._patience_s):
+                    continue
+                slot.state = "reported"
+                sure = track.confirmed and certain and not slot.disputed
+                sure = sure and track.ghost_of is None
+                self._record(track, slot, "confirmed" if sure else "detected")
+            elif slot.state == "open" and track.confirmed and slot.number < oldest_open:
+                if slot.measured.power > 4.0:
+                    slot.state = "reported"
+                    self._record(track, slot, "subthreshold")
+                else:
+                    slot.state = "missed"
+
+    def doubts(self, track: Track, *, last: bool = False) -> bool:
+        """Whether bursts alone make more tracks like it than false alarms are asked for.
+
+        What was in doubt once waits for its confirmation: all its pulses are told as confirmed.
+        """
+        if track.confirmed:
+            return False
+        doubtful = track.odds < self._doubt
+        waiting = track.in_doubt and not (track.dead or last)
+        track.in_doubt |= doubtful
+        return doubtful or waiting
+
+    def searched(self, time_ns: int, noise: NDArray[np.float32], best: float) -> None:
+        """Note a searched stretch; about once a second it becomes a report."""
+        self._best = max(self._best, best)
+        if self._reported_ns is None:
+            self._reported_ns = time_ns
+        if time_ns - self._reported_ns < _REPORT_EVERY_NS:
+            return
+        self._reported_ns = time_ns
+        level = float(noise[len(noise) // 2]) / self._sample_rate_hz
+        self._reports.append(
+            SearchReport(
+                tag_id=self._tag.tag_id,
+                time_ns=time_ns,
+                frequency_hz=self._tag.frequency_hz,
+                noise_psd=level,
+                best_score=self._best,
+            )
+        )
+        self._best = 0.0
+        del self._reports[:-3600]
+
+    def _place(self, track: Track) -> None:
+        """Give a track its place in the channel, at first and when it has crossed an edge."""
+        place_hz = in_channel_hz(
+            track.steady_hz,
+            nominal_hz=self._tag.frequency_hz - self._center_hz,
+            sample_rate_hz=self._sample_rate_hz,
+            margin_hz=EDGE_HZ if track.placed else 0.0,
+        )
+        track.placed = True
+        # Everything that it measures from now on lies beside it.
+        track.offset_hz += place_hz - track.steady_hz
+        track.steady_hz = place_hz
+
+    def _record(self, track: Track, slot: Slot, status: DetectionStatus) -> None:
+        tag = self._tag
+        width_ns = ns_from_s(tag.pulse_width_s)
+        if any(abs(slot.time_ns - t) < width_ns for t in self._last_times):
+            return
+        self._last_times.append(slot.time_ns)
+        del self._last_times[:-64]
+        group = slot.number // tag.k
+        index = slot.number % tag.k + 1
+        known = (track.rate, track.sequences.get(group), index)
+        # Without a lock two pulses may claim one place of a lattice, one of them a neighbour's:
+        # the later one begins a group of its own.
+        if known[1] is None or known in self._given:
+            self._sequence[track.rate] += 1
+            track.sequences[group] = self._sequence[track.rate]
+            for old in [g for g in track.sequences if g < group - 8]:
+                del track.sequences[old]
+            self._counters.groups += 1
+        self._given.append((track.rate, track.sequences[group], index))
+        del self._given[:-64]
+        members = [
+            s.measured.enr
+            for s in track.slots
+            if s.number // tag.k == group and s.state in ("accepted", "reported")
+        ]
+        next_s, half_s = track.expected()
+        ahead = ns_from_s(next_s - track.time_s)
+        center = slot.time_ns + ahead
+        half_ns = ns_from_s(half_s)
+        rate_hz = self._sample_rate_hz
+        self._place(track)
+        beside_hz = apart_hz(slot.measured.offset_hz, track.steady_hz, rate_hz)
+        self._counters.pulses += 1
+        self._pulses.append(
+            Pulse(
+                tag_id=tag.tag_id,
+                frequency_hz=self._center_hz + track.steady_hz + beside_hz,
+                start_time_ns=slot.time_ns,
+                end_time_ns=slot.time_ns + width_ns,
+                snr_db=snr_db(slot.measured),
+                group_snr_db=db_from_power(sum(members) / max(1, len(members))),
+                score=track.score,
+                group_index=index,
+                group_sequence=track.sequences[group],
+                noise_psd=slot.measured.noise / self._sample_rate_hz,
+                detection_status=status,
+                confirmed=status == "confirmed",
+                rate=track.rate,
+                predicted_next_start_ns=center - half_ns,
+                predicted_next_end_ns=center + half_ns + width_ns,
+                also_possible_tag_ids=track.alternatives,
+                ghost_of_tag_id=track.ghost_of,
+            )
+        )
+
+
+def snr_db(pulse: Measured) -> float:
+    """ENR of a pulse [dB]."""
+    return 10.0 * math.log10(pulse.enr)

@@ -1,0 +1,457 @@
+"""Decide which listed tag sent a train of pulses when several could have.
+
+Detectors whose bands overlap hear the same pulses, and each would take them for its own tag's.
+Here their tracks are put together: tracks of the same pulses are one train, and each train is
+given to one tag, each tag one train, by interval and frequency. A declared uncertainty is read
+as three standard deviations of a normal error, and as a bound. Where another tag is no less
+than a twentieth as likely, its number stands beside the pulses' own. What was measured of a
+tag's interval while nothing else could have sent it is kept, and decides later.
+"""
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Generic
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.track.assignment import best_sharing, losses, parts
+from uavrt.detection.track.reporting import SAME_FREQUENCY_HZ
+from uavrt.detection.track.tracks import CLOCK_ERROR, Track
+from uavrt.detection.track.trains import (
+    H,
+    Hearer,
+    Train,
+    heard_ns,
+    made_of_others,
+    put_together,
+)
+from uavrt.messages import Tag
+
+CERTAIN = math.log(20.0)
+"""Another tag is ruled out when it is so much less likely (log of the ratio)."""
+INTERVAL_DRIFT = 2e-3
+"""Relative change of a tag's interval within a flight that what was learnt must allow for. The
+crystals and oscillators of tags keep to 1e-4 and 1e-3 over the temperatures of a day."""
+_SIGMAS = 2.5
+"""Of the measured interval, beyond a tag's bound."""
+_BOUND_SIGMAS = 3.0
+"""A declared bound in standard deviations of the error behind it."""
+_USUAL_HZ = 500.0
+"""Tags are off by no more, however wide the search is."""
+_MOST_MISS = 30.0
+"""Squared standard deviations of a frequency: the search goes as far as it was told to."""
+_STAYS = 1.0
+"""A train stays with its tag until another is so much likelier (log of the ratio)."""
+_GIVEN = 50.0
+"""Worth of giving a train to any tag: more than all that tells tags apart."""
+_RELEARN_NS = 60e9
+"""So long a tag must be heard with another interval than was learnt before that is given up."""
+_MOST_TRAINS = 6
+"""Trains of one band at most that are shared out: those heard last."""
+_REMEMBERED_NS = 40_000_000_000
+"""Pulses of confirmed trains are known for so long: longer than bursts are remembered."""
+_Figures = tuple[float, float, float, tuple[tuple[int, bool], ...]]
+"""Interval, its deviation, frequency, and the detectors that follow a train, held or not."""
+_Share = tuple[int, int, tuple[int, ...], bool]
+"""Place of a train, number of its tag, numbers of others that it may be, and whether none that
+it was weighed against is still in question."""
+
+
+def part(one: Tag, two: Tag) -> "Parting":
+    """Describe how far the intervals of two tags tell them apart, heard alone.
+
+    Parameters
+    ----------
+    one, two : Tag
+
+    Returns
+    -------
+    Parting
+    """
+    pairs = [(a, b) for a in one.pulse_intervals_s for b in two.pulse_intervals_s]
+    gap_s, nominal_s = min((abs(a - b), max(a, b)) for a, b in pairs)
+    room_s = gap_s - 2.0 * CLOCK_ERROR * nominal_s
+    jitter_s = max(one.interval_jitter_s, two.interval_jitter_s)
+    width_s = max(one.pulse_width_s, two.pulse_width_s)
+    # Of a pulse of 13 dB; the jitter is uniform.
+    error_s = math.hypot(0.08 * width_s, jitter_s / math.sqrt(3.0))
+    pulses = None
+    if gap_s > 2.0 * INTERVAL_DRIFT * nominal_s:
+        # A straight line through n times: sigma of its slope is error sqrt(12 / n^3).
+        least = (12.0 * (2.0 * _SIGMAS * error_s / gap_s) ** 2) ** (1.0 / 3.0)
+        pulses = max(2, one.k, two.k, math.ceil(least))
+    declared_s = one.interval_uncertainty_s + two.interval_uncertainty_s
+    return Parting(
+        gap_s=gap_s,
+        certain=declared_s < room_s,
+        uncertainty_s=max(0.0, room_s / 2.0),
+        pulses=pulses,
+        seconds=None if pulses is None else pulses * nominal_s,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parting:
+    """What tells two tags of one band apart."""
+
+    gap_s: float
+    """Between their nearest intervals."""
+    certain: bool
+    """Whether one heard alone is told from the other whatever its error within its bound."""
+    uncertainty_s: float
+    """With less than this declared for each they are."""
+    pulses: int | None
+    """So many pulses measure the gap; None: it is less than tags drift, nothing parts them."""
+    seconds: float | None
+    """What that takes."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Learnt:
+    """The measured interval of a tag."""
+
+    scale: float
+    """To the nominal one."""
+    bound: float
+    """Relative."""
+    otherwise_ns: float | None = None
+    """Since when the tag was heard with another interval."""
+
+
+class Senders(Generic[H]):
+    """Shares out trains among the tags of detectors with overlapping bands.
+
+    Parameters
+    ----------
+    hearers : sequence of Hearer
+        The detectors; their order says nothing.
+    """
+
+    def __init__(self, hearers: Sequence[H]) -> None:
+        self.hearers = sorted(hearers, key=lambda hearer: hearer.tag.tag_id)
+        self._learnt: dict[int, _Learnt] = {}
+        self._by_tag = {hearer.tag.tag_id: hearer for hearer in self.hearers}
+        self._by_frequency = sorted(self.hearers, key=lambda hearer: hearer.tag.frequency_hz)
+        self._frequencies_hz = [hearer.tag.frequency_hz for hearer in self._by_frequency]
+        self._rate_hz = max(hearer.sample_rate_hz for hearer in self.hearers)
+        # Locked or not, a search stays within its window around the tag's frequency.
+        self._reach_hz = 1.0 + max(
+            2.0 * h.half_width_hz + 1.0 / h.tag.pulse_width_s for h in self.hearers
+        )
+        self._near_ns = 0.75e9 * max(hearer.tag.pulse_width_s for hearer in self.hearers)
+        self._picture: list[_Figures] = []
+        """By which figures trains were shared out last, and how."""
+        self._shared: list[_Share] = []
+        self._heard: dict[int, tuple[float, float]] = {}
+        """Pulses of confirmed trains lately heard, by time [ns]: absolute frequency and power.
+        They are no bursts to any tag."""
+        self._heard_ns = np.zeros(0, np.int64)
+        """Their times; with hundreds of tags they are many, and asked for with every pulse."""
+        self._heard_how = np.zeros((0, 2))
+
+    def settle(self) -> None:
+        """Assign each train to one tag, and let the detectors report what is theirs."""
+        if not any(hearer.tracks for hearer in self.hearers):
+            return
+        self._remember()
+        trains = put_together(self.hearers)
+        # A ghost is nobody's, but the detector of the one tag tells of it.
+        ghosts = [t for t in trains if any(track.ghost_of is not None for _, track in t.tracks)]
+        nobodys = {id(train) for train in ghosts}
+        nobodys |= {id(train) for train in made_of_others(trains, near_ns=self._near_ns)}
+        # A likely train has no share yet, but takes its place from what else may be its tag's.
+        able = [t for t in trains if t.likely and id(t) not in nobodys]
+        given = self._share_out(self._heard_last(able))
+        owned = {tag_id: not others for _, tag_id, others, _ in given}
+        for train, tag_id, others, sure in given:
+            _give(train, tag_id, others)
+            # What a train that comes to nothing leaves to the others teaches nothing.
+            if sure and not others:
+                self._learn(train, tag_id)
+        shared = {id(train) for train, *_ in given}
+        for train in trains:
+            if id(train) in shared:
+                continue
+            if train.confirmed:
+                _give(train, None, ())
+            else:
+                self._give_tentative(train, owned)
+        self._report()
+
+    def _report(self) -> None:
+        """Let the detectors report their pulses, each pulse under one tag's number."""
+        pairs = [(hearer, track) for hearer in self.hearers for track in hearer.tracks]
+        told = _Told[H]()
+        for hearer, track in pairs:
+            if track.confirmed:
+                told.add(hearer, track, _reported_ns(track))
+        # What was heard longest is least likely to have others' pulses.
+        for hearer, track in sorted(pairs, key=lambda pair: -len(heard_ns(pair[1]))):
+            if not track.held:
+                for times_ns in told.beside(hearer, track):
+                    _pass_over(track, times_ns)
+            before = set(_reported_ns(track))
+            hearer.report(track)
+            if track.confirmed and not track.held:
+                told.add(hearer, track, [t for t in _reported_ns(track) if t not in before])
+
+    def _remember(self) -> None:
+        """Keep the times of what is certainly a tag's."""
+        for hearer in self.hearers:
+            for track in hearer.tracks:
+                if not track.confirmed or track.dead:
+                    continue
+                frequency_hz = hearer.absolute_hz(track)
+                for slot in track.slots:
+                    if slot.state in ("accepted", "reported"):
+                        self._heard[slot.time_ns] = frequency_hz, slot.measured.power
+        if self._heard:
+            since_ns = max(self._heard) - _REMEMBERED_NS
+            self._heard = {at: how for at, how in self._heard.items() if at >= since_ns}
+            self._heard_ns = np.array(list(self._heard), np.int64)
+            self._heard_how = np.array(list(self._heard.values()))
+
+    def heard_where(
+        self, wanted: Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Get the pulses of confirmed trains lately heard at some frequencies.
+
+        Parameters
+        ----------
+        wanted : callable
+            Says which of some absolute frequencies are meant.
+
+        Returns
+        -------
+        ndarray of int64, shape (n,)
+            Their times [ns].
+        ndarray of float64, shape (n, 2)
+            Absolute frequency and power of each.
+        """
+        some = wanted(self._heard_how[:, 0])
+        return self._heard_ns[some], self._heard_how[some]
+
+    def _heard_last(self, trains: list[Train[H]]) -> list[Train[H]]:
+        """Of the trains that could be one tag's by frequency those heard last."""
+        some = sorted(trains, key=lambda train: train.frequency_hz)
+        frequencies_hz = [train.frequency_hz for train in some]
+        left = []
+        for train in some:
+            begin = bisect_left(frequencies_hz, train.frequency_hz - self._reach_hz)
+            end = bisect_right(frequencies_hz, train.frequency_hz + self._reach_hz)
+            later = sum(other.heard_ns > train.heard_ns for other in some[begin:end])
+            if later < _MOST_TRAINS:
+                left.append(train)
+        return sorted(left, key=lambda train: -train.heard_ns)
+
+    def _share_out(
+        self, trains: list[Train[H]]
+    ) -> list[tuple[Train[H], int, tuple[int, ...], bool]]:
+        """Share out trains: as `_Share`, with the train itself."""
+        picture = [_figures(train) for train in trains]
+        if picture != self._picture:
+            self._picture, self._shared = picture, self._share_out_anew(trains)
+        return [(trains[at], to, others, sure) for at, to, others, sure in self._shared]
+
+    def _share_out_anew(self, trains: list[Train[H]]) -> list[_Share]:
+        """Share out the trains, those that compete together."""
+        likely = [self._likely(train) for train in trains]
+        shares = []
+        for part in parts(likely):
+            some = self._share_out_part(
+                [trains[at] for at in part], [likely[at] for at in part]
+            )
+            shares += [(part[at], to, others, sure) for at, to, others, sure in some]
+        return shares
+
+    def _share_out_part(
+        self, trains: list[Train[H]], likely: list[dict[int, float]]
+    ) -> list[_Share]:
+        """Share out trains that compete; `likely` is with the worth of any tag."""
+        behind = losses(likely, best_sharing(likely))
+        able: list[dict[int, float]] = []
+        possible: list[list[int]] = []
+        for at, train in enumerate(trains):
+            followers = {h.tag.tag_id: t for h, t in train.tracks if t.confirmed}
+            possible.append([i for i, loss in behind[at].items() if loss <= CERTAIN])
+            # The likeliest may not have found it yet; if nothing else can be, it is waited for.
+            able.append(
+                {
+                    i: likely[at][i] + (0.0 if followers[i].held else _STAYS)
+                    for i in possible[at]
+                    if i in followers
+                }
+            )
+        sure = all(train.confirmed for train in trains)
+        return [
+            (at, to, tuple(i for i in possible[at] if i != to), sure)
+            for at, to in enumerate(best_sharing(able))
+            if to is not None
+        ]
+
+    def _likely(self, train: Train[H]) -> dict[int, float]:
+        """Log-likelihood of a train for each tag that it may be, and what any tag is worth."""
+        values = {h.tag.tag_id: self._likelihood(train, h) for h in self._near(train)}
+        return {i: value + _GIVEN for i, value in values.items() if value > -math.inf}
+
+    def _near(self, train: Train[H]) -> list[H]:
+        """Detectors in whose band a train may be, by the numbers of their tags."""
+        reach_hz, rate_hz = self._reach_hz, self._rate_hz
+        places: set[int] = set()
+        for alias_hz in (-rate_hz, 0.0, rate_hz):
+            low_hz = train.frequency_hz + alias_hz - reach_hz
+            begin = bisect_left(self._frequencies_hz, low_hz)
+            places.update(
+                range(begin, bisect_right(self._frequencies_hz, low_hz + 2.0 * reach_hz))
+            )
+        near = [self._by_frequency[place] for place in places]
+        return sorted(near, key=lambda hearer: hearer.tag.tag_id)
+
+    def _give_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
+        """Give a train that is not certain yet to the likeliest tag that has none.
+
+        Parameters
+        ----------
+        train : Train[H]
+        owned : dict of int to bool
+            Tags that have a train, and whether it is certainly theirs.
+        """
+        likely = {h.tag.tag_id: self._likelihood(train, h) for h, _ in train.tracks}
+        free = {i: v for i, v in likely.items() if i not in owned and v > -math.inf}
+        if not free:
+            _give(train, None, ())
+            return
+        tag_id = min(free, key=lambda i: (-free[i], i))
+        least = free[tag_id] - CERTAIN
+        others = [
+            h.tag.tag_id
+            for h in self._near(train)
+            if h.tag.tag_id != tag_id
+            and not owned.get(h.tag.tag_id, False)
+            and self._likelihood(train, h) > least
+        ]
+        _give(train, tag_id, tuple(others))
+
+    def _likelihood(self, train: Train[H], hearer: Hearer) -> float:
+        """Log-likelihood of a train's interval and frequency if a tag sent it."""
+        if not hearer.could_be(train.frequency_hz):
+            return -math.inf
+        tag = hearer.tag
+        sigma_hz = min(hearer.half_width_hz, _USUAL_HZ) / _BOUND_SIGMAS
+        miss_hz = train.frequency_hz - tag.frequency_hz
+        learnt = self._learnt.get(tag.tag_id)
+        best = -math.inf
+        for nominal_s in tag.pulse_intervals_s:
+            bound_s = _bound_s(tag, nominal_s)
+            value = _normal(train, nominal_s, bound_s)
+            if learnt is not None and value > -math.inf:
+                # What was learnt may be wrong, or no longer hold.
+                value -= CERTAIN
+                known_s = nominal_s * learnt.scale
+                value = max(value, _normal(train, known_s, learnt.bound * nominal_s))
+            best = max(best, value)
+        return best - 0.5 * min((miss_hz / sigma_hz) ** 2, _MOST_MISS)
+
+    def _learn(self, train: Train[H], tag_id: int) -> None:
+        """Keep the interval of a tag that nothing else can be."""
+        tag = self._by_tag[tag_id].tag
+        nominal_s = min(tag.pulse_intervals_s, key=lambda s: abs(s - train.interval_s))
+        bound = INTERVAL_DRIFT + _BOUND_SIGMAS * train.sigma_s / nominal_s
+        if bound * nominal_s >= _bound_s(tag, nominal_s):
+            return
+        scale = train.interval_s / nominal_s
+        known = self._learnt.get(tag_id)
+        if known is not None and abs(scale - known.scale) > known.bound + bound:
+            # Where trains cross, a track may change over to another animal, step by step.
+            since_ns = train.heard_ns if known.otherwise_ns is None else known.otherwise_ns
+            if train.heard_ns - since_ns < _RELEARN_NS:
+                self._learnt[tag_id] = replace(known, otherwise_ns=since_ns)
+                return
+        self._learnt[tag_id] = _Learnt(scale, bound)
+
+
+def _figures(train: Train[H]) -> _Figures:
+    """All that matters of a train when it is shared out, so far as it does."""
+    return (
+        round(train.interval_s, 3),
+        round(train.sigma_s, 3),
+        round(train.frequency_hz, -1),
+        tuple(sorted((h.tag.tag_id, t.held) for h, t in train.tracks if t.confirmed)),
+    )
+
+
+def _bound_s(tag: Tag, nominal_s: float) -> float:
+    """Largest error of an interval as declared; one crystal makes both rates."""
+    shortest_s = min(tag.pulse_intervals_s)
+    return tag.interval_uncertainty_s * nominal_s / shortest_s + CLOCK_ERROR * nominal_s
+
+
+def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
+    """Log-density of a train's interval around one with a bound; none beyond it."""
+    miss_s = abs(train.interval_s - center_s)
+    if miss_s > bound_s + _SIGMAS * train.sigma_s:
+        return -math.inf
+    sigma_s = math.hypot(bound_s / _BOUND_SIGMAS, train.sigma_s)
+    return -0.5 * (miss_s / sigma_s) ** 2 - math.log(sigma_s)
+
+
+def _reported_ns(track: Track) -> list[int]:
+    return [slot.time_ns for slot in track.slots if slot.state == "reported"]
+
+
+def _give(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> None:
+    """Let one detector report a train and silence the others."""
+    told = [
+        slot.time_ns
+        for hearer, track in train.tracks
+        if hearer.tag.tag_id != tag_id
+        for slot in track.slots
+        if slot.state == "reported"
+    ]
+    mine = [t for h, t in train.tracks if h.tag.tag_id == tag_id]
+    # Of two that one detector follows the one that is certain, then the one heard last.
+    best = max(mine, key=lambda t: (t.confirmed, t.last_accepted_s), default=None)
+    for _, track in train.tracks:
+        begins = track is best and track.held
+        track.held = track is not best or (track.clashing and not track.confirmed)
+        track.alternatives = others if track is best else ()
+        track.shared_as_confirmed = track.confirmed
+        if begins and not track.held:
+            _pass_over(track, told)
+
+
+class _Told(Generic[H]):
+    """Pulses reported so far, indexed by frequency: of hundreds of tags few are near one."""
+
+    def __init__(self) -> None:
+        self._places: dict[int, list[tuple[H, float, list[int]]]] = {}
+
+    def add(self, hearer: H, track: Track, times_ns: list[int]) -> None:
+        """Note what a detector has reported of a track."""
+        if times_ns:
+            at_hz = hearer.absolute_hz(track)
+            place = math.floor(at_hz / SAME_FREQUENCY_HZ)
+            self._places.setdefault(place, []).append((hearer, at_hz, times_ns))
+
+    def beside(self, hearer: H, track: Track) -> Iterator[list[int]]:
+        """Return the times of pulses that other detectors reported at a track's frequency."""
+        here_hz = hearer.absolute_hz(track)
+        middle = math.floor(here_hz / SAME_FREQUENCY_HZ)
+        for place in range(middle - 1, middle + 2):
+            for other, at_hz, times_ns in self._places.get(place, ()):
+                if other is not hearer and abs(at_hz - here_hz) < SAME_FREQUENCY_HZ:
+                    yield times_ns
+
+
+def _pass_over(track: Track, told_ns: Iterable[int]) -> None:
+    """Leave out pulses already reported under another tag's number."""
+    near_ns = 0.75e9 * track.tag.pulse_width_s
+    times = list(told_ns)
+    for slot in track.slots:
+        if slot.state == "accepted" and any(
+            abs(slot.time_ns - time_ns) < near_ns for time_ns in times
+        ):
+            slot.state = "reported"

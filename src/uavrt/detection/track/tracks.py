@@ -1,0 +1,513 @@
+"""Tracks: a tag followed from pulse to pulse through misses.
+
+A track holds the phase and the interval (Kalman filter), the frequency, and the last pulse
+slots of the lattice. Where the next pulse is expected is so small a volume that its threshold
+is far below that of the search: 1.3 dB and more at K = 3.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Literal
+
+from uavrt.detection.search import group_tail
+from uavrt.detection.signal import Measured, timing_error_s
+from uavrt.detection.track.chance import QUIET, OnAir, log_begin, log_empty, log_odds
+from uavrt.messages import Tag
+
+CONFIRM_FALSE = 0.0005
+"""Chance that noise confirms a tentative track, a test; of groups of noise 0.2 to 0.6 %."""
+_CONFIRM_LONG_FALSE = 0.002
+"""Of groups longer than eight: their many weak pulses are confirmed late enough."""
+_MORE_TESTS = 2
+"""Beyond K: at 9 dB three places confirm one track in two, five three in four."""
+FOLLOW_FALSE = 0.01
+"""Chance that noise is taken as a pulse of a confirmed track, per K intervals."""
+_MOST_TESTS = 40
+"""Of a track that noise does not explain, until it is known to be no accident of bursts."""
+_ODDS_LOST = 4.0
+"""Below the best they were, after which such a track ends: three empty places."""
+COAST_PULSES = 10
+"""Expected pulses without one accepted, after which a track is lost."""
+FIRST_TRUST = 3.0
+"""Log odds of a track just confirmed: three places without a pulse end it."""
+MOST_TRUST = 15.0
+"""Log odds of an old one: ten such places, as `COAST_PULSES`."""
+_TRUST_LOST = 1.4
+"""By a place without a pulse, however empty: one tag's pulse in four is faded."""
+_TRUST_WON = 4.0
+_VOUCHED_FROM = 6.0
+"""Of less trust, a track's pulses are accepted by their own power alone. What began a track of
+noise and confirmed it are its largest peaks of many: with these to vouch, a third of all places
+of noise passed."""
+_SURE_TRUST = 10.0
+MOST_TOLD_BY_ONE = 8
+"""Most pulses of a decision of which a single one tells anything; of longer groups the sums."""
+_SAID_BY_POWER = (0.93, -1.9)
+"""Log-likelihood ratio of a pulse of 9 dB to none, by a cell's power: slope and value at zero
+of the straight line along log I0(2 sqrt(8 P)) - 8 from P = 4 to 14 (within 0.6)."""
+MORE_CELLS = 5.0
+"""Cells of a window that noise is seen in at its best, to those of `volume`: every sample and
+every frequency is looked at, and the best is climbed to. Measured on the maxima of noise."""
+WEAKEST_POWER = 3.0
+"""A pulse below this is not reported even as a member of a group: it is mostly noise."""
+WEAKEST_SHARE = 0.35
+"""Two strong pulses and the best noise at a third place make a group: this share unmasks it."""
+VOUCH = 2.0
+_FELLOW_SHARE = 0.2
+_SURE_POWER = 12.0
+"""Three pulses of this power each, an interval apart, are no accident: confirmed at once."""
+_INTERVAL_WALK = 1.5e-4
+"""Standard deviation of the interval's change from pulse to pulse, relative."""
+CLOCK_ERROR = 3.0e-4
+"""Relative error of the sample clock that the interval's uncertainty must cover."""
+MOST_DRIFT_HZ = 15.0
+"""A crystal that warms up changes by some hertz from pulse to pulse; more is noise."""
+_PHASE_WALK_S = 0.3e-3
+_STEADY_GAIN = 0.1
+"""The scatter of the frequency is a quarter of a single pulse's."""
+
+SlotState = Literal["open", "accepted", "reported", "missed"]
+Around = Callable[["Track", Measured], OnAir]
+
+
+@dataclass(slots=True)
+class Slot:
+    """One expected pulse of a track and what was found there."""
+
+    number: int
+    """Place in the lattice, from 0 at the track's first pulse."""
+    time_s: float
+    time_ns: int
+    measured: Measured
+    volume: float
+    """Independent cells searched."""
+    state: SlotState = "open"
+    disputed: bool = False
+    """Whether it is not certain at which of two rates it was sent."""
+    on_air: OnAir = QUIET
+    """What else was on air around it."""
+    no_burst: float = 0.0
+    """Log odds that it is the tag's and not a burst."""
+    said: float = 0.0
+    """Log odds that it is the tag's, and neither noise nor a burst."""
+
+
+@dataclass(slots=True)
+class Track:
+    """A tag at one rate and frequency; times are seconds since the detector's epoch."""
+
+    tag: Tag
+    rate: int
+    offset_hz: float
+    score: float
+    steady_hz: float = 0.0
+    """Average of the frequency over more pulses than `offset_hz` follows it with."""
+    placed: bool = False
+    """Whether its frequency was given a place in the channel."""
+    drift_hz: float = 0.0
+    """Change of the frequency from pulse to pulse."""
+    time_s: float = 0.0
+    interval_s: float = 0.0
+    variance: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    """Covariance of phase and interval: phase, cross, interval [s^2]."""
+    number: int = 0
+    """Lattice place of the last slot."""
+    slots: list[Slot] = field(default_factory=list)
+    """Recent slots, oldest first."""
+    confirmed: bool = False
+    held: bool = False
+    """Not reported until confirmed: another track has the tag's identity."""
+    clashing: bool = False
+    """It began with a pulse of another track."""
+    alternatives: tuple[int, ...] = ()
+    """Numbers of other listed tags that it may be (senders.py)."""
+    shared_as_confirmed: bool = False
+    """Whether it was confirmed when that was decided."""
+    ghost_of: int | None = None
+    """Number of the stronger tag whose ghost it is (ghosts.py)."""
+    dead: bool = False
+    since_accepted: int = 0
+    tested: int = 0
+    """Slots tested since the group that began it."""
+    gained: float = 0.0
+    sequences: dict[int, int] = field(default_factory=dict)
+    """Group sequence of each group of K lattice places."""
+    last_accepted_s: float = 0.0
+    odds: float = 0.0
+    """Log odds that it is no chance of what else is on air, with all that may begin so."""
+    best_odds: float = 0.0
+    in_doubt: bool = False
+    """Whether it was likelier an accident of bursts than is reported, at any time."""
+    stands_out: bool = False
+    """Whether noise alone would hardly have brought it so far."""
+    interval_open: bool = False
+    """Whether too few pulses tell its interval from others'."""
+    trust: float = MOST_TRUST
+    """Log odds that a confirmed track is a tag: raised by pulses, lowered by empty places."""
+    rivals: "list[Track]" = field(default_factory=list)
+    """The same transmitter at the tag's other rate, should it have switched (rivals.py)."""
+    settled_s: float = -math.inf
+    """The last pulse at which the rate is known not to have changed; a rival's beginning."""
+    certain_s: float = math.inf
+    """Until when the rate is certain; a pulse after that waits for its label."""
+
+    def begin(
+        self, pulses: list[tuple[int, float, int, Measured]], around: Around = lambda *_: QUIET
+    ) -> None:
+        """Start from a detected group.
+
+        Parameters
+        ----------
+        pulses : list of (place, time_s, time_ns, Measured)
+            In order of time; places count intervals from 0.
+        around : callable
+            Tells what else is on air around a track's place.
+        """
+        tag = self.tag
+        nominal = tag.pulse_intervals_s[self.rate - 1]
+        self.interval_s = nominal
+        self._know_little(pulses[0][3].power)
+        floor = least_real([measured.power for *_, measured in pulses])
+        first = next(place for place, _, _, measured in pulses if measured.power >= floor)
+        for number, time_s, time_ns, measured in pulses:
+            real = measured.power >= floor
+            state: SlotState = "accepted" if real else "missed"
+            self.slots.append(Slot(number, time_s, time_ns, measured, 1.0, state))
+            if number == first:
+                self.number, self.time_s = number, time_s
+                self.last_accepted_s = time_s
+                self.offset_hz = measured.offset_hz
+                self.odds = log_begin(around(self, measured).begin_per_s)
+            if not real or number == first:
+                continue
+            # Noise in a place says nothing of the phase: it would bend the interval.
+            while self.number < number:
+                self._predict()
+                self.number += 1
+            self.slots[-1].on_air = around(self, measured)
+            self.odds += self._odds(self.slots[-1], self.time_s, self.variance[0])
+            self._correct(time_s, measured.power)
+            self.last_accepted_s = time_s
+        while self.number < self.tag.k - 1:
+            self._predict()
+            self.number += 1
+        weights = [min(p[3].power, 100.0) for p in pulses]
+        total = sum(w * p[3].offset_hz for w, p in zip(weights, pulses, strict=True))
+        self.offset_hz = self.steady_hz = total / sum(weights)
+        if len(tag.pulse_intervals_s) > 1:
+            self.certain_s = self.last_accepted_s
+        sure = [s for s in self.slots if s.measured.power >= _SURE_POWER]
+        self.best_odds = self.odds
+        self.stands_out = len(sure) >= max(3, self.tag.k)
+        self.confirmed = self.stands_out and self.odds >= 0.0
+        self.trust = min(MOST_TRUST, FIRST_TRUST + max(0.0, self.odds))
+
+    def go_on_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
+        """Continue from a pulse of a known transmitter, with another interval.
+
+        Parameters
+        ----------
+        slot : Slot
+            Of the track that heard it, which reports it.
+        interval_s : float
+        share : float
+            Of the tag's uncertainty that the interval has.
+        """
+        self.interval_s = interval_s
+        self._know_little(slot.measured.power, share)
+        self.slots = [replace(slot, number=0, state="reported")]
+        self.steady_hz = self.offset_hz
+        self.time_s = self.last_accepted_s = self.settled_s = slot.time_s
+        self.confirmed = True
+
+    def join(
+        self,
+        pulses: list[tuple[int, float, int, Measured]],
+        base: int,
+        around: Around = lambda *_: QUIET,
+    ) -> None:
+        """Take the new pulses of a group that was found without this track's help.
+
+        Parameters
+        ----------
+        pulses : list of (place, time_s, time_ns, Measured)
+        base : int
+            Place in the lattice of the group's place 0.
+        around : callable
+            Tells what else is on air around a track's place.
+        """
+        width_s = self.tag.pulse_width_s
+        floor = least_real([measured.power for *_, measured in pulses])
+        for place, time_s, time_ns, measured in pulses:
+            number = base + place
+            if any(abs(slot.time_s - time_s) < 0.75 * width_s for slot in self.slots):
+                continue
+            real = measured.power >= floor
+            state: SlotState = "accepted" if real else "missed"
+            self.slots.append(Slot(number, time_s, time_ns, measured, 1.0, state))
+            if real and number > self.number:
+                while self.number < number:
+                    self._predict()
+                    self.number += 1
+                self.slots[-1].on_air = around(self, measured)
+                self.odds += self._odds(self.slots[-1], self.time_s, self.variance[0])
+                self._correct(time_s, measured.power)
+                self.last_accepted_s = time_s
+                self.tested += 1
+        del self.slots[: -max(2 * self.tag.k, 6)]
+        # A second group on the lattice of the first is no accident of noise; of which of two
+        # rates it is, nothing here tells.
+        one_rate = len(self.tag.pulse_intervals_s) == 1
+        if self.tested >= self.tag.k and one_rate and self.odds >= 0.0:
+            self.confirmed = True
+        self.certain_s = math.inf
+
+    @property
+    def sure(self) -> bool:
+        """Whether its pulses are certainly no bursts."""
+        return self.confirmed and not self.dead and self.trust > _SURE_TRUST
+
+    def expected(self) -> tuple[float, float]:
+        """Time of the next pulse and the half-width of the window around it [s]."""
+        phase, cross, interval = self.variance
+        variance = max(0.0, phase + 2.0 * cross + interval)  # rounding
+        half = 2.5 * math.sqrt(variance) + self.tag.interval_jitter_s
+        return self.time_s + self.interval_s, half + self.tag.pulse_width_s / 8.0
+
+    def spread_s(self) -> float:
+        """Standard deviation of the next pulse's time around `expected`."""
+        phase, cross, interval = self.variance
+        own = (0.08 * self.tag.pulse_width_s) ** 2 + self.tag.interval_jitter_s**2 / 3.0
+        return math.sqrt(max(0.0, phase + 2.0 * cross + interval) + own)
+
+    def volume(self, half_s: float, half_band_hz: float) -> float:
+        """Independent cells in a window: of time and of frequency."""
+        return independent_cells(half_s, half_band_hz, self.tag.pulse_width_s)
+
+    def step(self, slot: Slot) -> None:
+        """Take what was found at the next expected pulse."""
+        self._predict()
+        self.number += 1
+        self.offset_hz += self.drift_hz
+        slot.number = self.number
+        self.tested += 1
+        slot.said = self._weighed(slot)
+        self.slots.append(slot)
+        del self.slots[: -max(2 * self.tag.k, 6, 0 if self.confirmed else _MOST_TESTS)]
+        power = slot.measured.power
+        if self.confirmed:
+            self._weigh(slot)
+            self._follow(slot)
+        else:
+            self._try_to_confirm(slot)
+        if slot.state == "accepted":
+            self.since_accepted = 0
+            self._correct(slot.time_s, power)
+            self._correct_frequency(slot.measured)
+        else:
+            self.since_accepted += 1
+            self.drift_hz *= 0.8
+            if self.confirmed and power > 4.0 and slot.state != "missed":
+                # Too weak to report, good enough to keep the phase from wandering.
+                self._correct(slot.time_s, power * 0.3)
+            if self.since_accepted > COAST_PULSES or self.trust <= 0.0:
+                self.dead = True
+
+    def skip(self) -> None:
+        """Pass over an expected pulse that cannot be looked at: its samples are lost."""
+        self._predict()
+        self.number += 1
+        self.offset_hz += self.drift_hz
+        self.since_accepted += 1
+        if self.since_accepted > COAST_PULSES:
+            self.dead = True
+
+    def doubt(self, since_s: float) -> None:
+        """Ask for a new confirmation, as its phase may be lost; count seconds from a time."""
+        self.confirmed = False
+        self.tested = self.since_accepted = 0
+        self.gained, self.trust = 0.0, MOST_TRUST
+        self.odds, self.stands_out = 0.0, False
+        self.slots.clear()
+        self.rivals.clear()
+        self.time_s -= since_s
+        self.certain_s -= since_s
+        self.settled_s -= since_s
+        self.last_accepted_s = -math.inf
+
+    def _try_to_confirm(self, slot: Slot) -> None:
+        self.gained += min(slot.measured.power, 14.0)
+        slot.state = "open"
+        short = self.tag.k <= MOST_TOLD_BY_ONE
+        volume = _round(MORE_CELLS * slot.volume if short else slot.volume)
+        chance = CONFIRM_FALSE if short else _CONFIRM_LONG_FALSE
+        tests = max(2, self.tag.k) + (_MORE_TESTS if short else 0)
+        self.odds += slot.said if short else 0.0
+        self.best_odds = max(self.best_odds, self.odds)
+        if not self.stands_out:
+            limit = narrow_threshold(self.tested, volume, chance)
+            self.stands_out = self.gained >= limit
+            if self.stands_out and short:
+                self.trust = min(MOST_TRUST, FIRST_TRUST + self.gained - limit)
+        if self.stands_out and self.odds >= 0.0 and not self.interval_open:
+            self.confirmed = True
+            self.trust = min(self.trust, FIRST_TRUST + self.odds)
+            for other in self.slots:
+                clear = other.said > 0.0 or other.number > self.number - tests
+                if other.state == "open" and clear and other.measured.power > WEAKEST_POWER:
+                    other.state = "accepted"
+                    self.last_accepted_s = other.time_s
+        elif not self.stands_out:
+            self.dead = self.tested >= tests
+        else:
+            # Noise it is not; of what else is on air it may yet be an accident.
+            self.dead = self.odds < self.best_odds - _ODDS_LOST or self.tested >= _MOST_TESTS
+            if slot.said > 0.0:
+                self.since_accepted = -1
+                self._correct(slot.time_s, slot.measured.power)
+                self._correct_frequency(slot.measured)
+
+    def against_bursts(self, slot: Slot) -> float:
+        """Log odds that what is at the next expected place is no burst of something else."""
+        phase, cross, interval = self.variance
+        phase += 2.0 * cross + interval
+        return self._odds(slot, self.time_s + self.interval_s, phase)
+
+    def _odds(self, slot: Slot, expected_s: float, phase: float) -> float:
+        phase += self._timing_variance(slot.measured.power)
+        levels = [
+            10.0 * math.log10(other.measured.power)
+            for other in self.slots
+            if other is not slot and (other.state in ("accepted", "reported") or other.said > 0)
+        ][-3:]
+        level = 10.0 * math.log10(max(slot.measured.power, 1.0))
+        return log_odds(
+            slot.on_air,
+            width_s=self.tag.pulse_width_s,
+            late_s=slot.time_s - expected_s,
+            spread_s=math.sqrt(max(phase, 1e-12)),
+            beside_hz=slot.measured.offset_hz - self.offset_hz,
+            above_db=level - sum(levels) / len(levels) if levels else 0.0,
+        )
+
+    def _weighed(self, slot: Slot) -> float:
+        """Log odds that what is at the expected place is neither noise nor a burst."""
+        slope, start = _SAID_BY_POWER
+        noise = slope * slot.measured.power + start - math.log(MORE_CELLS * slot.volume)
+        empty = log_empty(slot.on_air, width_s=self.tag.pulse_width_s)
+        slot.no_burst = self._odds(slot, self.time_s, self.variance[0])
+        return max(empty, min(noise, slot.no_burst))
+
+    def _weigh(self, slot: Slot) -> None:
+        """Trust the track more, or less, for what was found at a place."""
+        if self.tag.k > MOST_TOLD_BY_ONE:
+            return
+        self.trust += max(-_TRUST_LOST, min(_TRUST_WON, slot.said))
+        self.trust = min(self.trust, MOST_TRUST)
+
+    def _follow(self, slot: Slot) -> None:
+        k = self.tag.k
+        if slot.on_air.alike_per_s > 0.0 and slot.no_burst < 0.0 and k <= MOST_TOLD_BY_ONE:
+            slot.state = "missed"
+            return
+        single = narrow_threshold(1, _round(slot.volume), FOLLOW_FALSE / k)
+        if slot.measured.power >= single:
+            slot.state = "accepted"
+            self.last_accepted_s = slot.time_s
+        recent = [s for s in self.slots if s.number > self.number - k]
+        if k == 1 or len(recent) < k or self.trust < _VOUCHED_FROM:
+            return
+        limit = narrow_threshold(k, _round(max(s.volume for s in recent)), FOLLOW_FALSE)
+        for weak in recent:
+            own = weak.measured.power
+            others = [s.measured.power for s in recent if s is not weak]
+            floor = _FELLOW_SHARE * min(40.0, max(others))
+            if weak.state != "open" or own <= max(WEAKEST_POWER, floor):
+                continue
+            # Its fellows vouch for a weak pulse no further than to twice its own power:
+            # between strong ones it is the noise in a null of the antenna.
+            total = own + sum(min(power, VOUCH * own) for power in others)
+            if total >= limit:
+                weak.state = "accepted"
+                self.last_accepted_s = max(self.last_accepted_s, weak.time_s)
+
+    def _correct_frequency(self, pulse: Measured) -> None:
+        """Follow frequency and drift (alpha-beta filter, critically damped)."""
+        alpha = 0.5 if pulse.power > 30.0 else 0.3
+        self.steady_hz += max(1.0 / (self.number + 1), _STEADY_GAIN) * (
+            pulse.offset_hz - self.steady_hz
+        )
+        miss = pulse.offset_hz - self.offset_hz
+        self.offset_hz += alpha * miss
+        self.drift_hz += alpha**2 / (2.0 - alpha) * miss
+        self.drift_hz = max(-MOST_DRIFT_HZ, min(MOST_DRIFT_HZ, self.drift_hz))
+
+    def _timing_variance(self, power: float) -> float:
+        noise_s = timing_error_s(self.tag.pulse_width_s, power)
+        return noise_s**2 + (self.tag.interval_jitter_s / 2.0) ** 2
+
+    def _know_little(self, power: float, share: float = 1.0) -> None:
+        """Phase as of one pulse; of the interval a share of what the tag leaves open."""
+        spread_s = share * self.tag.interval_uncertainty_s / math.sqrt(3.0)
+        interval = spread_s**2 + (CLOCK_ERROR * self.interval_s) ** 2
+        self.variance = [self._timing_variance(power), 0.0, interval]
+
+    def _predict(self) -> None:
+        phase, cross, interval = self.variance
+        walk = (_INTERVAL_WALK * self.interval_s) ** 2
+        self.time_s += self.interval_s
+        self.variance = [
+            phase + 2.0 * cross + interval + _PHASE_WALK_S**2,
+            cross + interval,
+            interval + walk,
+        ]
+
+    def _correct(self, time_s: float, power: float) -> None:
+        phase, cross, interval = self.variance
+        total = phase + self._timing_variance(power)
+        gain_phase, gain_interval = phase / total, cross / total
+        miss = time_s - self.time_s
+        self.time_s += gain_phase * miss
+        self.interval_s += gain_interval * miss
+        self.variance = [
+            phase * (1.0 - gain_phase),
+            cross * (1.0 - gain_phase),
+            interval - gain_interval * cross,
+        ]
+
+
+def least_real(powers: list[float]) -> float:
+    """Least power of a pulse in a group that is more than the noise in a place.
+
+    Far weaker than its fellows and not sure by itself, it is noise in a group of fewer. Of many
+    places most may be noise: the strongest quarter are the fellows.
+    """
+    strongest = sorted(powers)[-(len(powers) // 4) :]
+    return min(20.0, WEAKEST_SHARE * sum(strongest) / len(strongest))
+
+
+def independent_cells(half_s: float, half_band_hz: float, width_s: float) -> float:
+    """Cells of a window of time and frequency in which noise is independent."""
+    return (1.0 + 5.0 * half_s / width_s) * (1.0 + 3.0 * half_band_hz * width_s)
+
+
+def _round(volume: float) -> float:
+    """Volumes in steps of a tenth of their logarithm, so that thresholds can be kept."""
+    return math.exp(math.ceil(math.log(max(volume, 1.0)) * 10.0) / 10.0)
+
+
+@lru_cache(maxsize=4096)
+def narrow_threshold(k: int, volume: float, expected_false: float) -> float:
+    """Threshold of a sum of k maxima over small volumes, in noise powers."""
+    if k == 1:
+        return math.log(volume / expected_false)
+    low, high = 0.0, 14.0 * k
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if volume * group_tail(k, volume, middle) > expected_false:
+            low = middle
+        else:
+            high = middle
+    return high

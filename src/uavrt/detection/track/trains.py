@@ -1,0 +1,243 @@
+"""Trains: the pulses of one transmitter, as one or several detectors follow them.
+
+Detectors whose bands overlap hear the same pulses. What they follow is put together by its
+pulses, and of the tracks of one train the one that explains most is believed: a track that has
+a pulse in one place of three may be one of another interval, or of several other trains.
+"""
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Generic, Protocol, TypeVar
+
+from uavrt.detection.track.reporting import SAME_FREQUENCY_HZ
+from uavrt.detection.track.tracks import Slot, Track
+from uavrt.detection.track.two_rates import WINS, evidence, strength
+from uavrt.messages import Tag
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+_LIKELY = -6.0
+"""Log odds of a track that is about to be confirmed: it is taken for bursts while another train
+is not sure, whose pulses are counted as such. Groups are reported from about there on."""
+_SAME_SHARE = 2.0 / 3.0
+"""So many pulses of two tracks are the same when they are one train; less is a collision."""
+_OTHERS_SHARE = 2.0 / 3.0
+"""So many pulses of a train are those of others when it is none."""
+_LEAST_PULSES = 3
+"""Fewer may be others' by accident."""
+_ALIKE = 1.2
+"""Intervals in a smaller ratio are one, measured more or less well."""
+
+
+class Hearer(Protocol):
+    """What trains need from a detector."""
+
+    tag: Tag
+    sample_rate_hz: float
+
+    @property
+    def tracks(self) -> list[Track]:
+        """All tracks that it follows."""
+
+    def absolute_hz(self, track: Track) -> float:
+        """Frequency of a track."""
+
+    def time_ns(self, time_s: float) -> float:
+        """Time of its tracks' seconds."""
+
+    def could_be(self, frequency_hz: float) -> bool:
+        """Whether it searches there for its tag."""
+
+    @property
+    def now_s(self) -> float:
+        """Up to when it has searched, in its tracks' seconds."""
+
+    @property
+    def half_width_hz(self) -> float:
+        """Of its search."""
+
+    def report(self, track: Track) -> None:
+        """Report a track's pulses, if it is not held."""
+
+
+H = TypeVar("H", bound=Hearer)
+
+
+@dataclass(slots=True)
+class Train(Generic[H]):
+    """Pulses of one transmitter."""
+
+    tracks: list[tuple[H, Track]]
+    interval_s: float = 0.0
+    sigma_s: float = 0.0
+    frequency_hz: float = 0.0
+    confirmed: bool = False
+    likely: bool = False
+    """Whether it is no noise, and hardly an accident of bursts."""
+    heard_ns: float = 0.0
+    """When it was heard last."""
+    pulses_ns: list[int] = field(default_factory=list)
+    """Its newest pulses."""
+    explains: float = 0.0
+    """Log-likelihood of them, against no train."""
+
+    def weigh_up(self) -> None:
+        """Take the best of what the tracks know."""
+        # What is not confirmed yet says nothing of a train that is, what is mere noise nothing
+        # of one that is likely.
+        sure = [pair for pair in self.tracks if pair[1].confirmed]
+        sure = sure or [pair for pair in self.tracks if _is_likely(pair[1])] or self.tracks
+        some = _best_explained(sure)
+        shortest_s = min(track.interval_s for _, track in some)
+        # One of twice the interval has every second pulse.
+        some = [pair for pair in some if pair[1].interval_s < _ALIKE * shortest_s]
+        hearer, best = min(some, key=lambda pair: (pair[1].variance[2], pair[0].tag.tag_id))
+        self.interval_s = best.interval_s
+        self.sigma_s = math.sqrt(max(best.variance[2], 0.0))
+        self.frequency_hz = hearer.absolute_hz(best)
+        self.confirmed = any(track.confirmed for _, track in self.tracks)
+        self.likely = any(_is_likely(track) for _, track in self.tracks)
+        self.heard_ns = max(h.time_ns(t.last_accepted_s) for h, t in self.tracks)
+        self.pulses_ns = _found_ns(best)
+        self.explains = evidence(best.slots, strength(best))
+
+
+def put_together(hearers: Iterable[H]) -> list[Train[H]]:
+    """Group the tracks of the same pulses.
+
+    Parameters
+    ----------
+    hearers : iterable of Hearer
+
+    Returns
+    -------
+    list of Train
+    """
+    trains: list[Train[H]] = []
+    near: dict[int, list[tuple[H, Track, int]]] = {}
+    """Tracks by frequency, each with the place of its train."""
+    for hearer in hearers:
+        for track in hearer.tracks:
+            if track.dead or not _is_active(track, hearer.now_s):
+                continue
+            place = math.floor(hearer.absolute_hz(track) / SAME_FREQUENCY_HZ)
+            others = [o for at in (-1, 0, 1) for o in near.get(place + at, ())]
+            others.sort(key=lambda other: other[2])
+            mate = next(
+                (at for h, t, at in others if _are_one(hearer, track, h, t)), len(trains)
+            )
+            if mate == len(trains):
+                trains.append(Train([]))
+            trains[mate].tracks.append((hearer, track))
+            near.setdefault(place, []).append((hearer, track, mate))
+    for train in trains:
+        train.weigh_up()
+    return trains
+
+
+def made_of_others(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[H]]:
+    """Find the trains that have hardly a pulse of their own.
+
+    A lattice may have its places where other trains have theirs: one of 1254 ms has every
+    second pulse of one of 1881 ms, and now and then one of a third.
+
+    Parameters
+    ----------
+    trains : sequence of Train
+    near_ns : float
+        Pulses closer than this are the same.
+
+    Returns
+    -------
+    list of Train
+        Those that explain less than the confirmed trains of whose pulses they are made.
+    """
+    found: list[Train[H]] = []
+    confirmed = sorted(
+        (train for train in trains if train.confirmed), key=lambda train: train.frequency_hz
+    )
+    frequencies_hz = [train.frequency_hz for train in confirmed]
+    for train in sorted(trains, key=lambda train: train.explains):
+        times_ns = train.pulses_ns
+        if len(times_ns) < _LEAST_PULSES:
+            continue
+        begin = bisect_right(frequencies_hz, train.frequency_hz - SAME_FREQUENCY_HZ)
+        end = bisect_left(frequencies_hz, train.frequency_hz + SAME_FREQUENCY_HZ)
+        others_ns = [
+            time_ns
+            for other in confirmed[begin:end]
+            if other is not train and not any(other is one for one in found)
+            for time_ns in other.pulses_ns
+        ]
+        if not others_ns or min(others_ns) > times_ns[-1]:
+            continue
+        shared = sum(any(abs(a - b) < near_ns for b in others_ns) for a in times_ns)
+        if shared >= _OTHERS_SHARE * len(times_ns):
+            found.append(train)
+    return found
+
+
+def heard_ns(track: Track) -> list[int]:
+    """Times of the newest pulses of a track."""
+    return [slot.time_ns for slot in track.slots if slot.state in ("accepted", "reported")]
+
+
+def _is_likely(track: Track) -> bool:
+    return track.confirmed or (track.stands_out and track.odds > _LIKELY)
+
+
+def _found_ns(track: Track) -> list[int]:
+    """Times of its newest pulses, those not accepted before it is confirmed with them."""
+    return [slot.time_ns for slot in track.slots if _is_found(track, slot)]
+
+
+def _is_found(track: Track, slot: Slot) -> bool:
+    return slot.state in ("accepted", "reported") or (not track.confirmed and slot.said > 0.0)
+
+
+def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
+    """Of the tracks of one train those that none of another interval is far likelier than."""
+    intervals_s = [track.interval_s for _, track in pairs]
+    if max(intervals_s) < _ALIKE * min(intervals_s):
+        return pairs
+    since_ns = max(track.slots[0].time_ns if track.slots else 0 for _, track in pairs)
+    upto_ns = (
+        min(h.time_ns(track.time_s) for h, track in pairs)
+        + NANOSECONDS_PER_SECOND * min(intervals_s) / 4.0
+    )
+    level = max(strength(track) for _, track in pairs)
+    width_ns = NANOSECONDS_PER_SECOND * pairs[0][1].tag.pulse_width_s
+    values = [
+        evidence([s for s in track.slots if since_ns - width_ns < s.time_ns < upto_ns], level)
+        for _, track in pairs
+    ]
+    return [
+        pair for pair, value in zip(pairs, values, strict=True) if value > max(values) - WINS
+    ]
+
+
+def _is_active(track: Track, now_s: float) -> bool:
+    """Whether a track is no mere memory; a tentative one always is."""
+    return not track.confirmed or now_s - track.last_accepted_s < 5.0 * track.interval_s
+
+
+def _are_one(one_at: Hearer, one: Track, two_at: Hearer, two: Track) -> bool:
+    """Whether two tracks follow the same pulses."""
+    apart_hz = abs(one_at.absolute_hz(one) - two_at.absolute_hz(two))
+    if apart_hz > SAME_FREQUENCY_HZ:
+        return False
+    near_ns = 0.75e9 * max(one.tag.pulse_width_s, two.tag.pulse_width_s)
+    ones, twos = heard_ns(one), heard_ns(two)
+    if ones and twos:
+        first, last = max(ones[0], twos[0]) - near_ns, min(ones[-1], twos[-1]) + near_ns
+        ones = [t for t in ones if first <= t <= last]
+        twos = [t for t in twos if first <= t <= last]
+        fewer = min(len(ones), len(twos))
+        if fewer > 1:
+            shared = sum(any(abs(a - b) < near_ns for b in twos) for a in ones)
+            return shared >= _SAME_SHARE * fewer
+    # Too little in common: compare the places at which they expect their pulses.
+    interval_ns = NANOSECONDS_PER_SECOND * min(one.interval_s, two.interval_s)
+    apart_ns = one_at.time_ns(one.time_s) - two_at.time_ns(two.time_s)
+    return abs(math.remainder(apart_ns, interval_ns)) < near_ns / 2.0

@@ -1,0 +1,192 @@
+"""Decide which of its two rates a tag is sending at by comparing both lattices.
+
+Every second pulse of a rate is a train of twice its interval, so a pulse that a track expects
+may yet be of the other rate. The other rate is followed beside the track from each pulse at
+which the tag may have switched; what the samples say since then of each is a sum of
+log-likelihood ratios, a pulse against none, over the places that each expects. A pulse is
+confirmed at a rate once that rate leads.
+
+At rates of 1 : 2 the first pulse after a switch to the longer rate lies where the shorter one
+expects every second pulse, and keeps the old rate's number.
+
+A pulse that both rates expect waits until one rate leads by a log-likelihood of 8, and is
+reported as detected after two and a half of the longer intervals. Reported at once, about two
+pulses after each switch were confirmed at the wrong rate; so, none in 256 switches at 14 dB.
+"""
+
+import math
+from collections.abc import Iterable
+
+from uavrt.detection.track.tracks import Slot, Track
+
+WINS = 8.0
+"""Lead in log-likelihood that decides: one clear pulse that one rate lacks."""
+PATIENCE_INTERVALS = 2.5
+"""So many of the longer intervals a pulse waits for its label; then it is only `detected`."""
+
+_RATIO_SHARE = 0.25
+"""Of an interval's uncertainty, once the tag is followed at the other rate."""
+MOST_RIVALS = 8
+"""Pulses back to which a switch may yet have been."""
+
+
+def log_evidence(power: float, strength: float) -> float:
+    """Log-likelihood ratio of a pulse of ENR `strength` to none, for a cell's power.
+
+    log I0(2 sqrt(strength × power)) - strength, with the asymptotic form of the Bessel function
+    (error below 0.05 from an argument of 2).
+    """
+    argument = 2.0 * math.sqrt(strength * max(power, 0.0))
+    if argument < 2.0:
+        return argument * argument / 4.0 - strength
+    return argument - 0.5 * math.log(2.0 * math.pi * argument) - strength
+
+
+def set_up_rivals(track: Track) -> None:
+    """Let the other rate begin at each pulse heard at which no rival has begun yet.
+
+    Parameters
+    ----------
+    track : Track
+        Confirmed; changed in place.
+    """
+    since_s = max((rival.settled_s for rival in track.rivals), default=-math.inf)
+    since_s = max(since_s, track.settled_s) + track.tag.pulse_width_s
+    for slot in track.slots:
+        if slot.state in ("accepted", "reported") and slot.time_s > since_s:
+            track.rivals.append(_rival(track, slot))
+    del track.rivals[:-MOST_RIVALS]
+
+
+def _rival(track: Track, start: Slot) -> Track:
+    """The tag's other rate from a pulse on."""
+    rate = 3 - track.rate
+    nominal_s = track.tag.pulse_intervals_s
+    rival = Track(tag=track.tag, rate=rate, offset_hz=track.offset_hz, score=track.score)
+    # The crystal's error is the same at both rates; what is left is that of their ratio.
+    scale = track.interval_s / nominal_s[track.rate - 1]
+    rival.go_on_from(start, interval_s=nominal_s[rate - 1] * scale, share=_RATIO_SHARE)
+    return rival
+
+
+def lags(track: Track, rival: Track) -> bool:
+    """Whether the rival expects a pulse no later than the track's last place."""
+    return rival.expected()[0] < track.time_s + _margin_s(track)
+
+
+def settle_rivalry(track: Track) -> Track | None:
+    """Decide between the rates where one leads; both have been looked at to the same time.
+
+    Parameters
+    ----------
+    track : Track
+        Changed in place: drops the rivals that it beats and knows until when it is certain.
+
+    Returns
+    -------
+    Track or None
+        The rival that the track must become.
+    """
+    upto_s = track.time_s + _margin_s(track)
+    enr = strength(track)
+    leads: list[tuple[float, Track]] = []
+    left = []
+    for rival in track.rivals:
+        since_s = max(rival.settled_s, track.slots[0].time_s) + track.tag.pulse_width_s
+        lead = evidence(_between(rival, since_s, upto_s), enr)
+        lead -= evidence(_between(track, since_s, upto_s), enr)
+        leads.append((lead, rival))
+        if lead < -WINS or rival.dead:
+            track.settled_s = max(track.settled_s, rival.settled_s)
+        else:
+            left.append(rival)
+    track.rivals = left
+    most, best = max(leads, key=lambda pair: pair[0], default=(0.0, None))
+    heard = best is not None and best.last_accepted_s > best.settled_s
+    winner = best if heard and most > WINS else None
+    if winner is not None:
+        starts_s = [rival.settled_s for lead, rival in leads if lead > most - WINS]
+        _dispute(track, winner, starts_s)
+    # Before the first pulse at which it may have switched, the rate is the track's.
+    since = [rival.settled_s for rival in left] if winner is None else [winner.settled_s]
+    certain_s = min(since, default=track.time_s) + track.tag.pulse_width_s
+    track.certain_s = max(track.certain_s, certain_s)
+    return winner
+
+
+def _dispute(track: Track, winner: Track, starts_s: list[float]) -> None:
+    """Mark the pulses whose rate hangs on at which pulse the tag has switched.
+
+    That it has is certain, but a peak of noise where one rate alone has a place can make
+    another pulse than the true one the likelier.
+
+    Parameters
+    ----------
+    track, winner : Track
+        What has been followed so far, and what it becomes; their slots are changed.
+    starts_s : list of float
+        All pulses that may have been the last before the switch.
+    """
+    first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
+    half_s = track.tag.pulse_width_s / 2.0
+    for slot in track.slots:
+        slot.disputed |= first_s + half_s < slot.time_s < since_s + half_s
+    for slot in winner.slots:
+        slot.disputed |= since_s + half_s < slot.time_s < last_s - half_s
+
+
+def become(track: Track, rival: Track) -> None:
+    """Continue at the rival's rate."""
+    track.rate = rival.rate
+    track.time_s, track.interval_s = rival.time_s, rival.interval_s
+    track.variance, track.number = rival.variance, rival.number
+    track.slots = rival.slots
+    track.offset_hz, track.steady_hz = rival.offset_hz, rival.steady_hz
+    track.since_accepted, track.trust = rival.since_accepted, rival.trust
+    track.last_accepted_s = rival.last_accepted_s
+    track.sequences = {}
+    track.certain_s = track.time_s + _margin_s(track)
+    track.rivals = []
+    track.settled_s = rival.last_accepted_s - track.tag.pulse_width_s
+
+
+def _between(track: Track, since_s: float, upto_s: float) -> list[Slot]:
+    return [slot for slot in track.slots if since_s < slot.time_s < upto_s]
+
+
+def _margin_s(track: Track) -> float:
+    """Places of the two rates closer than this are the same."""
+    return 0.25 * min(track.tag.pulse_intervals_s)
+
+
+def evidence(slots: Iterable[Slot], enr: float) -> float:
+    """Say what places are for their being a pulse in each of them.
+
+    The largest of V cells stands for the mean of their likelihoods: hence the logarithm of V.
+
+    Parameters
+    ----------
+    slots : iterable of Slot
+    enr : float
+        ENR that the pulses have.
+
+    Returns
+    -------
+    float
+        Log-likelihood ratio to noise in all of them.
+    """
+    return sum(
+        log_evidence(s.measured.power, enr) - math.log(max(s.volume, 1.0)) for s in slots
+    )
+
+
+def strength(track: Track) -> float:
+    """ENR of the recent accepted pulses, limited to what a fade leaves.
+
+    Of the last four the stronger half: after a switch to the longer interval every second is
+    noise, and no reason to expect weaker pulses.
+    """
+    recent = [s.measured.enr for s in track.slots if s.state in ("accepted", "reported")]
+    strongest = sorted(recent[-4:])[-2:]
+    level = sum(strongest) / max(1, len(strongest))
+    return min(max(level, 8.0), 30.0)

@@ -1,0 +1,90 @@
+"""The mode that never locks: every group is found independently.
+
+No track looks for the next pulse; every pulse is in a group that reached the threshold of the
+search. What is left to do is to know a pulse again that several groups have, and to number the
+groups: K places of the lattice that the first group began are one group, as in the other modes.
+A group that goes on with the one before, in time and frequency, confirms it (the rule of the
+original).
+"""
+
+import math
+from collections.abc import Callable
+
+from uavrt.detection.signal import Measured, apart_hz
+from uavrt.detection.track.chance import OnAir
+from uavrt.detection.track.tracks import Track
+
+SAME_FREQUENCY_HZ = 100.0
+"""Groups closer than this may be the same tag's: the original's bound."""
+
+FoundPulse = tuple[int, float, int, Measured]
+"""Place among the K, time [s], time [ns], and what was measured."""
+
+
+def joined(
+    tracks: list[Track],
+    pulses: list[FoundPulse],
+    *,
+    rate: int,
+    sample_rate_hz: float,
+    around: Callable[[Track, Measured], OnAir],
+) -> Track | None:
+    """Put a group to the one that it goes on with, if there is one.
+
+    Parameters
+    ----------
+    tracks : list of Track
+        The groups so far.
+    pulses : list of FoundPulse
+        A group that reached the threshold.
+    rate : int
+    sample_rate_hz : float
+    around : callable
+        Tells what else is on air around a track's place.
+
+    Returns
+    -------
+    Track or None
+    """
+    onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
+    if onto is None:
+        return None
+    track, base = onto
+    track.join(pulses, base, around)
+    return track
+
+
+def _continued(
+    tracks: list[Track], pulses: list[FoundPulse], *, rate: int, sample_rate_hz: float
+) -> tuple[Track, int] | None:
+    """Find what a group goes on with, and the place in its lattice of the group's place 0."""
+    strongest = max((pulse[3] for pulse in pulses), key=lambda measured: measured.power)
+    for track in tracks:
+        if track.rate != rate:
+            continue
+        miss_hz = apart_hz(strongest.offset_hz, track.offset_hz, sample_rate_hz)
+        if abs(miss_hz) > SAME_FREQUENCY_HZ:
+            continue
+        for place, time_s, _, _ in pulses:
+            for slot in track.slots:
+                if abs(slot.time_s - time_s) < 0.75 * track.tag.pulse_width_s:
+                    return track, slot.number - place
+        place, time_s = pulses[0][0], pulses[0][1]
+        ahead = round((time_s - track.time_s) / track.interval_s)
+        if not 1 <= ahead <= track.tag.k + 1:
+            continue
+        phase, cross, interval = track.variance
+        spread = math.sqrt(max(0.0, phase + 2.0 * ahead * cross + ahead**2 * interval))
+        reach_s = 2.5 * spread + track.tag.interval_jitter_s + track.tag.pulse_width_s / 8.0
+        if abs(time_s - track.time_s - ahead * track.interval_s) < reach_s:
+            return track, track.number + ahead - place
+    return None
+
+
+def forget_old(tracks: list[Track], now_s: float) -> None:
+    """Drop the groups that nothing can go on with any more, in place."""
+    tracks[:] = [
+        t
+        for t in tracks
+        if now_s - t.time_s < (2.0 * t.tag.k + 1.0) * max(t.tag.pulse_intervals_s)
+    ]

@@ -1,0 +1,210 @@
+"""Download flights from the drone over the station's own link, with progress.
+
+The conversation is `uavrt.ground.fetch.ftp_client`'s, as in ``uavrt fetch``; here its requests
+go out on the link that the page has open already. A flight lies beside those received here, as
+``NAME_drone``: the two recordings of one flight may have the same name, and neither may be
+written over.
+"""
+
+import asyncio
+import contextlib
+import secrets
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uavrt.errors import LinkError, UavrtError, UsageError
+from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry, fetch_file, require_room
+from uavrt.ground.fetch.sample_files import is_samples
+from uavrt.mavlink import Frame, Peer, dialect
+from uavrt.recording import FlightLayout
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+if TYPE_CHECKING:
+    from uavrt.ground.session import GroundSession
+
+SUFFIX = "_drone"
+PREFIX = "flight_log_"
+REPORT_S = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Download:
+    """How far a download is."""
+
+    flight_id: str
+    """Name on the drone."""
+    file: str = ""
+    done_bytes: int = 0
+    whole_bytes: int | None = None
+    """None while the drone's files are being listed."""
+    ended: bool = False
+    error: str | None = None
+    """Why it ended before its end."""
+
+
+class Downloads:
+    """One download at a time, for one session.
+
+    Parameters
+    ----------
+    session : GroundSession
+        Whose link is used.
+    """
+
+    def __init__(self, session: "GroundSession") -> None:
+        self._session = session
+        self._client = FileClient(self._send, session.clock.now_ns, secrets.randbelow(256))
+        self._asking = asyncio.Lock()
+        self._task: asyncio.Task[None] | None = None
+        self._shown_ns = 0
+        self.current: Download | None = None
+
+    def receive(self, frame: Frame) -> None:
+        """Handle a frame of the link; only the drone's file server is listened to."""
+        if frame.message_id != dialect.FileTransferProtocol.ID or self._session.link is None:
+            return
+        drone, own = self._session.link.protocol.drone, self._session.link.protocol.own
+        if drone != Peer(frame.system_id, frame.component_id):
+            return
+        message = frame.message()
+        if isinstance(message, dialect.FileTransferProtocol) and own == Peer(
+            message.target_system, message.target_component
+        ):
+            self._client.receive(message.payload)
+
+    async def flights(self) -> list[dict[str, Any]]:
+        """List the flights on the drone, newest first, and whether each is here.
+
+        Raises
+        ------
+        LinkError
+            There is no drone, it does not answer, or a download is already running.
+        """
+        if self._asking.locked():
+            raise LinkError(
+                "a download is already running", remedy="Wait until it has finished"
+            )
+        async with self._asking:
+            entries = await self._client.list_directory("/")
+        names = [Path(entry.path).name for entry in entries if entry.size is None]
+        return [
+            {"flight_id": name, "here": self._place(name).is_dir() and self._complete(name)}
+            for name in sorted(names, reverse=True)
+            if name.startswith(PREFIX)
+        ]
+
+    def start(self, flight_id: str, *, everything: bool = False) -> Download:
+        """Begin to fetch a flight; progress is told to all listeners.
+
+        Parameters
+        ----------
+        flight_id : str
+            Its name on the drone.
+        everything : bool
+            Its recorded samples as well.
+
+        Raises
+        ------
+        UsageError
+            Not the name of a flight.
+        LinkError
+            Another one is under way.
+        """
+        if not flight_id.startswith(PREFIX) or Path(flight_id).name != flight_id:
+            raise UsageError(f"there is no flight {flight_id[:80]!r} on the drone")
+        if self._task is not None and not self._task.done():
+            raise LinkError(
+                "a download is already running", remedy="Wait until it has finished"
+            )
+        self.current = Download(flight_id=flight_id)
+        self._task = asyncio.get_running_loop().create_task(self._fetch(flight_id, everything))
+        self._show()
+        return self.current
+
+    async def stop(self) -> None:
+        """End the download; what has come is kept and gone on with next time."""
+        task = self._task
+        if task is not None and not task.done():
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+    def record(self) -> dict[str, Any] | None:
+        """What is shown of the last download; None when there was none."""
+        return None if self.current is None else asdict(self.current)
+
+    async def _fetch(self, flight_id: str, everything: bool) -> None:
+        error: str | None = "stopped; what has come is kept"
+        try:
+            async with self._asking:
+                tree = await self._client.tree(f"/{flight_id}")
+                wanted = [one for one in tree.files if everything or not is_samples(one.path)]
+                await self._fetch_files(flight_id, _database_last(wanted))
+            error = None
+            self._session.note(6, f"{flight_id} is here")
+            if tree.left_out:
+                self._session.note(4, f"{tree.left_out} entries of {flight_id} left out")
+        except UavrtError as fault:
+            error = str(fault)
+            self._session.note(4, f"{flight_id} not fetched: {error}")
+        finally:
+            assert self.current is not None
+            self.current = replace(self.current, ended=True, error=error)
+            self._show()
+
+    async def _fetch_files(self, flight_id: str, entries: list[RemoteEntry]) -> None:
+        assert self.current is not None
+        samples = any(is_samples(entry.path) for entry in entries)
+        require_room(entries, self._place(flight_id), samples=samples)
+        whole = sum(entry.size or 0 for entry in entries)
+        before = 0
+        for entry in entries:
+            inside = entry.path.removeprefix(f"/{flight_id}/")
+            place = self._place(flight_id) / inside
+            if not place.resolve().is_relative_to(self._place(flight_id).resolve()):
+                raise UsageError(f"{entry.path[:80]!r} is outside its flight")
+
+            def show(done: int, size: int, file: str = inside, before: int = before) -> None:
+                assert self.current is not None
+                self.current = replace(
+                    self.current, file=file, done_bytes=before + done, whole_bytes=whole
+                )
+                now_ns = self._session.clock.now_ns()
+                if now_ns - self._shown_ns > REPORT_S * NANOSECONDS_PER_SECOND or done == size:
+                    self._shown_ns = now_ns
+                    self._show()
+
+            show(0, entry.size or 0)
+            await fetch_file(self._client, entry, place, show)
+            before += entry.size or 0
+
+    def _send(self, payload: bytes) -> None:
+        link = self._session.link
+        if link is None or link.protocol.drone is None:
+            raise LinkError(
+                "The drone is not heard", remedy="Check its power and the radio link"
+            )
+        drone = link.protocol.drone
+        link.send(
+            dialect.FileTransferProtocol(
+                target_network=0,
+                target_system=drone.system_id,
+                target_component=drone.component_id,
+                payload=payload,
+            )
+        )
+
+    def _place(self, flight_id: str) -> Path:
+        return self._session.store.directory / f"{flight_id}{SUFFIX}"
+
+    def _complete(self, flight_id: str) -> bool:
+        return FlightLayout(self._place(flight_id)).database.is_file()
+
+    def _show(self) -> None:
+        self._session.hub.send("download", self.record())
+
+
+def _database_last(entries: list[RemoteEntry]) -> list[RemoteEntry]:
+    """Small files first, the database last: a flight is listed when all of it is here."""
+    return sorted(entries, key=lambda one: (one.path.endswith("/flight.sqlite"), one.size or 0))

@@ -1,0 +1,160 @@
+"""How `uavrt fetch` reaches the drone: by one link, or the quickest of several.
+
+To the drone it is just another program of the ground's system, not a ground station, so it gets
+no pulses.
+"""
+
+import asyncio
+import secrets
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+from uavrt.errors import LinkError
+from uavrt.ground.fetch.ftp_client import DRONE_COMPONENT, FileClient
+from uavrt.ground.link import Ways
+from uavrt.mavlink import STATION_SYSTEM_ID, Frame, Peer, Signing, SigningKey, dialect
+
+BEAT_S = 1.0
+PINGS = 4
+PING_S = 0.25
+
+
+class DroneFiles:
+    """Links to the drone for files only.
+
+    Of several the quickest serves, and when it does not answer the next.
+
+    ::
+
+        async with DroneFiles(clock.now_ns).open("udpin://127.0.0.1:14550") as client:
+            for entry in (await client.tree("/")).files:
+                await fetch_file(client, entry, Path(entry.path.lstrip("/")))
+
+    Parameters
+    ----------
+    now_ns : callable
+        Time now.
+    system_id, component_id : int
+        Our own numbers, different from the ground station's.
+    signing_key : SigningKey, optional
+        What frames are signed with, see `uavrt.mavlink.signing`.
+    """
+
+    def __init__(
+        self,
+        now_ns: Callable[[], int],
+        *,
+        system_id: int = STATION_SYSTEM_ID,
+        component_id: int = 197,
+        signing_key: SigningKey | None = None,
+    ) -> None:
+        self._now_ns = now_ns
+        self._own = Peer(system_id, component_id)
+        self._signing = None if signing_key is None else Signing(signing_key, now_ns)
+        own = (system_id, component_id)
+        self._ways = Ways(own, self._receive, now_ns, signing=self._signing)
+        self._drone: Peer | None = None
+        self._found = asyncio.Event()
+        self._trips_ns: dict[int, int] = {}
+        self.link = 0
+        """The link that serves."""
+        self._client = FileClient(
+            self._send,
+            now_ns,
+            session=secrets.randbelow(256),
+            unanswered=self._next_link,
+        )
+
+    @asynccontextmanager
+    async def open(self, *addresses: str, timeout_s: float = 20.0) -> AsyncIterator[FileClient]:
+        """Open the links, find the drone, take the quickest; raises `LinkError`."""
+        tasks = await self._ways.open(addresses)
+        tasks.append(asyncio.create_task(self._beat()))
+        try:
+            await self._find(timeout_s)
+            if len(addresses) > 1:
+                await self._compare(len(addresses))
+            yield self._client
+        finally:
+            for task in tasks:
+                task.cancel()
+            await self._ways.close()
+
+    async def _find(self, timeout_s: float) -> None:
+        try:
+            async with asyncio.timeout(timeout_s):
+                await self._found.wait()
+        except TimeoutError:
+            raise LinkError(
+                f"no component {DRONE_COMPONENT} was heard in {timeout_s:g} s",
+                remedy="Check the drone's power and the radio, and that the autopilot "
+                "forwards MAVLink",
+            ) from None
+
+    async def _compare(self, links: int) -> None:
+        """Ping the drone by every link; take the one with the shortest round trip."""
+        for number in range(PINGS):
+            for link in range(links):
+                ping = dialect.Ping(
+                    time_usec=self._now_ns() // 1000,
+                    seq=PINGS * link + number,
+                    target_system=0,
+                    target_component=0,
+                )
+                self._ways.send(ping, link)
+            await asyncio.sleep(PING_S)
+        if self._trips_ns:
+            self.link = min(self._trips_ns, key=self._trips_ns.__getitem__)
+
+    def _next_link(self) -> None:
+        """Take another link on which the drone is heard, if there is one."""
+        others = [link for link in self._ways.alive() if link != self.link]
+        if others:
+            later = [link for link in others if link > self.link]
+            self.link = (later or others)[0]
+
+    async def _beat(self) -> None:
+        """Send a heartbeat once a second, so that the autopilot knows the way to us."""
+        message = dialect.Heartbeat(
+            type=dialect.MavType.GENERIC,
+            autopilot=dialect.MavAutopilot.INVALID,
+            base_mode=0,
+            custom_mode=0,
+            system_status=dialect.MavState.ACTIVE,
+            mavlink_version=3,
+        )
+        while True:
+            self._ways.send_by_all(message)
+            await asyncio.sleep(BEAT_S)
+
+    def _receive(self, frame: Frame, link: int) -> None:
+        if frame.component_id != DRONE_COMPONENT:
+            return
+        if self._signing is not None and not self._signing.accepts(frame):
+            return
+        message = frame.message()
+        self._ways.heard_drone(link, pulse=False)
+        if isinstance(message, dialect.Heartbeat):
+            if self._drone is None:
+                self.link = link
+            self._drone = Peer(frame.system_id, frame.component_id)
+            self._found.set()
+        elif isinstance(message, dialect.Ping) and self._is_ours(message):
+            passed_ns = self._now_ns() - message.time_usec * 1000
+            self._trips_ns[link] = min(passed_ns, self._trips_ns.get(link, passed_ns))
+        elif isinstance(message, dialect.FileTransferProtocol) and self._is_ours(message):
+            self._client.receive(message.payload)
+
+    def _is_ours(self, message: dialect.Ping | dialect.FileTransferProtocol) -> bool:
+        return self._own == Peer(message.target_system, message.target_component)
+
+    def _send(self, payload: bytes) -> None:
+        if self._drone is None:
+            return
+        message = dialect.FileTransferProtocol(
+            target_network=0,
+            target_system=self._drone.system_id,
+            target_component=self._drone.component_id,
+            payload=payload,
+        )
+        self._ways.send(message, self.link)

@@ -1,0 +1,499 @@
+"""Our own MAVLink FTP client: flights from the drone, over the link that is there.
+
+It asks for bursts and, after each, again for what was lost; goes on where an earlier attempt
+ended; and compares the checksum of the whole file. `FileClient` is pure: give it the replies
+and the time, send what it gives. `uavrt.ground.fetch.drone_files` puts it on links.
+
+Whoever answers may not be the drone. Whatever arrives, the client gives up on an answer, burst
+or list after a minute without progress, bounds memory and disk, and replaces a local file only
+with a later state of the same flight (`uavrt.ground.fetch.same_flight`).
+"""
+
+import asyncio
+import shutil
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.clock import monotonic_s
+from uavrt.errors import LinkError, RecordingError
+from uavrt.ground.fetch.same_flight import others, place_for
+from uavrt.mavlink import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ns
+
+REPLY_NS = ns_from_s(1.5)
+"""Longer than a queue of a slow radio holds a reply."""
+TRIES = 10
+QUIET_NS = ns_from_s(2.0)
+"""A burst of which nothing came for so long is over."""
+BURST_NS = ns_from_s(20.0)
+"""Longest that a burst is listened to; what has come of it counts."""
+BURST_BYTES = 1 << 20
+"""Most that is taken of a burst; a server that sends more is asked again from there."""
+STALL_NS = ns_from_s(60.0)
+LEAST_BYTES, LEAST_ENTRIES = 6000, 30
+"""What must come within `STALL_NS`: the slowest radio brings three times as much, and who
+trickles a kilobyte a minute in the drone's place holds nobody up for longer than one."""
+MOST_REPLIES = 4096
+"""Replies that wait; a flood drops its rest."""
+CHECKSUM_TRIES = 30
+"""A drone computes the checksum of 1 GB in 10 s."""
+MOST_GROWTH = 16_000_000
+"""A file may be longer than it was in the list: the flight goes on."""
+MOST_BYTES = 2_000_000_000
+"""Of a flight without its recorded samples; ten hours with 100 tags have a tenth."""
+ROOM_LEFT = 100_000_000
+"""Bytes that are left free on the disk here."""
+PART_SUFFIX = ".part"
+MOST_DEEP = 8
+"""Directories within each other. A flight of ours has 4; whoever answers in the drone's place
+may offer them without end."""
+MOST_ENTRIES = 20_000
+"""Files and directories of one tree, or one directory. A flight with 100 tags has 1200."""
+DRONE_COMPONENT = 191
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RemoteEntry:
+    """A file or directory on the drone."""
+
+    path: str
+    size: int | None
+    """None for a directory."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RemoteTree:
+    """All files below a directory on the drone."""
+
+    files: tuple[RemoteEntry, ...]
+    left_out: int = 0
+    """Files and directories that were seen and not taken: too deep, too many, or with a path
+    too long to be asked for. What such directories hold is not known, and not counted."""
+
+
+class FileClient:
+    """One conversation with the drone's file server.
+
+    Parameters
+    ----------
+    send : callable
+        Sends a request's 251 bytes.
+    now_ns : callable
+        Time now.
+    session : int
+        Ours; any number serves.
+    unanswered : callable
+        Called when nothing has come for a while; there may be another link.
+    """
+
+    def __init__(
+        self,
+        send: Callable[[bytes], None],
+        now_ns: Callable[[], int],
+        session: int = 0,
+        unanswered: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._send = send
+        self._unanswered = unanswered
+        self._now_ns = now_ns
+        self._session = session
+        self._sequence = 0
+        self._replies: asyncio.Queue[FtpPacket] = asyncio.Queue(MOST_REPLIES)
+        self.repeats = 0
+        self.dropped = 0
+        """Replies that were too many."""
+
+    def receive(self, payload: bytes) -> None:
+        """Handle a reply."""
+        if self._replies.full():
+            self.dropped += 1
+        else:
+            self._replies.put_nowait(FtpPacket.decode(payload))
+
+    async def list_directory(self, path: str) -> list[RemoteEntry]:
+        """List a directory; raises `LinkError` when it cannot be, or has no end."""
+        entries: list[RemoteEntry] = []
+        pace = _Pace(LEAST_ENTRIES, f"the list of {path}")
+        while len(entries) < MOST_ENTRIES:
+            pace.check(len(entries))
+            reply = await self._ask(
+                Opcode.LIST_DIRECTORY, data=path.encode(), offset=len(entries)
+            )
+            if _error(reply) is FtpError.END_OF_FILE:
+                return entries
+            _check(reply, path)
+            new = [_entry(path, line) for line in reply.data.split(b"\0") if line]
+            if not new:
+                return entries
+            entries += new
+        raise LinkError(
+            f"{path} on the drone has more than {MOST_ENTRIES} files and directories",
+            remedy="Name the part you want; or someone may be impersonating the drone",
+        )
+
+    async def tree(self, path: str) -> RemoteTree:
+        """List the files below a directory, at most `MOST_DEEP` deep and `MOST_ENTRIES`."""
+        files: list[RemoteEntry] = []
+        waiting = [(path, 1)]
+        seen = left_out = 0
+        pace = _Pace(LEAST_ENTRIES, f"the list of what is in {path}")
+        while waiting:
+            pace.check(seen)
+            directory, depth = waiting.pop()
+            for entry in await self.list_directory(directory):
+                seen += 1
+                unreachable = len(entry.path.encode()) > DATA_SIZE
+                too_deep = entry.size is None and depth >= MOST_DEEP
+                if seen > MOST_ENTRIES or unreachable or too_deep:
+                    left_out += 1
+                elif entry.size is None:
+                    waiting.append((entry.path, depth + 1))
+                else:
+                    files.append(entry)
+            if seen > MOST_ENTRIES:
+                left_out += len(waiting)
+                break
+        return RemoteTree(files=tuple(files), left_out=left_out)
+
+    async def checksum(self, path: str) -> int:
+        """Checksum that the drone computes of a file."""
+        reply = await self._ask(
+            Opcode.CALC_FILE_CRC32, data=path.encode(), tries=CHECKSUM_TRIES
+        )
+        _check(reply, path)
+        return int.from_bytes(reply.data[:4], "little")
+
+    async def read(
+        self,
+        path: str,
+        write: Callable[[bytes], object],
+        *,
+        start: int = 0,
+        progress: Callable[[int, int], None] = lambda done, size: None,
+        allow: Callable[[int], None] = lambda size: None,
+    ) -> int:
+        """Read a file from `start` to its end; return its size.
+
+        Parameters
+        ----------
+        path : str
+            The file.
+        write : callable
+            Gets the bytes in order.
+        start : int
+            Bytes that are here already.
+        progress : callable
+            Gets the bytes that are here, and the size.
+        allow : callable
+            Gets the size before anything is read; raises when it is too much.
+
+        Raises
+        ------
+        LinkError
+            The drone refuses, does not answer, or does not get on.
+        """
+        opened = await self._ask(Opcode.OPEN_FILE_RO, data=path.encode())
+        _check(opened, path)
+        size = int.from_bytes(opened.data[:4], "little")
+        allow(size)
+        done, failures = start, 0
+        ahead: dict[int, bytes] = {}
+        pace = _Pace(LEAST_BYTES, path, start)
+        while done < size:
+            pace.check(done)
+            if ahead:  # something before it was lost: only that again
+                hole = min(DATA_SIZE, min(ahead) - done)
+                reply = await self._ask(Opcode.READ_FILE, offset=done, size=hole)
+                _check(reply, path)
+                if not reply.data:
+                    raise LinkError(
+                        f"{path} is shorter than the drone reported", remedy="Fetch it again"
+                    )
+                ahead[done] = reply.data[:hole]
+            else:
+                ahead = await self._burst(done, size)
+                failures = 0 if ahead else failures + 1
+                if failures:
+                    self._unanswered()
+                if failures >= TRIES:
+                    raise _silent(path)
+            while (data := ahead.pop(done, b"")) != b"":
+                write(data[: size - done])
+                done = min(size, done + len(data))
+            ahead = {offset: data for offset, data in ahead.items() if offset > done}
+            progress(done, size)
+        await self._ask(Opcode.TERMINATE_SESSION)
+        return size
+
+    async def _burst(self, offset: int, end: int) -> dict[int, bytes]:
+        """Ask for a burst and take what comes of it between `offset` and `end`, by place."""
+        self._clear()
+        self._sequence += 1
+        first = self._sequence
+        request = FtpPacket(
+            sequence=first,
+            session=self._session,
+            opcode=Opcode.BURST_READ_FILE,
+            size=DATA_SIZE,
+            offset=offset,
+        )
+        self._send(request.encode())
+        got: dict[int, bytes] = {}
+        until_s = _soon(BURST_NS)
+        while (reply := await self._reply(QUIET_NS, until_s)) is not None:
+            if reply.request_opcode != Opcode.BURST_READ_FILE:
+                continue
+            self._sequence = max(self._sequence, reply.sequence)
+            if reply.opcode != Opcode.ACK:
+                if _error(reply) not in (FtpError.END_OF_FILE, None):
+                    _check(reply, "the file")
+                break
+            if reply.data and offset <= reply.offset < end:
+                got[reply.offset] = reply.data
+            if reply.burst_complete or len(got) * DATA_SIZE > BURST_BYTES:
+                break
+        return got
+
+    async def _ask(
+        self,
+        opcode: Opcode,
+        *,
+        data: bytes = b"",
+        offset: int = 0,
+        size: int | None = None,
+        tries: int = TRIES,
+    ) -> FtpPacket:
+        """Ask until there is an answer; the same bytes each time."""
+        if len(data) > DATA_SIZE:
+            raise LinkError(
+                f"a path of {len(data)} bytes is too long for a request",
+                remedy="`uavrt fetch --list` shows what is on the drone",
+            )
+        self._sequence += 1
+        request = FtpPacket(
+            sequence=self._sequence,
+            session=self._session,
+            opcode=opcode,
+            size=size,
+            offset=offset,
+            data=data,
+        ).encode()
+        wanted = (self._sequence + 1) & 0xFFFF
+        self._clear()
+        for attempt in range(tries):
+            self.repeats += attempt > 0
+            if attempt > 0:
+                self._unanswered()
+            self._send(request)
+            until_s = _soon(REPLY_NS)
+            while (reply := await self._reply(REPLY_NS, until_s)) is not None:
+                if reply.sequence == wanted and reply.request_opcode == opcode:
+                    self._sequence += 1
+                    return reply
+        raise _silent("the drone's file server")
+
+    async def _reply(self, wait_ns: int, until_s: float) -> FtpPacket | None:
+        """Get the next reply, or None when none came in time, also in a flood of others."""
+        left_s = min(wait_ns / NANOSECONDS_PER_SECOND, until_s - monotonic_s())
+        if left_s <= 0.0:
+            return None
+        try:
+            async with asyncio.timeout(left_s):
+                return await self._replies.get()
+        except TimeoutError:
+            return None
+
+    def _clear(self) -> None:
+        while not self._replies.empty():
+            self._replies.get_nowait()
+
+
+class _Pace:
+    """Aborts a transfer that makes no progress.
+
+    Parameters
+    ----------
+    least : int
+        What must come within `STALL_NS`.
+    what : str
+        Of what, for the error.
+    start : int
+        What is here already.
+    """
+
+    def __init__(self, least: int, what: str, start: int = 0) -> None:
+        self._least, self._what = least, what
+        self._from, self._until_s = start, _soon(STALL_NS)
+
+    def check(self, done: int) -> None:
+        """Take how much is here now; raises `LinkError` when it is too slow."""
+        if done - self._from >= self._least:
+            self._from, self._until_s = done, _soon(STALL_NS)
+        elif monotonic_s() > self._until_s:
+            raise LinkError(
+                f"{self._what} makes no progress: {done - self._from} in "
+                f"{s_from_ns(STALL_NS):.0f} s",
+                remedy="Move closer to the drone and try again; what has arrived is kept",
+            )
+
+
+def _soon(wait_ns: int) -> float:
+    return monotonic_s() + wait_ns / NANOSECONDS_PER_SECOND
+
+
+def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
+    """Refuse a flight that is too large, for what it can be or for the disk here.
+
+    Parameters
+    ----------
+    entries : iterable of RemoteEntry
+        What is to be fetched.
+    place : Path
+        Where to.
+    samples : bool
+        Recorded samples are among it, which may have any size.
+
+    Raises
+    ------
+    RecordingError
+        It is too large.
+    """
+    whole = sum(entry.size or 0 for entry in entries)
+    if whole > MOST_BYTES and not samples:
+        raise RecordingError(
+            f"the drone lists {whole / 1e9:.1f} GB: too much for a flight without samples",
+            remedy="Someone may be impersonating the drone; or fetch its files one by one",
+        )
+    _require_free(place, whole)
+
+
+def _require_free(place: Path, size: int) -> None:
+    parent = place
+    while not parent.exists() and parent != parent.parent:
+        parent = parent.parent
+    free = shutil.disk_usage(parent).free - ROOM_LEFT
+    if size > free:
+        raise RecordingError(
+            f"{size / 1e6:.0f} MB are needed in {parent}, and {max(0, free) / 1e6:.0f} MB free",
+            remedy="Make room, or give another place with -o",
+        )
+
+
+async def fetch_file(
+    client: FileClient,
+    entry: RemoteEntry,
+    place: Path,
+    progress: Callable[[int, int], None] = lambda done, size: None,
+) -> bool:
+    """Fetch one file; False if it was here already.
+
+    It grows as ``NAME.part`` and gets its name when its checksum is right. A part that was
+    there is gone on with; if the whole is then wrong it is fetched anew, once. A file of that
+    name that is here and is no earlier state of this one stays; the new one is then
+    ``NAME.other-1``.
+
+    Raises
+    ------
+    LinkError
+        The drone does not answer, refuses, or does not get on.
+    RecordingError
+        The file cannot be written, is too large, or is wrong twice.
+    """
+    alike = [there for there in (place, *others(place)) if _size(there) == entry.size]
+    if alike:
+        wanted = await client.checksum(entry.path)
+        if any(file_checksum(there) == wanted for there in alike):
+            progress(entry.size or 0, entry.size or 0)
+            return False
+    part = place.with_name(place.name + PART_SUFFIX)
+    if part.exists() and not part.is_file():
+        raise RecordingError(f"{part} is no file", remedy="Remove it")
+
+    def allow(size: int) -> None:
+        listed = entry.size or 0
+        if size > listed + max(listed, MOST_GROWTH):
+            raise LinkError(
+                f"{entry.path} has {size} bytes now, and was listed with {listed}",
+                remedy="Fetch it again; if it persists, someone may be impersonating the drone",
+            )
+        _require_free(part, size - (_size(part) or 0))
+
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        for _ in range(2):
+            start = _size(part) or 0
+            with part.open("ab", buffering=0) as file:
+                await client.read(
+                    entry.path, file.write, start=start, progress=progress, allow=allow
+                )
+            if file_checksum(part) == await client.checksum(entry.path):
+                part.replace(place_for(part, place))
+                return True
+            part.unlink()
+    except OSError as error:
+        raise RecordingError(
+            f"cannot write {place}: {error.strerror}", remedy="Give another place with -o"
+        ) from error
+    raise RecordingError(
+        f"{entry.path} is different each time it is read",
+        remedy="It is still being written; stop the detection and fetch it again",
+    )
+
+
+def file_checksum(path: Path) -> int:
+    """Checksum of a file, as the drone computes it."""
+    value = 0
+    with path.open("rb") as file:
+        while part := file.read(1 << 20):
+            value = checksum(part, value)
+    return value
+
+
+def _size(path: Path) -> int | None:
+    """Size of a file here, None if there is none."""
+    try:
+        return path.stat().st_size if path.is_file() else None
+    except OSError:
+        return None
+
+
+def _entry(directory: str, line: bytes) -> RemoteEntry:
+    """Entry of one line of a listing.
+
+    The names come by an open link and become files here: none may lead elsewhere.
+    """
+    name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
+    good = name not in ("", "..") and name.isprintable() and Path(name).name == name
+    if not good or not (size or "0").isdecimal():
+        raise LinkError(
+            f"the drone's list has {line[:80]!r}, which is not a file name and size",
+            remedy="Someone may be impersonating the drone: see the manual on locking the link",
+        )
+    path = f"{directory.rstrip('/')}/{name}"
+    return RemoteEntry(path=path, size=int(size or 0) if line[:1] == b"F" else None)
+
+
+def _error(reply: FtpPacket) -> FtpError | None:
+    if reply.opcode == Opcode.ACK or not reply.data:
+        return None
+    try:
+        return FtpError(reply.data[0])
+    except ValueError:
+        return FtpError.FAIL
+
+
+def _check(reply: FtpPacket, path: str) -> None:
+    error = _error(reply)
+    if error is not None:
+        why = error.name.lower().replace("_", " ")
+        raise LinkError(
+            f"{path}: {why}", remedy="`uavrt fetch --list` shows what is on the drone"
+        )
+
+
+def _silent(what: str) -> LinkError:
+    return LinkError(
+        f"no answer about {what}",
+        remedy="Check the radio link and try again; what has arrived is kept",
+    )

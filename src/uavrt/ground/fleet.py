@@ -1,0 +1,142 @@
+"""All vehicles that one ground station serves.
+
+The first is the page's own, found and chosen as ever. The operator lets more be served: each is
+a session of its own, with tags, flights, commands and losses of its own, on the links of the
+first, and a page of its own below ``/vehicle/NUMBER/``. What they find out about a tag is put
+together into one position.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from typing import Any
+
+from uavrt.clock import Clock
+from uavrt.errors import UavrtError, UsageError
+from uavrt.ground.link import NO_KEYS, GroundEvent, LinkKeys, Links
+from uavrt.ground.session import GroundSession
+from uavrt.ground.store import GroundStore
+from uavrt.ground.web import vehicle_record
+from uavrt.mavlink import GCS_SYSTEM_ID, STATION_SYSTEM_ID, Signing
+
+MOST_VEHICLES = 16
+"""Heartbeats and poses of more would fill any radio."""
+
+
+class Fleet:
+    """The sessions; `run` serves all until cancelled.
+
+    Parameters
+    ----------
+    store : GroundStore
+        The station's directory.
+    clock : Clock
+        The ground's clock.
+    on_event : callable, optional
+        Called with each thing heard from any vehicle, before it is shown.
+    keys : LinkKeys
+        Secrets shared with the drones.
+    """
+
+    def __init__(
+        self,
+        store: GroundStore,
+        clock: Clock,
+        on_event: Callable[[GroundEvent], None] | None = None,
+        keys: LinkKeys = NO_KEYS,
+    ) -> None:
+        self._store, self._clock, self._keys, self._on_event = store, clock, keys, on_event
+        own = (GCS_SYSTEM_ID if keys.as_gcs else STATION_SYSTEM_ID, keys.component_id)
+        signing = None if keys.signing is None else Signing(keys.signing, clock.now_ns)
+        self._links = Links(own, signing=signing)
+        self.first = GroundSession(
+            store, clock, on_event, keys, links=self._links, companions=self._beside
+        )
+        self._others: dict[int, GroundSession] = {}
+        self._tasks: dict[int, asyncio.Task[None]] = {}
+
+    @property
+    def sessions(self) -> tuple[GroundSession, ...]:
+        """All, the first first."""
+        return (self.first, *self._others.values())
+
+    def session(self, system_id: int) -> GroundSession | None:
+        """The further session that serves a vehicle; None where none does."""
+        return self._others.get(system_id)
+
+    async def run(self) -> None:
+        """Serve until cancelled; the vehicles of the last run are served again."""
+        for number in self._store.further_vehicles:
+            with contextlib.suppress(UavrtError):
+                self.serve(number)
+        try:
+            await self.first.run()
+        finally:
+            for task in self._tasks.values():
+                task.cancel()
+            await asyncio.gather(*self._tasks.values(), return_exceptions=True)
+
+    def serve(self, system_id: int) -> GroundSession:
+        """Serve a vehicle besides the others, on the same links.
+
+        Raises
+        ------
+        UsageError
+            It is served already, or there are too many.
+        ConfigError
+            Its directory cannot be written.
+        """
+        if system_id in self._others:
+            return self._others[system_id]
+        if not 1 <= system_id <= 255:
+            raise UsageError("system_id must be a vehicle's number, 1 to 255")
+        if system_id == self.first.identity.system_id:
+            raise UsageError(f"vehicle {system_id} is served by the first page")
+        if len(self.sessions) >= MOST_VEHICLES:
+            raise UsageError(f"more than {MOST_VEHICLES} vehicles are not served")
+        session = GroundSession(
+            self._store.of_vehicle(system_id),
+            self._clock,
+            self._on_event,
+            self._keys,
+            links=self._links,
+            companions=self._beside,
+            my_place=self.first.my_place,
+        )
+        self._others[system_id] = session
+        self.first.identity.excluded.add(system_id)
+        self._tasks[system_id] = asyncio.get_running_loop().create_task(session.run())
+        self._store.set_further_vehicles(tuple(self._others))
+        self.first.note(5, f"vehicle {system_id} is served, too")
+        self._show()
+        return session
+
+    async def leave(self, system_id: int) -> None:
+        """Serve a vehicle no more; its flight here ends, what it does goes on.
+
+        Raises
+        ------
+        UsageError
+            It is not served besides the first.
+        """
+        if system_id not in self._others:
+            raise UsageError(f"there is no further vehicle {system_id}")
+        self.first.identity.excluded.discard(system_id)
+        task = self._tasks.pop(system_id)
+        self._others.pop(system_id)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        self._store.set_further_vehicles(tuple(self._others))
+        self.first.note(5, f"vehicle {system_id} is served no more")
+        self._show()
+
+    def records(self) -> list[dict[str, Any]]:
+        """All vehicles, for a page that shows one of them."""
+        return [vehicle_record(one) for one in self.sessions]
+
+    def _beside(self, session: GroundSession) -> list[GroundSession]:
+        return [one for one in self.sessions if one is not session]
+
+    def _show(self) -> None:
+        for one in self.sessions:
+            one.send_state()

@@ -1,0 +1,41 @@
+"""Estimate the drone's clock offset from the delays of its pulses. Pure."""
+
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+SKEW_PULSES = 5
+"""Pulses that are compared before the drone's clock is judged: the first may be old ones, sent
+again after a gap of the link."""
+LATE_NS = 10 * NANOSECONDS_PER_SECOND
+AHEAD_NS = 3 * NANOSECONDS_PER_SECOND
+"""Prompt pulses come 0.5 to 2 s after they were. All later than this, or any so long before
+it was: that is the drone's clock."""
+
+
+class ClockSkew:
+    """Estimates the offset from the promptest of several pulses.
+
+    Attributes
+    ----------
+    skew_ns : int or None
+        How far the drone's clock is behind ours; None before it is judged.
+    """
+
+    def __init__(self) -> None:
+        self.skew_ns: int | None = None
+        self._delays = 0
+        self._least_delay_ns: int | None = None
+
+    def learn(self, delay_ns: int) -> str | None:
+        """Take the delay of a pulse; a text when a difference shows for the first time."""
+        self._delays += 1
+        self._least_delay_ns = min(delay_ns, self._least_delay_ns or delay_ns)
+        if self._delays < SKEW_PULSES:
+            return None
+        least_ns = self._least_delay_ns
+        skew_ns = least_ns if not -AHEAD_NS <= least_ns <= LATE_NS else 0
+        first = self.skew_ns is None
+        if self.skew_ns is None or skew_ns < self.skew_ns:
+            self.skew_ns = skew_ns
+            if first and skew_ns != 0:
+                return f"the drone's clock differs by {-skew_ns / NANOSECONDS_PER_SECOND:.0f} s"
+        return None

@@ -1,0 +1,105 @@
+"""Encode the ground's commands in the protocol generation that the drone speaks."""
+
+import random
+from collections.abc import Sequence
+
+from uavrt import tunnel
+from uavrt.commands import COMMANDS, CommandName
+from uavrt.errors import LinkError
+from uavrt.messages import Tag
+from uavrt.tunnel import CommandId, Generation, tag_to_wire
+
+NUMBERED_FROM = 2**31
+
+
+class Writing:
+    """Writes commands; those of G2 get a request id each, never 0.
+
+    Parameters
+    ----------
+    generation : {"G0", "G1", "G2v1", "G2"}
+        What the drone speaks. Commands of G2v1 are those of G1.
+    """
+
+    def __init__(self, generation: Generation) -> None:
+        self._generation: Generation = generation
+        # From anywhere: a restarted ground station must not reuse the last one's ids.
+        self._last_id = random.randrange(1, NUMBERED_FROM)
+
+    def upload(self, tags: Sequence[Tag]) -> list[bytes]:
+        """Write the messages of an upload, in order."""
+        if self._generation != "G2":
+            older: Generation = "G0" if self._generation == "G0" else "G1"
+            return [
+                tunnel.HeaderMessage(command=CommandId.START_TAGS).encode(),
+                *(tag_to_wire(tag, older).encode() for tag in tags),
+                tunnel.HeaderMessage(command=CommandId.END_TAGS).encode(),
+            ]
+        upload_id = self._next_id()
+        frames = [
+            tunnel.UploadG2(
+                command=command,
+                request_id=self._next_id(),
+                upload_id=upload_id,
+                tag_count=len(tags),
+            ).encode()
+            for command in (CommandId.START_TAGS, CommandId.END_TAGS)
+        ]
+        inside = []
+        for index, tag in enumerate(tags):
+            wire = tag_to_wire(tag, "G1")
+            assert isinstance(wire, tunnel.TagG1)
+            request_id = self._next_id()
+            inside.append(
+                tunnel.TagG2(
+                    request_id=request_id, upload_id=upload_id, tag_index=index, tag=wire
+                ).encode()
+            )
+        return [frames[0], *inside, frames[1]]
+
+    def start(self, center_frequency_hz: float | None, gain: int) -> bytes:
+        """Write a start; a frequency of None is 0: the drone's tuner chooses."""
+        if self._generation == "G0":
+            return tunnel.HeaderMessage(command=CommandId.START_DETECTION).encode()
+        start = tunnel.StartDetection(
+            radio_center_frequency_hz=round(center_frequency_hz or 0), gain=gain
+        )
+        if self._generation == "G2":
+            return tunnel.StartDetectionG2(request_id=self._next_id(), start=start).encode()
+        return start.encode()
+
+    def capture(self, center_frequency_hz: float | None, gain: int) -> bytes:
+        """Write a raw capture; raises `LinkError` where there is none."""
+        frequency_hz = round(center_frequency_hz or 0)
+        self._check_known("raw_capture")
+        if self._generation == "G2":
+            return tunnel.RawCaptureG2(
+                request_id=self._next_id(), gain=gain, frequency_hz=frequency_hz
+            ).encode()
+        return tunnel.RawCapture(gain=gain, frequency_hz=frequency_hz).encode()
+
+    def bare(self, name: CommandName) -> bytes:
+        """Write a command without fields; raises `LinkError` where there is none."""
+        number = self._check_known(name)
+        if self._generation == "G2":
+            return tunnel.BareG2(command=number, request_id=self._next_id()).encode()
+        return tunnel.HeaderMessage(command=number).encode()
+
+    def _check_known(self, name: CommandName) -> CommandId:
+        """Get the number of a command that the drone's generation has."""
+        row = COMMANDS[name]
+        generation = "G1" if self._generation == "G2v1" else self._generation
+        if row.number is None or generation not in row.lengths:
+            raise LinkError(
+                f"the drone's software has no command {name.replace('_', ' ')}",
+                remedy="Choose the protocol generation that it speaks, or update it",
+            )
+        return row.number
+
+    def request_id_of(self, payload: bytes) -> int:
+        """Read the request id of a payload; 0 before G2."""
+        return int.from_bytes(payload[4:8], "little") if self._generation == "G2" else 0
+
+    def _next_id(self) -> int:
+        self._last_id = self._last_id % (2**32 - 1) + 1
+        return self._last_id

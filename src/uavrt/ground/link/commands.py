@@ -1,0 +1,169 @@
+"""Send the operator's commands to the drone, one at a time, and report progress.
+
+Each command raises what the drone or the link answers, and gives the text for the operator.
+"""
+
+import contextlib
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+from uavrt.commands import Button
+from uavrt.errors import FormatError, LinkError, UavrtError
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.web import ACTIONS, COMMAND_OF_ACTION, Busy, action_states
+from uavrt.recording import Mark, mark_note
+
+if TYPE_CHECKING:
+    from uavrt.ground.session import GroundSession
+
+
+def _parameter(wish: Any) -> tuple[str, float]:
+    """Read a parameter's name and value; raises `FormatError`."""
+    name, value = (wish.get("name"), wish.get("value")) if isinstance(wish, dict) else ("", 0)
+    if not isinstance(name, str) or not name.isascii() or not 0 < len(name) <= 16:
+        raise FormatError("name must be a parameter's")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise FormatError("value must be a number")
+    return name, float(value)
+
+
+def place_in(wish: Any) -> tuple[float, float] | None:
+    """Read the place of a mark, None where it has none; raises `FormatError`."""
+    if not isinstance(wish, dict) or "latitude_deg" not in wish:
+        return None
+    place = wish.get("latitude_deg"), wish.get("longitude_deg")
+    match place:
+        case (int() | float() as north, int() | float() as east):
+            if abs(north) <= 90.0 and abs(east) <= 180.0:
+                return float(north), float(east)
+    raise FormatError("latitude_deg and longitude_deg must be a place on earth")
+
+
+class Commands:
+    """The commands of one session.
+
+    Parameters
+    ----------
+    session : GroundSession
+        Whose link and flight they use.
+    """
+
+    def __init__(self, session: "GroundSession") -> None:
+        self._session = session
+
+    async def send_tags(self) -> str:
+        """Send the tag table to the drone; returns what to tell the operator.
+
+        Raises
+        ------
+        CommandRefused, LinkError
+            The drone refused, or did not answer.
+        """
+        tags = self._session.store.chosen_tags
+        link = self._allowed("send_tags")
+        async with self._working("send_tags", f"sending {len(tags)} tags"):
+            await link.upload_tags(tags, self._progress)
+            self._session.sent_tags = tags
+            return f"{len(tags)} tags sent"
+
+    async def start(self) -> str:
+        """Start detection; the ground begins a flight of its own."""
+        link = self._allowed("start")
+        settings = self._session.store.settings
+        async with self._working("start", "starting"):
+            frequency = settings.center_frequency_mhz
+            self._session.drone_directory = await link.start_detection(
+                center_frequency_hz=None if frequency is None else frequency * 1e6,
+                gain=settings.gain or 0,
+            )
+            if self._session.flight.ended:
+                self._session.begin_flight()
+            return self._session.drone_directory or "detecting"
+
+    async def stop(self) -> str:
+        """Stop detection or capture."""
+        link = self._allowed("stop")
+        async with self._working("stop", "stopping"):
+            await link.stop_detection()
+            return "stopped"
+
+    async def capture(self) -> str:
+        """Record raw samples on the drone."""
+        link = self._allowed("capture")
+        settings = self._session.store.settings
+        async with self._working("capture", "asking for a raw capture"):
+            frequency = settings.center_frequency_mhz
+            message = await link.capture(
+                center_frequency_hz=None if frequency is None else frequency * 1e6,
+                gain=settings.gain or 0,
+            )
+            return message or "capturing"
+
+    async def ask(self, button: Button) -> str:
+        """Ask for what is only a command's number: the drone's upkeep."""
+        link = self._allowed(button.action)
+        async with self._working(button.action, button.asking):
+            return await link.ask(COMMAND_OF_ACTION[button.action].name) or button.done
+
+    async def parameters(self) -> dict[str, float]:
+        """Get the drone's parameters."""
+        return await self._allowed("parameters").parameters.list_all()
+
+    async def set_parameter(self, wish: Any) -> str:
+        """Set a parameter of the drone: ``{"name": …, "value": …}``."""
+        name, value = _parameter(wish)
+        link = self._allowed("parameters")
+        async with self._working("parameters", f"setting {name}"):
+            return f"{name} = {await link.parameters.set(name, value):g}"
+
+    async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
+        """Write a remark with time and place (the drone's unless told) into the flight."""
+        now_ns = self._session.clock.now_ns()
+        pose = self._session.vehicle.pose if self._session.vehicle else None
+        if place is None and pose is not None:
+            place = (pose.latitude_deg, pose.longitude_deg)
+        if place is None:
+            note = "mark" + (f": {text.strip()[:200]}" if text.strip() else "")
+        else:
+            note = mark_note(*place, text)
+            self._session.marks.append(
+                Mark(
+                    time_ns=now_ns,
+                    latitude_deg=place[0],
+                    longitude_deg=place[1],
+                    text=text.strip()[:200],
+                )
+            )
+            self._session.send_state()
+        self._session.flight.add_note(note, now_ns)
+        self._session.commit_soon()
+        self._session.note(6, note)
+        return note
+
+    def _allowed(self, action: str) -> GroundLink:
+        """Get the link, when the action is allowed now."""
+        state = action_states(self._session.situation())[action]
+        if not state["enabled"]:
+            raise LinkError(str(state["reason"]))
+        assert self._session.link is not None
+        return self._session.link
+
+    @contextlib.asynccontextmanager
+    async def _working(self, action: str, text: str) -> AsyncIterator[None]:
+        self._session.busy = Busy(action=action, text=text)
+        self._session.send_state()
+        try:
+            yield
+        except UavrtError as error:
+            self._session.note(4, f"{ACTIONS[action]} failed: {error}")
+            raise
+        finally:
+            self._session.busy = None
+            self._session.send_state()
+
+    def _progress(self, done: int, whole: int) -> None:
+        if self._session.busy is not None:
+            self._session.busy = replace(self._session.busy, done=done, whole=whole)
+            self._session.send_state()

@@ -1,0 +1,465 @@
+"""The ground's side of the tunnel: find the drone, upload tags, start, stop, receive.
+
+`GroundProtocol` knows what to say and is pure; `GroundLink` puts it on a MAVLink link.
+"""
+
+import asyncio
+import contextlib
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Sequence
+
+from uavrt import tunnel
+from uavrt.commands import CommandName
+from uavrt.errors import CommandRefused, LinkError, UavrtError
+from uavrt.ground.link.command_payloads import Writing
+from uavrt.ground.link.delivery_receipts import Receipts
+from uavrt.ground.link.drone_parameters import DroneParameters
+from uavrt.ground.link.parallel_links import Links, Ways
+from uavrt.ground.link.protocol import (
+    DRONE_COMPONENT,
+    Acknowledged,
+    DetectorAlive,
+    DroneHeartbeat,
+    GroundEvent,
+    GroundProtocol,
+)
+from uavrt.ground.link.stored_pulses import new_store
+from uavrt.ground.link.vehicle_identity import VehicleIdentity
+from uavrt.ground.link.vehicle_missions import VehicleMissions
+from uavrt.mavlink import (
+    GCS_SYSTEM_ID,
+    STATION_SYSTEM_ID,
+    Frame,
+    Link,
+    Message,
+    Peer,
+    Signing,
+    SigningKey,
+)
+from uavrt.mavlink.dialect import Tunnel
+from uavrt.messages import Tag
+from uavrt.tunnel import (
+    MAX_SEALED_HASHES,
+    MOTION_TYPE,
+    Generation,
+    Key,
+    MotionState,
+    Sealer,
+    is_confirmation,
+    is_stop,
+)
+from uavrt.units import ns_from_s
+
+__all__ = [
+    "Acknowledged",
+    "DetectorAlive",
+    "DroneHeartbeat",
+    "GroundEvent",
+    "GroundLink",
+    "GroundProtocol",
+]
+
+HEARTBEAT_S = 1.0
+RECEIPT_POLL_S = 0.05
+ACK_WAIT_S = 2.0
+TRIES = 4
+EVENTS = 20_000
+"""Events kept for a slow reader; at 50 pulses a second, almost 7 minutes."""
+
+
+class GroundLink:
+    """A ground station's link to the drone.
+
+    ::
+
+        link = GroundLink(clock.now_ns)
+        task = asyncio.create_task(link.run("udpin://127.0.0.1:14550"))
+        await link.wait_for_drone(30.0)
+        await link.upload_tags(tags)
+        await link.start_detection()
+        async for event in link.events():
+            ...
+
+    Parameters
+    ----------
+    clock_ns : callable
+        Time now [ns].
+    on_event : callable, optional
+        Called at once with each event; without it they wait for `events`.
+    generation : {"G0", "G1", "G2v1", "G2"}
+        Wire format; G1 unless the drone runs the thesis's software, or the original's numbered
+        versions.
+    system_id, component_id : int
+        Our own numbers; 254/190, or 255/190 with `as_gcs`.
+    as_gcs : bool
+        Be seen as a ground station of type GCS, as the original's drone side insists on.
+    ack_wait_s : float
+        How long to wait for each acknowledgement before the command is sent again.
+    on_frame : callable, optional
+        Called with every frame of the link, the autopilot's and the radio's too.
+    receipts : Receipts, optional
+        What the station holds already, from `uavrt.ground.link.stored_pulses.open_receipts`;
+        without it the drone sends all of its flight. With `on_event`, a pulse is
+        acknowledged when that returns.
+    key : Key, optional
+        What commands and receipts are sealed with, see `uavrt.tunnel.seal`.
+    signing_key : SigningKey, optional
+        What frames are signed with, see `uavrt.mavlink.signing`; then unsigned frames are taken
+        from the autopilot only.
+    identity : VehicleIdentity, optional
+        Which vehicle is served; without it the first that is heard, for as long as this lives.
+    links : Links, optional
+        Links that are shared with others, who serve other vehicles on them.
+    """
+
+    def __init__(
+        self,
+        clock_ns: Callable[[], int],
+        *,
+        on_event: Callable[[GroundEvent], None] | None = None,
+        generation: Generation = "G1",
+        system_id: int | None = None,
+        component_id: int = 190,
+        as_gcs: bool = False,
+        ack_wait_s: float = ACK_WAIT_S,
+        on_frame: Callable[[Frame], None] | None = None,
+        receipts: Receipts | None = None,
+        key: Key | None = None,
+        signing_key: SigningKey | None = None,
+        identity: VehicleIdentity | None = None,
+        links: Links | None = None,
+    ) -> None:
+        if system_id is None:
+            system_id = GCS_SYSTEM_ID if as_gcs else STATION_SYSTEM_ID
+        if receipts is None and generation != "G0":
+            receipts = Receipts(new_store())
+        sealer = None if key is None else Sealer(key, (system_id, component_id))
+        if receipts is not None and key is not None:
+            receipts.most = MAX_SEALED_HASHES
+        self.protocol = GroundProtocol(
+            system_id,
+            component_id,
+            receipts,
+            sealer,
+            generation,
+            as_gcs=as_gcs,
+            identity=identity,
+        )
+        self._clock_ns = clock_ns
+        self._on_event = on_event
+        self._on_frame = on_frame
+        self._writing = Writing(generation)
+        self._ack_wait_s = ack_wait_s
+        self._signing = None if signing_key is None else Signing(signing_key, clock_ns)
+        self._ways = Ways(
+            (system_id, component_id),
+            self._receive,
+            clock_ns,
+            signing=self._signing,
+            links=links,
+        )
+        self._serving = False
+        self._drone_signs = self._drone_refused = False
+        self._events: deque[GroundEvent] = deque(maxlen=EVENTS)
+        self._event_there = asyncio.Event()
+        self._drone_there = asyncio.Event()
+        self.parameters = DroneParameters(self.protocol, self.send, ack_wait_s)
+        """The drone's parameters."""
+        self.missions = VehicleMissions(self.protocol.own, self.send, self._vehicle_id)
+        """The autopilot's mission and fence."""
+        self._waiting: tuple[int, int, asyncio.Future[Acknowledged]] | None = None
+        self._motion: dict[int, asyncio.Future[MotionState]] = {}
+        self._busy = asyncio.Lock()
+
+    @property
+    def link(self) -> Link | None:
+        """The first MAVLink link that is open."""
+        links = self._ways.links
+        return links[0] if self._serving and links else None
+
+    async def run(self, *addresses: str) -> None:
+        """Serve the links until cancelled.
+
+        Parameters
+        ----------
+        addresses : str
+            Ways to the same drone, the one to prefer first; of several, those that cannot be
+            opened are tried again. None: those that another opens, and keeps alive by its
+            heartbeats.
+
+        Raises
+        ------
+        ConfigError
+            An address is none.
+        LinkError
+            None could be opened.
+        """
+        try:
+            opening = await self._ways.open(addresses)
+        except UavrtError:
+            await self._ways.close(opened=bool(addresses))
+            raise
+        self._serving = True
+        try:
+            next_heartbeat_ns = 0
+            while True:
+                now_ns = self._clock_ns()
+                if addresses and now_ns >= next_heartbeat_ns:
+                    next_heartbeat_ns = now_ns + ns_from_s(HEARTBEAT_S)
+                    self._ways.send_by_all(self.protocol.heartbeat())
+                receipt = self.protocol.receipt(now_ns)
+                if receipt is not None:
+                    self._ways.answer(receipt)
+                await asyncio.sleep(RECEIPT_POLL_S)
+        finally:
+            for task in opening:
+                task.cancel()
+            await self._ways.close(opened=bool(addresses))
+
+    async def wait_for_drone(self, timeout_s: float) -> Peer:
+        """Wait until component 191 is heard; raises `LinkError` when it is not."""
+        try:
+            async with asyncio.timeout(timeout_s):
+                await self._drone_there.wait()
+        except TimeoutError:
+            raise self._unheard(timeout_s) from None
+        assert self.protocol.drone is not None
+        return self.protocol.drone
+
+    def _vehicle_id(self) -> int | None:
+        """System of the vehicle that is served, once it is known."""
+        drone = self.protocol.drone
+        return self.protocol.identity.system_id if drone is None else drone.system_id
+
+    def _unheard(self, waited_s: float) -> LinkError:
+        """Explain why there is no drone: it is locked with another key, or not there."""
+        if self._drone_refused:
+            return LinkError(
+                f"component {DRONE_COMPONENT} is heard, but its frames are not signed with the "
+                "key given",
+                remedy="Give the key that the drone has as mavlink.signing_key_file, or none "
+                "if it has none",
+            )
+        return LinkError(
+            f"no component {DRONE_COMPONENT} was heard in {waited_s:g} s",
+            remedy="Check the drone's power, the radio, and that the autopilot forwards "
+            "MAVLink between its companion and ground ports",
+        )
+
+    def _unanswered(self, number: int) -> LinkError:
+        """Explain why a command has no answer: the drone wants it signed, or is away."""
+        text = f"the drone did not answer command {number} in {TRIES * self._ack_wait_s:g} s"
+        if self._drone_signs and self._signing is None:
+            return LinkError(
+                f"{text}: it signs its frames and may accept only signed ones",
+                remedy="Give the drone's key with --signing-key",
+            )
+        return LinkError(
+            text, remedy="Check the radio link and try again; repeated commands do no harm"
+        )
+
+    async def upload_tags(
+        self, tags: Sequence[Tag], progress: Callable[[int, int], None] | None = None
+    ) -> None:
+        """Send the tag list, each message acknowledged.
+
+        Parameters
+        ----------
+        tags : sequence of Tag
+            All the tags; they replace those on the drone.
+        progress : callable, optional
+            Called with the messages acknowledged so far and their whole number.
+
+        Raises
+        ------
+        CommandRefused
+            The drone refused; the text is its reason.
+        LinkError
+            It did not answer.
+        """
+        payloads = self._writing.upload(tags)
+        for count, payload in enumerate(payloads, start=1):
+            await self.command(payload)
+            if progress is not None:
+                progress(count, len(payloads))
+        self.protocol.tags = {tag.tag_id: tag for tag in tags}
+
+    async def start_detection(
+        self, *, center_frequency_hz: float | None = None, gain: int = 0
+    ) -> str:
+        """Start; return the drone's message (the flight directory).
+
+        A frequency of None is 0 on the wire: the drone's tuner chooses.
+        """
+        payload = self._writing.start(center_frequency_hz, gain)
+        return (await self.command(payload)).message
+
+    async def stop_detection(self) -> None:
+        """Stop."""
+        await self.ask("stop_detection")
+
+    async def capture(self, *, center_frequency_hz: float | None = None, gain: int = 0) -> str:
+        """Record raw samples for a while; return the drone's message (the directory)."""
+        payload = self._writing.capture(center_frequency_hz, gain)
+        return (await self.command(payload)).message
+
+    async def ask(self, name: CommandName) -> str:
+        """Ask for what is only its number, as ``"save_logs"``; return the drone's message.
+
+        Raises
+        ------
+        CommandRefused
+            The drone refused; the text is its reason.
+        LinkError
+            It did not answer, or its software does not know the command.
+        """
+        return (await self.command(self._writing.bare(name))).message
+
+    async def command(self, payload: bytes) -> Acknowledged:
+        """Send a command until it is acknowledged, with the same bytes each time.
+
+        Raises
+        ------
+        CommandRefused
+            The drone refused it.
+        LinkError
+            No answer after four tries.
+        """
+        number = tunnel.acked_command_of(payload)
+        assert number is not None
+        request_id = self._writing.request_id_of(payload)
+        async with self._busy:
+            for attempt in range(TRIES):
+                future = asyncio.get_running_loop().create_future()
+                self._waiting = (number, request_id, future)
+                order = self._ways.best()
+                try:
+                    message = self.protocol.tunnel_message(payload)
+                except LinkError:  # the drone's session comes within a second
+                    if self.protocol.drone is None or attempt == TRIES - 1:
+                        self._waiting = None
+                        raise
+                else:
+                    self._ways.send(message, order[attempt % len(order)])
+                try:
+                    async with asyncio.timeout(self._ack_wait_s):
+                        ack: Acknowledged = await future
+                except TimeoutError:
+                    self.protocol.counters["retries"] += 1
+                    continue
+                finally:
+                    self._waiting = None
+                if attempt > 0 and request_id == 0:
+                    # Answers to the earlier copies may follow; they must not be taken for the
+                    # answer to the next command of this number: G0 and G1 have no request ids.
+                    await asyncio.sleep(self._ack_wait_s / 2)
+                if not ack.accepted:
+                    raise CommandRefused(ack.message or f"the drone refused command {number}")
+                return ack
+        raise self._unanswered(number)
+
+    async def motion(self, payload: bytes, request_id: int) -> MotionState:
+        """Send an order of motion, a confirmation or a stop; return the drone's answer.
+
+        An order and a stop are repeated until they are answered; a confirmation is not: its
+        nonce holds once, and what is on the way longer than a second is not confirmed. A stop
+        waits for nothing else that is under way.
+
+        Parameters
+        ----------
+        payload : bytes
+            By `uavrt.tunnel.motion`.
+        request_id : int
+            The number in it.
+
+        Raises
+        ------
+        CommandRefused
+            The drone refused; the text is its reason.
+        LinkError
+            It did not answer.
+        """
+        tries = 1 if is_confirmation(payload) else TRIES
+        async with contextlib.nullcontext() if is_stop(payload) else self._busy:
+            for attempt in range(tries):
+                future = asyncio.get_running_loop().create_future()
+                self._motion[request_id] = future
+                try:
+                    self.send(self.protocol.tunnel_message(payload, MOTION_TYPE))
+                except LinkError:  # the drone's session comes within a second
+                    if self.protocol.drone is None or attempt == tries - 1:
+                        raise
+                try:
+                    async with asyncio.timeout(self._ack_wait_s):
+                        state: MotionState = await future
+                except TimeoutError:
+                    self.protocol.counters["retries"] += 1
+                    continue
+                finally:
+                    self._motion.pop(request_id, None)
+                if state.kind == "refused":
+                    raise CommandRefused(state.text)
+                return state
+        raise LinkError(
+            "the drone did not answer; nothing is known to have been confirmed",
+            remedy="See `uavrt fly status`; a drone with a key needs --command-key",
+        )
+
+    async def events(self) -> AsyncIterator[GroundEvent]:
+        """Return events as they come."""
+        while True:
+            while self._events:
+                yield self._events.popleft()
+            self._event_there.clear()
+            await self._event_there.wait()
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Frames refused for their signatures, by reason."""
+        return {} if self._signing is None else dict(self._signing.counters)
+
+    @property
+    def faults(self) -> int:
+        """Frames that could not be handled, on all links."""
+        return sum(link.counters.faults for link in self._ways.links)
+
+    def send(self, message: Message) -> None:
+        """Send a message that needs no acknowledgement."""
+        self._ways.send(message)
+
+    def _receive(self, frame: Frame, link: int) -> None:
+        if frame.component_id == DRONE_COMPONENT:
+            self._drone_signs = frame.signed
+        if self._signing is not None and not self._signing.accepts(frame):
+            self._drone_refused |= frame.component_id == DRONE_COMPONENT
+            return
+        if self._on_frame is not None:
+            self._on_frame(frame)
+        self.parameters.take(frame)
+        self.missions.take(frame)
+        for event in self.protocol.receive(frame, self._clock_ns()):
+            self._deliver(event)
+        self.protocol.stored()
+        if self.protocol.drone is not None:
+            self._drone_there.set()
+            if (frame.system_id, frame.component_id) == (
+                self.protocol.drone.system_id,
+                DRONE_COMPONENT,
+            ):
+                self._ways.heard_drone(link, pulse=frame.message_id == Tunnel.ID)
+
+    def _deliver(self, event: GroundEvent) -> None:
+        if isinstance(event, Acknowledged) and self._waiting is not None:
+            number, request_id, future = self._waiting
+            asked = (event.command, event.request_id) == (number, request_id)
+            if asked and not future.done():
+                future.set_result(event)
+        if isinstance(event, MotionState):
+            answer = self._motion.get(event.request_id)
+            if answer is not None and not answer.done():
+                answer.set_result(event)
+        if self._on_event is not None:
+            self._on_event(event)
+        else:
+            self._events.append(event)
+            self._event_there.set()

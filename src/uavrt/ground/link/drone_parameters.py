@@ -1,0 +1,180 @@
+"""The drone's parameters, as any ground station lists and sets them; with a key, sealed."""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+
+from uavrt.clock import monotonic_s
+from uavrt.errors import CommandRefused, LinkError
+from uavrt.ground.link.protocol import DRONE_COMPONENT, GroundProtocol
+from uavrt.mavlink import Frame, Message, Peer, decode_value, dialect
+from uavrt.mavlink.dialect import MavCmd, MavParamType, MavProtocolCapability
+
+TRIES = 5
+QUIET_S = 0.5
+"""Values come 20 ms apart; after so long without one the rest is asked for again."""
+
+
+class DroneParameters:
+    """Lists and sets the drone's parameters.
+
+    Parameters
+    ----------
+    protocol : GroundProtocol
+        Knows the drone, and seals.
+    send : callable
+        Sends a message.
+    answer_wait_s : float
+        How long to wait for each answer.
+    """
+
+    def __init__(
+        self,
+        protocol: GroundProtocol,
+        send: Callable[[Message], None],
+        answer_wait_s: float = 2.0,
+    ) -> None:
+        self._protocol, self._send = protocol, send
+        self._wait_s = answer_wait_s
+        self._raw: dict[str, tuple[float, int]] = {}
+        self._indices: set[int] = set()
+        self._count: int | None = None
+        self._bytewise: bool | None = None
+        self._heard_s = 0.0
+        self._news = asyncio.Event()
+        self._answered: dict[str, int] = {}
+
+    def take(self, frame: Frame) -> None:
+        """Handle a frame of the link."""
+        if frame.component_id != DRONE_COMPONENT:
+            return
+        match frame.message():
+            case dialect.ParamValue() as value:
+                self._raw[value.param_id] = (value.param_value, value.param_type)
+                self._indices.add(value.param_index)
+                self._count = value.param_count
+                self._answered[value.param_id] = self._answered.get(value.param_id, 0) + 1
+            case dialect.AutopilotVersion() as version:
+                flag = MavProtocolCapability.PARAM_ENCODE_BYTEWISE
+                self._bytewise = bool(version.capabilities & flag)
+            case _:
+                return
+        self._heard_s = monotonic_s()
+        self._news.set()
+
+    async def list_all(self) -> dict[str, float]:
+        """Get every parameter's value.
+
+        Raises
+        ------
+        LinkError
+            The drone does not answer.
+        """
+        drone = self._drone()
+        await self._learn_encoding(drone)
+        self._raw.clear()
+        self._indices.clear()
+        self._count = None
+        for _ in range(TRIES):
+            for message in self._missing(drone):
+                self._send(message)
+            await self._quiet()
+            if self._count is not None and len(self._indices) >= self._count:
+                return {name: self._value(name) for name in self._raw}
+        raise LinkError("the drone's parameters did not arrive", remedy="Try again")
+
+    async def set(self, name: str, value: float) -> float:
+        """Set a parameter; return the value in force then.
+
+        Raises
+        ------
+        CommandRefused
+            The drone kept another value; its text says why.
+        LinkError
+            It did not answer.
+        """
+        drone = self._drone()
+        await self._learn_encoding(drone)
+        before = self._answered.get(name, 0)
+        for _ in range(TRIES):
+            # Sealed anew each time: a drone takes no seal twice.
+            with suppress(LinkError):  # its session comes within a second
+                self._send(self._wish(name, value, drone))
+            deadline_s = monotonic_s() + self._wait_s
+            while self._answered.get(name, 0) == before and monotonic_s() < deadline_s:
+                await self._wait_for_news(deadline_s - monotonic_s())
+            if self._answered.get(name, 0) != before:
+                now = self._value(name)
+                if abs(now - value) > 1e-6 * abs(value):
+                    raise CommandRefused(f"{name} stays {now:g}: see the drone's text")
+                return now
+        raise LinkError(f"the drone did not answer for {name}", remedy="Try again")
+
+    def _wish(self, name: str, value: float, drone: Peer) -> Message:
+        return self._protocol.sealed_parameter(name, value) or dialect.ParamSet(
+            target_system=drone.system_id,
+            target_component=drone.component_id,
+            param_id=name,
+            param_value=value,
+            # Whole numbers, too: of this type they need no encoding.
+            param_type=MavParamType.REAL32,
+        )
+
+    def _drone(self) -> Peer:
+        if self._protocol.drone is None:
+            raise LinkError("the drone has not been heard", remedy="Check its power and radio")
+        return self._protocol.drone
+
+    def _missing(self, drone: Peer) -> list[Message]:
+        place = {"target_system": drone.system_id, "target_component": drone.component_id}
+        if self._count is None:
+            return [dialect.ParamRequestList(**place)]
+        return [
+            dialect.ParamRequestRead(**place, param_id="", param_index=index)
+            for index in range(self._count)
+            if index not in self._indices
+        ]
+
+    async def _learn_encoding(self, drone: Peer) -> None:
+        """Ask once how whole numbers travel: its capability bits say it."""
+        for _ in range(TRIES):
+            if self._bytewise is not None:
+                return
+            self._send(
+                dialect.CommandLong(
+                    target_system=drone.system_id,
+                    target_component=drone.component_id,
+                    command=MavCmd.REQUEST_MESSAGE,
+                    confirmation=0,
+                    param1=dialect.AutopilotVersion.ID,
+                    param2=0.0,
+                    param3=0.0,
+                    param4=0.0,
+                    param5=0.0,
+                    param6=0.0,
+                    param7=0.0,
+                )
+            )
+            await self._wait_for_news(self._wait_s)
+        raise LinkError("the drone does not say who it is", remedy="Try again")
+
+    async def _quiet(self) -> None:
+        """Wait until nothing has come for a moment, after a first answer."""
+        await self._wait_for_news(self._wait_s)
+        heard_s = 0.0
+        while heard_s != self._heard_s:
+            heard_s = self._heard_s
+            await self._wait_for_news(QUIET_S)
+
+    async def _wait_for_news(self, timeout_s: float) -> None:
+        self._news.clear()
+        try:
+            async with asyncio.timeout(timeout_s):
+                await self._news.wait()
+        except TimeoutError:
+            return
+
+    def _value(self, name: str) -> float:
+        field, kind = self._raw[name]
+        value = decode_value(field, kind, bool(self._bytewise))
+        return float("nan") if value is None else value

@@ -1,0 +1,366 @@
+"""Motion of the drone as the page asks for it: offers, confirmations, stops.
+
+The drone decides, and says what it would fly; this only carries the words. What is drawn before
+anything is asked comes from the same functions that the drone plans with.
+"""
+
+import itertools
+from dataclasses import dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+from uavrt.errors import CommandRefused, FormatError, LinkError, UsageError
+from uavrt.geodesy import distance_m
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.link.motion import ask, confirm, motion_request, stop
+from uavrt.guidance import (
+    Order,
+    area_in,
+    circle,
+    keep_out_in,
+    survey_items,
+    survey_places,
+)
+from uavrt.messages import KeepOut, MotionRequest
+from uavrt.tunnel import MAX_PLACES, MotionState
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+
+if TYPE_CHECKING:
+    from uavrt.ground.session import GroundSession
+
+SILENCE_NS = ns_from_s(6.0)
+"""The drone tells its standing once a second."""
+OFFER_NS = ns_from_s(10.0)
+"""So long the drone waits for a confirmation."""
+PATTERNS = ("lines", "around", "points")
+Places = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offered:
+    """What the drone would fly."""
+
+    state: MotionState
+    action: str
+    way: Places
+    time_ns: int
+    page: str | None
+    """That asked for it."""
+
+
+class Flying:
+    """The motions of one session.
+
+    Parameters
+    ----------
+    session : GroundSession
+        Whose link and vehicle they use.
+    """
+
+    def __init__(self, session: "GroundSession") -> None:
+        self._session = session
+        self._state: MotionState | None = None
+        self._heard_ns = 0
+        self._offered: Offered | None = None
+        self._flown: Offered | None = None
+        self._told = ("", "")
+
+    def take(self, state: MotionState) -> None:
+        """Take what the drone says of motion."""
+        self._heard_ns = self._session.clock.now_ns()
+        if state.kind != "state":
+            return
+        self._state = state
+        if state.standing == "out":
+            self._flown = None
+        if (state.standing, state.text) != self._told:
+            before, self._told = self._told[0], (state.standing, state.text)
+            if before and before != state.standing:
+                self._session.note(5, f"motion: {state.standing}, {state.text}")
+            self._session.send_state()
+
+    def forget(self) -> None:
+        """Know nothing: another vehicle is served."""
+        self._state = self._offered = self._flown = None
+        self._heard_ns, self._told = 0, ("", "")
+
+    def record(self) -> dict[str, Any] | None:
+        """What the page shows; None of a drone that says nothing of motion."""
+        now_ns = self._session.clock.now_ns()
+        state = self._state
+        if state is None:
+            return None
+        heard = now_ns - self._heard_ns < SILENCE_NS
+        if not heard and state.standing == "out":
+            return None
+        offered = self._offered
+        if offered is not None and now_ns - offered.time_ns > OFFER_NS:
+            offered = self._offered = None
+        return {
+            "standing": state.standing,
+            "text": state.text,
+            "heard": heard,
+            "way": [] if self._flown is None else _listed(self._flown.way),
+            "offer": None
+            if offered is None
+            else {
+                "order_id": offered.state.order_id,
+                "text": offered.state.text,
+                "page": offered.page,
+                "left_s": (OFFER_NS - (now_ns - offered.time_ns)) / NANOSECONDS_PER_SECOND,
+                "way": _listed(offered.way),
+            },
+        }
+
+    def plan(self, wish: Any) -> dict[str, Any]:
+        """Where a motion would lead, as far as the ground knows; nothing is asked.
+
+        Raises
+        ------
+        FormatError, UsageError, PlanError
+            It is none, or cannot be flown.
+        """
+        way = self._way(_request(wish))
+        home = self._home()
+        return {
+            "way": _listed(way),
+            "length_m": _length_m(way),
+            "farthest_m": None
+            if home is None
+            else max((distance_m(*home, *place) for place in way), default=0.0),
+        }
+
+    async def ask(self, wish: Any, page: str | None) -> dict[str, Any]:
+        """Ask the drone; give its offer. Nothing moves by it.
+
+        Raises
+        ------
+        CommandRefused, LinkError, UavrtError
+            The drone would not fly it, or does not answer; or the wish is none.
+        """
+        request = _request(wish)
+        way = self._way(request)
+        if request.action == "survey" and len(request.places) > MAX_PLACES:
+            raise UsageError(
+                f"an area of {len(request.places)} corners",
+                remedy=f"Draw one of {MAX_PLACES} or fewer",
+            )
+        self._offered = None
+        offer = await ask(self._link(), request)
+        now_ns = self._session.clock.now_ns()
+        self._offered = Offered(
+            state=offer, action=request.action, way=way, time_ns=now_ns, page=page
+        )
+        self._session.note(6, f"the drone would {offer.text}")
+        self._session.send_state()
+        return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
+
+    async def confirm(self, wish: Any, page: str | None) -> dict[str, Any]:
+        """Confirm the offer that this page sees: from now on it moves.
+
+        Raises
+        ------
+        CommandRefused, LinkError
+            There is no such offer any more, or the drone refuses.
+        """
+        number = wish.get("order_id") if isinstance(wish, dict) else None
+        unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
+        offered = self._offered
+        record = self.record()
+        if offered is None or number != offered.state.order_id or page != offered.page:
+            raise CommandRefused("this offer no longer stands", remedy="Ask again")
+        if record is not None and record["offer"] is None:
+            raise CommandRefused("the offer has run out", remedy="Ask again")
+        self._offered = None
+        state = await confirm(self._link(), offered.state, sticks_unseen=unseen is True)
+        self._flown = offered
+        self.take(state)
+        self._session.note(5, f"confirmed: {offered.state.text}")
+        return {"standing": state.standing, "text": state.text}
+
+    async def upload(self, wish: Any) -> dict[str, Any]:
+        """Give a survey to the autopilot as its mission; a pilot starts it.
+
+        Raises
+        ------
+        CommandRefused, LinkError, UavrtError
+            The vehicle does not take it, flies a mission or does not answer; or it is none.
+        """
+        request = _request(wish)
+        order = Order(
+            order_id=0,
+            action=request.action,
+            places=request.places,
+            height_m=request.height_m,
+            spacing_m=request.spacing_m,
+            pattern=request.pattern,
+            keep_out=request.keep_out,
+        )
+        items = survey_items(order)
+        link = self._session.link
+        if link is None:
+            raise LinkError("there is no link", remedy="Connect to the drone")
+        done = await link.missions.upload(items)
+        self._session.note(
+            5, f"the vehicle holds the survey as its mission: {done.items} items"
+        )
+        return {"items": done.items, "sent_again": done.sent_again}
+
+    async def stop(self) -> dict[str, Any]:
+        """Let the drone stand and be out.
+
+        Raises
+        ------
+        CommandRefused, LinkError
+            The drone did not take it: then a pilot has to.
+        """
+        self._offered = None
+        self._session.note(5, "taken back by the operator")
+        state = await stop(self._link())
+        self.take(state)
+        return {"standing": state.standing, "text": state.text}
+
+    def _link(self) -> GroundLink:
+        link = self._session.link
+        if link is None or not self._session.situation().drone_present:
+            raise LinkError(
+                "the drone is not heard", remedy="Take it by the remote control if it must stop"
+            )
+        return link
+
+    def _home(self) -> tuple[float, float] | None:
+        watch = self._session.vehicle
+        return None if watch is None else watch.home
+
+    def _way(self, request: MotionRequest) -> Places:
+        pose = self._session.vehicle.pose if self._session.vehicle else None
+        here: Places = () if pose is None else ((pose.latitude_deg, pose.longitude_deg),)
+        match request.action:
+            case "goto":
+                return (*here, *request.places)
+            case "survey":
+                if not request.places:
+                    raise UsageError("a survey needs an area", remedy="Draw or import one")
+                order = Order(
+                    order_id=0,
+                    action="survey",
+                    places=request.places,
+                    spacing_m=request.spacing_m,
+                    pattern=request.pattern,
+                )
+                return (*here, *survey_places(order, self._home() or request.places[0]))
+            case "search" if bool(request.places) == (request.radius_m is not None):
+                raise UsageError(
+                    "a search needs one area",
+                    remedy="Draw one, or give a radius around the drone",
+                )
+            case "return":
+                home = self._home()
+                return () if home is None else (*here, home)
+        return ()
+
+
+def area_of_file(wish: Any) -> dict[str, Any]:
+    """Read an area's file, ``{"name": …, "text": …}``, or a circle; raises `FormatError`."""
+    if isinstance(wish, dict) and "radius_m" in wish:
+        (center,) = _places([wish.get("center")])
+        places = circle(center, _number(wish, "radius_m", 0.0))
+        return {"places": _listed(places), "keep_out": []}
+    name, text = (
+        (wish.get("name"), wish.get("text")) if isinstance(wish, dict) else (None, None)
+    )
+    if not isinstance(name, str) or not isinstance(text, str):
+        raise FormatError("an area is a name and a text")
+    places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
+    if len(places) > MAX_PLACES:
+        raise FormatError(
+            f"{name[:80]} has {len(places)} corners",
+            remedy=f"Draw an outline of {MAX_PLACES} corners or fewer",
+        )
+    return {
+        "places": _listed(places),
+        "keep_out": [
+            {
+                "places": _listed(one.places),
+                "radius_m": one.radius_m,
+                "outline": _listed(
+                    one.places if one.radius_m is None else circle(one.places[0], one.radius_m)
+                ),
+            }
+            for one in keep_out
+        ],
+    }
+
+
+def _request(wish: Any) -> MotionRequest:
+    """Read what a page asks for; raises `FormatError` or `UsageError`."""
+    if not isinstance(wish, dict):
+        raise FormatError("a motion is an object")
+    height = wish.get("height_m")
+    pattern = wish.get("pattern", "lines")
+    if pattern not in PATTERNS:
+        raise FormatError("pattern must be lines, around or points")
+    return motion_request(
+        str(wish.get("action")),
+        _places(wish.get("places", [])),
+        height_m=None if height is None else _number(wish, "height_m", 0.0),
+        duration_s=_number(wish, "duration_s", 60.0),
+        clockwise=wish.get("clockwise", True) is not False,
+        spacing_m=_number(wish, "spacing_m", 60.0),
+        pattern=pattern,
+        radius_m=None if wish.get("radius_m") is None else _number(wish, "radius_m", 0.0),
+        wish_m=_number(wish, "wish_m", 25.0),
+        tags=_tags(wish.get("tags", [])),
+        keep_out=_keep_out(wish.get("keep_out", [])),
+    )
+
+
+def _keep_out(given: Any) -> tuple[KeepOut, ...]:
+    """Places to keep out of, as `area_of_file` gives them."""
+    found = []
+    for one in given if isinstance(given, list) else [None]:
+        if not isinstance(one, dict):
+            raise FormatError("keep_out must be a list of outlines")
+        radius = one.get("radius_m")
+        places = _places(one.get("places"))
+        if len(places) != 1 if radius is not None else len(places) < 3:
+            raise FormatError("keep_out has outlines, or a place with its radius")
+        radius_m = None if radius is None else _number(one, "radius_m", 0.0)
+        if radius_m is not None and not radius_m > 0.0:
+            raise FormatError("radius_m must be above 0")
+        found.append(KeepOut(places=places, radius_m=radius_m))
+    return tuple(found)
+
+
+def _places(given: Any) -> Places:
+    places = []
+    for one in given if isinstance(given, list) else [None]:
+        match one:
+            case [int() | float() as north, int() | float() as east]:
+                if abs(north) <= 90.0 and abs(east) <= 180.0:
+                    places.append((float(north), float(east)))
+                    continue
+        raise FormatError("places are latitude and longitude on earth")
+    return tuple(places)
+
+
+def _tags(given: Any) -> tuple[int, ...]:
+    """Numbers of the tags to search for; none: all that are listed."""
+    if isinstance(given, list) and all(type(one) is int for one in given):
+        return tuple(given)
+    raise FormatError("tags must be whole numbers")
+
+
+def _number(wish: dict[str, Any], name: str, default: float) -> float:
+    value = wish.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise FormatError(f"{name} must be a number")
+    return float(value)
+
+
+def _listed(places: Places) -> list[list[float]]:
+    return [list(place) for place in places]
+
+
+def _length_m(way: Places) -> float:
+    return sum(distance_m(*a, *b) for a, b in itertools.pairwise(way))

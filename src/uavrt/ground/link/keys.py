@@ -1,0 +1,48 @@
+"""How a drone recognises a ground station: its number and the shared secrets."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.errors import ConfigError
+from uavrt.ground.fetch import DRONE_COMPONENT
+from uavrt.mavlink import SigningKey, read_signing_key
+from uavrt.tunnel import Key, read_key
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkKeys:
+    """The number, and none, one or both of the secrets."""
+
+    component_id: int = 190
+    """Ours, in system 254; 190 is the usual one. Two stations of one drone need different ones,
+    for it speaks to each by one link only."""
+    as_gcs: bool = False
+    """Be system 255 of type GCS, which the original's drone side insists on."""
+    command: Key | None = None
+    """Seals commands inside their payload; also through PX4."""
+    signing: SigningKey | None = None
+    """Signs MAVLink frames."""
+
+
+NO_KEYS: LinkKeys = LinkKeys()
+
+
+def read_link_keys(
+    command: Path | None,
+    signing: Path | None,
+    component_id: int = 190,
+    *,
+    as_gcs: bool = False,
+) -> LinkKeys:
+    """Read the keys from their files; raises `ConfigError` for what is none."""
+    if not 2 <= component_id <= 255 or component_id == DRONE_COMPONENT:
+        raise ConfigError(
+            f"{component_id} is not a valid component id for a ground station",
+            remedy=f"Use one from 2 to 255, but not the drone side's {DRONE_COMPONENT}",
+        )
+    return LinkKeys(
+        component_id=component_id,
+        as_gcs=as_gcs,
+        command=None if command is None else read_key(command),
+        signing=None if signing is None else read_signing_key(signing),
+    )

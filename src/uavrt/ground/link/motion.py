@@ -1,0 +1,93 @@
+"""Orders of motion from the ground, for page and terminal: ask, confirm, stop."""
+
+import secrets
+from collections.abc import Sequence
+
+from uavrt.errors import LinkError, UsageError
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.messages import MotionAction, MotionRequest
+from uavrt.tunnel import (
+    MOTION_ACTIONS,
+    MotionConfirmation,
+    MotionState,
+    MotionStop,
+    encode_confirmation,
+    encode_request,
+    encode_stop,
+)
+
+
+def new_number() -> int:
+    """Number of a request: never 0."""
+    return secrets.randbits(31) | 1
+
+
+def motion_request(
+    action: str, places: Sequence[tuple[float, float]] = (), **values: object
+) -> MotionRequest:
+    """Write down what is asked for.
+
+    Parameters
+    ----------
+    action : str
+        One of `MotionAction`.
+    places : sequence of (float, float)
+        Latitude and longitude [deg] of a goal, or of an outline's corners.
+    **values
+        Further fields of `MotionRequest`.
+
+    Raises
+    ------
+    UsageError
+        There is no such motion.
+    """
+    if action not in MOTION_ACTIONS:
+        raise UsageError(f"{action[:40]!r} is no motion")
+    named: MotionAction = action
+    return MotionRequest(
+        request_id=new_number(),
+        asker=(0, 0),
+        action=named,
+        places=tuple(places),
+        **values,  # type: ignore[arg-type]
+    )
+
+
+async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
+    """Ask for a motion; give the drone's offer. Nothing moves by it.
+
+    Raises
+    ------
+    CommandRefused
+        The drone would not fly it; the text is its reason.
+    LinkError
+        It did not answer.
+    UsageError
+        The request does not fit into a message.
+    """
+    return await link.motion(encode_request(request), request.request_id)
+
+
+async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) -> MotionState:
+    """Confirm an offer: from now on it moves. Raises as `ask`.
+
+    Where no answer comes it may have arrived all the same: then the drone is stopped.
+    """
+    number = new_number()
+    confirmation = MotionConfirmation(
+        request_id=number,
+        order_id=offer.order_id,
+        nonce=offer.nonce,
+        sticks_unseen=sticks_unseen,
+    )
+    try:
+        return await link.motion(encode_confirmation(confirmation), number)
+    except LinkError:
+        await stop(link)
+        raise
+
+
+async def stop(link: GroundLink) -> MotionState:
+    """Let it stand and be out. Raises as `ask`."""
+    number = new_number()
+    return await link.motion(encode_stop(MotionStop(request_id=number)), number)

@@ -1,0 +1,103 @@
+"""Where this computer is, from a GPS receiver that speaks NMEA.
+
+A serial port, or UDP or TCP, by the links of `uavrt.mavlink`, which mend themselves. A receiver
+that is not there is looked for again; a place that grows old is none.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+
+from uavrt.clock import monotonic_s
+from uavrt.errors import UavrtError
+from uavrt.log import get_logger
+from uavrt.mavlink import Link, keep_open, parse_address
+from uavrt.nmea import BAUD, Sentence, SentenceParser
+
+log = get_logger()
+
+SILENCE_S = 10.0
+"""A receiver tells its place once a second; after this it is no longer known."""
+
+
+class MyPlace:
+    """The place of this computer, while something tells it.
+
+    Parameters
+    ----------
+    clock_s : callable, optional
+        Seconds of a clock that never steps.
+    """
+
+    def __init__(self, clock_s: Callable[[], float] = monotonic_s) -> None:
+        self._clock_s = clock_s
+        self._place: tuple[float, float] | None = None
+        self._heard_s = 0.0
+        self._task: asyncio.Task[None] | None = None
+        self._link: Link | None = None
+        self.address = ""
+        self.error: str | None = None
+        """Why nothing can be read; None when it can."""
+
+    @property
+    def place(self) -> tuple[float, float] | None:
+        """Latitude and longitude [deg]; None when nobody tells, or nobody has for long."""
+        known = self._clock_s() - self._heard_s < SILENCE_S
+        return self._place if known else None
+
+    @property
+    def age_s(self) -> float:
+        """Since the place was told."""
+        return self._clock_s() - self._heard_s
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Sentences taken and refused, bytes passed over."""
+        if self._link is None:
+            return {}
+        counts = self._link.counters
+        return {
+            "sentences": counts.received,
+            "refused": counts.bad_crc,
+            "skipped_bytes": counts.skipped_bytes,
+        }
+
+    def take(self, sentence: Sentence) -> None:
+        """Take a sentence."""
+        place = sentence.place
+        if place is not None:
+            self._place, self._heard_s = place, self._clock_s()
+
+    async def listen(self, address: str) -> None:
+        """Listen to an address from now on, and to no other; to none where it is empty."""
+        if address == self.address:
+            return
+        await self.close()
+        self.address, self._place, self.error = address, None, None
+        if address:
+            self._task = asyncio.get_running_loop().create_task(self._run(address))
+
+    async def close(self) -> None:
+        """Listen no more."""
+        if self._task is not None:
+            self._task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._task
+            self._task = None
+        self.address = ""
+
+    async def _run(self, address: str) -> None:
+        where = parse_address(address, baud=BAUD)
+        await keep_open(
+            where, self.take, SentenceParser(), opened=self._opened, failed=self._failed
+        )
+
+    def _opened(self, link: Link | None) -> None:
+        self._link = link
+        if link is not None:
+            self.error = None
+
+    def _failed(self, error: UavrtError) -> None:
+        if self.error is None:
+            log.warning("no place", reason=str(error))
+        self.error = str(error)

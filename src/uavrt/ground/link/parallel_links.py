@@ -1,0 +1,223 @@
+"""The ground station's links: radio, Wi-Fi, cable, all at once.
+
+Heartbeats leave by all of them, so that a drone knows them all; it sends each pulse by one,
+and what we have to say to it goes by the one on which it was heard last, in the order given.
+Who serves several drones shares the links: each hears everything and picks its own.
+"""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from functools import partial
+
+from uavrt.errors import LinkError
+from uavrt.log import get_logger
+from uavrt.mavlink import Frame, FrameWriter, Link, Message, Signing, open_link
+from uavrt.mavlink.dialect import MavComponent
+from uavrt.units import ns_from_s
+
+log = get_logger()
+
+FRESH_NS = ns_from_s(3.0)
+RETRY_S = 3.0
+FIRST_SIGNING_LINK_ID = 1
+
+Listener = Callable[[Frame, int], None]
+"""Gets each frame and the number of its link."""
+
+
+class Links:
+    """The open links of a ground station.
+
+    Parameters
+    ----------
+    own : (int, int)
+        System and component id.
+    signing : Signing, optional
+        Signs what leaves, with a link id for each link.
+    """
+
+    def __init__(self, own: tuple[int, int], *, signing: Signing | None = None) -> None:
+        self._own = own
+        self._signing = signing
+        self._links: list[Link | None] = []
+        self._writers: list[FrameWriter] = []
+        self._listeners: list[Listener] = []
+
+    @property
+    def count(self) -> int:
+        """How many there are, open or not."""
+        return len(self._links)
+
+    @property
+    def open_ones(self) -> tuple[Link, ...]:
+        """Those that are open."""
+        return tuple(link for link in self._links if link is not None)
+
+    def listen(self, listener: Listener) -> None:
+        """Hear every frame from now on."""
+        self._listeners.append(listener)
+
+    def leave(self, listener: Listener) -> None:
+        """Hear no more."""
+        with suppress(ValueError):
+            self._listeners.remove(listener)
+
+    async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
+        """Open all; return the tasks that go on trying where that was not possible.
+
+        Raises
+        ------
+        ConfigError
+            An address is none.
+        LinkError
+            None could be opened.
+        """
+        self._links = [None] * len(addresses)
+        self._writers = [self._writer(number) for number in range(len(addresses))]
+        failed: dict[int, LinkError] = {}
+        for number, address in enumerate(addresses):
+            try:
+                await self._open(number, address)
+            except LinkError as error:
+                failed[number] = error
+        if failed and len(failed) == len(addresses):
+            raise failed[0]
+        for fault in failed.values():
+            log.warning("link fault", reason=str(fault))
+        return [asyncio.create_task(self._keep_trying(n, addresses[n])) for n in failed]
+
+    async def close(self) -> None:
+        """Close all."""
+        links, self._links = self.open_ones, [None] * len(self._links)
+        for link in links:
+            await link.close()
+
+    def write(self, message: Message, number: int) -> None:
+        """Send by one link; nothing while it is not open."""
+        link = self._links[number] if number < len(self._links) else None
+        if link is not None:
+            link.send(self._writers[number].encode(message))
+
+    def _writer(self, number: int) -> FrameWriter:
+        if self._signing is None:
+            return FrameWriter(*self._own)
+        link_id = FIRST_SIGNING_LINK_ID + number
+        return FrameWriter(*self._own, partial(self._signing.signature, link_id=link_id))
+
+    async def _open(self, number: int, address: str) -> None:
+        self._links[number] = await open_link(address, lambda frame: self._hear(frame, number))
+
+    async def _keep_trying(self, number: int, address: str) -> None:
+        while self._links[number] is None:
+            await asyncio.sleep(RETRY_S)
+            with suppress(LinkError):
+                await self._open(number, address)
+
+    def _hear(self, frame: Frame, number: int) -> None:
+        """Let all listeners have a frame; a fault of one does not keep it from the others."""
+        with ExitStack() as stack:
+            for listener in reversed(self._listeners):
+                stack.callback(listener, frame, number)
+
+
+class Ways:
+    """The links to one drone.
+
+    Parameters
+    ----------
+    own : (int, int)
+        System and component id.
+    receive : callable
+        Gets each frame and the number of its link.
+    clock_ns : callable
+        Time now [ns].
+    signing : Signing, optional
+        Signs what leaves, with a link id for each link.
+    links : Links, optional
+        Those that are shared with others; without it they are this one's alone.
+    """
+
+    def __init__(
+        self,
+        own: tuple[int, int],
+        receive: Listener,
+        clock_ns: Callable[[], int],
+        *,
+        signing: Signing | None = None,
+        links: Links | None = None,
+    ) -> None:
+        self._shared = Links(own, signing=signing) if links is None else links
+        self._take = receive
+        self._clock_ns = clock_ns
+        self._drone_heard_ns: dict[int, int] = {}
+        self._pulses_by = 0
+        self._autopilots: dict[int, tuple[int, int]] = {}
+        """Of each system the link on which it is taken, and when it was heard there."""
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """Those that are open."""
+        return self._shared.open_ones
+
+    async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
+        """Open all, or with no address join those that others open; see `Links.open`."""
+        self._shared.listen(self._hear)
+        return await self._shared.open(addresses) if addresses else []
+
+    async def close(self, *, opened: bool = True) -> None:
+        """Hear no more; close all that were `opened` by this one."""
+        self._shared.leave(self._hear)
+        if opened:
+            await self._shared.close()
+
+    def send(self, message: Message, link: int | None = None) -> None:
+        """Send by one link, the best one unless told."""
+        number = self.best()[0] if link is None else link
+        if getattr(message, "target_component", 0) == MavComponent.COMP_ID_AUTOPILOT1:
+            system_id = getattr(message, "target_system", 0)
+            number, _ = self._autopilots.get(system_id, (0, 0))
+        self._shared.write(message, number)
+
+    def send_by_all(self, message: Message) -> None:
+        """Send by every link."""
+        for number in range(self._shared.count):
+            self._shared.write(message, number)
+
+    def best(self) -> list[int]:
+        """Links in the order in which to try them: where the drone is heard, as given."""
+        now_ns = self._clock_ns()
+        return sorted(
+            range(max(1, self._shared.count)),
+            key=lambda number: not self._fresh(self._drone_heard_ns.get(number), now_ns),
+        )
+
+    def alive(self) -> list[int]:
+        """Links on which the drone is heard."""
+        now_ns = self._clock_ns()
+        return [n for n, ns in sorted(self._drone_heard_ns.items()) if self._fresh(ns, now_ns)]
+
+    def answer(self, message: Message) -> None:
+        """Send by the link that the drone uses for pulses, if it has used one lately."""
+        fresh = self._fresh(self._drone_heard_ns.get(self._pulses_by), self._clock_ns())
+        self.send(message, self._pulses_by if fresh else None)
+
+    def heard_drone(self, link: int, *, pulse: bool) -> None:
+        """Note a link on which the drone is heard; with `pulse`, the link that it chose."""
+        self._drone_heard_ns[link] = self._clock_ns()
+        if pulse:
+            self._pulses_by = link
+
+    def _hear(self, frame: Frame, number: int) -> None:
+        """Handle a frame; an autopilot's by one link only, for its numbers are one series."""
+        if frame.component_id == MavComponent.COMP_ID_AUTOPILOT1 and self._shared.count > 1:
+            now_ns = self._clock_ns()
+            on, heard_ns = self._autopilots.get(frame.system_id, (number, now_ns))
+            if number != on and self._fresh(heard_ns, now_ns):
+                return
+            self._autopilots[frame.system_id] = number, now_ns
+        self._take(frame, number)
+
+    @staticmethod
+    def _fresh(heard_ns: int | None, now_ns: int) -> bool:
+        return heard_ns is not None and now_ns - heard_ns < FRESH_NS

@@ -1,0 +1,332 @@
+"""The ground's side of the protocol with the drone, without I/O."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+from uavrt import tunnel
+from uavrt.errors import LinkError, TunnelError
+from uavrt.ground.link.delivery_receipts import Receipts
+from uavrt.ground.link.vehicle_identity import VehicleIdentity
+from uavrt.log import get_logger
+from uavrt.mavlink import (
+    STATION_SYSTEM_ID,
+    Frame,
+    Peer,
+    TextAssembler,
+    dialect,
+    station_heartbeat,
+)
+from uavrt.messages import LiveBearing, PulsePose, SearchReport, StatusText, SystemState, Tag
+from uavrt.tunnel import (
+    BEARING_TYPE,
+    MOTION_STATE_TYPE,
+    RECEIPT_TYPE,
+    SEALED_TYPE,
+    SESSION_TYPE,
+    STATES,
+    CommandId,
+    Generation,
+    MotionState,
+    Sealer,
+    decode_bearing,
+    decode_state,
+)
+from uavrt.units import ns_from_s
+
+log = get_logger()
+
+DRONE_COMPONENT = 191
+DRONE_SILENCE_NS = ns_from_s(6.0)
+"""The original ground station calls the drone lost after this."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DroneHeartbeat:
+    """The drone's own status, once a second (tunnel heartbeat, G1)."""
+
+    state: SystemState | None
+    cpu_temperature_c: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectorAlive:
+    """A detector's sign of life."""
+
+    tag_id: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Acknowledged:
+    """The drone's answer to a command."""
+
+    command: int
+    accepted: bool
+    message: str
+    request_id: int = 0
+    """Of the numbered versions; 0 in the older ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperationStep:
+    """Progress of a command that outlasts its acknowledgement (G2)."""
+
+    command: int
+    state: int
+    """`uavrt.tunnel.g2.RUNNING`, `COMPLETE` or `FAILED`."""
+    step: int
+    step_count: int
+    message: str
+
+
+GroundEvent = (
+    PulsePose
+    | LiveBearing
+    | SearchReport
+    | DetectorAlive
+    | DroneHeartbeat
+    | StatusText
+    | Acknowledged
+    | OperationStep
+    | MotionState
+)
+
+
+class GroundProtocol:
+    """Decodes and counts what the ground receives; no I/O.
+
+    Parameters
+    ----------
+    system_id, component_id : int
+        Our own numbers.
+    receipts : Receipts, optional
+        What to acknowledge; None for a station that does not.
+    sealer : Sealer, optional
+        Seals what is sent.
+    generation : {"G0", "G1", "G2v1", "G2"}
+        What the drone speaks.
+    as_gcs : bool
+        Be seen as a ground station of type GCS, as the original's drone side insists on (with
+        255/190); the autopilot then takes us for the operator's own.
+    identity : VehicleIdentity, optional
+        Which vehicle is served; without it the first that is heard.
+    """
+
+    def __init__(
+        self,
+        system_id: int = STATION_SYSTEM_ID,
+        component_id: int = 190,
+        receipts: Receipts | None = None,
+        sealer: Sealer | None = None,
+        generation: Generation = "G1",
+        *,
+        as_gcs: bool = False,
+        identity: VehicleIdentity | None = None,
+    ) -> None:
+        self.identity = VehicleIdentity() if identity is None else identity
+        self.own = Peer(system_id, component_id)
+        self._as_gcs = as_gcs
+        self._sealer = sealer
+        self._generation: Generation = generation
+        self.receipts = receipts
+        self._unstored: list[bytes] = []
+        self.drone: Peer | None = None
+        self.tags: dict[int, Tag] = {}
+        """Tags we uploaded: they give received pulses their width."""
+        self.counters: Counter[str] = Counter()
+        self._heard_ns = 0
+        self._texts = TextAssembler()
+
+    def forget(self) -> None:
+        """Listen again for the vehicle: the operator has chosen another."""
+        self.drone, self._heard_ns = None, 0
+
+    def present(self, now_ns: int) -> bool:
+        """True while the drone's component 191 is heard."""
+        return self.drone is not None and now_ns - self._heard_ns < DRONE_SILENCE_NS
+
+    def heartbeat(self) -> dialect.Heartbeat:
+        """Our heartbeat."""
+        return station_heartbeat(as_gcs=self._as_gcs)
+
+    def stored(self) -> None:
+        """What the last `receive` gave is safe: it may be acknowledged."""
+        if self.receipts is not None:
+            for payload in self._unstored:
+                self.receipts.stored(payload)
+        self._unstored.clear()
+
+    def receipt(self, now_ns: int) -> dialect.Tunnel | None:
+        """Return the receipt that is due, if any is and the drone is known."""
+        if self.receipts is None or self.drone is None:
+            return None
+        if self._sealer is not None and not self._sealer.ready:
+            return None
+        receipt = self.receipts.take(now_ns)
+        if receipt is None:
+            return None
+        return self.tunnel_message(receipt.encode(), RECEIPT_TYPE)
+
+    def tunnel_message(
+        self, payload: bytes, payload_type: int = tunnel.PAYLOAD_TYPE
+    ) -> dialect.Tunnel:
+        """Write a payload to the drone; raises `LinkError` before it is found."""
+        if self.drone is None:
+            raise LinkError(
+                "the drone has not been heard",
+                remedy="Check its power and the radio, and that the autopilot forwards MAVLink",
+            )
+        if self._sealer is not None:
+            payload = self._sealer(payload, payload_type)
+            payload_type = SEALED_TYPE
+        return dialect.Tunnel(
+            target_system=self.drone.system_id,
+            target_component=self.drone.component_id,
+            payload_type=payload_type,
+            payload_length=len(payload),
+            payload=payload,
+        )
+
+    def sealed_parameter(self, name: str, value: float) -> dialect.Tunnel | None:
+        """Write the wish to set a parameter to a drone with a key; None without one."""
+        if self._sealer is None or self.drone is None:
+            return None
+        payload = self._sealer.parameter(name, value)
+        return dialect.Tunnel(
+            target_system=self.drone.system_id,
+            target_component=self.drone.component_id,
+            payload_type=SEALED_TYPE,
+            payload_length=len(payload),
+            payload=payload,
+        )
+
+    def receive(self, frame: Frame, now_ns: int) -> list[GroundEvent]:
+        """Handle a frame; return what it says."""
+        self._unstored.clear()  # what could not be stored is to come again
+        if frame.component_id != DRONE_COMPONENT:
+            return []
+        peer = Peer(frame.system_id, frame.component_id)
+        message = frame.message()
+        if isinstance(message, dialect.Heartbeat) and self.identity.heard(
+            frame.system_id, now_ns
+        ):
+            self.drone = peer
+        if peer != self.drone or frame.system_id != self.identity.system_id:
+            return []
+        self._heard_ns = now_ns
+        if isinstance(message, dialect.Statustext):
+            texts = self._texts.add((peer.system_id, peer.component_id), message)
+            return [StatusText(severity=severity, text=text) for severity, text in texts]
+        if isinstance(message, dialect.Tunnel) and self._for_us(message):
+            if message.payload_type == BEARING_TYPE:
+                return self._bearing(message.payload[: message.payload_length])
+            if message.payload_type == MOTION_STATE_TYPE:
+                return self._motion(message.payload[: message.payload_length])
+            if message.payload_type == SESSION_TYPE and self._sealer is not None:
+                self._hear_session(message.payload[: message.payload_length], peer)
+            if message.payload_type != tunnel.PAYLOAD_TYPE:
+                return []
+            return self._tunnel(message.payload[: message.payload_length])
+        return []
+
+    def _hear_session(self, payload: bytes, drone: Peer) -> None:
+        assert self._sealer is not None
+        try:
+            self._sealer.hear(payload, (drone.system_id, drone.component_id))
+        except TunnelError as error:
+            self.counters["bad_payloads"] += 1
+            self._log_bad("bad session", error)
+
+    def _bearing(self, payload: bytes) -> list[GroundEvent]:
+        try:
+            bearing = decode_bearing(payload)
+        except TunnelError as error:
+            self.counters["bad_payloads"] += 1
+            self._log_bad("bad bearing", error)
+            return []
+        self.counters["LiveBearing"] += 1
+        return [bearing]
+
+    def _motion(self, payload: bytes) -> list[GroundEvent]:
+        try:
+            return [decode_state(payload)]
+        except TunnelError as error:
+            self.counters["bad_payloads"] += 1
+            self._log_bad("bad state of motion", error)
+            return []
+
+    def _log_bad(self, event: str, error: TunnelError) -> None:
+        count = self.counters["bad_payloads"]
+        log.seldom(count, event, reason=error.message, payload=error.payload.hex())
+
+    def _for_us(self, message: dialect.Tunnel) -> bool:
+        return message.target_system in (0, self.own.system_id) and (
+            message.target_component in (0, self.own.component_id)
+        )
+
+    def _tunnel(self, payload: bytes) -> list[GroundEvent]:
+        try:
+            event = self._event(tunnel.decode(payload, self._generation))
+        except TunnelError as error:
+            self.counters["bad_payloads"] += 1
+            self._log_bad("bad tunnel payload", error)
+            if tunnel.acked_command_of(payload) == CommandId.PULSE:
+                self._unstored.append(payload)  # in the log; again it would be no better
+            return []
+        if isinstance(event, PulsePose):
+            if self.receipts is not None and self.receipts.seen(payload):
+                self.counters["repeated_pulses"] += 1
+                return []
+            self._unstored.append(payload)
+        if event is None:
+            self.counters["unexpected_payloads"] += 1
+            return []
+        self.counters[type(event).__name__] += 1
+        return [event]
+
+    def _pulse(self, message: tunnel.PulseG0 | tunnel.PulseG1) -> GroundEvent:
+        tag = tunnel.tag_of_number(message.tag_id, self.tags)
+        pulse = tunnel.pulse_from_wire(message, tag)
+        return self._detector_alive(message.tag_id) if pulse is None else pulse
+
+    def _detector_alive(self, tag_id: int) -> DetectorAlive:
+        tag = tunnel.tag_of_number(tag_id, self.tags)
+        return DetectorAlive(tag_id=tag_id if tag is None else tag.tag_id)
+
+    def _event(self, message: tunnel.TunnelMessage) -> GroundEvent | None:
+        match message:
+            case tunnel.PulseG0() | tunnel.PulseG1():
+                return self._pulse(message)
+            case tunnel.PulseG2v1(pulse=inner) | tunnel.PulseG2(pulse=inner):
+                return self._pulse(inner)
+            case tunnel.DetectorHeartbeat():
+                return self._detector_alive(message.tag_id)
+            case tunnel.OperationProgress():
+                return OperationStep(
+                    command=message.operation,
+                    state=message.state,
+                    step=message.step,
+                    step_count=message.step_count,
+                    message=message.message,
+                )
+            case tunnel.AckG2():
+                return Acknowledged(
+                    command=message.acked_command,
+                    accepted=message.result == tunnel.SUCCESS,
+                    message=message.message,
+                    request_id=message.request_id,
+                )
+            case tunnel.AckG0() | tunnel.AckG1():
+                return Acknowledged(
+                    command=message.acked_command,
+                    accepted=message.result == tunnel.SUCCESS,
+                    message=message.message if isinstance(message, tunnel.AckG1) else "",
+                )
+            case tunnel.Heartbeat() | tunnel.HeartbeatG2v1() | tunnel.HeartbeatG2():
+                temperature = message.cpu_temperature_c
+                return DroneHeartbeat(
+                    state=STATES.get(message.status),
+                    cpu_temperature_c=None if math.isnan(temperature) else temperature,
+                )
+            case _:
+                return None

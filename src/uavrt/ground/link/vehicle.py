@@ -1,0 +1,256 @@
+"""Vehicle state as the ground receives it: pose, radio, battery, lost frames. Pure."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from uavrt.ground.link.vehicle_identity import VehicleIdentity
+from uavrt.mavlink import Frame, Message, Peer, dialect
+from uavrt.mavlink.dialect import MavCmd, MavComponent
+from uavrt.messages import Pose
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+
+DRONE_COMPONENT = 191
+POSE_SILENCE_NS = ns_from_s(3.0)
+ASK_AGAIN_NS = ns_from_s(5.0)
+ASKED_HZ = 5.0
+"""Rate of attitude and position asked of an autopilot that sends none: 0.4 kB/s together."""
+FACTS_AGAIN_NS = ns_from_s(20.0)
+LOSS_WINDOW_NS = ns_from_s(30.0)
+SILENCE_NS = ns_from_s(6.0)
+"""As for the drone: after this there is no link whose loss could be told."""
+UNKNOWN_HEADING = 65_535
+UNKNOWN_VOLTAGE = 65_535
+
+
+class LossMeter:
+    """Recent frame loss of a sender, from the gaps in its sequence numbers."""
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[int, int]] = deque()
+        self._last: int | None = None
+
+    def add(self, sequence: int, now_ns: int) -> None:
+        """Take the sequence number (0 to 255) of a frame."""
+        step = 1 if self._last is None else (sequence - self._last) % 256 or 256
+        # A step of more than half the circle is a sender that started again.
+        self._seen.append((now_ns, step if step < 128 else 1))
+        self._last = sequence
+        while self._seen[0][0] < now_ns - LOSS_WINDOW_NS:
+            self._seen.popleft()
+
+    def share(self, now_ns: int) -> float | None:
+        """Share lost, 0 to 1; None when nothing was heard for `SILENCE_NS`."""
+        if not self._seen or self._seen[-1][0] < now_ns - SILENCE_NS:
+            return None
+        sent = sum(step for time_ns, step in self._seen if time_ns >= now_ns - LOSS_WINDOW_NS)
+        heard = sum(1 for time_ns, _ in self._seen if time_ns >= now_ns - LOSS_WINDOW_NS)
+        return None if sent == 0 else 1.0 - heard / sent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RadioLevels:
+    """Link status from the telemetry radio (RADIO_STATUS; units are the maker's)."""
+
+    rssi: int
+    remote_rssi: int
+    noise: int
+    remote_noise: int
+    transmit_buffer_percent: int
+    errors: int
+
+
+class VehicleWatch:
+    """Reads the autopilot's frames on the ground link.
+
+    Parameters
+    ----------
+    own : Peer
+        Our own numbers.
+    identity : VehicleIdentity, optional
+        Which vehicle is served; until that is known the first autopilot is watched.
+    """
+
+    def __init__(self, own: Peer, identity: VehicleIdentity | None = None) -> None:
+        self._own = own
+        self.identity = VehicleIdentity() if identity is None else identity
+        self._forget()
+
+    def _forget(self) -> None:
+        self.autopilot: Peer | None = None
+        self.armed: bool | None = None
+        self.pose: Pose | None = None
+        """The vehicle's latest pose, on the ground's clock."""
+        self.home: tuple[float, float] | None = None
+        """Latitude and longitude of where it took off, as the autopilot tells."""
+        self.radio: RadioLevels | None = None
+        self.battery_v: float | None = None
+        self.battery_percent: int | None = None
+        self.round_trip_s: float | None = None
+        """Of the last ping to the drone's companion and back."""
+        self.loss = LossMeter()
+        self._attitude: tuple[float, float, float, float] | None = None
+        self._heard_ns = 0
+        self._asked_ns = 0
+        self._facts_asked_ns = 0
+        self._ping_number = 0
+
+    def receive(self, frame: Frame, now_ns: int) -> Pose | None:
+        """Handle a frame; return the vehicle's pose when it tells a new position."""
+        message = frame.message()
+        if isinstance(message, dialect.RadioStatus):
+            self._take_radio(message)
+            return None
+        if isinstance(message, dialect.Ping) and frame.component_id == DRONE_COMPONENT:
+            if self.identity.system_id in (None, frame.system_id):
+                self._take_ping(message, now_ns)
+            return None
+        if frame.component_id == DRONE_COMPONENT and self._alone(frame.system_id, now_ns):
+            return self._take_pose(message, now_ns)
+        if frame.component_id != MavComponent.COMP_ID_AUTOPILOT1:
+            return None
+        peer = Peer(frame.system_id, frame.component_id)
+        ours = self.identity.system_id
+        if isinstance(message, dialect.Heartbeat):
+            self._hear(peer, now_ns)
+        if peer != self.autopilot or (ours is not None and peer.system_id != ours):
+            return None
+        self._heard_ns = now_ns
+        self.loss.add(frame.sequence, now_ns)
+        return self._take(message, now_ns)
+
+    def _alone(self, system_id: int, now_ns: int) -> bool:
+        """Whether that is our station, and no autopilot speaks for it: a mast, or a person."""
+        return system_id == self.identity.system_id and not self.present(now_ns)
+
+    def _hear(self, peer: Peer, now_ns: int) -> None:
+        """Handle an autopilot's heartbeat: of our vehicle, or before that is known of any."""
+        ours = self.identity.system_id
+        if ours is None:
+            if not self.present(now_ns) and peer.system_id not in self.identity.excluded:
+                self.autopilot = peer
+        elif self.identity.heard(peer.system_id, now_ns) and peer != self.autopilot:
+            self._forget()  # what was known is another vehicle's
+            self.autopilot = peer
+
+    def present(self, now_ns: int) -> bool:
+        """True while the autopilot is heard."""
+        return self.autopilot is not None and now_ns - self._heard_ns < ns_from_s(5.0)
+
+    def requests(self, now_ns: int) -> list[Message]:
+        """Ask for poses where none come: ArduPilot sends nothing unasked."""
+        silent = self.pose is None or now_ns - self.pose.time_ns > POSE_SILENCE_NS
+        if not (silent and self.present(now_ns) and now_ns - self._asked_ns > ASK_AGAIN_NS):
+            return []
+        self._asked_ns = now_ns
+        return [
+            self._command(MavCmd.SET_MESSAGE_INTERVAL, float(message_id), 1e6 / ASKED_HZ)
+            for message_id in (dialect.AttitudeQuaternion.ID, dialect.GlobalPositionInt.ID)
+        ]
+
+    def questions(self, now_ns: int) -> list[Message]:
+        """Ask from time to time which autopilot it is, where it took off, what is left."""
+        due = self._facts_asked_ns == 0 or now_ns - self._facts_asked_ns > FACTS_AGAIN_NS
+        if not (due and self.present(now_ns)):
+            return []
+        self._facts_asked_ns = now_ns
+        return [
+            self._command(MavCmd.REQUEST_MESSAGE, float(message_id), 0.0)
+            for message_id in (
+                dialect.AutopilotVersion.ID,
+                dialect.HomePosition.ID,
+                dialect.SysStatus.ID,
+            )
+        ]
+
+    def _command(self, command: MavCmd, first: float, second: float) -> Message:
+        assert self.autopilot is not None
+        return dialect.CommandLong(
+            target_system=self.autopilot.system_id,
+            target_component=self.autopilot.component_id,
+            command=command,
+            confirmation=0,
+            param1=first,
+            param2=second,
+            param3=0.0,
+            param4=0.0,
+            param5=0.0,
+            param6=0.0,
+            param7=0.0,
+        )
+
+    def ping(self, now_ns: int) -> Message:
+        """Write the next ping, to everyone: the drone's companion answers."""
+        self._ping_number += 1
+        return dialect.Ping(
+            time_usec=now_ns // 1000,
+            seq=self._ping_number & 0xFFFFFFFF,
+            target_system=0,
+            target_component=0,
+        )
+
+    def _take(self, message: Message | None, now_ns: int) -> Pose | None:
+        match message:
+            case dialect.Heartbeat():
+                self.armed = bool(message.base_mode & dialect.MavModeFlag.SAFETY_ARMED)
+            case dialect.SysStatus():
+                known = message.voltage_battery != UNKNOWN_VOLTAGE
+                self.battery_v = message.voltage_battery / 1000.0 if known else None
+                percent = message.battery_remaining
+                self.battery_percent = percent if 0 <= percent <= 100 else None
+            case dialect.AutopilotVersion():
+                self.identity.take_version(message, now_ns)
+            case dialect.HomePosition() if message.latitude or message.longitude:
+                self.home = (message.latitude / 1e7, message.longitude / 1e7)
+            case _ if not self.identity.foreign(now_ns):
+                return self._take_pose(message, now_ns)
+        return None
+
+    def _take_pose(self, message: Message | None, now_ns: int) -> Pose | None:
+        match message:
+            case dialect.AttitudeQuaternion():
+                quaternion = (message.q1, message.q2, message.q3, message.q4)
+                if all(map(math.isfinite, quaternion)) and any(quaternion):
+                    self._attitude = quaternion
+            case dialect.GlobalPositionInt():
+                return self._take_position(message, now_ns)
+        return None
+
+    def _take_position(self, message: dialect.GlobalPositionInt, now_ns: int) -> Pose | None:
+        if message.lat == 0 and message.lon == 0:
+            return None  # before the first fix
+        attitude = self._attitude
+        if attitude is None:
+            if message.hdg == UNKNOWN_HEADING:
+                return None
+            half = math.radians(message.hdg / 100.0) / 2.0
+            attitude = (math.cos(half), 0.0, 0.0, math.sin(half))
+        self.pose = Pose(
+            time_ns=now_ns,
+            latitude_deg=message.lat / 1e7,
+            longitude_deg=message.lon / 1e7,
+            altitude_amsl_m=message.alt / 1000.0,
+            altitude_relative_m=message.relative_alt / 1000.0,
+            quaternion_wxyz=attitude,
+        )
+        return self.pose
+
+    def _take_radio(self, message: dialect.RadioStatus) -> None:
+        self.radio = RadioLevels(
+            rssi=message.rssi,
+            remote_rssi=message.remrssi,
+            noise=message.noise,
+            remote_noise=message.remnoise,
+            transmit_buffer_percent=message.txbuf,
+            errors=message.rxerrors,
+        )
+
+    def _take_ping(self, message: dialect.Ping, now_ns: int) -> None:
+        if (message.target_system, message.target_component) != (
+            self._own.system_id,
+            self._own.component_id,
+        ):
+            return
+        passed_ns = now_ns - message.time_usec * 1000
+        if message.seq == self._ping_number & 0xFFFFFFFF and passed_ns >= 0:
+            self.round_trip_s = passed_ns / NANOSECONDS_PER_SECOND

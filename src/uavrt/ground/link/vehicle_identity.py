@@ -1,0 +1,71 @@
+"""Which vehicle a ground station serves. Pure.
+
+On one radio several vehicles may be heard. The first one with our software is taken, by its
+system number and its autopilot's unique number, and kept through any silence until the
+operator chooses another: a station that went over to whoever is heard would stop, place and
+record the wrong one.
+"""
+
+from uavrt.mavlink import dialect
+from uavrt.units import ns_from_s
+
+FOREIGN_NS = ns_from_s(60.0)
+"""An answer with another unique number counts so long: three questions."""
+MAX_OTHERS = 16
+
+
+class VehicleIdentity:
+    """The vehicle that we serve, and the others heard.
+
+    Parameters
+    ----------
+    system_id : int, optional
+        Its number; None takes the first that is heard.
+    uid : str, optional
+        Its autopilot's unique number, hexadecimal; None takes the first that is told.
+    """
+
+    def __init__(self, system_id: int | None = None, uid: str | None = None) -> None:
+        self.system_id = system_id
+        self.uid = uid
+        self.others: dict[int, int] = {}
+        """Systems heard besides, and when last."""
+        self.excluded: set[int] = set()
+        """Vehicles that are never taken for ours: another session serves them."""
+        self._foreign_ns: int | None = None
+
+    def choose(self, system_id: int) -> None:
+        """Serve this vehicle from now on, whatever autopilot it has."""
+        self.system_id, self.uid, self._foreign_ns = system_id, None, None
+        self.others.pop(system_id, None)
+
+    def heard(self, system_id: int, now_ns: int) -> bool:
+        """Handle a vehicle's heartbeat: the first is ours. Returns whether it is ours."""
+        if self.system_id is None and system_id not in self.excluded:
+            self.system_id = system_id
+        if system_id == self.system_id:
+            return True
+        if system_id in self.others or len(self.others) < MAX_OTHERS:
+            self.others[system_id] = now_ns
+        return False
+
+    def take_version(self, message: dialect.AutopilotVersion, now_ns: int) -> None:
+        """Take the unique number that our vehicle's autopilot tells."""
+        uid = unique_number(message)
+        if uid is None:
+            return
+        if self.uid is None:
+            self.uid = uid
+        if uid != self.uid:
+            self._foreign_ns = now_ns
+
+    def foreign(self, now_ns: int) -> bool:
+        """True while another autopilot answers under our vehicle's number."""
+        return self._foreign_ns is not None and now_ns - self._foreign_ns < FOREIGN_NS
+
+
+def unique_number(message: dialect.AutopilotVersion) -> str | None:
+    """The autopilot's unique number, hexadecimal; None where it tells none."""
+    if any(message.uid2):
+        return bytes(message.uid2).rstrip(b"\0").hex()
+    return f"{message.uid:016x}" if message.uid else None

@@ -1,0 +1,223 @@
+"""Surveys into the autopilot as its mission, and its fence out of it, over the ground's link.
+
+A mission that is uploaded moves nothing: a pilot starts it. While the vehicle flies one nothing
+is uploaded, for that would change its way.
+"""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from uavrt.clock import monotonic_s
+from uavrt.errors import CommandRefused, LinkError
+from uavrt.guidance import (
+    Manners,
+    MissionItem,
+    difference,
+    fence_of,
+    manners_of,
+)
+from uavrt.mavlink import (
+    Frame,
+    Message,
+    MissionDownload,
+    MissionTransfer,
+    MissionUpload,
+    Peer,
+    dialect,
+    homed,
+    kind_of,
+)
+from uavrt.mavlink.dialect import MavComponent
+from uavrt.messages import VehicleFence
+
+POLL_S = 0.05
+HEARD_WITHIN_S = 5.0
+"""A heartbeat comes once a second; where a fifth is lost, four in a row once in ten minutes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uploaded:
+    """A mission that the vehicle holds, as read back."""
+
+    items: int
+    sent_again: int
+    strange: int
+    """Messages that were heard and not used."""
+
+
+@dataclass(slots=True, kw_only=True)
+class _Autopilot:
+    heartbeat: dialect.Heartbeat
+    heard_s: float
+
+
+class VehicleMissions:
+    """Uploads and downloads, one at a time.
+
+    Parameters
+    ----------
+    own : Peer
+        Our own numbers.
+    send : callable
+        Sends a message.
+    system_id : callable
+        Of the vehicle that is served; None while that is not known.
+    """
+
+    def __init__(
+        self,
+        own: Peer,
+        send: Callable[[Message], None],
+        system_id: Callable[[], int | None],
+    ) -> None:
+        self._own = (own.system_id, own.component_id)
+        self._send, self._system_id = send, system_id
+        self._autopilots: dict[int, _Autopilot] = {}
+        self._transfer: MissionTransfer | None = None
+        self._uploads = False
+        self._busy = asyncio.Lock()
+
+    def take(self, frame: Frame) -> None:
+        """Handle a frame of the link."""
+        if frame.component_id != MavComponent.COMP_ID_AUTOPILOT1:
+            return
+        message, transfer = frame.message(), self._transfer
+        if isinstance(message, dialect.Heartbeat):
+            self._autopilots[frame.system_id] = _Autopilot(
+                heartbeat=message, heard_s=monotonic_s()
+            )
+            self._watch()
+        elif message is not None and transfer is not None:
+            sender = (frame.system_id, frame.component_id)
+            self._send_all(transfer.receive(message, sender, monotonic_s()))
+
+    async def wait(self, timeout_s: float) -> None:
+        """Wait until an autopilot is heard; raises `LinkError` when none is."""
+        deadline_s = monotonic_s() + timeout_s
+        while not self._heard():
+            if monotonic_s() > deadline_s:
+                raise LinkError(
+                    f"no autopilot was heard in {timeout_s:g} s",
+                    remedy="Check its power and the radio, and --mavlink",
+                )
+            await asyncio.sleep(POLL_S)
+
+    async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
+        """Give the vehicle a mission in place of its own, and read it back.
+
+        Raises
+        ------
+        CommandRefused
+            It flies a mission, is not known, does not take this one or holds another then.
+        LinkError
+            It does not answer.
+        """
+        async with self._busy:
+            peer, manners = self._vehicle()
+            self._check_mode(manners)
+            whole = homed(items, home_first=manners.home_in_mission)
+            upload = MissionUpload(whole, "mission", peer, self._own)
+            self._uploads = True
+            try:
+                await self._run(upload)
+            finally:
+                self._uploads = False
+            download = MissionDownload("mission", peer, self._own)
+            await self._run(download)
+            differs = difference(items, download.items[len(whole) - len(items) :])
+        if differs is not None:
+            raise CommandRefused(
+                f"the vehicle does not hold what was sent: {differs}",
+                remedy="Do not start its mission; upload it again",
+            )
+        counted = upload.counters + download.counters
+        return Uploaded(
+            items=len(items), sent_again=counted["sent_again"], strange=counted["strange"]
+        )
+
+    async def fence(self) -> VehicleFence:
+        """Read the vehicle's fence.
+
+        Raises
+        ------
+        CommandRefused
+            It tells of none, or is not known.
+        FormatError
+            What it tells is no fence.
+        LinkError
+            It does not answer.
+        """
+        async with self._busy:
+            peer, _ = self._vehicle()
+            download = MissionDownload("fence", peer, self._own)
+            await self._run(download)
+        return fence_of(download.items)
+
+    async def _run(self, transfer: MissionTransfer) -> None:
+        self._transfer = transfer
+        try:
+            while not transfer.over:
+                self._send_all(transfer.due(monotonic_s()))
+                await asyncio.sleep(POLL_S)
+                if self._uploads:
+                    self._watch()
+        finally:
+            self._send_all(transfer.cancel("it was left"))
+            self._transfer = None
+        if transfer.fault is None:
+            return
+        if transfer.silent:
+            raise LinkError(transfer.fault, remedy="Check the radio link, and try again")
+        raise CommandRefused(
+            transfer.fault, remedy="Start no mission of the vehicle before an upload has ended"
+        )
+
+    def _watch(self) -> None:
+        """End an upload when the vehicle begins to fly a mission, or is no longer heard."""
+        if self._transfer is None or not self._uploads:
+            return
+        try:
+            _, manners = self._vehicle()
+            self._check_mode(manners)
+        except (CommandRefused, LinkError) as error:
+            self._send_all(self._transfer.cancel(error.message))
+            self._transfer.silent = isinstance(error, LinkError)
+
+    def _vehicle(self) -> tuple[Peer, Manners]:
+        """Whom to talk to, and how it is."""
+        heard, ours = self._heard(), self._system_id()
+        if ours is not None:
+            heard = {number: one for number, one in heard.items() if number == ours}
+        if not heard:
+            raise LinkError("the autopilot is not heard", remedy="Check the radio link")
+        if len(heard) > 1:
+            raise CommandRefused(
+                f"{len(heard)} autopilots are heard: {', '.join(map(str, sorted(heard)))}",
+                remedy="Switch on the drone side of the one that is meant",
+            )
+        ((number, one),) = heard.items()
+        peer = Peer(number, MavComponent.COMP_ID_AUTOPILOT1)
+        return peer, manners_of(kind_of(one.heartbeat))
+
+    def _heard(self) -> dict[int, _Autopilot]:
+        now_s = monotonic_s()
+        return {
+            number: one
+            for number, one in self._autopilots.items()
+            if now_s - one.heard_s < HEARD_WITHIN_S
+        }
+
+    def _check_mode(self, manners: Manners) -> None:
+        peer, _ = self._vehicle()
+        mode = self._autopilots[peer.system_id].heartbeat.custom_mode
+        if mode in manners.mission_modes:
+            raise CommandRefused(
+                f"the vehicle is in {manners.mode_name(mode)}: another mission would change "
+                "its way",
+                remedy="Let the pilot hold it first",
+            )
+
+    def _send_all(self, messages: Sequence[Message]) -> None:
+        for message in messages:
+            self._send(message)

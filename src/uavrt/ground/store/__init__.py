@@ -1,0 +1,47 @@
+"""Ground storage: the flight being recorded, finished flights, settings.
+
+`flight_keeper` starts and ends the ground's own flight, `flights` lists and reads stored
+flights, `estimates` computes bearings and positions, `settings` persists between runs.
+"""
+
+from typing import TYPE_CHECKING
+
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
+    from uavrt.ground.store.event_log import EventLog
+    from uavrt.ground.store.flight_keeper import FlightKeeper
+    from uavrt.ground.store.flights import PULSE_COLUMNS, Columns, FlightLibrary
+    from uavrt.ground.store.settings import GroundStore
+    from uavrt.ground.store.stored import PULSES_NAME, read_ground_pulses
+
+__all__ = [
+    "PULSES_NAME",
+    "PULSE_COLUMNS",
+    "AntennaChoice",
+    "Columns",
+    "Estimates",
+    "Estimator",
+    "EventLog",
+    "FlightKeeper",
+    "FlightLibrary",
+    "GroundStore",
+    "read_ground_pulses",
+]
+__getattr__ = lazily(
+    __name__,
+    {
+        "AntennaChoice": "estimates",
+        "Columns": "flights",
+        "Estimates": "estimates",
+        "Estimator": "estimates",
+        "EventLog": "event_log",
+        "FlightKeeper": "flight_keeper",
+        "FlightLibrary": "flights",
+        "GroundStore": "settings",
+        "PULSES_NAME": "stored",
+        "PULSE_COLUMNS": "flights",
+        "read_ground_pulses": "stored",
+    },
+)

@@ -1,0 +1,178 @@
+"""The ground's own flight recording: start, resume after a restart, end."""
+
+import contextlib
+import math
+import sqlite3
+from array import array
+from collections.abc import Iterable
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+
+from uavrt.clock import Clock
+from uavrt.errors import RecordingError
+from uavrt.ground.store.flights import GROUND_NOTE, PULSE_COLUMNS, Columns, pulse_cells
+from uavrt.log import get_logger
+from uavrt.messages import FlightInfo, Pose, Poses, PulsePose, SearchReport, StatusText, Tag
+from uavrt.recording import FlightLayout, FlightRecorder, new_flight_directory, open_plain
+
+log = get_logger()
+
+POSE_STEP_NS = 190_000_000
+"""Poses are kept five times a second at most: 36 000 in two hours."""
+PULSE_WIDTH = len(PULSE_COLUMNS)
+POSE_WIDTH = 8
+
+
+class FlightKeeper:
+    """Writes everything that is received into a flight directory of the ground's own.
+
+    Parameters
+    ----------
+    directory : Path
+        Where flights are made.
+    clock : Clock
+        The ground's clock.
+    """
+
+    def __init__(self, directory: Path, clock: Clock) -> None:
+        self._directory = directory
+        self._clock = clock
+        self._recorder: FlightRecorder | None = None
+        self._keys: set[tuple[int, int]] = set()
+        self._pulses = array("d")
+        self._poses = array("d")
+        self._last_pose_ns = 0
+        self.flight_id: str | None = None
+        self.start_time_ns = 0
+        self.ended = True
+        self.fault: str | None = None
+        """Why the last commit failed, None when all is on the disk."""
+
+    @property
+    def pulses(self) -> int:
+        """Different pulses of this flight."""
+        return len(self._keys)
+
+    def begin(self, tags: Iterable[Tag]) -> str:
+        """Begin a flight; gives its name."""
+        self.close()
+        now_ns = self._clock.now_ns()
+        path = new_flight_directory(self._directory, now_ns)
+        info = FlightInfo(
+            directory=str(path),
+            start_time_ns=now_ns,
+            clock_offset_ns=self._clock.offset_ns,
+            center_frequency_hz=math.nan,
+            sample_rate_hz=math.nan,
+            tags=tuple(tags),
+        )
+        self._recorder = FlightRecorder.open(info)
+        self._forget(path.name, now_ns)
+        self.ended = False
+        self._recorder.write_note(GROUND_NOTE, now_ns)
+        self.commit()
+        return path.name
+
+    def resume(self, flight_id: str) -> bool:
+        """Continue with a flight after a restart; False when it is not there any more."""
+        path = self._directory / flight_id
+        if Path(flight_id).name != flight_id:
+            return False
+        try:
+            self._recorder = FlightRecorder.reopen(path)
+            with closing(open_plain(FlightLayout(path).database)) as database:
+                (start_ns,) = database.execute("SELECT start_time_ns FROM flight").fetchone()
+                self._forget(flight_id, start_ns)
+                keys = database.execute("SELECT tag_id, start_time_ns FROM pulses")
+                self._keys.update(keys.fetchall())
+        except (RecordingError, sqlite3.Error, TypeError) as error:
+            log.warning("flight not resumed", flight=flight_id, reason=str(error))
+            self._recorder = None
+            return False
+        self.ended = False
+        return True
+
+    def load(self, columns: Columns) -> None:
+        """Take the pulses and poses of a resumed flight in, for the estimates."""
+        self._pulses = array("d", columns.pulses.T.ravel().tolist())
+        self._poses = array("d", columns.poses.T.ravel().tolist())
+
+    def add_pulse(self, item: PulsePose) -> bool:
+        """Add a pulse; False when it was here before."""
+        key = item.pulse.key
+        if self._recorder is None or key in self._keys:
+            return False
+        self._keys.add(key)
+        self._recorder.write_pulse_poses([item])
+        self._pulses.extend(pulse_cells(item))
+        return True
+
+    def add_pose(self, pose: Pose) -> None:
+        """Add a pose of the vehicle."""
+        if self._recorder is None or self.ended:
+            return
+        if 0 <= pose.time_ns - self._last_pose_ns < POSE_STEP_NS:
+            return
+        self._last_pose_ns = pose.time_ns
+        self._recorder.write_poses(Poses(poses=(pose,)))
+        self._poses.extend(
+            (
+                pose.time_ns,
+                pose.latitude_deg,
+                pose.longitude_deg,
+                pose.altitude_relative_m,
+                *pose.quaternion_wxyz,
+            )
+        )
+
+    def add_search_report(self, report: SearchReport) -> None:
+        """Add what was searched in vain."""
+        if self._recorder is not None and not self.ended:
+            self._recorder.write_search_report(report)
+
+    def add_text(self, severity: int, text: str, time_ns: int) -> None:
+        """Add a text for the operator."""
+        if self._recorder is not None and not self.ended:
+            self._recorder.write_status_text(StatusText(severity=severity, text=text), time_ns)
+
+    def add_note(self, text: str, time_ns: int) -> None:
+        """Add a mark of the operator."""
+        if self._recorder is not None:
+            self._recorder.write_note(text, time_ns)
+
+    def columns(self) -> Columns:
+        """Copy what is known of the flight, for another thread."""
+        pulses = np.frombuffer(self._pulses, np.float64) if self._pulses else np.empty(0)
+        poses = np.frombuffer(self._poses, np.float64) if self._poses else np.empty(0)
+        return Columns(
+            pulses=pulses.reshape(-1, PULSE_WIDTH).T.copy(),
+            poses=poses.reshape(-1, POSE_WIDTH).T.copy(),
+        )
+
+    def commit(self) -> None:
+        """Bring everything to the disk; a fault is kept and shown, nothing is lost by it."""
+        if self._recorder is None:
+            return
+        try:
+            self._recorder.commit()
+            self.fault = None
+        except RecordingError as error:
+            if self.fault is None:
+                log.warning("flight not written", reason=str(error))
+            self.fault = str(error)
+
+    def close(self) -> None:
+        """End the recording."""
+        if self._recorder is not None:
+            with contextlib.suppress(RecordingError):
+                self._recorder.close()
+        self._recorder = None
+        self.ended = True
+
+    def _forget(self, flight_id: str, start_time_ns: int) -> None:
+        self.flight_id, self.start_time_ns = flight_id, start_time_ns
+        self._keys.clear()
+        self._pulses, self._poses = array("d"), array("d")
+        self._last_pose_ns = 0

@@ -1,0 +1,397 @@
+"""List the flights on this computer and read them in columns.
+
+A flight of 100 000 pulses is read in columns, never as objects: 10 MB in place of 150.
+"""
+
+import math
+import sqlite3
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import FormatError, RecordingError, UsageError
+from uavrt.ground.store.prepared_columns import PreparedColumns
+from uavrt.messages import DetectionStatus, Pulse, PulsePose, Tag
+from uavrt.recording import (
+    POSE_COLUMNS,
+    TAG_COLUMNS,
+    FlightLayout,
+    Places,
+    open_plain,
+    places_of,
+    pose_row,
+    read_older,
+    tag_from_row,
+    vehicle_of,
+)
+
+CHUNK = 4000
+STATUSES: tuple[DetectionStatus, ...] = tuple(
+    status for status in get_args(DetectionStatus) if status != "integrated"
+)
+"""What a pulse can be in flight, by the page's numbers."""
+
+PULSE_COLUMNS = (
+    "tag_id",
+    "start_time_ns",
+    "frequency_hz",
+    "snr_db",
+    "group_snr_db",
+    "noise_psd",
+    "detection_status",
+    "rate",
+    "latitude_deg",
+    "longitude_deg",
+    "altitude_relative_m",
+    "quaternion_w",
+    "quaternion_x",
+    "quaternion_y",
+    "quaternion_z",
+    "also_possible_tag_id",
+    "ghost_of_tag_id",
+    "clipped",
+)
+"""What `FlightLibrary.pulses` reads of a pulse and its pose, by the names of their fields."""
+
+_CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
+    "detection_status": (
+        "CASE p.detection_status WHEN 'confirmed' THEN 2 WHEN 'detected' THEN 1 ELSE 0 END",
+        lambda pulse: STATUSES.index(pulse.detection_status),
+    ),
+    "also_possible_tag_id": (
+        # As a number a text between spaces is its first.
+        "CAST(p.also_possible_tag_ids AS INTEGER)",
+        lambda pulse: next(iter(pulse.also_possible_tag_ids), math.nan),
+    ),
+    "clipped": ("coalesce(p.clipped, 0)", lambda pulse: pulse.clipped),
+}
+"""How a field becomes one number, in SQL and here, where it is not one already."""
+_OF_POSE = POSE_COLUMNS.split(", ")
+_SELECT_PULSES = (
+    "SELECT "
+    + ", ".join(
+        _CELLS[name][0] if name in _CELLS else f"{'q' if name in _OF_POSE else 'p'}.{name}"
+        for name in PULSE_COLUMNS
+    )
+    + "{more} FROM pulses p LEFT JOIN pulse_poses q USING (pulse_id) ORDER BY p.pulse_id"
+)
+_SELECT_CELLS = _SELECT_PULSES.format(more="")
+_SELECT_RECORDS = _SELECT_PULSES.format(more=", p.also_possible_tag_ids")
+_SELECT_POSES = (
+    "SELECT time_ns, latitude_deg, longitude_deg, altitude_relative_m, "
+    "quaternion_w, quaternion_x, quaternion_y, quaternion_z FROM poses "
+    "WHERE latitude_deg IS NOT NULL ORDER BY time_ns"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightSummary:
+    """One line of the list of flights."""
+
+    flight_id: str
+    start_time_ns: int
+    end_time_ns: int
+    pulses: int
+    tags: tuple[Tag, ...]
+    source: str
+    """``"ground"`` when this ground station recorded it, ``"drone"`` when it was copied."""
+    starred: bool = False
+    """It is never removed from the computer that it is on."""
+    vehicle: str | None = None
+    """Number and name of its vehicle, where the ground station wrote them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Columns:
+    """Pulses and poses of a flight."""
+
+    pulses: NDArray[np.float64]
+    """(len(PULSE_COLUMNS), n); times as float64 nanoseconds, good to 256 ns."""
+    poses: NDArray[np.float64]
+    """(8, m): time_ns, latitude, longitude, relative altitude, quaternion w x y z."""
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """One column of the pulses."""
+        column: NDArray[np.float64] = self.pulses[PULSE_COLUMNS.index(name)]
+        return column
+
+
+class FlightLibrary:
+    """Flights below one directory.
+
+    Parameters
+    ----------
+    directory : Path
+        Where this ground station records, and where flights of a drone may be copied to.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+        self._known: dict[str, tuple[tuple[int, int], FlightSummary]] = {}
+        self._prepared = PreparedColumns(directory / "columns")
+        self._preparing = threading.Lock()
+        self._preparer: threading.Thread | None = None
+        self._at_work: str | None = None
+
+    def summaries(self) -> list[FlightSummary]:
+        """Get all flights, newest first; what cannot be read is left out."""
+        found = []
+        for database in self.directory.glob("*/flight.sqlite"):
+            try:
+                found.append(self.summary(database.parent.name))
+            except (FormatError, UsageError, OSError):
+                continue
+        return sorted(found, key=lambda flight: flight.start_time_ns, reverse=True)
+
+    def path(self, flight_id: str) -> Path:
+        """Get the directory of a flight.
+
+        Raises
+        ------
+        UsageError
+            There is no such flight; a name with a path in it never is one.
+        """
+        path = self.directory / flight_id
+        plain = flight_id and flight_id not in (".", "..") and path.name == flight_id
+        if not plain or "\0" in flight_id or not FlightLayout(path).database.is_file():
+            raise UsageError(f"there is no flight {flight_id[:80]!r}")
+        return path
+
+    def summary(self, flight_id: str) -> FlightSummary:
+        """Get one line of the list.
+
+        Raises
+        ------
+        UsageError
+            There is no such flight.
+        FormatError
+            It is damaged.
+        """
+        layout = FlightLayout(self.path(flight_id))
+        stamp = _stamp(layout)
+        known = self._known.get(flight_id)
+        starred = layout.star.exists()
+        if known is not None and known[0] == stamp:
+            return replace(known[1], starred=starred)
+        with self._database(flight_id) as database:
+            row = database.execute("SELECT start_time_ns FROM flight").fetchone()
+            if row is None:
+                raise FormatError(f"{flight_id} was cut off before it began")
+            count, last = database.execute(
+                "SELECT count(*), max(end_time_ns) FROM pulses"
+            ).fetchone()
+            last_pose = database.execute("SELECT max(time_ns) FROM poses").fetchone()[0]
+            columns = TAG_COLUMNS
+            tags = database.execute(f"SELECT {columns} FROM tags ORDER BY tag_id").fetchall()
+            ours = database.execute(
+                "SELECT count(*) FROM notes WHERE text = ?", (GROUND_NOTE,)
+            ).fetchone()[0]
+            vehicles = database.execute(
+                "SELECT time_ns, text FROM notes WHERE text LIKE 'vehicle %' ORDER BY time_ns"
+            ).fetchall()
+            start_ns = int(row[0])
+            summary = FlightSummary(
+                flight_id=flight_id,
+                start_time_ns=start_ns,
+                end_time_ns=max(start_ns, last or 0, last_pose or 0),
+                pulses=count,
+                tags=tuple(map(tag_from_row, tags)),
+                source="ground" if ours else "drone",
+                starred=starred,
+                vehicle=vehicle_of(vehicles),
+            )
+        self._known[flight_id] = (stamp, summary)
+        return summary
+
+    def places(self, flight_id: str) -> Places:
+        """Get where a flight took off, and its marks; raises as `summary`."""
+        with self._database(flight_id) as database:
+            return places_of(
+                database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
+            )
+
+    def star(self, flight_id: str, starred: bool) -> None:
+        """Mark a flight as one that is never removed, or take the mark away.
+
+        Raises
+        ------
+        UsageError
+            There is no such flight.
+        RecordingError
+            The disk does not take it.
+        """
+        mark = FlightLayout(self.path(flight_id)).star
+        try:
+            if starred:
+                mark.touch()
+            else:
+                mark.unlink(missing_ok=True)
+        except OSError as error:
+            raise RecordingError(
+                f"cannot change {mark}: {error.strerror}",
+                remedy="Check who owns the flight's directory, and what is in it",
+            ) from error
+
+    def columns(self, flight_id: str) -> Columns:
+        """Read the pulses and poses of a flight.
+
+        Raises
+        ------
+        UsageError, FormatError
+            There is no such flight, or it is damaged.
+        """
+        return Columns(pulses=self.pulses(flight_id), poses=self.poses(flight_id))
+
+    def pulses(self, flight_id: str) -> NDArray[np.float64]:
+        """Read the pulses alone, (len(PULSE_COLUMNS), n)."""
+        kept = self._kept(flight_id, "pulses")
+        return self._read_pulses(flight_id) if kept is None else kept
+
+    def poses(self, flight_id: str) -> NDArray[np.float64]:
+        """Read the poses alone, (8, m)."""
+        kept = self._kept(flight_id, "poses")
+        return self._read_poses(flight_id) if kept is None else kept
+
+    def prepare_soon(self, live: str | None = None) -> None:
+        """Do `prepare` on a thread of its own, unless one is at it."""
+        if self._preparer is None or not self._preparer.is_alive():
+            self._preparer = threading.Thread(target=self.prepare, args=(live,), daemon=True)
+            self._preparer.start()
+
+    def prepare(self, live: str | None = None) -> None:
+        """Make the columns of all flights but `live` ready to be read at once.
+
+        Newest first. Without room for them flights are read from their databases as before.
+        """
+        flights = [flight.flight_id for flight in self.summaries()]
+        for flight_id in flights:
+            if flight_id != live:
+                with self._preparing, suppress(FormatError, UsageError, OSError):
+                    self._at_work = flight_id
+                    self._prepare(flight_id)
+        self._at_work = None
+        with suppress(OSError):
+            self._prepared.keep_only(set(flights))
+
+    def _prepare(self, flight_id: str) -> None:
+        stamp = _stamp(FlightLayout(self.path(flight_id)))
+        if self._prepared.has(flight_id, stamp):
+            return
+        pulses, poses = self._read_pulses(flight_id), self._read_poses(flight_id)
+        self._prepared.write(flight_id, stamp, pulses, poses)
+
+    def _kept(self, flight_id: str, name: str) -> NDArray[np.float64] | None:
+        stamp = _stamp(FlightLayout(self.path(flight_id)))
+        found = self._prepared.read(flight_id, stamp, name)
+        if found is None and self._at_work == flight_id:
+            with self._preparing:  # ready in a moment
+                found = self._prepared.read(flight_id, stamp, name)
+        return found
+
+    def _read_pulses(self, flight_id: str) -> NDArray[np.float64]:
+        with self._database(flight_id) as database:
+            return _columns(database, "pulses", _SELECT_CELLS, len(PULSE_COLUMNS))
+
+    def _read_poses(self, flight_id: str) -> NDArray[np.float64]:
+        with self._database(flight_id) as database:
+            return _columns(database, "poses", _SELECT_POSES, 8)
+
+    def records(self, flight_id: str, after: int, limit: int) -> list[dict[str, Any]]:
+        """Get some pulses as records, in the order in which they were stored.
+
+        Parameters
+        ----------
+        flight_id : str
+            Which flight.
+        after, limit : int
+            How many to pass over, and how many to give at most.
+        """
+        with self._database(flight_id) as database:
+            rows = database.execute(
+                f"{_SELECT_RECORDS} LIMIT ? OFFSET ?", (limit, after)
+            ).fetchall()
+            records = []
+            for *row, others in rows:
+                record = dict(zip(PULSE_COLUMNS, row, strict=True))
+                del record["also_possible_tag_id"]
+                record["also_possible_tag_ids"] = [
+                    int(number) for number in str(others or "").split()
+                ]
+                record["clipped"] = bool(record["clipped"])
+                record["detection_status"] = STATUSES[record["detection_status"]]
+                record["confirmed"] = record["detection_status"] == "confirmed"
+                records.append(record)
+        return records
+
+    def log(self, flight_id: str) -> list[dict[str, Any]]:
+        """Get status texts and notes of a flight, in order of time."""
+        with self._database(flight_id) as database:
+            rows = database.execute(
+                "SELECT time_ns, severity, text FROM status_texts UNION ALL "
+                "SELECT time_ns, 6, text FROM notes ORDER BY time_ns"
+            ).fetchall()
+        return [
+            {"time_ns": time_ns, "severity": severity, "text": text, "source": "flight"}
+            for time_ns, severity, text in rows
+        ]
+
+    @contextmanager
+    def _database(self, flight_id: str) -> Iterator[sqlite3.Connection]:
+        path = FlightLayout(self.path(flight_id)).database
+        try:
+            with closing(open_plain(path)) as database:
+                read_older(database)
+                yield database
+        except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
+            raise FormatError(f"{path} cannot be read: {error}") from error
+
+
+def pulse_cells(item: PulsePose) -> tuple[float, ...]:
+    """One pulse in the order of `PULSE_COLUMNS`."""
+    pose = dict(zip(_OF_POSE, pose_row(item.pose), strict=True))
+    cells = []
+    for name in PULSE_COLUMNS:
+        if name in _CELLS:
+            cell = _CELLS[name][1](item.pulse)
+        else:
+            cell = pose[name] if name in pose else getattr(item.pulse, name)
+        cells.append(math.nan if cell is None else cell)
+    return tuple(cells)
+
+
+GROUND_NOTE = "recorded by the ground station"
+"""The note that tells a ground station's own recording."""
+
+
+def _columns(
+    database: sqlite3.Connection, table: str, select: str, width: int
+) -> NDArray[np.float64]:
+    (count,) = database.execute(f"SELECT count(*) FROM {table}").fetchone()
+    cells = np.empty((width, count))
+    cursor, place = database.execute(select), 0
+    while place < count and (rows := cursor.fetchmany(min(CHUNK, count - place))):
+        # NULL becomes NaN on the way to float64.
+        cells[:, place : place + len(rows)] = np.array(rows, np.float64).T
+        place += len(rows)
+    return cells[:, :place]
+
+
+def _stamp(layout: FlightLayout) -> tuple[int, int]:
+    """When and how large the database and its log were last."""
+    size, changed = 0, 0
+    for path in (layout.database, layout.database.with_name("flight.sqlite-wal")):
+        if path.exists():
+            stat = path.stat()
+            size, changed = size + stat.st_size, max(changed, stat.st_mtime_ns)
+    return size, changed
+
+
+def known(value: float) -> float | None:
+    """None for a number that is not finite, as JSON has it."""
+    return float(value) if math.isfinite(value) else None

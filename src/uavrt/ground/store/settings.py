@@ -1,0 +1,279 @@
+"""Settings that the ground station keeps between runs, in its own directory."""
+
+import contextlib
+import json
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, get_args
+
+from uavrt.analysis import MONOPOLE
+from uavrt.config import write_tags, write_text_atomically
+from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
+from uavrt.ground.store.estimates import AntennaChoice
+from uavrt.ground.web import read_table
+from uavrt.localization import PATTERNS
+from uavrt.mavlink import parse_address
+from uavrt.messages import Tag
+from uavrt.nmea import BAUD
+from uavrt.terrain import open_elevation
+from uavrt.tunnel import Generation
+
+MAX_GAIN = 21
+MOST_NAME = 40
+"""Letters of a vehicle's name: it stands in the header of the page."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundSettings:
+    """Set-up of the ground station, as the page shows it."""
+
+    address: str = "udpin://127.0.0.1:14550"
+    """One or several, the one to prefer first, with spaces between."""
+    generation: Generation = "G1"
+    antenna: str = "RA-23K"
+    antenna_offset_deg: float = 0.0
+    gain: int | None = None
+    """None leaves the gain to the drone's own settings."""
+    center_frequency_mhz: float | None = None
+    """None lets the drone's tuner choose."""
+    roaming_m: float = 10.0
+    """How far an animal goes in a minute (one axis, one standard deviation), in steps that
+    forget each other: positions grow by it with their age. 0 for one that rests."""
+    my_place: str = ""
+    """Where a GPS receiver tells this computer's place by NMEA; empty: nowhere."""
+    vehicle_name: str = ""
+    """What the operator calls the vehicle, shown beside its number."""
+    dem: str = ""
+    """Elevation file or folder on this computer; empty: the ground is taken as level."""
+    left_out: tuple[int, ...] = ()
+    """Numbers of tags in the table that are not flown with."""
+
+    @property
+    def antenna_choice(self) -> AntennaChoice:
+        """For the estimators."""
+        return AntennaChoice(
+            pattern=self.antenna, offset_deg=self.antenna_offset_deg, dem=self.dem
+        )
+
+    def changed(self, values: object) -> "GroundSettings":
+        """Apply changes of the page.
+
+        Raises
+        ------
+        UsageError
+            A value is wrong; the text names it.
+        """
+        if not isinstance(values, dict):
+            raise UsageError("settings must be an object")
+        unknown = set(values) - set(asdict(self))
+        if unknown:
+            raise UsageError(f"there is no setting {sorted(unknown)[0][:40]!r}")
+        return replace(self, **{name: _judged(name, value) for name, value in values.items()})
+
+
+class GroundStore:
+    """The directory's small files: settings, tags, the current flight.
+
+    Parameters
+    ----------
+    directory : Path
+        Made when it is not there. Flights, maps and reports of all vehicles are in it.
+    system_id : int, optional
+        Of a vehicle that is served besides the first: its small files are in
+        ``vehicles/NUMBER``.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be written.
+    """
+
+    def __init__(self, directory: Path, system_id: int | None = None) -> None:
+        self.directory = directory
+        self.system_id = system_id
+        self.own = directory if system_id is None else directory / "vehicles" / str(system_id)
+        """Where the small files are, and what is known of received pulses."""
+        try:
+            self.own.mkdir(parents=True, exist_ok=True)
+            (directory / "maps").mkdir(exist_ok=True)
+        except OSError as error:
+            raise ConfigError(
+                f"cannot store flights in {directory}: {error.strerror}",
+                remedy="Give a writable directory with -o",
+            ) from error
+        kept = self._read()
+        self.current_flight: str | None = kept.get("current_flight")
+        # Only while a flight is in progress: tomorrow it may be another drone.
+        self.vehicle = _vehicle(kept) if self.current_flight else (None, None)
+        """System number and unique number of the vehicle that is served."""
+        self.further_vehicles = _numbers(kept.get("further_vehicles"))
+        """System numbers of those that are served besides the first."""
+        page = kept.get("commander") if self.current_flight else None
+        self.commander: str | None = page if isinstance(page, str) else None
+        """The page that commands."""
+        self.settings = GroundSettings()
+        for name, value in kept.get("settings", {}).items():
+            with contextlib.suppress(UavrtError):
+                self.settings = self.settings.changed({name: value})
+        self.tags: tuple[Tag, ...] = read_table(self._tags_path)
+
+    def of_vehicle(self, system_id: int) -> "GroundStore":
+        """Get the store of a further vehicle; at first with these settings and tags.
+
+        Raises
+        ------
+        ConfigError
+            It cannot be written.
+        """
+        known = (self.directory / "vehicles" / str(system_id)).exists()
+        store = GroundStore(self.directory, system_id)
+        if not known:
+            store.set_settings(replace(self.settings, vehicle_name=""))
+            store.set_tags(self.tags)
+        return store
+
+    @property
+    def chosen_tags(self) -> tuple[Tag, ...]:
+        """The tags that are flown with."""
+        return tuple(tag for tag in self.tags if tag.tag_id not in self.settings.left_out)
+
+    @property
+    def _tags_path(self) -> Path:
+        return self.own / "tags.toml"
+
+    @property
+    def log_path(self) -> Path:
+        """The log of all flights together."""
+        return self.own / "ground_log.jsonl"
+
+    def set_tags(self, tags: tuple[Tag, ...]) -> None:
+        """Keep the tag list."""
+        self.tags = tags
+        if tags:
+            write_tags(self._tags_path, tags)
+        else:
+            self._tags_path.unlink(missing_ok=True)
+
+    def set_settings(self, settings: GroundSettings) -> None:
+        """Keep the settings."""
+        self.settings = settings
+        self._write()
+
+    def set_flight(self, flight_id: str | None) -> None:
+        """Keep which flight goes on, for a restart."""
+        self.current_flight = flight_id
+        self._write()
+
+    def set_served(self, system_id: int | None, uid: str | None, page: str | None) -> None:
+        """Keep which vehicle is served and which page commands, for a restart in flight."""
+        if (self.vehicle, self.commander) != ((system_id, uid), page):
+            self.vehicle, self.commander = (system_id, uid), page
+            self._write()
+
+    def set_further_vehicles(self, numbers: tuple[int, ...]) -> None:
+        """Keep which vehicles are served besides the first."""
+        self.further_vehicles = numbers
+        self._write()
+
+    def _read(self) -> dict[str, Any]:
+        try:
+            kept = json.loads((self.own / "ground.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return kept if isinstance(kept, dict) else {}
+
+    def _write(self) -> None:
+        kept = {
+            "settings": asdict(self.settings),
+            "current_flight": self.current_flight,
+            "vehicle": list(self.vehicle),
+            "commander": self.commander,
+            "further_vehicles": list(self.further_vehicles),
+        }
+        path = self.own / "ground.json"
+        try:
+            write_text_atomically(path, json.dumps(kept, indent=1) + "\n")
+        except OSError as error:
+            raise ConfigError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _numbers(kept: object) -> tuple[int, ...]:
+    """Read a list of vehicles' numbers; what is none is left out."""
+    if not isinstance(kept, list):
+        return ()
+    return tuple(one for one in kept if type(one) is int and 1 <= one <= 255)
+
+
+def _vehicle(kept: dict[str, Any]) -> tuple[int | None, str | None]:
+    match kept.get("vehicle"):
+        case [int(system_id), str() | None as uid]:
+            return system_id, uid
+    return None, None
+
+
+def _judged(name: str, value: Any) -> Any:
+    """Judge one setting."""
+    match name:
+        case "address":
+            addresses = [str(parse_address(text)) for text in str(value).split()]
+            return " ".join(addresses) or str(parse_address(str(value)))
+        case "my_place":
+            return _receiver(str(value).strip())
+        case "dem":
+            return _elevation(str(value).strip())
+        case "vehicle_name" if isinstance(value, str) and len(value.strip()) <= MOST_NAME:
+            return " ".join(value.split())
+        case "generation" if value in get_args(Generation):
+            return value
+        case "antenna" if value in PATTERNS or value == MONOPOLE:
+            return value
+        case "antenna_offset_deg":
+            return _number(name, value, -360.0, 360.0)
+        case "roaming_m":
+            return _number(name, value, 0.0, 1000.0)
+        case "left_out" if isinstance(value, list | tuple):
+            if all(type(one) is int for one in value):
+                return tuple(sorted(set(value)))
+        case "gain":
+            if value is None or value == "":
+                return None
+            number = _number(name, value, 0, MAX_GAIN)
+            if number == int(number):
+                return int(number)
+        case "center_frequency_mhz":
+            if value is None or value == "":
+                return None
+            return _number(name, value, 20.0, 1000.0)
+    raise UsageError(f"{name} cannot be {str(value)[:40]!r}")
+
+
+def _receiver(text: str) -> str:
+    """Judge the address of a GPS receiver; empty for none."""
+    try:
+        return str(parse_address(text, baud=BAUD)) if text else ""
+    except ConfigError as error:
+        raise UsageError(
+            f"{text[:60]!r} is no address of a GPS receiver",
+            remedy="Write serial:///dev/ttyACM0, udpin://127.0.0.1:10110 or tcp://HOST:PORT",
+        ) from error
+
+
+def _elevation(text: str) -> str:
+    """Judge elevation files by opening them; empty for none."""
+    if not text:
+        return ""
+    try:
+        open_elevation(Path(text))
+    except FormatError as error:
+        raise UsageError(error.message, remedy=error.remedy) from error
+    return str(Path(text).absolute())
+
+
+def _number(name: str, value: Any, low: float, high: float) -> float:
+    try:
+        number = float(str(value).replace(",", "."))
+    except ValueError:
+        number = float("nan")
+    if not low <= number <= high:
+        raise UsageError(f"{name} must be a number from {low:g} to {high:g}")
+    return number

@@ -1,0 +1,78 @@
+"""Which buttons are enabled, and if not, why. Pure; the page only draws them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from uavrt.commands import COMMANDS, Accepted, outcome
+from uavrt.messages import SystemState
+
+COMMAND_OF_ACTION = {row.button.action: row for row in COMMANDS.values() if row.button}
+"""The drone's command behind each button."""
+BUTTONS = tuple(row.button for row in COMMANDS.values() if row.button)
+ACTIONS = {**{button.action: button.label for button in BUTTONS}, "mark": "Mark"}
+"""The buttons and their labels; all but "mark" ask something of the drone."""
+NOT_NOW = {
+    SystemState.IDLE: "Send the tags first",
+    SystemState.RECEIVING_TAGS: "Tags are being sent",
+    SystemState.DETECTING: "Detecting: stop first",
+    SystemState.CAPTURING: "Capturing: wait until it has ended",
+}
+"""Why a state does not allow a command."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Busy:
+    """A command in progress."""
+
+    action: str
+    text: str
+    done: int = 0
+    whole: int = 0
+    """Steps in all; 0 when unknown."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Situation:
+    """What the buttons depend on."""
+
+    link_open: bool
+    drone_present: bool
+    state: SystemState | None
+    """None when the drone does not tell, as the thesis's."""
+    tags: int
+    """Tags in the table."""
+    tags_sent: bool
+    busy: Busy | None
+    flight_open: bool
+    foreign: bool = False
+    """Another autopilot answers under our vehicle's number."""
+
+
+def action_states(now: Situation) -> dict[str, dict[str, Any]]:
+    """Whether each action is enabled, and the reason if not."""
+    reasons = {action: _reason(action, now) for action in ACTIONS}
+    return {
+        action: {"label": ACTIONS[action], "enabled": reason is None, "reason": reason}
+        for action, reason in reasons.items()
+    }
+
+
+def _reason(action: str, now: Situation) -> str | None:
+    if action == "mark":
+        return None if now.flight_open else "No flight yet: start first"
+    if not now.link_open:
+        return "Not connected: choose the connection under Set-up"
+    if not now.drone_present:
+        return "The drone is not heard: check its power and the radio"
+    if now.busy is not None:
+        return f"Wait: {now.busy.text}"
+    if now.foreign and action != "stop":
+        return "Two vehicles have the same number: choose one above"
+    if action == "send_tags" and now.tags == 0:
+        return "No tags: type them in under Set-up"
+    command = COMMAND_OF_ACTION[action].name
+    if now.state is not None and not isinstance(outcome(now.state, command), Accepted):
+        return "Nothing runs" if action == "stop" else NOT_NOW[now.state]
+    if action == "start" and not now.tags_sent and now.tags:
+        return "The tag table has changed: send the tags first"
+    return None

@@ -1,0 +1,100 @@
+"""Routes beside those of `uavrt.ground.web.api`: the drone's flights, and waterfalls."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import asdict
+from typing import Any
+
+from starlette.requests import Request
+
+from uavrt.errors import FormatError, UsageError
+from uavrt.ground.session import GroundSession
+from uavrt.ground.web.api import json_body
+from uavrt.ground.web.waterfalls import LiveWaterfall, recorded_picture, recordings, tag_of
+
+
+class ExtraApi:
+    """Flights on the drone, and pictures of samples.
+
+    Parameters
+    ----------
+    session : GroundSession
+        What is shown and commanded.
+    """
+
+    def __init__(self, session: GroundSession) -> None:
+        self._session = session
+        self._live = LiveWaterfall(lambda record: session.hub.send("waterfall", record))
+
+    def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
+        """Path below ``/api``, method, handler."""
+        return [
+            ("/drone/flights", "POST", self.drone_flights),
+            ("/drone/download", "GET", self.download),
+            ("/drone/download", "POST", self.start_download),
+            ("/drone/download", "DELETE", self.stop_download),
+            ("/flights/{flight_id}/recordings", "GET", self.recordings),
+            ("/flights/{flight_id}/waterfall", "GET", self.waterfall),
+            ("/waterfall", "POST", self.live_waterfall),
+        ]
+
+    async def drone_flights(self, request: Request) -> Any:
+        """The flights on the drone, requested from it now over the radio."""
+        return await self._session.downloads.flights()
+
+    async def download(self, request: Request) -> Any:
+        """How far the last download is."""
+        return self._session.downloads.record()
+
+    async def start_download(self, request: Request) -> Any:
+        """Fetch a flight: ``{"flight_id": …, "everything": false}``."""
+        wanted = await json_body(request)
+        if not isinstance(wanted, dict):
+            raise UsageError("a download must be an object with a flight_id")
+        everything = wanted.get("everything") is True
+        started = self._session.downloads.start(
+            str(wanted.get("flight_id", "")), everything=everything
+        )
+        return asdict(started)
+
+    async def stop_download(self, request: Request) -> Any:
+        """End the download that is under way."""
+        await self._session.downloads.stop()
+        return self._session.downloads.record()
+
+    async def recordings(self, request: Request) -> Any:
+        """Recordings of samples of a flight that lie here."""
+        flight = self._session.library.path(request.path_params["flight_id"])
+        return [path.name for path in await asyncio.to_thread(recordings, flight)]
+
+    async def waterfall(self, request: Request) -> Any:
+        """A stretch of a recording: ``?tag=2&start_s=0&length_s=60&recording=NAME``."""
+        library, flight_id = self._session.library, request.path_params["flight_id"]
+        flight, query = library.path(flight_id), request.query_params
+        found = await asyncio.to_thread(recordings, flight)
+        chosen = [one for one in found if one.name == query.get("recording", one.name)]
+        if not chosen:
+            raise UsageError("there is no recording of samples in this flight on this computer")
+        tag_id = int(_number(query.get("tag", ""), "tag"))
+        tag = tag_of(library.summary(flight_id).tags, tag_id)
+        start_s = _number(query.get("start_s", "0"), "start_s")
+        length_s = _number(query.get("length_s", "60"), "length_s")
+        made = await asyncio.to_thread(recorded_picture, chosen[0], tag, start_s, length_s)
+        return asdict(made)
+
+    async def live_waterfall(self, request: Request) -> Any:
+        """Listen to a channel: ``{"address": "udp://127.0.0.1:20000"}``; empty ends it."""
+        wanted = await json_body(request)
+        address = wanted.get("address", "") if isinstance(wanted, dict) else ""
+        await self._live.listen(str(address))
+        return {"address": self._live.address}
+
+
+def _number(text: str, name: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1e9:
+        raise FormatError(f"{name} must be a number")
+    return value

@@ -1,0 +1,27 @@
+"""A flight as files for other programs, by the writers of ``uavrt export``."""
+
+from pathlib import Path
+
+from uavrt.analysis import read_survey
+from uavrt.analysis.export import ONE_FILE, OneFile, kml_text, pulses_csv
+from uavrt.ground.store import AntennaChoice
+from uavrt.terrain import open_elevation
+
+EXPORTS: dict[str, OneFile] = {
+    "csv": OneFile("text/csv", pulses_csv),
+    "kml": OneFile("application/vnd.google-earth.kml+xml", kml_text),
+    **ONE_FILE,
+}
+"""Formats that the page offers."""
+
+
+def export(name: str, flight: Path, antenna: AntennaChoice) -> bytes:
+    """Write a flight, with its marks, in one of `EXPORTS`."""
+    survey = read_survey(
+        flight,
+        antenna=antenna.pattern,
+        offset_deg=antenna.offset_deg,
+        elevation=open_elevation(Path(antenna.dem)) if antenna.dem else None,
+    )
+    content = EXPORTS[name].content(survey)
+    return content if isinstance(content, bytes) else content.encode()

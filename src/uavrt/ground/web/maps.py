@@ -1,0 +1,110 @@
+"""Map files that the user put into the folder ``maps``: PMTiles and MBTiles."""
+
+import re
+from collections.abc import AsyncIterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from uavrt.analysis import MapFile, read_map
+from uavrt.errors import FormatError, RecordingError, UsageError
+
+MAX_MAP = 8_000_000_000
+_NAME = re.compile(r"[\w][\w .()-]{0,120}\.(pmtiles|mbtiles)", re.IGNORECASE)
+_MIME = {
+    "mvt": "application/vnd.mapbox-vector-tile",
+    "png": "image/png",
+    "jpg": "image/jpeg",
+    "webp": "image/webp",
+}
+
+
+def map_list(directory: Path) -> list[dict[str, Any]]:
+    """List the maps with kind, bounds and zooms; what is none is named with its fault."""
+    found = []
+    for path in sorted(directory.iterdir()) if directory.is_dir() else []:
+        if not _NAME.fullmatch(path.name):
+            continue
+        try:
+            found.append({"name": path.name, "fault": None, **_facts(read_map(path))})
+        except FormatError as error:
+            found.append({"name": path.name, "fault": str(error)})
+    return found
+
+
+def map_path(directory: Path, name: str) -> Path:
+    """Get the path of a map.
+
+    Raises
+    ------
+    UsageError
+        There is none of this name; a name with a path in it never is one.
+    """
+    path = directory / name
+    if not _NAME.fullmatch(name) or not path.is_file():
+        raise UsageError(f"there is no map {name[:80]!r}")
+    return path
+
+
+async def store_map(directory: Path, name: str, chunks: AsyncIterator[bytes]) -> dict[str, Any]:
+    """Write a map file as it comes, whole or not at all; gives its facts.
+
+    Raises
+    ------
+    UsageError
+        The name is none of a map, or the file is too large.
+    FormatError
+        It is no map.
+    RecordingError
+        It cannot be written.
+    """
+    if not _NAME.fullmatch(name):
+        raise UsageError(
+            f"{name[:80]!r} cannot be a map's name",
+            remedy="A map file ends in .pmtiles or .mbtiles",
+        )
+    part = directory / f".{name}.part{Path(name).suffix}"
+    taken = 0
+    try:
+        with part.open("wb") as file:
+            async for chunk in chunks:
+                taken += len(chunk)
+                if taken > MAX_MAP:
+                    raise UsageError(f"{name} is larger than {MAX_MAP // 10**9} GB")
+                file.write(chunk)
+        facts = _facts(read_map(part))
+        part.replace(directory / name)
+    except OSError as error:
+        raise RecordingError(f"{name} cannot be kept: {error.strerror}") from error
+    finally:
+        part.unlink(missing_ok=True)
+    return {"name": name, "fault": None, **facts}
+
+
+def _facts(one: MapFile) -> dict[str, Any]:
+    facts = {name: value for name, value in asdict(one).items() if name != "path"}
+    return facts | {"bounds": list(one.bounds)}
+
+
+def tile(path: Path, z: int, x: int, y: int) -> tuple[bytes, str, str | None] | None:
+    """Get a tile of an MBTiles file: content, media type, encoding; None where there is none.
+
+    Raises
+    ------
+    FormatError
+        The file is damaged.
+    """
+    content = read_map(path).tile(z, x, y)
+    if content is None:
+        return None
+    if content[:2] == b"\x1f\x8b":
+        return content, _MIME["mvt"], "gzip"
+    return content, _MIME[_kind_of(content)], None
+
+
+def _kind_of(content: bytes) -> str:
+    if content[:4] == b"\x89PNG":
+        return "png"
+    if content[:2] == b"\xff\xd8":
+        return "jpg"
+    return "webp" if content[:4] == b"RIFF" else "mvt"

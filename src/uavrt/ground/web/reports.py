@@ -1,0 +1,88 @@
+"""Reports of flights, made by ``uavrt report`` as a program of its own.
+
+Its drawing library takes 65 MB; the ground station, which runs all day, does not load it.
+"""
+
+import asyncio
+import sys
+from hashlib import sha256
+from pathlib import Path
+
+from uavrt.errors import RecordingError
+from uavrt.ground.store import AntennaChoice
+
+TIMEOUT_S = 180.0
+
+POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; sandbox; "
+    "frame-ancestors 'none'"
+)
+"""What a browser may do with a report: show it. Names in it were typed by people."""
+FACTS = "report.toml"
+"""What people tell of flights (`uavrt.analysis.facts`)."""
+
+
+class Reporter:
+    """Makes reports, one at a time, and keeps them while nothing has changed.
+
+    Parameters
+    ----------
+    directory : Path
+        Where reports are kept.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._busy = asyncio.Lock()
+
+    async def report(self, flight: Path, antenna: AntennaChoice) -> bytes:
+        """Get the report of a flight as HTML, with the antenna that the page has.
+
+        Raises
+        ------
+        RecordingError
+            It could not be made; the text is what the program said.
+        """
+        turned = f"{antenna.pattern}{antenna.offset_deg:+g}" if antenna.offset_deg else ""
+        place = self._directory / flight.name / (turned or antenna.pattern)
+        if antenna.dem:
+            place = place.with_name(
+                f"{place.name} {sha256(antenna.dem.encode()).hexdigest()[:8]}"
+            )
+        async with self._busy:
+            return await asyncio.to_thread(_kept, place, flight) or await _made(
+                place, flight, antenna
+            )
+
+
+def _kept(place: Path, flight: Path) -> bytes | None:
+    """Return the report that is there, when the flight has not changed since."""
+    report = place / "report.html"
+    if not report.is_file():
+        return None
+    told = [path for path in (flight / FACTS, flight.parent / FACTS) if path.is_file()]
+    changed = max(path.stat().st_mtime for path in (*flight.glob("flight.sqlite*"), *told))
+    return report.read_bytes() if report.stat().st_mtime > changed else None
+
+
+async def _made(place: Path, flight: Path, antenna: AntennaChoice) -> bytes:
+    await asyncio.to_thread(place.mkdir, parents=True, exist_ok=True)
+    program = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "uavrt.cli", "report", str(flight)),
+        *("--antenna", antenna.pattern, f"--antenna-offset={antenna.offset_deg}"),
+        *("--no-pdf", "-o", str(place)),
+        *(("--dem", antenna.dem) if antenna.dem else ()),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    try:
+        async with asyncio.timeout(TIMEOUT_S):
+            _, said = await program.communicate()
+    except TimeoutError as error:
+        program.kill()
+        raise RecordingError(f"the report was not ready after {TIMEOUT_S:g} s") from error
+    if program.returncode != 0:
+        text = said.decode("utf-8", "replace").strip()[-400:]
+        raise RecordingError(f"the report could not be made: {text}")
+    return await asyncio.to_thread((place / "report.html").read_bytes)

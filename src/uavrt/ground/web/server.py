@@ -1,0 +1,211 @@
+"""The ground station on HTTP and WebSocket: sockets, guard, page; the routes are in `api`.
+
+Imported only for ``uavrt ground`` with a page: it needs the extra ``uavrt[ground]``.
+"""
+
+import contextlib
+import socket
+import ssl
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.types import Receive, Scope, Send
+
+from uavrt.errors import ConfigError, LinkError
+from uavrt.ground.fleet import Fleet
+from uavrt.ground.session import GroundSession
+from uavrt.ground.web.api import Api, answered
+from uavrt.ground.web.drone_flights import ExtraApi
+from uavrt.ground.web.fleet_api import FleetApi
+from uavrt.ground.web.guard import Guard
+
+STATIC = Path(__file__).parents[1] / "static"
+DEFAULT_PORT = 8650
+_NO_PAGE = """<!doctype html><html lang="en"><meta charset="utf-8">
+<title>uavrt ground station</title><h1>The page is not built</h1>
+<p>This installation was made without its page, because npm could not be reached. The server
+works; scripts can use <a href="/api/state">/api/state</a> and its neighbours.</p>
+<p>To build the page, with internet, in the clone: <code>pip install -e .</code></p>
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServerSettings:
+    """Where the page is served."""
+
+    host: str = "127.0.0.1"
+    port: int = DEFAULT_PORT
+    """0 takes any free port."""
+    names: frozenset[str] = frozenset()
+    """Host names that may be asked for, besides the local ones."""
+    password: str | None = None
+    certificate: Path | None = None
+    key: Path | None = None
+
+
+def listening_socket(settings: ServerSettings) -> socket.socket:
+    """Bind the server's socket, so that a busy port is reported before anything starts.
+
+    Raises
+    ------
+    LinkError
+        The port is in use, or the address does not belong to this computer.
+    ConfigError
+        The certificate is none.
+    """
+    _check_certificate(settings)
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    sock = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        # Not on Windows, where it lets two servers share a port.
+        if hasattr(socket, "SO_REUSEPORT"):
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        sock.bind((settings.host, settings.port))
+        sock.listen(64)
+    except OSError as error:
+        sock.close()
+        raise LinkError(
+            f"the page cannot be served at {settings.host} port {settings.port}: "
+            f"{error.strerror}",
+            remedy="Another ground station may be running; open its page, or give --port",
+        ) from error
+    return sock
+
+
+def _check_certificate(settings: ServerSettings) -> None:
+    """Refuse a certificate or key that cannot be used, before anything starts."""
+    if settings.certificate is None:
+        if settings.key is not None:
+            raise ConfigError("a key without a certificate", remedy="Also give --certificate")
+        return
+    for path in (settings.certificate, settings.key):
+        if path is not None and not path.is_file():
+            raise ConfigError(f"there is no file {path}", remedy="Check the name")
+    try:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(settings.certificate, settings.key)
+    except OSError as error:
+        raise ConfigError(
+            f"{settings.certificate} is not a certificate (PEM) with its key",
+            remedy="Give the certificate with --certificate, and its key with --key",
+        ) from error
+
+
+class PageServer(uvicorn.Server):
+    """Uvicorn that leaves the signals to us."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Capture none: ``uavrt ground`` stops everything in its order."""
+        yield
+
+
+def page_server(fleet: Fleet, settings: ServerSettings) -> PageServer:
+    """Make the server; serve it with ``serve(sockets=[listening_socket(settings)])``."""
+    return PageServer(
+        uvicorn.Config(
+            application(fleet.first, settings, fleet),
+            log_config=None,
+            access_log=False,
+            lifespan="off",
+            http="h11",
+            ws="websockets-sansio",
+            ws_max_size=4096,
+            ssl_certfile=settings.certificate,
+            ssl_keyfile=settings.key,
+            timeout_graceful_shutdown=2,
+            server_header=False,
+        )
+    )
+
+
+def application(
+    session: GroundSession, settings: ServerSettings, fleet: Fleet | None = None
+) -> Starlette:
+    """Make the web application of a session, and of the other vehicles of its fleet."""
+    api = Api(session)
+    guard = Middleware(Guard, hosts=settings.names, password=settings.password)
+    routes = _routes(session, api)
+    if fleet is not None:
+        for path, method, handler in FleetApi(fleet).routes():
+            routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
+        routes.append(Mount("/vehicle/{number:int}", FurtherVehicles(fleet)))
+    routes.append(Route("/maps/{name}", answered(api.map_file)))
+    routes.append(Route("/maps/{name}/{z:int}/{x:int}/{y:int}", answered(api.map_tile)))
+    if (STATIC / "assets").is_dir():
+        assets = _Assets(directory=STATIC / "assets", follow_symlink=False)
+        routes.append(Mount("/assets", assets))
+    return Starlette(routes=routes, middleware=[guard])
+
+
+def _routes(session: GroundSession, api: Api) -> list[Route | Mount | WebSocketRoute]:
+    """The page and what it asks of one session."""
+    routes: list[Route | Mount | WebSocketRoute] = [
+        Route("/", _page),
+        WebSocketRoute("/api/records", api.records),
+    ]
+    for path, method, handler in [*api.routes(), *ExtraApi(session).routes()]:
+        routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
+    return routes
+
+
+class FurtherVehicles:
+    """The page of each further vehicle, below ``/vehicle/NUMBER``."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
+        self._made: dict[int, tuple[GroundSession, Starlette]] = {}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on to its vehicle."""
+        number = int(scope["path_params"]["number"])
+        session = self._fleet.session(number)
+        if session is None:
+            self._made.pop(number, None)
+            if scope["type"] == "websocket":
+                await send({"type": "websocket.close", "code": 1008})
+                return
+            answer = JSONResponse({"error": f"vehicle {number} is not served here"}, 404)
+            await answer(scope, receive, send)
+            return
+        kept = self._made.get(number)
+        if kept is None or kept[0] is not session:
+            kept = (session, Starlette(routes=_routes(session, Api(session))))
+            self._made[number] = kept
+        await kept[1](scope, receive, send)
+
+
+class _Assets(StaticFiles):
+    """Built files: their names hold their hash, so they never change."""
+
+    def file_response(self, *args: Any, **kwargs: Any) -> Response:
+        """Starlette's, to be kept by the browser."""
+        response = super().file_response(*args, **kwargs)
+        response.headers["Cache-Control"] = "public, max-age=31536000, immutable"
+        return response
+
+
+async def _page(request: Request) -> Response:
+    index = STATIC / "index.html"
+    if not index.is_file():
+        return HTMLResponse(_NO_PAGE)
+    return HTMLResponse(index.read_bytes(), headers={"Cache-Control": "no-cache"})
+
+
+__all__ = [
+    "DEFAULT_PORT",
+    "PageServer",
+    "ServerSettings",
+    "application",
+    "listening_socket",
+    "page_server",
+]

@@ -1,0 +1,78 @@
+"""Tables of tags as CSV: ours, and TagTracker's two databases, with a heading or without.
+
+TagTracker writes ``TagInfo.db`` (selected, id, name, manufacturer, MHz) and
+``TagManufacturer.db`` (id, name, two intervals, what each means, pulse width, uncertainty,
+jitter) as CSV without a line of names; spreadsheets put semicolons
+or tabs between the cells.
+"""
+
+import csv
+from collections.abc import Sequence
+
+TAG_NAMES = ("selected", "id", "name", "manufacturerid", "freqmhz")
+MAKER_NAMES = (
+    *("id", "name", "ip_msecs_1", "ip_msecs_2", "ip1_id", "ip2_id"),
+    *("pulse_width", "uncertainty", "jitter"),
+)
+_HEADINGS = ("manufacturerid", "ip_msecs_1", "frequency_mhz")
+"""A line with one of these names the columns."""
+_SELECTED = ("0", "1", "true", "false")
+
+
+def read_csv(text: str) -> list[dict[str, str]]:
+    """Rows by the names of their columns, in small letters; none for another kind of file."""
+    lines = [line for line in text.removeprefix("\ufeff").splitlines() if line.strip()]
+    lines = [line for line in lines if not line.lstrip().startswith(("#", "["))]
+    if not lines:
+        return []
+    separator = max((";", "\t", ","), key=lines[0].count)
+    rows = [
+        [cell.strip() for cell in cells]
+        for cells in csv.reader(lines, delimiter=separator, skipinitialspace=True)
+    ]
+    names = [cell.lower() for cell in rows[0]]
+    if any(name in names for name in _HEADINGS):
+        return [dict(zip(names, cells, strict=False)) for cells in rows[1:]]
+    joined = separator + " "
+    for columns, after, fits in ((TAG_NAMES, 2, _is_tag), (MAKER_NAMES, 7, _is_maker)):
+        before = columns.index("name")
+        named = [_with_whole_name(cells, before, after, joined) for cells in rows]
+        if all(len(cells) == len(columns) and fits(cells) for cells in named):
+            return [dict(zip(columns, cells, strict=True)) for cells in named]
+    return []
+
+
+def _with_whole_name(cells: list[str], before: int, after: int, joined: str) -> list[str]:
+    """Join a name that contains separators: the cells around it have a known number."""
+    while cells and not cells[-1]:
+        cells = cells[:-1]
+    end = len(cells) - after
+    return [*cells[:before], joined.join(cells[before:end]), *cells[end:]]
+
+
+def _is_tag(cells: Sequence[str]) -> bool:
+    selected, number, _, maker, frequency = cells
+    mhz = _number(frequency)
+    return (
+        selected.lower() in _SELECTED
+        and None not in (_number(number), _number(maker))
+        and mhz is not None
+        and 20.0 <= mhz <= 1000.0
+    )
+
+
+def _is_maker(cells: Sequence[str]) -> bool:
+    numbers = (*cells[:1], *cells[2:4], *cells[6:])
+    meanings = cells[4], cells[5]
+    return (
+        bool(cells[1])
+        and all(_number(cell) is not None for cell in numbers)
+        and any(_number(word) is None for word in meanings)
+    )
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return float(cell.replace(",", "."))
+    except ValueError:
+        return None

@@ -1,0 +1,302 @@
+"""The tag table of the page: rows as typed, each mistake at its field; import and export."""
+
+import csv
+import hashlib
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from uavrt.config import (
+    MAX_FALSE_ALARM_PROBABILITY,
+    Entry,
+    Fault,
+    Quantity,
+    TagDraft,
+    format_tag_info,
+    format_tags_toml,
+    parse_tags,
+    tags_from_drafts,
+)
+from uavrt.errors import TagFileError, UsageError
+from uavrt.ground.web.tag_csv import read_csv
+from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
+
+FIELDS: dict[str, Quantity] = {
+    "id": "id",
+    "frequency_mhz": "frequency",
+    "interval_ms": "interval",
+    "second_interval_ms": "second_interval",
+    "pulse_width_ms": "pulse_width",
+    "interval_uncertainty_ms": "interval_uncertainty",
+    "interval_jitter_ms": "interval_jitter",
+    "k": "k",
+    "false_alarm_percent": "false_alarm_probability",
+}
+"""Columns of the table in the units that users say, and what they mean."""
+LEAST_BARE_PERCENT = 0.05
+"""Below this a number without its sign is a probability that was typed for a percentage."""
+REQUIRED = ("id", "frequency_mhz", "interval_ms", "pulse_width_ms")
+MAX_ROWS = 200
+MAX_NAME = 60
+
+_INCOMPLETE = Fault(line=0, text="incomplete")
+
+Row = dict[str, Any]
+
+PRESETS: tuple[dict[str, Any], ...] = (
+    {
+        # TagTracker's first manufacturer record.
+        "name": "Two rates: moving 1333 ms, resting 2000 ms",
+        "interval_ms": 1333,
+        "second_interval_ms": 2000,
+        "pulse_width_ms": 15,
+        "interval_uncertainty_ms": 60,
+        "interval_jitter_ms": 20,
+    },
+    {
+        # The thesis's tag.
+        "name": "One rate: 1254 ms, 20 ms pulses",
+        "interval_ms": 1254,
+        "second_interval_ms": "",
+        "pulse_width_ms": 20,
+        "interval_uncertainty_ms": 60,
+        "interval_jitter_ms": 10,
+    },
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldFault:
+    """One mistake: where in the table, and what to do."""
+
+    row: int
+    """From 0."""
+    field: str
+    text: str
+
+
+def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
+    """Check typed rows.
+
+    Returns
+    -------
+    tags, faults
+        The tags; none of them when there is any fault.
+
+    Raises
+    ------
+    UsageError
+        It is no table at all: not a list of objects, or too long.
+    """
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise UsageError("tags must be a list of rows")
+    if len(rows) > MAX_ROWS:
+        raise UsageError(f"{len(rows)} tags are too many", remedy=f"At most {MAX_ROWS}")
+    found: list[FieldFault] = []
+    drafts = [_draft(row, index, found) for index, row in enumerate(rows)]
+    # A fault from the beginning: incomplete drafts are judged, but made into no tags.
+    faults = [_INCOMPLETE] if found else []
+    tags = tags_from_drafts(drafts, faults)
+    found += [_at_field(fault) for fault in faults if fault is not _INCOMPLETE]
+    return ((), found) if found else (tags, [])
+
+
+def rows_from_tags(tags: Sequence[Tag]) -> list[Row]:
+    """Write tags as rows of the table."""
+    return [
+        {
+            "id": tag.tag_id,
+            "name": tag.name or "",
+            "frequency_mhz": _short(tag.frequency_hz / 1e6),
+            "interval_ms": _short(tag.pulse_intervals_s[0] * 1e3),
+            "second_interval_ms": (
+                _short(tag.pulse_intervals_s[1] * 1e3) if len(tag.pulse_intervals_s) > 1 else ""
+            ),
+            "pulse_width_ms": _short(tag.pulse_width_s * 1e3),
+            "interval_uncertainty_ms": _short(tag.interval_uncertainty_s * 1e3),
+            "interval_jitter_ms": _short(tag.interval_jitter_s * 1e3),
+            "k": tag.k,
+            "false_alarm_percent": _percent(tag.false_alarm_probability * 100.0),
+        }
+        for tag in tags
+    ]
+
+
+def import_rows(files: Mapping[str, str]) -> list[Row]:
+    """Read rows from files: ``TagInfo.txt``, ``tags.toml``, CSV, TagTracker's databases.
+
+    Parameters
+    ----------
+    files : mapping of str to str
+        Text of each file by its name. TagTracker keeps tags and makers in two files, which
+        go together.
+
+    Raises
+    ------
+    UsageError
+        A file cannot be read; the text says which line and why.
+    """
+    tables = {name: read_csv(text) for name, text in files.items()}
+    makers = {
+        _key(cells["id"]): cells
+        for table in tables.values()
+        if table and "ip_msecs_1" in table[0]
+        for cells in table
+    }
+    rows: list[Row] = []
+    for name, text in files.items():
+        table = tables[name]
+        if table and "manufacturerid" in table[0]:
+            rows += [_tracker_row(name, cells, makers) for cells in table]
+        elif table and "frequency_mhz" in table[0]:
+            rows += [{key: cells.get(key, "") for key in (*FIELDS, "name")} for cells in table]
+        elif not (table and "ip_msecs_1" in table[0]):
+            rows += rows_from_tags(parse_tags(text.encode(), name=name))
+    if not rows:
+        raise UsageError(
+            f"no tag in {', '.join(files)}",
+            remedy="TagTracker's manufacturers file has no tags; give its TagInfo.db as well",
+        )
+    return rows
+
+
+def export_text(tags: Sequence[Tag], name: str) -> str:
+    """Write tags as ``tags.toml``, ``TagInfo.txt`` or ``tags.csv``.
+
+    Raises
+    ------
+    UsageError
+        There is no such format, or it cannot hold these tags.
+    """
+    if name == "tags.toml":
+        return format_tags_toml(tags)
+    if name == "TagInfo.txt":
+        double = [tag.tag_id for tag in tags if len(tag.pulse_intervals_s) > 1]
+        if double:
+            raise UsageError(
+                f"TagInfo.txt has no column for a second interval (tags {double})",
+                remedy="Export tags.toml or tags.csv",
+            )
+        return format_tag_info(tags)
+    if name == "tags.csv":
+        stream = io.StringIO()
+        writer = csv.DictWriter(stream, ["name", *FIELDS], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows_from_tags(tags))
+        return stream.getvalue()
+    raise UsageError(f"there is no format {name}", remedy="tags.toml, TagInfo.txt or tags.csv")
+
+
+def read_table(path: Path) -> tuple[Tag, ...]:
+    """Read the stored table; a damaged one is none, its file is left for a person to mend."""
+    try:
+        return parse_tags(path.read_bytes(), name=path.name)
+    except (OSError, TagFileError):
+        return ()
+
+
+def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDraft:
+    draft = TagDraft(line=index + 1)
+    for field, quantity in FIELDS.items():
+        written = row.get(field, "")
+        if written is None or str(written).strip() == "":
+            if field in REQUIRED:
+                found.append(FieldFault(row=index, field=field, text="is needed"))
+            continue
+        percent = str(written).rstrip().endswith("%") and field == "false_alarm_percent"
+        number = _number(str(written).rstrip().rstrip("%") if percent else written)
+        if number is None:
+            found.append(FieldFault(row=index, field=field, text="is not a number"))
+            continue
+        if field == "false_alarm_percent":
+            most = 100.0 * MAX_FALSE_ALARM_PROBABILITY
+            if 0.0 < number < LEAST_BARE_PERCENT and not percent:
+                text = (
+                    f"is {number:g} % meant? Then write it with its sign; "
+                    f"the probability {number:g} is {100.0 * number:g} %"
+                )
+                found.append(FieldFault(row=index, field=field, text=text))
+                continue
+            if not 0.0 < number <= most:
+                text = f"must be above 0 and at most {most:g} %"
+                found.append(FieldFault(row=index, field=field, text=text))
+                continue
+            number /= 100.0
+        unit = "MHz" if quantity == "frequency" else ""
+        draft.entries[quantity] = Entry(number=number, label=field, line=index + 1, unit=unit)
+    name = row.get("name")
+    if name is not None and str(name).strip():
+        draft.name = str(name).strip()
+        if len(draft.name) > MAX_NAME or not draft.name.isprintable():
+            text = f"must be at most {MAX_NAME} printable characters"
+            found.append(FieldFault(row=index, field="name", text=text))
+    return draft
+
+
+def table_version(tags: Sequence[Tag]) -> str:
+    """Name the content of a table: two that say the same have the same name."""
+    text = json.dumps(rows_from_tags(tags), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _at_field(fault: Fault) -> FieldFault:
+    field, _, text = fault.text.partition(" ")
+    if field == "id" and "already" in text:
+        text = f"{text.split()[0]} is used twice"
+    return FieldFault(row=fault.line - 1, field=field, text=text)
+
+
+def _number(written: object) -> float | None:
+    """Read a number as typed, with a point or a comma."""
+    if isinstance(written, bool):
+        return None
+    try:
+        number = float(str(written).strip().replace(",", "."))
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _tracker_row(
+    name: str, cells: Mapping[str, str], makers: Mapping[str, Mapping[str, str]]
+) -> Row:
+    """One tag of TagTracker's ``TagInfo.db``."""
+    maker = makers.get(_key(cells["manufacturerid"]))
+    if maker is None:
+        raise UsageError(
+            f"{name}: tag {cells.get('id', '?')} names manufacturer "
+            f"{cells['manufacturerid']}, which is not there",
+            remedy="Choose TagInfo.db and TagManufacturer.db together",
+        )
+    second = maker.get("ip_msecs_2", "")
+    return {
+        "id": cells.get("id", ""),
+        "name": cells.get("name", ""),
+        "frequency_mhz": cells.get("freqmhz", ""),
+        "interval_ms": maker.get("ip_msecs_1", ""),
+        "second_interval_ms": "" if _number(second) in (None, 0.0) else second,
+        "pulse_width_ms": maker.get("pulse_width", ""),
+        "interval_uncertainty_ms": maker.get("uncertainty", ""),
+        "interval_jitter_ms": maker.get("jitter", ""),
+        "k": 3,
+        "false_alarm_percent": _short(DEFAULT_FALSE_ALARM_PROBABILITY * 100.0),
+    }
+
+
+def _percent(number: float) -> float | int | str:
+    short = _short(number)
+    return f"{short} %" if short < LEAST_BARE_PERCENT else short
+
+
+def _key(number: str) -> str:
+    """A manufacturer's number however it is written."""
+    return number.removesuffix(".0").strip()
+
+
+def _short(number: float) -> float | int:
+    rounded = round(number, 9)
+    return int(rounded) if rounded == int(rounded) else rounded

@@ -1,0 +1,296 @@
+"""Waterfall of a channel: of samples in a flight directory, or live at a UDP port.
+
+The radio link is far too slow for samples. So a waterfall is drawn from what this computer
+has: recordings that lie in a flight's ``iq/`` (fetched, copied, or made here by ``uavrt run
+--ground``), and the channels that the drone sends as datagrams over a quick link
+(``[udp_channels]``), which on the drone itself come over the loopback.
+"""
+
+import asyncio
+import base64
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.measure import MaximumHold, Waterfall
+from uavrt.dsp import FrontEnd
+from uavrt.errors import FormatError, UavrtError, UsageError
+from uavrt.log import get_logger
+from uavrt.messages import ChannelBlock, IQBlock, Tag
+from uavrt.radio import (
+    FrameOrder,
+    RecordingSource,
+    StampStyle,
+    decode_channel_datagram,
+    listen,
+    open_recording,
+    parse_udp_address,
+    stamp_style,
+)
+from uavrt.recording import FlightLayout
+from uavrt.units import ns_from_s
+
+log = get_logger()
+
+HALF_WIDTH_HZ = 800.0
+"""About the tag; the search is 500 Hz wide on either side."""
+LONGEST_S = 120.0
+"""Of a recording at once: 120 s at 3 MS/s take about 4 s of a core."""
+LOWEST_DB, SPAN_DB = -3.0, 33.0
+"""Cells hold 0 … 255 for -3 … +30 dB over the noise, the median of the picture."""
+LIVE_RATE_HZ = 3750.0
+LIVE_PULSE_S = 0.02
+LIVE_COLUMNS = 8
+"""Frames of 10 ms that are joined by their maximum: 12.5 columns a second."""
+NOISE_COLUMNS = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A stretch of a waterfall as the page draws it."""
+
+    start_time_ns: int
+    column_s: float
+    low_hz: float
+    high_hz: float
+    """Edges, relative to the tag or, live, to the channel's centre."""
+    columns: int
+    rows: int
+    values: str
+    """Columns after one another, each from low to high, a byte a cell, in base64."""
+
+
+def recordings(flight: Path) -> list[Path]:
+    """Find the recordings of samples of a flight, in order of their names."""
+    return sorted(FlightLayout(flight).iq_directory.glob("*.sigmf-meta"))
+
+
+def recorded_picture(path: Path, tag: Tag, start_s: float, length_s: float) -> Picture:
+    """Draw a stretch of a recording about a tag's frequency.
+
+    Parameters
+    ----------
+    path : Path
+        A SigMF recording.
+    tag : Tag
+        Whose channel.
+    start_s, length_s : float
+        Which stretch, from the recording's beginning; `LONGEST_S` at most.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, or holds nothing there.
+    TunerError
+        The tag lies outside of the recorded band.
+    """
+    source = open_recording(path)
+    try:
+        front = FrontEnd(
+            sample_rate_hz=source.sample_rate_hz,
+            center_frequency_hz=source.center_frequency_hz,
+            frequencies_hz=[tag.frequency_hz],
+        )
+        waterfall: Waterfall | None = None
+        begin_ns = source.start_time_ns + ns_from_s(start_s)
+        end_ns = begin_ns + ns_from_s(min(length_s, LONGEST_S))
+        for block in _blocks(source):
+            if block.time_ns >= end_ns:
+                break
+            if _end_ns(block) < begin_ns:
+                continue
+            for part in front.process(block):
+                waterfall = waterfall or Waterfall(
+                    offset_hz=tag.frequency_hz - part.center_frequency_hz,
+                    half_width_hz=HALF_WIDTH_HZ,
+                    sample_rate_hz=part.sample_rate_hz,
+                    pulse_width_s=tag.pulse_width_s,
+                )
+                waterfall.add(part)
+    finally:
+        source.close()
+    if waterfall is None or not waterfall.power.any():
+        raise FormatError(f"{path.name} holds no samples there")
+    power = waterfall.power
+    return picture(
+        power,
+        noise=_noise(power),
+        start_time_ns=waterfall.start_time_ns,
+        column_s=waterfall.column_s,
+        frequencies_hz=waterfall.frequencies_hz,
+    )
+
+
+def picture(
+    power: NDArray[np.float32],
+    *,
+    noise: float,
+    start_time_ns: int,
+    column_s: float,
+    frequencies_hz: NDArray[np.float64],
+) -> Picture:
+    """Write (columns, rows) powers as bytes over a noise; what is missing becomes 0."""
+    with np.errstate(divide="ignore"):
+        level_db = 10.0 * np.log10(power / noise)
+    cells = np.clip(255.0 * (level_db - LOWEST_DB) / SPAN_DB, 0.0, 255.0).astype(np.uint8)
+    return Picture(
+        start_time_ns=start_time_ns,
+        column_s=column_s,
+        low_hz=float(frequencies_hz[0]),
+        high_hz=float(frequencies_hz[-1]),
+        columns=power.shape[0],
+        rows=power.shape[1],
+        values=base64.b64encode(cells.tobytes()).decode(),
+    )
+
+
+class LiveWaterfall:
+    """The channel at a UDP port, drawn as it comes.
+
+    Parameters
+    ----------
+    show : callable
+        Called with each new `Picture`, of a few columns, as a dictionary.
+    """
+
+    def __init__(self, show: Callable[[dict[str, Any]], None]) -> None:
+        self._show = show
+        self._transports: list[asyncio.DatagramTransport] = []
+        self.address: str | None = None
+
+    async def listen(self, address: str) -> None:
+        """Listen there in place of anywhere else; an empty address ends it.
+
+        Raises
+        ------
+        UavrtError
+            Not an address, or not a free one of this computer.
+        """
+        self.close()
+        if not address:
+            return
+        stream = ChannelStream(self._show)
+        loop = asyncio.get_running_loop()
+        for sock in listen(*parse_udp_address(address)):
+            transport, _ = await loop.create_datagram_endpoint(
+                lambda: _Datagrams(stream), sock=sock
+            )
+            self._transports.append(transport)
+        self.address = address
+
+    def close(self) -> None:
+        """Listen no more."""
+        for transport in self._transports:
+            transport.close()
+        self._transports, self.address = [], None
+
+
+class ChannelStream:
+    """Datagrams of a channel to columns of a picture; pure but for `show`.
+
+    Parameters
+    ----------
+    show : callable
+        Called with each new `Picture` as a dictionary.
+    """
+
+    def __init__(self, show: Callable[[dict[str, Any]], None]) -> None:
+        self._show = show
+        self._style: StampStyle | None = None
+        self._frames = FrameOrder(LIVE_RATE_HZ)
+        self._index = 0
+        self._noise: list[NDArray[np.float32]] = []
+        self.refused = 0
+        """Datagrams that are not of a channel."""
+
+    def receive(self, payload: bytes) -> None:
+        """Handle a datagram."""
+        try:
+            time_ns, samples = decode_channel_datagram(payload, self._style)
+            self._style = self._style or stamp_style(payload)
+        except FormatError as error:
+            if self.refused == 0:
+                log.warning("not a channel's datagram", reason=str(error))
+            self.refused += 1
+            return
+        self._frames.put(time_ns, np.where(np.isfinite(samples), samples, 0.0))
+        while (frame := self._frames.take(wait=True)) is not None:
+            self._draw(*frame)
+
+    def _draw(self, time_ns: int, samples: NDArray[np.complex64], lost: int) -> None:
+        """Draw one frame of 0.27 s; the pulses at its edges lie in two, and show in both."""
+        self._index += lost
+        waterfall = Waterfall(
+            offset_hz=0.0,
+            half_width_hz=LIVE_RATE_HZ / 2,
+            sample_rate_hz=LIVE_RATE_HZ,
+            pulse_width_s=LIVE_PULSE_S,
+        )
+        waterfall.add(
+            ChannelBlock(
+                channel=0,
+                center_frequency_hz=0.0,
+                samples=samples.astype(np.complex64),
+                sample_index=self._index,
+                time_ns=time_ns,
+                sample_rate_hz=LIVE_RATE_HZ,
+            )
+        )
+        self._index += samples.size
+        power = waterfall.power
+        if power.shape[0] == 0:
+            return
+        held = MaximumHold(power.shape[1], 2 * -(-power.shape[0] // (2 * LIVE_COLUMNS)))
+        held.put(0, power)
+        self._noise = [*self._noise[-NOISE_COLUMNS:], held.values.copy()]
+        made = picture(
+            held.values,
+            noise=_noise(np.concatenate(self._noise)),
+            start_time_ns=time_ns,
+            column_s=samples.size / LIVE_RATE_HZ / held.values.shape[0],
+            frequencies_hz=waterfall.frequencies_hz,
+        )
+        self._show(asdict(made))
+
+
+class _Datagrams(asyncio.DatagramProtocol):
+    def __init__(self, stream: ChannelStream) -> None:
+        self._stream = stream
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        """Asyncio's entrance."""
+        try:
+            self._stream.receive(data)
+        except (UavrtError, ValueError) as error:
+            log.warning("a channel's datagram was not drawn", reason=str(error))
+
+
+def tag_of(tags: tuple[Tag, ...], tag_id: int) -> Tag:
+    """Find a tag; raises `UsageError`."""
+    for tag in tags:
+        if tag.tag_id == tag_id:
+            return tag
+    raise UsageError(f"there is no tag {tag_id} in this flight")
+
+
+def _blocks(source: RecordingSource) -> Iterator[IQBlock]:
+    while True:
+        try:
+            block = source.read()
+        except EOFError:
+            return
+        if block is not None:
+            yield block
+
+
+def _noise(power: NDArray[np.float32]) -> float:
+    """Median of the cells that hold anything."""
+    return float(np.median(power[power > 0.0])) if power.any() else 1.0
+
+
+def _end_ns(block: IQBlock) -> int:
+    return block.time_ns + ns_from_s(block.samples.size / block.sample_rate_hz)

@@ -1,0 +1,244 @@
+"""Outlines of areas in the texts of other programs: GeoJSON, KML, QGroundControl's plans. Pure.
+
+QGroundControl's file: its format of plans, version 1 (a survey's ``polygon``, a fence's
+polygons and circles).
+"""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import cos, isfinite, pi, sin
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from uavrt.errors import FormatError
+from uavrt.guidance.orders import Place
+from uavrt.messages import KeepOut
+from uavrt.tangent_plane import TangentPlane
+
+CIRCLE_CORNERS = 20
+"""As many as an order holds."""
+MOST_TEXT = 2_000_000
+MOST_KEEP_OUT = 100
+MOST_NAME = 24
+_REMEDY = (
+    "Draw one outline without holes, in QGIS or on geojson.io (GeoJSON), in Google Earth "
+    "(KML), or as a survey in QGroundControl (.plan)"
+)
+_KEEP_OUT_REMEDY = (
+    'Mark them: GeoJSON with "keep_out": true, a point with its "radius_m"; KML polygons named '
+    '"keep out …"; in a .plan of QGroundControl its exclusion fences'
+)
+
+
+def area_in(text: str, name: str) -> tuple[Place, ...]:
+    """Read the one outline that a file holds, besides those to keep out of.
+
+    Parameters
+    ----------
+    text : str
+        Of the file.
+    name : str
+        Its name, for the error.
+
+    Raises
+    ------
+    FormatError
+        It is none of the three, or holds no outline or several.
+    """
+    with _told(f"{name} gives no area", _REMEDY):
+        outlines = [one for one in _read(text) if not one.keep_out]
+        if len(outlines) != 1:
+            raise ValueError(f"it holds {len(outlines)} outlines, not one")
+        if outlines[0].holes:
+            raise ValueError("the outline has holes")
+        return _checked(outlines[0].corners)
+
+
+def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, ...]:
+    """Read the places over which nothing is to fly.
+
+    In GeoJSON features with ``"keep_out": true`` (a Point with its ``radius_m``), in KML
+    polygons whose name begins with "keep out", in a plan the fences to stay outside of.
+
+    Parameters
+    ----------
+    text, name : str
+        As for `area_in`.
+    every : bool
+        The file is of nothing else: every outline of GeoJSON or KML counts.
+
+    Raises
+    ------
+    FormatError
+        It is none of the three, or one of them is no place.
+    """
+    with _told(f"{name} gives no places to keep out of", _KEEP_OUT_REMEDY):
+        found = tuple(
+            _kept(one) for one in _read(text) if one.keep_out or (every and one.mixed)
+        )
+        if len(found) > MOST_KEEP_OUT:
+            raise ValueError(f"it holds {len(found)} of them, more than {MOST_KEEP_OUT}")
+        if every and not found:
+            raise ValueError("it holds none")
+        return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Outline:
+    corners: list[tuple[float, float]]
+    keep_out: bool = False
+    mixed: bool = True
+    """Whether the format leaves open what it is for."""
+    radius_m: float | None = None
+    name: str = ""
+    holes: bool = False
+
+
+@contextmanager
+def _told(what: str, remedy: str) -> Iterator[None]:
+    """Turn whatever a strange text makes of itself into a `FormatError`."""
+    try:
+        yield
+    except (
+        ValueError,
+        TypeError,
+        KeyError,
+        AttributeError,
+        RecursionError,
+        ET.ParseError,
+    ) as error:
+        raise FormatError(f"{what}: {error}", remedy=remedy) from error
+
+
+def _read(text: str) -> list[_Outline]:
+    if len(text) > MOST_TEXT:
+        raise ValueError("it is too long")
+    return list(_of_kml(text) if text.lstrip("\ufeff \t\r\n")[:1] == "<" else _of_json(text))
+
+
+def _checked(corners: list[tuple[float, float]], least: int = 3) -> tuple[Place, ...]:
+    places = tuple((float(north), float(east)) for north, east in corners)
+    if places[:1] == places[-1:] and len(places) > 1:
+        places = places[:-1]
+    for north, east in places:
+        if not (isfinite(north) and isfinite(east) and abs(north) <= 90 and abs(east) <= 180):
+            raise ValueError(f"{north:g}, {east:g} is no place on earth")
+    if len(places) < least:
+        raise ValueError("an outline has three corners or more")
+    return places
+
+
+def _kept(one: _Outline) -> KeepOut:
+    """A place to keep out of; holes in it count as part of it."""
+    radius, name = one.radius_m, one.name[:MOST_NAME]
+    if radius is None:
+        if len(one.corners) == 1:
+            raise ValueError("a point to keep out of needs a radius_m")
+        return KeepOut(places=_checked(one.corners), name=name)
+    if isinstance(radius, bool) or not 0.0 < float(radius) < 1e5:
+        raise ValueError(f"a radius of {radius} m")
+    return KeepOut(places=_checked(one.corners, 1), radius_m=float(radius), name=name)
+
+
+def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
+    """Corners of a circle.
+
+    Raises
+    ------
+    FormatError
+        The radius is not above 0.
+    """
+    if not 0.0 < radius_m < 1e5:
+        raise FormatError(f"a circle of {radius_m:g} m", remedy="Give a radius above 0")
+    plane = TangentPlane(latitude_deg=center[0], longitude_deg=center[1])
+    angles = [2.0 * pi * number / CIRCLE_CORNERS for number in range(CIRCLE_CORNERS)]
+    places = [plane.to_geodetic(radius_m * sin(a), radius_m * cos(a)) for a in angles]
+    return tuple((float(north), float(east)) for north, east in places)
+
+
+def _of_json(text: str) -> Iterator[_Outline]:
+    found = json.loads(text)
+    yield from _of_plan(found) if found.get("fileType") == "Plan" else _shapes(found, {})
+
+
+def _shapes(found: Any, properties: Any) -> Iterator[_Outline]:
+    """Polygons of GeoJSON, and points to keep out of."""
+    keep_out = bool(properties.get("keep_out", False))
+    name = str(properties.get("name") or "")
+    match found["type"]:
+        case "FeatureCollection":
+            for feature in found["features"]:
+                yield from _shapes(feature, {})
+        case "Feature":
+            yield from _shapes(found["geometry"], found.get("properties") or {})
+        case "Polygon" | "MultiPolygon":
+            several = found["type"] == "MultiPolygon"
+            for rings in found["coordinates"] if several else [found["coordinates"]]:
+                yield _Outline(
+                    corners=[(north, east) for east, north, *_ in rings[0]],
+                    keep_out=keep_out,
+                    name=name,
+                    holes=len(rings) != 1,
+                )
+        case "Point" if keep_out:
+            east, north, *_ = found["coordinates"]
+            radius = properties.get("radius_m")
+            yield _Outline(corners=[(north, east)], keep_out=True, radius_m=radius, name=name)
+
+
+def _of_plan(found: Any) -> Iterator[_Outline]:
+    """What is surveyed, else the fence that is kept within; and fences to keep out of."""
+    surveyed = [
+        _Outline(corners=[(north, east) for north, east, *_ in item["polygon"]], mixed=False)
+        for item in found.get("mission", {}).get("items", [])
+        if "polygon" in item
+    ]
+    fences = list(_fences(found.get("geoFence", {})))
+    yield from surveyed or [one for one in fences if not one.keep_out]
+    yield from (one for one in fences if one.keep_out)
+
+
+def _fences(fence: Any) -> Iterator[_Outline]:
+    for one in fence.get("polygons", []):
+        corners = [(north, east) for north, east, *_ in one["polygon"]]
+        yield _Outline(corners=corners, keep_out=not one.get("inclusion", True), mixed=False)
+    for one in fence.get("circles", []):
+        north, east = one["circle"]["center"][:2]
+        place, radius = (float(north), float(east)), float(one["circle"]["radius"])
+        if one.get("inclusion", True):
+            yield _Outline(corners=list(circle(place, radius)), mixed=False)
+        else:
+            yield _Outline(corners=[place], keep_out=True, radius_m=radius, mixed=False)
+
+
+def _of_kml(text: str) -> Iterator[_Outline]:
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ValueError("it declares XML entities, which KML never needs")
+    # Without the declaration: the text is decoded already.
+    root = ET.fromstring(text[text.find("<kml") :] if "<kml" in text else text)
+    names = {
+        polygon: _kml_name(placemark)
+        for placemark in root.iter()
+        if _named(placemark, "Placemark")
+        for polygon in placemark.iter()
+    }
+    for polygon in (one for one in root.iter() if _named(one, "Polygon")):
+        ring, *inner = [one for one in polygon.iter() if _named(one, "coordinates")]
+        corners = [corner.split(",") for corner in (ring.text or "").split()]
+        name = names.get(polygon, "")
+        yield _Outline(
+            corners=[(float(corner[1]), float(corner[0])) for corner in corners],
+            keep_out=name.lower().replace("-", " ").startswith("keep out"),
+            name=name,
+            holes=bool(inner) or any(_named(one, "innerBoundaryIs") for one in polygon.iter()),
+        )
+
+
+def _kml_name(placemark: ET.Element) -> str:
+    return next((one.text or "" for one in placemark if _named(one, "name")), "").strip()
+
+
+def _named(element: ET.Element, name: str) -> bool:
+    return element.tag.rpartition("}")[2] == name

@@ -1,0 +1,899 @@
+"""Decide whether we command the vehicle: only until anyone or anything objects. Pure.
+
+Three states. *Out*: nothing is sent. *Confirmed*: the operator has confirmed an order; it must
+begin within 10 s. *In command*: the first command was sent. Whatever is seen that is not of our
+making ends it at once and for good: nothing is repeated, nothing waits, and only a confirmation
+of a new order, with a nonce that was never used, begins again. What the autopilot answers to a
+command counts for nothing: PX4 refuses commands that it flies, and accepts some that it does
+not. A command is obeyed when its target is seen to be the vehicle's.
+
+It stands where commands leave the drone side, and hears the autopilot before anybody else: what
+was on its way from a planner when a pilot took over is refused here.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from enum import StrEnum
+from math import atan2, cos, degrees, inf, isfinite, nan, radians
+
+from uavrt.errors import CommandRefused
+from uavrt.geodesy import distance_m
+from uavrt.guidance.manners import Manners
+from uavrt.guidance.observed import (
+    Boot,
+    BootTimeSeen,
+    FailsafeSeen,
+    HomeSeen,
+    LandedSeen,
+    ModeSeen,
+    Observation,
+    PositionLost,
+    PositionSeen,
+    SticksSeen,
+    TargetSeen,
+)
+from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.wishes import (
+    FlyThere,
+    GoHome,
+    TakeMode,
+    TakeOff,
+    TurnInPlace,
+    VehicleCommand,
+    Wish,
+)
+from uavrt.guidance.yaw import YawWatch
+from uavrt.units import wrap_degrees_180, wrap_degrees_360
+
+BEGINS_WITHIN_S = 10.0
+"""From the confirmation to the first command."""
+OFFER_HOLDS_S = 60.0
+"""How long the operator may think."""
+TAKEOFF_HOLDS_S = 10.0
+"""The same of a take-off: somebody stands beside an armed drone."""
+MODE_AGE_S, POSITION_AGE_S = 1.0, 0.5
+"""Older, and no command is sent."""
+CHANGE_MODE_AGE_S = 0.2
+"""The same for a command that changes the mode: a pilot's own change crosses with it."""
+MODE_LOST_S, POSITION_LOST_S, STICKS_LOST_S = 3.0, 2.0, 1.5
+TARGET_LOST_S, HEARTBEAT_LOST_S = 3.0, 5.0
+"""Older, and the order has ended. Only the heartbeat tells of disarming and failsafes."""
+TARGET_AGE_S = 1.0
+"""Older, and no further command is sent: another's target would not have been seen."""
+PLANNER_LOST_S = 2.0
+OBEYED_WITHIN_S = 3.0
+CHANGES_WITHIN_S = 0.5
+"""The autopilots show a new target after 0.05 to 0.09 s; until then the one before is right."""
+MODE_CHANGES_WITHIN_S = 1.5
+"""The same for the mode, which PX4 tells at 2 Hz."""
+ASTRAY_M = 6.0
+"""Farther from the target than before, besides what it takes to brake."""
+HEIGHT_OFF_M = 5.0
+HEIGHT_JUMP_M = 5.0
+PLACE_JUMP_M = 30.0
+HOME_MOVED_M = 2.0
+STICK_US = 60
+BRAKES_M_S2 = 1.5
+MOVES_WITHIN_S = 12.0
+YAW_DEG, TARGET_YAW_DEG = 25.0, 15.0
+SHORT_WAY_M = 2.0
+"""On a shorter one the autopilots do not turn."""
+FLYING_M = 2.0
+"""Above home: lower than this it stands on the ground, where the autopilot does not tell."""
+LANDED_AGE_S = 3.0
+TAKES_OFF_WITHIN_S = 10.0
+RISEN_M, AT_TOP_M, CLIMBS_WITHIN_S = 1.0, 3.0, 6.0
+"""Of a take-off: obeyed; as good as there; longest without having risen."""
+
+
+class Standing(StrEnum):
+    """See the module's text."""
+
+    OUT = "out"
+    CONFIRMED = "confirmed"
+    IN_COMMAND = "in command"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offer:
+    """An order that waits for the operator."""
+
+    order_id: int
+    nonce: int
+    made_s: float
+    mode: int
+    """What the vehicle was in when the operator was asked."""
+    target: TargetSeen | None
+    """Where it flew to then, if that was nobody's order but could be another's now."""
+    takeoff: bool = False
+
+
+@dataclass(slots=True, kw_only=True)
+class _Motion:
+    """What was asked for last, and how it goes."""
+
+    wish: Wish
+    sent_s: float
+    first: bool
+    before: TargetSeen | None
+    """Target of the time before the command."""
+    left_m: float
+    """Least distance to the target so far."""
+    begun_m: float
+    slack_m: float
+    lowest_m: float
+    highest_m: float
+    yaw: YawWatch | None
+    target_yaw: YawWatch | None = None
+    start: PositionSeen
+    """Where it was."""
+    top_m: float
+    """Greatest altitude so far, of a take-off."""
+    risen_s: float
+    obeyed: bool = False
+
+
+class Authority:
+    """The last word on commands to one vehicle.
+
+    Parameters
+    ----------
+    manners : Manners
+        Of its autopilot.
+    lowest_m, highest_m : float
+        Heights above home beyond which nothing is commanded.
+    farthest_m : float
+        Likewise the distance from home.
+    may_take_off : bool
+        Whether a take-off may be confirmed at all.
+    """
+
+    def __init__(
+        self,
+        manners: Manners,
+        *,
+        lowest_m: float = 20.0,
+        highest_m: float = 120.0,
+        farthest_m: float = 1000.0,
+        may_take_off: bool = False,
+    ) -> None:
+        self.manners = manners
+        self._lowest_m, self._highest_m, self._farthest_m = lowest_m, highest_m, farthest_m
+        self._may_take_off = may_take_off
+        self._takeoff = False
+        """The order that is confirmed is a take-off."""
+        self._landed: LandedSeen | None = None
+        self.standing = Standing.OUT
+        self.order_id: int | None = None
+        self.reason = "nothing was confirmed"
+        """Why it is out."""
+        self.out_s = 0.0
+        self.counters: Counter[str] = Counter()
+        self._offer: Offer | None = None
+        self._used: set[int] = set()
+        self._confirmed_s = 0.0
+        self._planner_s = 0.0
+        self._mode: ModeSeen | None = None
+        self._mode_then = 0
+        self._armed = False
+        self._heartbeat_s = 0.0
+        self._own_mode_seen = False
+        self._position: PositionSeen | None = None
+        self._target: TargetSeen | None = None
+        self._sticks: SticksSeen | None = None
+        self._sticks_then: tuple[int, ...] | None = None
+        self._home: HomeSeen | None = None
+        self._boot_s = 0.0
+        self._failsafe: FailsafeSeen | None = None
+        self._motion: _Motion | None = None
+
+    # --------------------------------------------------------------- the operator
+
+    def offer(self, order_id: int, nonce: int, now_s: float, *, takeoff: bool = False) -> None:
+        """Handle an order that the operator is asked to confirm; the one before is forgotten.
+
+        Raises
+        ------
+        CommandRefused
+            The vehicle is not in a state to be flown; or the nonce was used.
+        """
+        if nonce in self._used:
+            raise CommandRefused(
+                "this nonce was used before", remedy="Ask for the motion again"
+            )
+        self._check_vehicle(now_s, takeoff=takeoff)
+        assert self._mode is not None
+        self._used.add(nonce)
+        rests = self.standing is Standing.OUT and self._mode.mode == self.manners.own_mode
+        self._offer = Offer(
+            order_id=order_id,
+            nonce=nonce,
+            made_s=now_s,
+            mode=self._mode.mode,
+            target=self._target if rests else None,
+            takeoff=takeoff,
+        )
+
+    def confirm(
+        self, order_id: int, nonce: int, now_s: float, *, sticks_unseen: bool = False
+    ) -> None:
+        """Accept the operator's confirmation of the offered order.
+
+        Parameters
+        ----------
+        order_id, nonce : int
+            Those of the offer.
+        now_s : float
+        sticks_unseen : bool
+            The operator knows that no hand on the sticks would be seen.
+
+        Raises
+        ------
+        CommandRefused
+            It is not what was offered, too late, or something has changed meanwhile.
+        """
+        offer, self._offer = self._offer, None
+        if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
+            raise CommandRefused(
+                "this order is not on offer", remedy="Ask for the motion again, then confirm"
+            )
+        holds_s = TAKEOFF_HOLDS_S if offer.takeoff else OFFER_HOLDS_S
+        if now_s - offer.made_s > holds_s:
+            raise CommandRefused(
+                f"the order was asked for {now_s - offer.made_s:.0f} s ago",
+                remedy=f"Ask for the motion again, then confirm within {holds_s:.0f} s",
+            )
+        self._check_vehicle(now_s, takeoff=offer.takeoff)
+        assert self._mode is not None
+        self._check_unchanged(offer, self._mode)
+        sticks = self._fresh_sticks(now_s)
+        if sticks is None and not sticks_unseen:
+            raise CommandRefused(
+                "the sticks are not seen: nobody could take over by them",
+                remedy="Switch the remote control on, or confirm that sticks are not seen",
+            )
+        if self.standing is not Standing.OUT:
+            self._end("another order was confirmed", now_s)
+        self._sticks_then = sticks
+        self._mode_then, self._own_mode_seen = self._mode.mode, False
+        self._motion, self._takeoff = None, offer.takeoff
+        self.standing, self.order_id, self.reason = Standing.CONFIRMED, order_id, ""
+        self._confirmed_s = self._planner_s = now_s
+        self.counters["orders_confirmed"] += 1
+
+    def _check_unchanged(self, offer: Offer, mode: ModeSeen) -> None:
+        """Raise `CommandRefused` where another has the vehicle since the operator was asked."""
+        if mode.mode != offer.mode:
+            raise CommandRefused(
+                f"the mode has changed to {self.manners.mode_name(mode.mode)}",
+                remedy="Whoever changed it flies; ask for the motion anew if it is yours again",
+            )
+        then, now = offer.target, self._target
+        if then is not None and now is not None and not self._same(then, now):
+            raise CommandRefused(
+                "another has given a target since you were asked",
+                remedy="Whoever gave it flies; ask for the motion anew if it is yours again",
+            )
+
+    def _check_vehicle(self, now_s: float, *, takeoff: bool) -> None:
+        """Raise `CommandRefused` unless the vehicle can be flown by us."""
+        fault = self.fault(now_s, takeoff=takeoff)
+        if fault is not None:
+            raise CommandRefused(*fault[:1], remedy=fault[1])
+
+    def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
+        """Why no order, or no take-off, can be confirmed now, and the remedy; else None."""
+        if takeoff and not self._may_take_off:
+            remedy = "Take off by hand, or set guidance.may_take_off = true on the drone"
+            return "this drone does not take off by order", remedy
+        if self._mode is None or now_s - self._mode.time_s > MODE_AGE_S:
+            return "the autopilot's mode is not known", "Check the link to the autopilot"
+        if now_s - self._heartbeat_s > HEARTBEAT_LOST_S:
+            return "no heartbeat of the autopilot", "Check the link to the autopilot"
+        if self._position is None or now_s - self._position.time_s > POSITION_AGE_S:
+            return "the vehicle has no position", "Wait for its satellites"
+        if self._home is None:
+            return "the vehicle has no home", "Wait for its position, or set home in the GCS"
+        if not self._armed:
+            what = "Let the pilot arm, and ask again" if takeoff else "Take off by hand"
+            return "the vehicle is not armed", f"{what}; uavrt never arms"
+        if self.on_ground(now_s) and not takeoff:
+            return "the vehicle is on the ground", "Take off by hand first"
+        if takeoff and not self.on_ground(now_s):
+            return "the vehicle is in the air already", "Ask for another motion"
+        if self._failsafe is not None:
+            what = self._failsafe.what
+            return f"the autopilot tells of a failsafe: {what}", "Land, and see to it"
+        return None
+
+    def on_ground(self, now_s: float) -> bool:
+        """Whether it stands on the ground, by its own word or else by its height above home."""
+        landed, position = self._landed, self._position
+        told = landed is not None and now_s - landed.time_s <= LANDED_AGE_S
+        if told and landed is not None and landed.on_ground is not None:
+            return landed.on_ground
+        return position is not None and position.altitude_relative_m < FLYING_M
+
+    def stop(self, now_s: float, reason: str = "stopped by the operator") -> None:
+        """End it from our side."""
+        self._end(reason, now_s)
+
+    def planner_alive(self, now_s: float) -> None:
+        """Note a sign of life of the process that sends the wishes."""
+        self._planner_s = now_s
+
+    # ---------------------------------------------------------------- the commands
+
+    def command(self, order_id: int, wish: Wish, now_s: float) -> VehicleCommand:
+        """Turn a wish into the command to be sent now, once.
+
+        Raises
+        ------
+        CommandRefused
+            Nothing may be sent; the wish is gone.
+        """
+        self.tick(now_s)
+        if self.standing is Standing.OUT or order_id != self.order_id:
+            raise CommandRefused(f"not in command: {self.reason or 'another order is'}")
+        assert self._mode is not None
+        position = self._position
+        if now_s - self._mode.time_s > MODE_AGE_S:
+            raise CommandRefused("the mode is older than 1 s")
+        if position is None or now_s - position.time_s > POSITION_AGE_S:
+            raise CommandRefused("the position is older than 0.5 s")
+        first = self.standing is Standing.CONFIRMED
+        if self._takeoff != isinstance(wish, TakeMode | TakeOff):
+            raise CommandRefused("this is not what was confirmed")
+        changes_mode = first or isinstance(wish, GoHome)
+        if changes_mode and now_s - self._mode.time_s > CHANGE_MODE_AGE_S:
+            raise CommandRefused("the mode was not seen just now")
+        if not first and self._mode.mode != self.manners.own_mode:
+            raise CommandRefused("the first command is not yet seen to be obeyed")
+        if self._motion is not None and not self._motion.obeyed:
+            raise CommandRefused("the command before is not yet seen to be obeyed")
+        if not first and not self._takeoff and self._target_age_s(now_s) > TARGET_AGE_S:
+            raise CommandRefused("the target is older than 1 s")
+        if self._takeoff and not self.on_ground(now_s):
+            raise CommandRefused("the vehicle is in the air already")
+        command = self._written(wish, position, first=first)
+        self._motion = self._begun(wish, position, now_s, first=first)
+        self.standing = Standing.IN_COMMAND
+        self.counters["commands_sent"] += 1
+        return command
+
+    def _written(self, wish: Wish, position: PositionSeen, *, first: bool) -> VehicleCommand:
+        match wish:
+            case FlyThere():
+                ground = position.altitude_amsl_m - position.altitude_relative_m
+                values = (wish.latitude_deg, wish.longitude_deg, wish.altitude_amsl_m)
+                on_globe = abs(wish.latitude_deg) <= 90.0 and abs(wish.longitude_deg) <= 180.0
+                if not (on_globe and isfinite(wish.altitude_amsl_m)):
+                    raise CommandRefused(f"{values} is no place")
+                above = wish.altitude_amsl_m - ground
+                if not self._lowest_m - 0.5 <= above <= self._highest_m + 0.5:
+                    raise CommandRefused(f"{above:.0f} m above home is too low or too high")
+                home = self._home
+                if home is None or self._farthest_m < distance_m(
+                    wish.latitude_deg, wish.longitude_deg, home.latitude_deg, home.longitude_deg
+                ):
+                    raise CommandRefused(f"farther than {self._farthest_m:.0f} m from home")
+                yaw = nan
+                if wish.yaw_deg is not None and self.manners.yaw_in_reposition:
+                    yaw = radians(wrap_degrees_360(wish.yaw_deg))
+                return VehicleCommand(
+                    name="DO_REPOSITION",
+                    param1=-1.0,
+                    param2=1.0 if first else 0.0,
+                    param4=yaw,
+                    x=round(wish.latitude_deg * 1e7),
+                    y=round(wish.longitude_deg * 1e7),
+                    z_m=wish.altitude_amsl_m,
+                )
+            case TurnInPlace():
+                if first or self.manners.yaw_in_reposition:
+                    raise CommandRefused("this autopilot cannot turn so")
+                if not 0.0 < abs(wish.turn_deg) <= 360.0 or not wish.rate_deg_s > 0.0:
+                    raise CommandRefused(f"{wish} is no turn")
+                return VehicleCommand(
+                    name="CONDITION_YAW",
+                    param1=abs(wish.turn_deg),
+                    param2=wish.rate_deg_s,
+                    param3=1.0 if wish.turn_deg > 0.0 else -1.0,
+                    param4=1.0,
+                )
+            case GoHome():
+                return VehicleCommand(name="NAV_RETURN_TO_LAUNCH")
+            case TakeMode():
+                if not (first and self.manners.own_mode_first):
+                    raise CommandRefused("this autopilot takes off out of any mode")
+                return VehicleCommand(
+                    name="DO_SET_MODE", param1=1.0, param2=float(self.manners.own_mode)
+                )
+            case TakeOff():
+                return self._written_takeoff(wish, position, first=first)
+
+    def _written_takeoff(
+        self, wish: TakeOff, position: PositionSeen, *, first: bool
+    ) -> VehicleCommand:
+        """PX4 takes an altitude above mean sea level, ArduPilot a height above home."""
+        above = wish.altitude_amsl_m - position.altitude_amsl_m + position.altitude_relative_m
+        if first == self.manners.own_mode_first:
+            raise CommandRefused("the mode for a take-off is not taken")
+        if not self._lowest_m - 0.5 <= above <= self._highest_m + 0.5:
+            raise CommandRefused(f"{above:.0f} m above home is too low or too high")
+        if not abs(above - wish.height_m) <= 1.0:
+            raise CommandRefused(f"{wish} is two heights")
+        if self.manners.own_mode_first:
+            return VehicleCommand(name="NAV_TAKEOFF", z_m=wish.height_m)
+        return VehicleCommand(
+            name="NAV_TAKEOFF",
+            param1=-1.0,
+            param4=nan,
+            param5=nan,
+            param6=nan,
+            z_m=wish.altitude_amsl_m,
+        )
+
+    def _begun(
+        self, wish: Wish, position: PositionSeen, now_s: float, *, first: bool
+    ) -> _Motion:
+        """The motion that must be observed from now on."""
+        before, left, yaw = self._motion, 0.0, None
+        heights = [position.altitude_amsl_m]
+        if isinstance(wish, FlyThere):
+            left = _distance_m(position, wish)
+            heights.append(wish.altitude_amsl_m)
+        elif isinstance(wish, TakeOff):
+            heights.append(wish.altitude_amsl_m)
+        elif before is not None and isinstance(wish, TurnInPlace):
+            heights += [before.lowest_m, before.highest_m]
+            left = before.left_m
+        if position.yaw_deg is not None and not isinstance(wish, GoHome):
+            yaw = YawWatch(
+                start_s=now_s,
+                yaw_deg=position.yaw_deg,
+                tolerance_deg=YAW_DEG,
+                wanted_deg=wish.yaw_deg
+                if isinstance(wish, FlyThere) and self.manners.yaw_in_reposition
+                else None,
+                course_deg=_course_deg(position, wish) if isinstance(wish, FlyThere) else None,
+                turn_deg=wish.turn_deg if isinstance(wish, TurnInPlace) else None,
+                rate_deg_s=wish.rate_deg_s if isinstance(wish, TurnInPlace) else 0.0,
+            )
+        return _Motion(
+            wish=wish,
+            sent_s=now_s,
+            first=first,
+            before=self._target,
+            left_m=left,
+            begun_m=left,
+            slack_m=ASTRAY_M + position.speed_m_s**2 / (2.0 * BRAKES_M_S2),
+            lowest_m=min(heights),
+            highest_m=max(heights),
+            yaw=yaw,
+            start=position,
+            top_m=position.altitude_amsl_m,
+            risen_s=now_s,
+        )
+
+    @property
+    def mode_now(self) -> str:
+        """The vehicle's mode by name; empty before any was seen."""
+        return "" if self._mode is None else self.manners.mode_name(self._mode.mode)
+
+    @property
+    def taking_off(self) -> bool:
+        """Whether a take-off was commanded: it goes on to its height, whatever we say."""
+        return self._takeoff and self.standing is Standing.IN_COMMAND
+
+    @property
+    def obeyed(self) -> bool:
+        """Whether the last command was seen to be obeyed; another may follow."""
+        return self._motion is not None and self._motion.obeyed
+
+    @property
+    def turned_deg(self) -> float:
+        """How far the turn in place is."""
+        watch = None if self._motion is None else self._motion.yaw
+        return 0.0 if watch is None else watch.turned_deg
+
+    def vehicle_now(
+        self,
+        now_s: float,
+        *,
+        battery_percent: float | None,
+        wishes_sent: int,
+        wishes_refused: int,
+        ground_silent_s: float,
+    ) -> VehicleNow | None:
+        """What a pilot is to know; None without a position or a home."""
+        position, home = self._position, self._home
+        if position is None or home is None:
+            return None
+        return VehicleNow(
+            time_s=now_s,
+            latitude_deg=position.latitude_deg,
+            longitude_deg=position.longitude_deg,
+            altitude_amsl_m=position.altitude_amsl_m,
+            altitude_relative_m=position.altitude_relative_m,
+            speed_m_s=position.speed_m_s,
+            yaw_deg=position.yaw_deg,
+            home=(home.latitude_deg, home.longitude_deg),
+            battery_percent=battery_percent,
+            order_id=self.order_id,
+            began=self.standing is Standing.IN_COMMAND,
+            obeyed=self.obeyed,
+            wishes_sent=wishes_sent,
+            wishes_refused=wishes_refused,
+            turned_deg=self.turned_deg,
+            ground_silent_s=ground_silent_s,
+        )
+
+    # --------------------------------------------------------------- what is seen
+
+    def see(self, seen: Observation) -> None:
+        """Handle what the vehicle reports; anything that we did not cause ends the order."""
+        match seen:
+            case PositionSeen():
+                self._see_boot_time(seen.boot_s, seen.time_s)
+                self._see_position(seen)
+            case ModeSeen():
+                self._see_mode(seen)
+            case TargetSeen():
+                self._see_target(seen)
+            case SticksSeen():
+                self._see_sticks(seen)
+            case HomeSeen():
+                self._see_home(seen)
+            case LandedSeen():
+                self._see_landed(seen)
+            case FailsafeSeen():
+                self._failsafe = seen
+                self._end(f"failsafe: {seen.what}", seen.time_s)
+            case PositionLost():
+                self._position = None
+                self._end("the position is lost", seen.time_s)
+            case BootTimeSeen():
+                self._see_boot_time(seen.boot_s, seen.time_s)
+            case Boot():
+                self._restarted("another autopilot", seen.time_s)
+
+    def tick(self, now_s: float) -> None:
+        """End what has become too old."""
+        failsafe = self._failsafe
+        if failsafe is not None and now_s - failsafe.time_s > MODE_LOST_S:
+            self._failsafe = None
+        if self.standing is Standing.OUT:
+            return
+        if now_s - self._planner_s > PLANNER_LOST_S:
+            self._end("the guide is silent", now_s)
+        elif self._mode is None or now_s - self._mode.time_s > MODE_LOST_S:
+            self._end("the mode is not told any more", now_s)
+        elif now_s - self._heartbeat_s > HEARTBEAT_LOST_S:
+            self._end("no heartbeat of the autopilot", now_s)
+        elif self._position is None or now_s - self._position.time_s > POSITION_LOST_S:
+            self._end("the position is lost", now_s)
+        elif self._sticks_then is not None and self._fresh_sticks(now_s) is None:
+            self._end("the sticks are not seen any more", now_s)
+        elif self.standing is Standing.CONFIRMED:
+            if now_s - self._confirmed_s > BEGINS_WITHIN_S:
+                self._end("the order was not begun within 10 s", now_s)
+        else:
+            self._see_time(now_s)
+
+    def _see_time(self, now_s: float) -> None:
+        motion = self._motion
+        assert motion is not None
+        longest_s = OBEYED_WITHIN_S
+        if isinstance(motion.wish, TakeOff):
+            longest_s = TAKES_OFF_WITHIN_S
+        if not motion.obeyed and now_s - motion.sent_s > longest_s:
+            self._end("the command was not seen to be obeyed", now_s)
+        elif self._takeoff:
+            return  # ArduPilot tells no target then
+        elif motion.obeyed and self._target_age_s(now_s) > TARGET_LOST_S:
+            self._end("the target is not told any more", now_s)
+
+    def _target_age_s(self, now_s: float) -> float:
+        return inf if self._target is None else now_s - self._target.time_s
+
+    def _see_boot_time(self, boot_s: float, time_s: float) -> None:
+        if boot_s + 1.0 < self._boot_s:
+            self._restarted("the autopilot has restarted", time_s)
+        self._boot_s = max(boot_s, self._boot_s)
+
+    def _restarted(self, reason: str, time_s: float) -> None:
+        self._end(reason, time_s)
+        self._boot_s = 0.0
+        self._offer = None
+        self._mode = self._position = self._target = self._home = self._sticks = None
+        self._landed = None
+
+    def _see_mode(self, seen: ModeSeen) -> None:
+        self._mode = seen
+        if seen.armed is not None:
+            self._armed, self._heartbeat_s = seen.armed, seen.time_s
+            if not seen.armed:
+                self._end("the vehicle is disarmed", seen.time_s)
+        if seen.failsafe:
+            self._failsafe = FailsafeSeen(seen.time_s, "critical state")
+            self._end("the autopilot is in a failsafe", seen.time_s)
+        if self.standing is Standing.CONFIRMED and seen.mode != self._mode_then:
+            self._end(self._mode_words(seen.mode), seen.time_s)
+        elif self.standing is Standing.IN_COMMAND:
+            self._see_mode_in_command(seen)
+
+    def _see_mode_in_command(self, seen: ModeSeen) -> None:
+        motion, own = self._motion, self.manners.own_mode
+        assert motion is not None
+        if isinstance(motion.wish, GoHome) and seen.mode in self.manners.return_modes:
+            self._end("returning: the autopilot flies home", seen.time_s)
+            return
+        if isinstance(motion.wish, TakeOff) and not self.manners.own_mode_first:
+            if seen.mode == self.manners.takeoff_mode:
+                self._own_mode_seen = True
+                return
+            if seen.mode == own and motion.top_m >= motion.highest_m - AT_TOP_M:
+                return  # it has arrived, and hovers
+        elif seen.mode == own:
+            self._own_mode_seen = True
+            motion.obeyed |= isinstance(motion.wish, TakeMode)
+            return
+        waits = seen.time_s - motion.sent_s < MODE_CHANGES_WITHIN_S
+        if not self._own_mode_seen and seen.mode == self._mode_then and waits:
+            return
+        self._end(self._mode_words(seen.mode), seen.time_s)
+
+    def _mode_words(self, mode: int) -> str:
+        return f"the mode is {self.manners.mode_name(mode)}"
+
+    def _see_target(self, seen: TargetSeen) -> None:
+        before, self._target = self._target, seen
+        if self.standing is Standing.CONFIRMED:
+            # A vehicle in another mode follows the sticks with its target, or a mission.
+            ours = self._mode_then == self.manners.own_mode
+            if ours and before is not None and not self._same(seen, before):
+                self._end("another has given a target", seen.time_s)
+        elif self.standing is Standing.IN_COMMAND:
+            self._see_target_in_command(seen)
+
+    def _see_target_in_command(self, seen: TargetSeen) -> None:
+        motion = self._motion
+        assert motion is not None
+        place = motion.wish
+        if isinstance(place, GoHome):
+            return  # the mode tells
+        if isinstance(place, TakeMode | TakeOff):
+            self._see_target_of_takeoff(motion, seen)
+            return
+        if isinstance(place, TurnInPlace):
+            if motion.before is not None and not self._same(seen, motion.before):
+                self._end("another has given a target", seen.time_s)
+            else:
+                motion.obeyed |= self.turned_deg >= 10.0
+            return
+        if self._same(seen, _target_of(place)):
+            # A turn keeps the place: there only the heading shows that it was obeyed.
+            motion.obeyed |= motion.yaw is None or motion.yaw.begun
+            self._see_target_yaw(motion, seen)
+            return
+        waits = not motion.obeyed and seen.time_s - motion.sent_s < CHANGES_WITHIN_S
+        if waits and self._may_be_before(motion, seen):
+            return
+        self._end("another has given a target", seen.time_s)
+
+    def _see_target_of_takeoff(self, motion: _Motion, seen: TargetSeen) -> None:
+        """None, or above where it stood and at the height asked for, where it tells one."""
+        height = seen.altitude_amsl_m
+        if seen.latitude_deg is None or height is None:
+            return
+        here = _distance_m(motion.start, seen) < ASTRAY_M
+        waits = isinstance(motion.wish, TakeMode) or (
+            not motion.obeyed and seen.time_s - motion.sent_s < CHANGES_WITHIN_S
+        )
+        before = waits and abs(height - motion.start.altitude_amsl_m) < HEIGHT_OFF_M
+        wanted = isinstance(motion.wish, TakeOff) and (
+            abs(height - motion.highest_m) <= self.manners.target_m
+        )
+        if not (here and (before or wanted)):
+            self._end("another has given a target", seen.time_s)
+
+    def _same(self, one: TargetSeen, other: TargetSeen) -> bool:
+        return _same(one, other, self.manners.target_m)
+
+    def _may_be_before(self, motion: _Motion, seen: TargetSeen) -> bool:
+        """Whether it is that of before our command, or what our change of mode makes."""
+        if motion.before is not None and self._same(seen, motion.before):
+            return True
+        position = self._position
+        if not motion.first or position is None:
+            return False
+        return seen.latitude_deg is None or (
+            seen.longitude_deg is not None
+            and distance_m(
+                seen.latitude_deg,
+                seen.longitude_deg,
+                position.latitude_deg,
+                position.longitude_deg,
+            )
+            < ASTRAY_M + position.speed_m_s**2 / (2.0 * BRAKES_M_S2)
+        )
+
+    def _see_target_yaw(self, motion: _Motion, seen: TargetSeen) -> None:
+        if seen.yaw_deg is None or not self.manners.yaw_in_reposition:
+            return
+        assert isinstance(motion.wish, FlyThere)
+        if motion.target_yaw is None:
+            motion.target_yaw = YawWatch(
+                start_s=motion.sent_s,
+                yaw_deg=seen.yaw_deg,
+                tolerance_deg=TARGET_YAW_DEG,
+                wanted_deg=motion.wish.yaw_deg,
+                course_deg=None if motion.yaw is None else motion.yaw.course_deg,
+            )
+        fault = motion.target_yaw.fault(seen.time_s, seen.yaw_deg)
+        if fault is not None:
+            self._end(fault, seen.time_s)
+
+    def _see_position(self, seen: PositionSeen) -> None:
+        before, self._position = self._position, seen
+        if self.standing is Standing.OUT:
+            return
+        if before is not None:
+            gap_s = seen.time_s - before.time_s
+            rise = seen.altitude_amsl_m - before.altitude_amsl_m
+            above = seen.altitude_relative_m - before.altitude_relative_m
+            if max(abs(rise), abs(above)) > HEIGHT_JUMP_M * max(1.0, gap_s):
+                self._end(f"the height jumped by {rise:+.0f} m", seen.time_s)
+            moved = distance_m(
+                seen.latitude_deg,
+                seen.longitude_deg,
+                before.latitude_deg,
+                before.longitude_deg,
+            )
+            if moved > PLACE_JUMP_M + seen.speed_m_s * max(0.0, gap_s):
+                self._end(f"the position jumped by {moved:.0f} m", seen.time_s)
+        if self.standing is Standing.IN_COMMAND:
+            self._see_motion(seen)
+
+    def _see_motion(self, seen: PositionSeen) -> None:
+        motion = self._motion
+        assert motion is not None
+        if isinstance(motion.wish, GoHome):
+            return
+        if isinstance(motion.wish, TakeMode | TakeOff):
+            self._see_climb(motion, seen)
+            return
+        place = motion.wish if isinstance(motion.wish, FlyThere) else motion.before
+        left = 0.0 if place is None else _distance_m(seen, place)
+        motion.left_m = min(motion.left_m, left)
+        waited = seen.time_s - motion.sent_s
+        stays = waited > MOVES_WITHIN_S and motion.left_m > max(10.0, motion.begun_m - 3.0)
+        if stays or left > motion.left_m + motion.slack_m:
+            self._end("the drone does not fly to our target", seen.time_s)
+        lowest, highest = motion.lowest_m - HEIGHT_OFF_M, motion.highest_m + HEIGHT_OFF_M
+        if not lowest <= seen.altitude_amsl_m <= highest:
+            self._end("another changes the height", seen.time_s)
+        if motion.yaw is not None and seen.yaw_deg is not None:
+            fault = motion.yaw.fault(seen.time_s, seen.yaw_deg)
+            if fault is not None:
+                self._end(fault, seen.time_s)
+
+    def _see_climb(self, motion: _Motion, seen: PositionSeen) -> None:
+        """Straight up, without rest, to its height; in `TakeMode` it stays on the ground."""
+        altitude, start = seen.altitude_amsl_m, motion.start
+        if altitude > motion.top_m + 0.3:
+            motion.top_m, motion.risen_s = altitude, seen.time_s
+        rises = isinstance(motion.wish, TakeOff)
+        motion.obeyed |= rises and altitude > start.altitude_amsl_m + RISEN_M
+        reached = motion.top_m >= motion.highest_m - AT_TOP_M
+        rests = motion.obeyed and rises and not reached
+        moved = distance_m(
+            seen.latitude_deg, seen.longitude_deg, start.latitude_deg, start.longitude_deg
+        )
+        off = HEIGHT_OFF_M if rises else RISEN_M
+        if rests and seen.time_s - motion.risen_s > CLIMBS_WITHIN_S:
+            self._end("the drone does not climb", seen.time_s)
+        elif moved > ASTRAY_M:
+            self._end("the drone does not climb straight up", seen.time_s)
+        elif not motion.top_m - AT_TOP_M <= altitude <= motion.highest_m + off:
+            self._end("another changes the height", seen.time_s)
+        elif motion.yaw is not None and seen.yaw_deg is not None:
+            fault = motion.yaw.fault(seen.time_s, seen.yaw_deg)
+            if fault is not None:
+                self._end(fault, seen.time_s)
+
+    def _see_landed(self, seen: LandedSeen) -> None:
+        self._landed = seen
+        if self.standing is Standing.OUT or seen.on_ground is None:
+            return
+        if self._takeoff and self.standing is Standing.CONFIRMED:
+            if not seen.on_ground:
+                self._end("the vehicle is in the air already", seen.time_s)
+        elif seen.on_ground and not (self._takeoff and not self._rising):
+            self._end("the vehicle has landed", seen.time_s)
+
+    @property
+    def _rising(self) -> bool:
+        """Whether a take-off has left the ground."""
+        motion = self._motion
+        return motion is not None and isinstance(motion.wish, TakeOff) and motion.obeyed
+
+    def _see_sticks(self, seen: SticksSeen) -> None:
+        self._sticks = seen
+        if self.standing is Standing.OUT:
+            return
+        if self._sticks_then is None:
+            if seen.channels_us:
+                self._end("a remote control was switched on", seen.time_s)
+        elif len(seen.channels_us) != len(self._sticks_then):
+            self._end("the sticks are not seen any more", seen.time_s)
+        elif any(
+            abs(now - then) > STICK_US
+            for now, then in zip(seen.channels_us, self._sticks_then, strict=True)
+        ):
+            self._end("the sticks were moved", seen.time_s)
+
+    def _fresh_sticks(self, now_s: float) -> tuple[int, ...] | None:
+        sticks = self._sticks
+        if sticks is None or not sticks.channels_us or now_s - sticks.time_s > STICKS_LOST_S:
+            return None
+        return sticks.channels_us
+
+    def _see_home(self, seen: HomeSeen) -> None:
+        before, self._home = self._home, seen
+        if before is None:
+            return
+        moved = distance_m(
+            seen.latitude_deg, seen.longitude_deg, before.latitude_deg, before.longitude_deg
+        )
+        if max(moved, abs(seen.altitude_amsl_m - before.altitude_amsl_m)) > HOME_MOVED_M:
+            self._end("home was moved", seen.time_s)
+
+    def _end(self, reason: str, time_s: float) -> None:
+        """Be out, with nothing on offer; the first reason counts."""
+        self._offer = None
+        if self.standing is Standing.OUT:
+            return
+        self.standing, self.reason, self.out_s = Standing.OUT, reason, time_s
+        self.order_id = self._motion = None
+        self.counters["orders_ended"] += 1
+
+
+def _distance_m(seen: PositionSeen, place: FlyThere | TargetSeen) -> float:
+    if place.latitude_deg is None or place.longitude_deg is None:
+        return 0.0
+    return distance_m(
+        seen.latitude_deg, seen.longitude_deg, place.latitude_deg, place.longitude_deg
+    )
+
+
+def _course_deg(seen: PositionSeen, place: FlyThere) -> float | None:
+    """Course to a place [deg]; None if it is too near for one."""
+    if _distance_m(seen, place) < SHORT_WAY_M:
+        return None
+    east = wrap_degrees_180(place.longitude_deg - seen.longitude_deg)
+    north = place.latitude_deg - seen.latitude_deg
+    return degrees(atan2(east * cos(radians(seen.latitude_deg)), north))
+
+
+def _target_of(place: FlyThere) -> TargetSeen:
+    """The target as the autopilot reports it."""
+    return TargetSeen(
+        time_s=0.0,
+        latitude_deg=place.latitude_deg,
+        longitude_deg=place.longitude_deg,
+        altitude_amsl_m=place.altitude_amsl_m,
+        yaw_deg=None,
+    )
+
+
+def _same(one: TargetSeen, other: TargetSeen, within_m: float) -> bool:
+    """Whether two targets are one place; the heading is looked at elsewhere."""
+    a, b, c, d = one.latitude_deg, one.longitude_deg, other.latitude_deg, other.longitude_deg
+    if a is None or b is None or c is None or d is None:
+        return a is None and c is None
+    heights = one.altitude_amsl_m, other.altitude_amsl_m
+    if heights[0] is None or heights[1] is None:
+        return False
+    return distance_m(a, b, c, d) <= within_m and abs(heights[0] - heights[1]) <= within_m

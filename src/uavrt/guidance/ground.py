@@ -1,0 +1,89 @@
+"""Heights of the ground around home, from a map of heights. Pure.
+
+What is commanded is a height above home; the map tells how much higher the ground is elsewhere.
+Both must agree on home, or one of them is not what it is taken for.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import PlanError
+from uavrt.tangent_plane import TangentPlane
+
+_Floats = NDArray[np.float64]
+HeightsAt = Callable[[_Floats, _Floats], _Floats]
+"""Above sea level [m] at latitudes and longitudes; NaN where nothing is known."""
+APART_M = 15.0
+"""Map and autopilot at home: farther apart, and nothing is flown by the map."""
+STEP_M = 10.0
+_MOST_STEPS = 300
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GroundAround:
+    """The ground around home, on squares.
+
+    `above_home_m` gives the highest of the four corners around a place: never less than what
+    lies between them.
+    """
+
+    home_amsl_m: float
+    """By the map."""
+    reach_m: float
+    step_m: float
+    heights_m: _Floats
+    """(north, east) above home, from south-west; NaN where nothing is known."""
+
+    @classmethod
+    def around(
+        cls, heights_at: HeightsAt, plane: TangentPlane, reach_m: float
+    ) -> "GroundAround":
+        """Read the map around home.
+
+        Raises
+        ------
+        PlanError
+            It does not know the height of home.
+        """
+        step = max(STEP_M, reach_m / _MOST_STEPS)
+        count = int(np.ceil(reach_m / step)) + 1
+        along = step * np.arange(-count, count + 1)
+        latitude, longitude = plane.to_geodetic(*np.meshgrid(along, along))
+        home = float(
+            heights_at(np.array([plane.latitude_deg]), np.array([plane.longitude_deg]))[0]
+        )
+        if not np.isfinite(home):
+            raise PlanError(
+                "the map of heights does not know home",
+                remedy="Add its tile to guidance.terrain, or take the setting out",
+            )
+        heights = heights_at(np.asarray(latitude), np.asarray(longitude)) - home
+        return cls(home_amsl_m=home, reach_m=count * step, step_m=step, heights_m=heights)
+
+    def above_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """The highest ground around places; NaN where a corner is not known."""
+        last = len(self.heights_m) - 1
+        column = np.floor((east_m + self.reach_m) / self.step_m).astype(np.intp)
+        row = np.floor((north_m + self.reach_m) / self.step_m).astype(np.intp)
+        beyond = (column < 0) | (row < 0) | (column >= last) | (row >= last)
+        c, r = np.clip(column, 0, last - 1), np.clip(row, 0, last - 1)
+        high = self.heights_m[r, c]
+        for down, right in ((0, 1), (1, 0), (1, 1)):
+            high = np.maximum(high, self.heights_m[r + down, c + right])  # NaN stays
+        return np.where(beyond, np.nan, high)
+
+    def highest_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """The highest ground that is known on the straight way home from places; else 0."""
+        farthest = float(np.max(np.hypot(east_m, north_m), initial=0.0))
+        shares = np.linspace(0.0, 1.0, int(farthest / self.step_m) + 2)[:, None]
+        x, y = np.ravel(east_m), np.ravel(north_m)
+        ground = np.nan_to_num(self.above_home_m(shares * x, shares * y), nan=0.0)
+        return np.asarray(ground.max(axis=0, initial=0.0)).reshape(np.shape(east_m))
+
+    def apart_m(self, home_amsl_m: float) -> float | None:
+        """How far the autopilot's home is above the map's, where that is too much."""
+        apart = home_amsl_m - self.home_amsl_m
+        return apart if abs(apart) > APART_M else None

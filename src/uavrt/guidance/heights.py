@@ -1,0 +1,51 @@
+"""Heights: PX4 takes every z for one above mean sea level, whatever the frame says."""
+
+from uavrt.errors import PlanError
+
+LOWEST_M = 20.0
+"""Above ground, unless the settings say otherwise."""
+
+
+def target_amsl_m(amsl_now_m: float, relative_now_m: float, wanted_m: float) -> float:
+    """Altitude to send for a wanted height above home.
+
+    The barometer drifts and the autopilot's sea level may be off by tens of metres; both are in
+    the altitude and the height that it tells at one instant, and fall out of the difference.
+
+    Parameters
+    ----------
+    amsl_now_m, relative_now_m : float
+        Altitude above mean sea level and height above home, of one message.
+    wanted_m : float
+        Above home.
+    """
+    return amsl_now_m - relative_now_m + wanted_m
+
+
+def check_height(
+    wanted_m: float,
+    *,
+    lowest_m: float = LOWEST_M,
+    highest_m: float = 120.0,
+    ground_above_home_m: float = 0.0,
+) -> None:
+    """Refuse a height above home that is too near to the ground, or too high.
+
+    Raises
+    ------
+    PlanError
+        With the height that may be flown.
+    """
+    above = wanted_m - ground_above_home_m
+    if above != above or above < lowest_m:
+        raise PlanError(
+            f"{wanted_m:.0f} m above home is {above:.0f} m above ground; "
+            f"the least is {lowest_m:.0f} m",
+            remedy="Ask for a greater height",
+        )
+    if above > highest_m:
+        raise PlanError(
+            f"{wanted_m:.0f} m above home is {above:.0f} m above ground; "
+            f"the most is {highest_m:.0f} m",
+            remedy="Ask for a smaller height",
+        )

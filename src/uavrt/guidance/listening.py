@@ -1,0 +1,194 @@
+"""What was heard and what was not, and where the antenna was then. Pure.
+
+A pulse brings its own pose. That none came is known later, and only for times in which a
+detector says that it has searched: a radio that is away is no silence.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import atan2, degrees, log10
+
+from uavrt.attitude import rotated
+from uavrt.localization import Listening
+from uavrt.messages import PulsePose, SearchReport, Tag
+from uavrt.tangent_plane import TangentPlane
+from uavrt.units import wrap_degrees_360
+
+REPORT_GAP_S = 3.0
+"""Detectors report once a second; after a longer gap they begin anew."""
+LATE_INTERVALS, LATE_S = 2.0, 1.5
+"""A group's pulses come up to so much later, besides the group itself."""
+KEPT_S = 60.0
+"""Of where the drone was."""
+MOST_KEYS = 4096
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Antenna:
+    """Where the antenna was."""
+
+    time_s: float
+    east_m: float
+    north_m: float
+    height_m: float
+    """Above home."""
+    yaw_deg: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """A pulse of a tag, or that none was heard when one was due."""
+
+    tag_id: int
+    time_s: float
+    listening: Listening
+
+
+@dataclass(slots=True)
+class _Ear:
+    """Of one tag."""
+
+    slot_s: float
+    """Between two pulses, with what they may be off by."""
+    late_s: float
+    threshold_db: float
+    from_s: float | None = None
+    """Searched without a gap since then; None: not at all."""
+    to_s: float = 0.0
+    next_s: float = 0.0
+    """Begin of the first slot that is not judged yet."""
+    heard_s: list[float] = field(default_factory=list)
+    pulses: int = 0
+    missed: int = 0
+
+
+def threshold_db(k: int) -> float:
+    """ENR at which half of the groups of K equal pulses are found.
+
+    A line through what `uavrt.detection.enr_needed_db` gives for tags of 20 ms, of exact and of
+    usual intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. To work
+    it out on the drone would take scipy.stats, twice as much memory as the guide has.
+    """
+    return 11.4 - 6.6 * log10(max(1, k))
+
+
+class Ears:
+    """Turns pulses, reports and places into evidence.
+
+    Parameters
+    ----------
+    tags : sequence of Tag
+        Sought.
+    plane : TangentPlane
+        Around home.
+    tag_height_m : float
+        Of the tags, above home.
+    k : int
+        Pulses of a group; 0: as each tag says.
+    """
+
+    def __init__(
+        self, tags: Sequence[Tag], plane: TangentPlane, *, tag_height_m: float, k: int = 0
+    ) -> None:
+        self._plane, self._tag_height_m = plane, tag_height_m
+        self._ears = {tag.tag_id: _ear(tag, k or tag.k) for tag in tags}
+        self._places: deque[Antenna] = deque()
+        self._keys: dict[tuple[int, int], None] = {}
+        self.refused = 0
+        """Pulses that tell nothing: without a pose, doubtful, ghosts, or told twice."""
+
+    def counts(self, tag_id: int) -> tuple[int, int]:
+        """Pulses heard and missed."""
+        ear = self._ears[tag_id]
+        return ear.pulses, ear.missed
+
+    def place(self, place: Antenna) -> None:
+        """Take where the antenna is."""
+        self._places.append(place)
+        while self._places[0].time_s < place.time_s - KEPT_S:
+            self._places.popleft()
+
+    def pulse(self, pulse_pose: PulsePose, time_s: float) -> Evidence | None:
+        """Add a pulse that came at that time; None where it is no evidence."""
+        pulse, pose = pulse_pose.pulse, pulse_pose.pose
+        ear = self._ears.get(pulse.tag_id)
+        if ear is None or pulse.detection_status == "subthreshold":
+            return None  # too weak to be heard: its time counts as a miss
+        ear.heard_s.append(time_s)  # whatever else is known of it
+        doubtful = pulse.also_possible_tag_ids or pulse.ghost_of_tag_id is not None
+        if pose is None or doubtful or pulse.key in self._keys:
+            self.refused += 1
+            return None
+        self._keys[pulse.key] = None
+        if len(self._keys) > MOST_KEYS:
+            del self._keys[next(iter(self._keys))]
+        ear.pulses += 1
+        east, north = self._plane.to_local(pose.latitude_deg, pose.longitude_deg)
+        to_north, to_east, _ = rotated(pose.quaternion_wxyz, (1.0, 0.0, 0.0))
+        place = Antenna(
+            time_s=time_s,
+            east_m=float(east),
+            north_m=float(north),
+            height_m=pose.altitude_relative_m,
+            yaw_deg=wrap_degrees_360(degrees(atan2(to_east, to_north))),
+        )
+        return self._evidence(pulse.tag_id, place, pulse.snr_db, ear)
+
+    def searched(self, report: SearchReport, time_s: float) -> None:
+        """Take how far a detector has come with a tag."""
+        ear = self._ears.get(report.tag_id)
+        if ear is None:
+            return
+        if ear.from_s is None or time_s - ear.to_s > REPORT_GAP_S:
+            ear.from_s = time_s
+            ear.next_s = max(ear.next_s, time_s)
+        ear.to_s = max(ear.to_s, time_s)
+
+    def missed(self) -> list[Evidence]:
+        """What was not heard, as far as that is known by now."""
+        found = []
+        for tag_id, ear in self._ears.items():
+            if ear.from_s is None:
+                continue
+            while ear.next_s + ear.slot_s + ear.late_s <= ear.to_s:
+                begin, ear.next_s = ear.next_s, ear.next_s + ear.slot_s
+                # They may come out of turn: a group's weak ones are told later.
+                ear.heard_s = [one for one in ear.heard_s if one >= begin]
+                if any(one < ear.next_s for one in ear.heard_s):
+                    continue
+                place = self._place_at(begin + 0.5 * ear.slot_s)
+                if place is not None:
+                    ear.missed += 1
+                    found.append(self._evidence(tag_id, place, None, ear))
+        return found
+
+    def _place_at(self, time_s: float) -> Antenna | None:
+        near = min(self._places, key=lambda one: abs(one.time_s - time_s), default=None)
+        return near if near is not None and abs(near.time_s - time_s) < 1.0 else None
+
+    def _evidence(
+        self, tag_id: int, place: Antenna, snr_db: float | None, ear: _Ear
+    ) -> Evidence:
+        return Evidence(
+            tag_id=tag_id,
+            time_s=place.time_s,
+            listening=Listening(
+                east_m=place.east_m,
+                north_m=place.north_m,
+                height_m=max(1.0, place.height_m - self._tag_height_m),
+                snr_db=snr_db,
+                threshold_db=ear.threshold_db,
+                yaw_deg=place.yaw_deg,
+            ),
+        )
+
+
+def _ear(tag: Tag, k: int) -> _Ear:
+    interval = max(tag.pulse_intervals_s)
+    slot = interval + tag.interval_uncertainty_s + 2.0 * tag.interval_jitter_s
+    return _Ear(
+        slot_s=slot,
+        late_s=(k + LATE_INTERVALS) * interval + LATE_S,
+        threshold_db=threshold_db(k),
+    )

@@ -1,0 +1,134 @@
+"""Differences between the autopilots, in one table.
+
+As flown on PX4 v1.17 and ArduCopter 4.7. What is the same on both stands in
+`uavrt.guidance.authority`: to fly to a place is DO_REPOSITION by COMMAND_INT in frame
+GLOBAL_INT with the altitude above mean sea level.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+from uavrt.errors import CommandRefused
+
+AutopilotName = Literal["px4", "ardupilot"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manners:
+    """One autopilot's."""
+
+    name: AutopilotName
+    own_mode: int
+    """Custom mode that DO_REPOSITION sets and obeys: ours."""
+    return_modes: frozenset[int]
+    mode_names: Mapping[int, str]
+    mode_by: Literal["CURRENT_MODE", "HEARTBEAT"]
+    """What tells the mode more often than once a second."""
+    mode_rate_hz: float
+    """As often as it can be had; PX4 sends CURRENT_MODE at 2 Hz whatever is asked."""
+    yaw_in_reposition: bool
+    """DO_REPOSITION turns, and turning is by steps; else by one CONDITION_YAW."""
+
+    takeoff_mode: int
+    """In which it climbs from the ground; ours is after it, or is this."""
+
+    mission_modes: frozenset[int]
+    """Those in which the vehicle's mission is flown, or the way home by it."""
+    home_in_mission: bool
+    """Its mission begins with home, in the place of the first item."""
+
+    target_m: float
+    """So near to what was asked for is the target that is told. PX4 keeps the very numbers of
+    the command; a pause of the drone where it stands must differ from them."""
+
+    @property
+    def own_mode_first(self) -> bool:
+        """Whether a take-off is commanded in our own mode, which is to be taken before."""
+        return self.takeoff_mode == self.own_mode
+
+    def mode_name(self, mode: int) -> str:
+        """The mode as pilots call it."""
+        return self.mode_names.get(mode, f"mode {mode}")
+
+
+def _px4(main: int, sub: int = 0) -> int:
+    """Custom mode of PX4: main mode in the third byte, sub mode in the fourth."""
+    return main << 16 | sub << 24
+
+
+PX4 = Manners(
+    name="px4",
+    own_mode=_px4(4, 3),
+    return_modes=frozenset({_px4(4, 5)}),
+    mode_names=MappingProxyType(
+        {
+            _px4(1): "Manual",
+            _px4(2): "Altitude",
+            _px4(3): "Position",
+            _px4(4, 2): "Takeoff",
+            _px4(4, 3): "Hold",
+            _px4(4, 4): "Mission",
+            _px4(4, 5): "Return",
+            _px4(4, 6): "Land",
+            _px4(5): "Acro",
+            _px4(6): "Offboard",
+            _px4(7): "Stabilized",
+        }
+    ),
+    mode_by="CURRENT_MODE",
+    mode_rate_hz=10.0,
+    yaw_in_reposition=True,
+    takeoff_mode=_px4(4, 2),
+    mission_modes=frozenset({_px4(4, 4), _px4(4, 5)}),
+    home_in_mission=False,
+    target_m=0.05,
+)
+ARDUPILOT = Manners(
+    name="ardupilot",
+    own_mode=4,
+    return_modes=frozenset({6, 21}),
+    mode_names=MappingProxyType(
+        {
+            0: "Stabilize",
+            2: "AltHold",
+            3: "Auto",
+            4: "Guided",
+            5: "Loiter",
+            6: "RTL",
+            9: "Land",
+            16: "PosHold",
+            17: "Brake",
+            21: "SmartRTL",
+            27: "Auto RTL",
+        }
+    ),
+    mode_by="HEARTBEAT",
+    mode_rate_hz=10.0,
+    yaw_in_reposition=False,
+    takeoff_mode=4,
+    mission_modes=frozenset({3, 27}),
+    home_in_mission=True,
+    target_m=0.3,
+)
+MANNERS: Mapping[AutopilotName, Manners] = MappingProxyType(
+    {"px4": PX4, "ardupilot": ARDUPILOT}
+)
+
+
+def manners_of(name: str | None) -> Manners:
+    """Manners of an autopilot.
+
+    Raises
+    ------
+    CommandRefused
+        It is not heard, or is none that was flown with.
+    """
+    for known, manners in MANNERS.items():
+        if known == name:
+            return manners
+    raise CommandRefused(
+        "the autopilot is not known" if name is None else f"autopilot {name} is not known",
+        remedy="Motion needs a multirotor with PX4 or ArduPilot; fly by hand",
+    )

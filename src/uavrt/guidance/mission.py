@@ -1,0 +1,217 @@
+"""Missions and fences as autopilots hold them: items with numbers of MAVLink. Pure.
+
+The items of missions and fences are MAVLink's (https://mavlink.io/en/services/mission.html,
+https://mavlink.io/en/file_formats/#fence).
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite, nan
+from typing import Literal
+
+import numpy as np
+
+from uavrt.errors import FormatError, PlanError
+from uavrt.guidance.heights import check_height
+from uavrt.guidance.orders import Limits, Order, Place
+from uavrt.guidance.plans import MARGIN_M, survey_places, voids_of
+from uavrt.messages import KeepOut, VehicleFence
+from uavrt.planning import Polygon, SearchArea
+from uavrt.tangent_plane import TangentPlane
+
+MissionKind = Literal["mission", "fence"]
+WAYPOINT, RETURN = 16, 20
+"""MAV_CMD_NAV_WAYPOINT, NAV_RETURN_TO_LAUNCH."""
+ABSOLUTE_FRAME, MISSION_FRAME, RELATIVE_FRAME = 0, 2, 3
+RETURN_POINT = 5000
+CORNER_WITHIN, CORNER_OUTSIDE, CIRCLE_WITHIN, CIRCLE_OUTSIDE = 5001, 5002, 5003, 5004
+"""MAV_CMD_NAV_FENCE_*."""
+FULL_SCALE_DEG = 1e7
+_SAME_FRAMES = {5: 0, 6: 3}
+"""GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT are the same as the older ones."""
+_SAME_PLACE, _SAME_HEIGHT_M = 1, 0.011
+"""PX4 keeps degrees as double numbers, ArduPilot heights in whole centimetres."""
+_REMEDY = "Draw the vehicle's fence again in QGroundControl, and upload it"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionItem:
+    """One item, as MISSION_ITEM_INT tells it."""
+
+    command: int
+    frame: int = ABSOLUTE_FRAME
+    params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    x: int = 0
+    """Latitude [1e-7 deg]."""
+    y: int = 0
+    """Longitude."""
+    z: float = 0.0
+    """Height [m], by the frame."""
+
+    @classmethod
+    def at(
+        cls, command: int, frame: int, place: Place, height_m: float = 0.0, first: float = 0.0
+    ) -> "MissionItem":
+        """Make the item of a place, with its first parameter; it looks where it flies."""
+        return cls(
+            command=command,
+            frame=frame,
+            params=(first, 0.0, 0.0, nan if command == WAYPOINT else 0.0),
+            x=round(place[0] * FULL_SCALE_DEG),
+            y=round(place[1] * FULL_SCALE_DEG),
+            z=height_m,
+        )
+
+    @property
+    def place(self) -> Place:
+        """Latitude and longitude [deg]."""
+        return self.x / FULL_SCALE_DEG, self.y / FULL_SCALE_DEG
+
+    def flies_as(self, other: "MissionItem") -> bool:
+        """Whether an autopilot that holds the other flies what this one says."""
+        if self.command != other.command:
+            return False
+        if self.command == RETURN:
+            return True
+        frames = [_SAME_FRAMES.get(one.frame, one.frame) for one in (self, other)]
+        return (
+            frames[0] == frames[1]
+            and abs(self.x - other.x) <= _SAME_PLACE
+            and abs(self.y - other.y) <= _SAME_PLACE
+            and abs(self.z - other.z) <= _SAME_HEIGHT_M
+            and abs(self.params[0] - other.params[0]) < 0.5
+        )
+
+
+def survey_items(order: Order) -> tuple[MissionItem, ...]:
+    """Write a survey as a mission: its ways at their height above home, then the return.
+
+    Nothing of it takes off: a pilot does, and starts the mission.
+
+    Parameters
+    ----------
+    order : Order
+        A survey along lines or around; of turns at places no autopilot's mission is alike.
+
+    Raises
+    ------
+    PlanError
+        There is no height, the outline is none, or a way leads over people or buildings.
+    """
+    if order.action != "survey" or order.pattern == "points":
+        raise PlanError(
+            "turns cannot be written to a mission: each autopilot has its own",
+            remedy="Take a survey with --pattern lines or around",
+        )
+    if order.height_m is None:
+        raise PlanError("a survey as a mission needs a height", remedy="Give --height 60")
+    limits = Limits()
+    check_height(order.height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
+    places = survey_places(order, order.places[0] if order.places else (0.0, 0.0))
+    _check_keep_out(order, places)
+    height = order.height_m
+    return (
+        *(MissionItem.at(WAYPOINT, RELATIVE_FRAME, place, height) for place in places),
+        MissionItem(command=RETURN, frame=MISSION_FRAME),
+    )
+
+
+def _check_keep_out(order: Order, places: Sequence[Place]) -> None:
+    """Without a home only the ways are known."""
+    plane = TangentPlane(latitude_deg=places[0][0], longitude_deg=places[0][1])
+    east, north = plane.to_local(*np.array(places).T)
+    area = SearchArea(
+        search=Polygon.rectangle(-1e5, 1e5, -1e5, 1e5),
+        voids=voids_of(order, Limits(), plane),
+        margin_m=MARGIN_M,
+    )
+    reason = area.entered(np.asarray(east), np.asarray(north))
+    if reason is not None:
+        raise PlanError(f"the way {reason}", remedy="Draw the area beside it, or in two parts")
+
+
+def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str | None:
+    """How the mission that a vehicle holds is not the one that was sent; None: it is."""
+    if len(sent) != len(held):
+        return f"it holds {len(held)} items, not {len(sent)}"
+    for number, (one, other) in enumerate(zip(sent, held, strict=True), 1):
+        if not one.flies_as(other):
+            return f"its item {number} differs"
+    return None
+
+
+def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
+    """Read the fence that a vehicle holds.
+
+    Raises
+    ------
+    FormatError
+        It is none: corners are missing, or of no polygon, or an item is unknown.
+    """
+    within: list[KeepOut] = []
+    outside: list[KeepOut] = []
+    rest = iter(items)
+    for item in rest:
+        match item.command:
+            case c if c in (CORNER_WITHIN, CORNER_OUTSIDE):
+                area = KeepOut(places=_corners(item, rest), name="vehicle's fence")
+                (within if c == CORNER_WITHIN else outside).append(area)
+            case c if c in (CIRCLE_WITHIN, CIRCLE_OUTSIDE):
+                area = KeepOut(
+                    places=(_checked(item),), radius_m=_radius(item), name="vehicle's fence"
+                )
+                (within if c == CIRCLE_WITHIN else outside).append(area)
+            case c if c == RETURN_POINT:
+                pass
+            case _:
+                raise FormatError(
+                    f"the vehicle's fence has an item {item.command}", remedy=_REMEDY
+                )
+    return VehicleFence(within=tuple(within), keep_out=tuple(outside))
+
+
+def _corners(first: MissionItem, rest: Iterator[MissionItem]) -> tuple[Place, ...]:
+    """The corners of a polygon; each tells how many there are."""
+    count = first.params[0]
+    if not (isfinite(count) and 3.0 <= count <= 1000.0):
+        raise FormatError(f"the vehicle's fence has {count:g} corners", remedy=_REMEDY)
+    places = [_checked(first)]
+    for _ in range(round(count) - 1):
+        item = next(rest, None)
+        if item is None or item.command != first.command or item.params[0] != count:
+            raise FormatError("a corner of the vehicle's fence is missing", remedy=_REMEDY)
+        places.append(_checked(item))
+    return tuple(places)
+
+
+def _radius(item: MissionItem) -> float:
+    radius = item.params[0]
+    if not (isfinite(radius) and 0.0 < radius < 1e6):
+        raise FormatError(f"the vehicle's fence has a circle of {radius:g} m", remedy=_REMEDY)
+    return radius
+
+
+def _checked(item: MissionItem) -> Place:
+    latitude, longitude = item.place
+    if abs(latitude) > 90.0 or abs(longitude) > 180.0 or item.frame not in (0, 3, 5, 6):
+        raise FormatError(
+            f"the vehicle's fence has a corner at {latitude:g}, {longitude:g}", remedy=_REMEDY
+        )
+    return latitude, longitude
+
+
+def fence_items(fence: VehicleFence) -> tuple[MissionItem, ...]:
+    """Write a fence as items."""
+    found: list[MissionItem] = []
+    for areas, corner, circle in (
+        (fence.within, CORNER_WITHIN, CIRCLE_WITHIN),
+        (fence.keep_out, CORNER_OUTSIDE, CIRCLE_OUTSIDE),
+    ):
+        for one in areas:
+            command = corner if one.radius_m is None else circle
+            first = float(len(one.places)) if one.radius_m is None else one.radius_m
+            found += [
+                MissionItem.at(command, ABSOLUTE_FRAME, place, first=first)
+                for place in one.places
+            ]
+    return tuple(found)

@@ -1,0 +1,117 @@
+"""Observed vehicle state, each item with our monotonic arrival time [s]."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class ModeSeen:
+    """A heartbeat or CURRENT_MODE."""
+
+    time_s: float
+    mode: int
+    """Custom mode."""
+    armed: bool | None = None
+    """None: the message does not tell."""
+    failsafe: bool = False
+    """The autopilot's own state is critical or worse."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionSeen:
+    """GLOBAL_POSITION_INT."""
+
+    time_s: float
+    boot_s: float
+    """The autopilot's time since its start."""
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    altitude_relative_m: float
+    """Above home."""
+    speed_m_s: float
+    """Over ground."""
+    yaw_deg: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class PositionLost:
+    """The autopilot says that it has no position."""
+
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TargetSeen:
+    """POSITION_TARGET_GLOBAL_INT: where the autopilot is flying to."""
+
+    time_s: float
+    latitude_deg: float | None
+    """None: it follows no place."""
+    longitude_deg: float | None
+    altitude_amsl_m: float | None
+    yaw_deg: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class SticksSeen:
+    """RC_CHANNELS: roll, pitch, throttle, yaw in microseconds; empty: no receiver."""
+
+    time_s: float
+    channels_us: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class HomeSeen:
+    """HOME_POSITION."""
+
+    time_s: float
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LandedSeen:
+    """EXTENDED_SYS_STATE."""
+
+    time_s: float
+    on_ground: bool | None
+    """None: the autopilot does not know."""
+
+
+@dataclass(frozen=True, slots=True)
+class FailsafeSeen:
+    """The autopilot tells of a failsafe."""
+
+    time_s: float
+    what: Literal["fence", "battery", "position estimate", "critical state"]
+
+
+@dataclass(frozen=True, slots=True)
+class BootTimeSeen:
+    """Any message that tells the time since the autopilot's start."""
+
+    time_s: float
+    boot_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Boot:
+    """A new autopilot was found, or another one."""
+
+    time_s: float
+
+
+Observation = (
+    ModeSeen
+    | PositionSeen
+    | PositionLost
+    | TargetSeen
+    | SticksSeen
+    | HomeSeen
+    | LandedSeen
+    | FailsafeSeen
+    | BootTimeSeen
+    | Boot
+)

@@ -1,0 +1,96 @@
+"""Orders that an operator can give, and the vehicle's state during them. Pure."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from uavrt.guidance.ground import GroundAround
+from uavrt.guidance.heights import LOWEST_M
+from uavrt.messages import KeepOut, MotionAction, SurveyPattern
+
+Place = tuple[float, float]
+"""Latitude and longitude [deg]."""
+LinkLost = Literal["hold", "return", "go on"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """A motion that was asked for."""
+
+    order_id: int
+    action: MotionAction
+    places: tuple[Place, ...] = ()
+    """Where to go to, or the outline of what is surveyed."""
+    height_m: float | None = None
+    """Above home; None: as it is."""
+    duration_s: float = 60.0
+    """Of a whole turn; of a search at most."""
+    clockwise: bool = True
+    spacing_m: float = 60.0
+    """Between the lines of a survey, or its places."""
+    pattern: SurveyPattern = "lines"
+    """Of a survey."""
+    tags: tuple[int, ...] = ()
+    """To search for; empty: all that are listed."""
+    radius_m: float | None = None
+    """Of a search around the drone."""
+    wish_m: float = 25.0
+    """Radius that is to hold a tag with 95 % before it counts as found."""
+    keep_out: tuple[KeepOut, ...] = ()
+    """Besides those of the limits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What no order may go beyond."""
+
+    lowest_m: float = LOWEST_M
+    highest_m: float = 120.0
+    """Above ground."""
+    fence_m: float = 500.0
+    """Radius around home."""
+    speed_m_s: float = 5.0
+    """That the autopilot flies at; for times only."""
+    battery_wh: float | None = None
+    """Of a full battery; None: not known."""
+    reserve_percent: float = 25.0
+    """That is left at home."""
+    ground: GroundAround | None = None
+    """The ground around home; None: taken to be level."""
+    headings: int = 12
+    """Of a turn by steps."""
+    keep_away_m: float = 30.0
+    """A search keeps so far, over ground, from where animals may be; 0: it does not."""
+    keep_out: tuple[KeepOut, ...] = ()
+    """People and buildings: nothing is flown over them."""
+    stay_in: tuple[KeepOut, ...] = ()
+    """Areas that nothing leaves: the vehicle's own fence."""
+    link_lost: LinkLost = "hold"
+    link_lost_s: float = 5.0
+    """So long without a ground station is lost."""
+    return_after_s: float = 60.0
+    """Of holding without a ground station."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleNow:
+    """What the pilot sees of the vehicle and of its own authority over it."""
+
+    time_s: float
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    altitude_relative_m: float
+    speed_m_s: float
+    yaw_deg: float | None
+    home: Place
+    battery_percent: float | None
+    order_id: int | None
+    """Of the order that is confirmed or in command; None: out."""
+    began: bool
+    """The first command was sent."""
+    obeyed: bool
+    """The last command is seen to be obeyed."""
+    wishes_sent: int
+    wishes_refused: int
+    turned_deg: float
+    ground_silent_s: float

@@ -1,0 +1,289 @@
+"""Flies an order step by step: one wish at a time, the next when the last is done. Pure.
+
+It wishes; `uavrt.guidance.authority` decides. A wish that was refused is not kept: what is
+wished next follows from where the vehicle is then.
+"""
+
+from collections.abc import Sequence
+from math import atan2, cos, degrees, radians
+
+from uavrt.geodesy import distance_m
+from uavrt.guidance.authority import BRAKES_M_S2
+from uavrt.guidance.heights import target_amsl_m
+from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
+from uavrt.guidance.plans import (
+    Climb,
+    Go,
+    Home,
+    Plan,
+    Ready,
+    Step,
+    Turn,
+    map_fault,
+    must_return,
+)
+from uavrt.guidance.wishes import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.units import wrap_degrees_180
+
+ARRIVED_M, ARRIVED_M_S, AT_HEIGHT_M = 3.0, 1.0, 2.0
+LOOKS_DEG = 8.0
+TURNED_DEG = 8.0
+"""So much may be missing of a turn in place."""
+STEP_TAKES_S = 60.0
+"""Longest for a step, besides its way at 1 m/s and its stay."""
+SLOW_M_S = 2.0
+BEND_DEG = 30.0
+"""It goes to another place without standing first when that is no farther off its way."""
+NEAR_M = 25.0
+"""Nor when either place is nearer: there a small bend is a large one."""
+REFUSALS = 50
+"""So many one after the other end the order."""
+BATTERY_S = 1.0
+"""Between two looks at what is left."""
+
+
+class Pilot:
+    """Flies one order.
+
+    Parameters
+    ----------
+    order : Order
+    plan : Plan
+        Its steps.
+    limits : Limits
+    waits : bool
+        Further steps come by `redirect`: it waits for them, and is not done.
+    """
+
+    def __init__(
+        self, order: Order, plan: Plan, limits: Limits, *, waits: bool = False
+    ) -> None:
+        self.order, self.plan = order, plan
+        self._waits = waits
+        self._limits = limits
+        self._steps: list[Step] = list(plan.steps)
+        self._number = 0
+        self._wished = 0
+        self._wished_step: Step | None = None
+        self._step_s = 0.0
+        self._there_s: float | None = None
+        self._sent_for_step = 0
+        self._holding: Go | None = None
+        self._holding_s = 0.0
+        self._returning = False
+        self._asks = False
+        """Nothing but holding is right until the operator decides."""
+        self._battery_s = 0.0
+        self._battery_told = False
+        self._sent = self._refused_before = 0
+        self.ended: str | None = None
+        """Why there is nothing more to wish; None while there is."""
+        self.said = ""
+        """What it is doing, and why."""
+
+    @property
+    def progress(self) -> str:
+        """Which step of how many."""
+        return f"step {min(self._number + 1, len(self._steps))} of {len(self._steps)}"
+
+    @property
+    def idle(self) -> bool:
+        """Whether all steps are done and it waits for more."""
+        return self._waits and self._number >= len(self._steps)
+
+    def redirect(self, steps: Sequence[Step], now: VehicleNow) -> None:
+        """Fly these steps instead of what is left of those before.
+
+        On its way, and not to be seen turning off it by those who watch, it stands first.
+        """
+        first: list[Step] = []
+        if not self.idle and self._turns_off(steps[0], now):
+            first = [self._stop_at(now)]
+        self._steps, self._number = [*first, *steps], 0
+        self._wished_step = None
+
+    def _turns_off(self, step: Step, now: VehicleNow) -> bool:
+        """Whether it is too fast to go elsewhere by a bend that is no one else's doing."""
+        before = self._steps[self._number]
+        if not isinstance(before, Go) or now.speed_m_s < SLOW_M_S:
+            return False
+        if not isinstance(step, Go):
+            return True
+        here = (now.latitude_deg, now.longitude_deg)
+        ways = [_course_deg(here, one.place) for one in (before, step)]
+        near = min(distance_m(*here, *one.place) for one in (before, step)) < NEAR_M
+        return near or abs(wrap_degrees_180(ways[1] - ways[0])) > BEND_DEG
+
+    def next(self, now: VehicleNow) -> Wish | None:
+        """Return what is to be commanded now, if anything."""
+        if self.ended is not None:
+            return None
+        if now.order_id != self.order.order_id:
+            self.ended = "the order has ended"
+            return None
+        if now.wishes_sent > self._sent:
+            self._sent, self._refused_before = now.wishes_sent, now.wishes_refused
+        if now.wishes_refused - self._refused_before > REFUSALS:
+            self.ended = "the commands are refused"
+            return None
+        if now.wishes_sent + now.wishes_refused < self._wished or (
+            now.began and not now.obeyed
+        ):
+            return None  # the last one is on its way, or is not seen to be obeyed yet
+        if now.wishes_sent < self._sent_for_step:
+            self._wished_step = None  # it was refused
+        urgent = self._urgent(now)
+        if urgent is not None:
+            return self._wish(urgent, now)
+        if self._returning or self._holding is not None:
+            waiting = Home() if self._holding is None or self._returning else self._holding
+            return None if self._wished_step in (waiting, Home()) else self._wish(waiting, now)
+        return self._next_step(now)
+
+    def _next_step(self, now: VehicleNow) -> Wish | None:
+        if self.idle:
+            return None
+        step = self._steps[self._number]
+        if self._wished_step is not step:
+            return self._wish(step, now)
+        if not self._done(step, now):
+            if now.time_s - self._step_s > self._longest_s(step, now):
+                self.ended = "a step takes too long"
+            return None
+        self._number += 1
+        if self._number == len(self._steps):
+            self.ended = None if self._waits else "done"
+            return None
+        return self._wish(self._steps[self._number], now)
+
+    def _wish(self, step: Step, now: VehicleNow) -> Wish:
+        self._wished += 1
+        self._sent_for_step = now.wishes_sent + 1
+        self._wished_step, self._step_s, self._there_s = step, now.time_s, None
+        match step:
+            case Go():
+                amsl = target_amsl_m(
+                    now.altitude_amsl_m, now.altitude_relative_m, step.height_m
+                )
+                return FlyThere(
+                    latitude_deg=step.place[0],
+                    longitude_deg=step.place[1],
+                    altitude_amsl_m=amsl,
+                    yaw_deg=step.yaw_deg,
+                )
+            case Turn():
+                return TurnInPlace(turn_deg=step.turn_deg, rate_deg_s=step.rate_deg_s)
+            case Home():
+                self._returning = True  # the vehicle's mode will end the order
+                return GoHome()
+            case Ready():
+                return TakeMode()
+            case Climb():
+                amsl, relative = now.altitude_amsl_m, now.altitude_relative_m
+                return TakeOff(
+                    height_m=step.height_m,
+                    altitude_amsl_m=target_amsl_m(amsl, relative, step.height_m),
+                )
+
+    def _done(self, step: Step, now: VehicleNow) -> bool:
+        match step:
+            case Turn():
+                return now.turned_deg >= abs(step.turn_deg) - TURNED_DEG
+            case Home() | Ready():
+                return True
+            case Climb():
+                return abs(now.altitude_relative_m - step.height_m) < AT_HEIGHT_M
+        there = (
+            distance_m(now.latitude_deg, now.longitude_deg, *step.place) < ARRIVED_M
+            and now.speed_m_s < ARRIVED_M_S
+            and abs(now.altitude_relative_m - step.height_m) < AT_HEIGHT_M
+        )
+        if there and step.yaw_deg is not None:
+            yaw = now.yaw_deg
+            there = yaw is not None and abs(wrap_degrees_180(step.yaw_deg - yaw)) < LOOKS_DEG
+        if not there:
+            self._there_s = None
+            return False
+        if self._there_s is None:
+            self._there_s = now.time_s
+        return now.time_s - self._there_s >= step.stay_s
+
+    def _longest_s(self, step: Step, now: VehicleNow) -> float:
+        match step:
+            case Go():
+                way = distance_m(now.latitude_deg, now.longitude_deg, *step.place)
+                return STEP_TAKES_S + way + step.stay_s
+            case Turn():
+                return STEP_TAKES_S + abs(step.turn_deg) / step.rate_deg_s
+            case Climb():
+                return STEP_TAKES_S + step.height_m
+        return STEP_TAKES_S
+
+    # ------------------------------------------------------ what comes before any step
+
+    def _urgent(self, now: VehicleNow) -> Step | None:
+        """Home if the battery requires it; hold or home while no ground station is heard."""
+        limits = self._limits
+        if not now.began or self._returning or self.order.action == "takeoff":
+            return None  # a take-off ends where it hovers, and says no more
+        if now.time_s >= self._battery_s + BATTERY_S:
+            self._battery_s = now.time_s
+            reason = self._battery_reason(now)
+            if reason is not None:
+                return self._home(reason)
+            apart = map_fault(now, limits)
+            if apart is not None and not self._asks:
+                self._asks, self._holding = True, self._stop_at(now)
+                self.said = f"{apart}: holding, confirm another order"
+        if self._asks:
+            return None
+        if now.ground_silent_s < limits.link_lost_s or limits.link_lost == "go on":
+            if self._holding is not None:
+                self._holding, self._wished_step = None, None  # and on with the step
+                self.said = "the ground is heard again"
+            return None
+        if limits.link_lost == "return":
+            return self._home("the link to the ground is lost")
+        if self._holding is None:
+            self._holding_s = now.time_s
+            self.said = "the link to the ground is lost: holding"
+            self._holding = self._stop_at(now)
+        elif now.time_s - self._holding_s >= limits.return_after_s:
+            return self._home("the link to the ground stays lost")
+        return None
+
+    def _battery_reason(self, now: VehicleNow) -> str | None:
+        """Why the battery calls home: for what is left in it, or for its silence."""
+        if now.battery_percent is not None:
+            self._battery_told = True
+        elif self._battery_told and self._limits.battery_wh is not None:
+            return "the battery is not told any more"
+        return must_return(now, self._limits)
+
+    def _stop_at(self, now: VehicleNow) -> Go:
+        """Where it comes to a stand on its way."""
+        step = None if self.idle else self._steps[self._number]
+        place = (now.latitude_deg, now.longitude_deg)
+        if isinstance(step, Go):
+            place = standing_place(now, step.place)
+        height = max(now.altitude_relative_m, self._limits.lowest_m)
+        return Go(place=place, height_m=min(height, self._limits.highest_m))
+
+    def _home(self, reason: str) -> Step:
+        self.said, self._returning = f"returning: {reason}", True
+        return Home()
+
+
+def standing_place(now: VehicleNow, goal: Place) -> Place:
+    """Where it comes to a stand on its way: behind that it would have to turn round."""
+    here = (now.latitude_deg, now.longitude_deg)
+    left = distance_m(*here, *goal)
+    share = min(1.0, now.speed_m_s**2 / (2.0 * BRAKES_M_S2) / max(left, 0.1))
+    east = wrap_degrees_180(goal[1] - here[1])
+    return (here[0] + share * (goal[0] - here[0]), here[1] + share * east)
+
+
+def _course_deg(here: Place, there: Place) -> float:
+    """Direction of a short way."""
+    east = wrap_degrees_180(there[1] - here[1]) * cos(radians(here[0]))
+    return degrees(atan2(east, there[0] - here[0]))

@@ -1,0 +1,545 @@
+"""Break an order into steps and check them before anything moves. Pure."""
+
+import itertools
+from dataclasses import dataclass, replace
+from math import cos, hypot, pi, sin
+
+import numpy as np
+
+from uavrt.errors import PlanError
+from uavrt.guidance.heights import check_height
+from uavrt.guidance.manners import Manners
+from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
+from uavrt.messages import KeepOut
+from uavrt.planning import (
+    Battery,
+    Circle,
+    EnergyModel,
+    Multirotor,
+    Polygon,
+    SearchArea,
+    VehicleState,
+    Wind,
+    survey_lines,
+)
+from uavrt.tangent_plane import TangentPlane
+from uavrt.units import wrap_degrees_360
+
+_CORNERS = 36
+_FASTEST_TURN_DEG_S = 45.0
+BELOW_M = 1.0
+"""So far below the least height a gust may push a drone that hovers there."""
+_MOST_TURNS = 60
+_CLIMB_M_S = 1.5
+MARGIN_M = 5.0
+"""From people and buildings, besides their outlines: gusts and bends."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Go:
+    """Fly to a place."""
+
+    place: Place
+    height_m: float
+    """Above home."""
+    yaw_deg: float | None = None
+    """Look there, by an autopilot that does so with its place."""
+    stay_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turn:
+    """Turn in place by one command."""
+
+    turn_deg: float
+    rate_deg_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """Return by the autopilot's own mode."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """Take the mode in which a take-off is commanded."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Climb:
+    """Take off, straight up."""
+
+    height_m: float
+    """Above home."""
+
+
+Step = Go | Turn | Home | Ready | Climb
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """Steps, and how they are described to the operator."""
+
+    steps: tuple[Step, ...]
+    summary: str
+    duration_s: float
+
+
+def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> Plan:
+    """Make the steps of an order.
+
+    Raises
+    ------
+    PlanError
+        It cannot be flown; the text says why and what to do.
+    """
+    plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+    here = (now.latitude_deg, now.longitude_deg)
+    check_keep_out(order, limits, plane, (here,))
+    check_map(now, limits)
+    if order.action == "return":
+        return Plan(steps=(Home(),), summary="return home by the autopilot", duration_s=0.0)
+    height = now.altitude_relative_m if order.height_m is None else order.height_m
+    check_height(height, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
+    check_ground((here,), now, limits, height)
+    match order.action:
+        case "hold":
+            return Plan(
+                steps=(Go(place=here, height_m=height),),
+                summary=f"hold here at {height:.0f} m",
+                duration_s=0.0,
+            )
+        case "rotate":
+            return rotation(order, now, limits, manners, height)
+        case "goto":
+            return _way(_only_place(order), "fly to", order, now, limits, height)
+        case "takeoff":
+            return _takeoff(order, now, limits, manners, height)
+        case "survey":
+            return _survey(order, now, limits, manners, height)
+        case _:
+            raise PlanError(
+                f"there is no motion {order.action!r}", remedy="See `uavrt fly --help`"
+            )
+
+
+def _takeoff(
+    order: Order, now: VehicleNow, limits: Limits, manners: Manners, height: float
+) -> Plan:
+    if order.height_m is None:
+        raise PlanError("a take-off needs a height", remedy="Give one: `uavrt fly takeoff 30`")
+    plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+    (here,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
+    if not _fence(limits).contains(*np.array([here]).T).all():
+        raise PlanError(
+            "the drone stands beyond the fence", remedy="Widen guidance.fence_m, or carry it"
+        )
+    duration = 5.0 + max(0.0, height - now.altitude_relative_m) / _CLIMB_M_S
+    check_battery(now, limits, duration, here, height)
+    first = (Ready(),) if manners.own_mode_first else ()
+    return Plan(
+        steps=(*first, Climb(height_m=height)),
+        summary=f"take off, straight up to {height:.0f} m",
+        duration_s=duration,
+    )
+
+
+def _only_place(order: Order) -> tuple[Place, ...]:
+    if len(order.places) != 1:
+        raise PlanError(
+            f"{len(order.places)} places to go to", remedy="Give one latitude and longitude"
+        )
+    return order.places
+
+
+def rotation(
+    order: Order, now: VehicleNow, limits: Limits, manners: Manners, height: float
+) -> Plan:
+    """Make the steps of a whole turn in place.
+
+    Raises
+    ------
+    PlanError
+        It would be too fast or too slow, or the heading is not known.
+    """
+    here = (now.latitude_deg, now.longitude_deg)
+    steps, duration = _turn_steps(here, order, now, limits, manners, height)
+    by_steps = manners.yaw_in_reposition
+    how = f"{limits.headings} headings" if by_steps else f"{360.0 / order.duration_s:.0f}°/s"
+    side = "to the right" if order.clockwise else "to the left"
+    return Plan(
+        steps=steps,
+        summary=f"turn once {side} here at {height:.0f} m: {how}",
+        duration_s=duration,
+    )
+
+
+def _turn_steps(
+    place: Place,
+    order: Order,
+    now: VehicleNow,
+    limits: Limits,
+    manners: Manners,
+    height: float,
+) -> tuple[tuple[Step, ...], float]:
+    """A whole turn at a place, and how long it takes [s]."""
+    least = 360.0 / _FASTEST_TURN_DEG_S
+    if not least <= order.duration_s <= 600.0:
+        raise PlanError(
+            f"a whole turn in {order.duration_s:g} s",
+            remedy=f"Give {least:.0f} to 600 s",
+        )
+    if now.yaw_deg is None:
+        raise PlanError("the heading is not known", remedy="Wait for the compass")
+    way = 1.0 if order.clockwise else -1.0
+    if not manners.yaw_in_reposition:
+        turn = Turn(turn_deg=way * 360.0, rate_deg_s=360.0 / order.duration_s)
+        return (Go(place=place, height_m=height), turn), order.duration_s
+    looks = tuple(
+        Go(
+            place=place,
+            height_m=height,
+            yaw_deg=wrap_degrees_360(now.yaw_deg + way * 360.0 * n / limits.headings),
+            stay_s=order.duration_s / limits.headings,
+        )
+        for n in range(limits.headings)
+    )
+    return looks, order.duration_s + 3.0 * limits.headings
+
+
+def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
+    """Where a survey leads, in order; pages draw it before anything is asked.
+
+    Raises
+    ------
+    PlanError
+        The outline is none, or the survey has too many lines or places.
+    """
+    plane = TangentPlane(latitude_deg=home[0], longitude_deg=home[1])
+    outline = Polygon(corners=_local(plane, order.places), name="area")
+    if order.pattern == "around":
+        return (*order.places, order.places[0])
+    if not 5.0 <= order.spacing_m <= 1000.0:
+        raise PlanError(f"lines {order.spacing_m:g} m apart", remedy="Give 5 to 1000 m")
+    lines = survey_lines(outline, order.spacing_m)
+    if len(lines) > 400:
+        raise PlanError(
+            f"{len(lines) // 2} lines are too many",
+            remedy="Choose wider lines or a smaller area",
+        )
+    if order.pattern == "points":
+        lines = _points_on(lines, order.spacing_m)
+        if len(lines) > _MOST_TURNS:
+            raise PlanError(
+                f"{len(lines)} places to turn at are too many",
+                remedy="Choose a wider distance or a smaller area",
+            )
+    return tuple(_geodetic(plane, one) for one in lines)
+
+
+def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple[float, float]]:
+    """Places along lines, each in the middle of its share."""
+    found = []
+    for (x0, y0), (x1, y1) in zip(lines[::2], lines[1::2], strict=True):
+        count = max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m))
+        shares = [(number + 0.5) / count for number in range(count)]
+        found += [(x0 + share * (x1 - x0), y0 + share * (y1 - y0)) for share in shares]
+    return found
+
+
+def _survey(
+    order: Order, now: VehicleNow, limits: Limits, manners: Manners, height: float
+) -> Plan:
+    places = survey_places(order, now.home)
+    area_of(order, order.places, now, limits)
+    words = {
+        "lines": f"survey {len(places) // 2} lines",
+        "around": "fly around the area",
+        "points": f"turn at {len(places)} places",
+    }[order.pattern]
+    if order.pattern != "points":
+        return _way(places, f"{words}, from", order, now, limits, height)
+    turns = [_turn_steps(place, order, now, limits, manners, height) for place in places]
+    plan = _way(places, f"{words}, from", order, now, limits, height, turn_s=turns[0][1])
+    steps = tuple(
+        step
+        for place, (turn, _) in zip(places, turns, strict=True)
+        for step in (Go(place=place, height_m=height), *turn)
+    )
+    return replace(plan, steps=steps)
+
+
+def area_of(
+    order: Order, places: tuple[Place, ...], now: VehicleNow, limits: Limits
+) -> SearchArea:
+    """What may be flown in for an outline; raises `PlanError` where it is beyond the fence."""
+    plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+    area = SearchArea(
+        search=Polygon(corners=_local(plane, places), name="area"),
+        fence=_fence(limits),
+        voids=voids_of(order, limits, plane),
+        within=_within(limits, plane),
+        margin_m=MARGIN_M,
+        straight_home=True,
+        lowest_m=limits.lowest_m,
+        highest_m=limits.highest_m,
+    )
+    if limits.ground is not None:
+        known, home = limits.ground.above_home_m, limits.ground.highest_home_m
+        area = replace(area, ground=known, ground_home=home)
+    area.check_home()
+    return area
+
+
+def check_keep_out(
+    order: Order, limits: Limits, plane: TangentPlane, places: tuple[Place, ...]
+) -> None:
+    """Refuse a way over people and buildings, or from which a straight way home leads there.
+
+    Likewise one out of the vehicle's fence.
+
+    Raises
+    ------
+    PlanError
+        With which of them, and what to do.
+    """
+    voids, within = voids_of(order, limits, plane), _within(limits, plane)
+    if not (voids or within):
+        return
+    area = SearchArea(
+        search=_fence(limits),
+        voids=voids,
+        within=within,
+        margin_m=MARGIN_M,
+        straight_home=True,
+    )
+    area.check_home()
+    x, y = np.array(_local(plane, places)).T
+    reason = area.entered(x[:1], y[:1])
+    if reason is not None:
+        raise PlanError(
+            f"where the drone is, a way {reason}",
+            remedy="Fly it by hand away from there",
+        )
+    reason = area.entered(x, y)
+    if reason is not None:
+        raise PlanError(
+            f"the way {reason}",
+            remedy="Fly round it in several orders, or take off elsewhere",
+        )
+
+
+def check_map(now: VehicleNow, limits: Limits) -> None:
+    """Refuse to fly by a map of heights that the autopilot's home does not lie on.
+
+    Raises
+    ------
+    PlanError
+        They are more than 15 m apart there.
+    """
+    apart = map_fault(now, limits)
+    if apart is not None:
+        raise PlanError(apart, remedy="Check guidance.terrain, its datum, and home")
+
+
+def map_fault(now: VehicleNow, limits: Limits) -> str | None:
+    """How far map and autopilot are apart at home, where that is too much."""
+    if limits.ground is None:
+        return None
+    apart = limits.ground.apart_m(now.altitude_amsl_m - now.altitude_relative_m)
+    if apart is None:
+        return None
+    return f"home is {apart:+.0f} m off the map of heights"
+
+
+def check_ground(
+    stations: tuple[Place, ...], now: VehicleNow, limits: Limits, height: float
+) -> None:
+    """Refuse a way, or one home from any part of it, too near to the ground of the map.
+
+    It may climb late and sink early: on its first part the lower of both heights counts.
+
+    Raises
+    ------
+    PlanError
+        With the height above home that it takes; or a descent where the map knows nothing.
+    """
+    ground = limits.ground
+    if ground is None:
+        return
+    plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+    local = np.array(_local(plane, stations))
+    first = min(height, now.altitude_relative_m) if len(stations) > 1 else height
+    for number, (a, b) in enumerate(itertools.pairwise([*local, local[-1]])):
+        share = np.linspace(0.0, 1.0, int(np.hypot(*(b - a)) / ground.step_m) + 2)
+        x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+        beneath = ground.above_home_m(x, y)
+        flown = first if number == 0 else height
+        if np.isnan(beneath).any() and height < now.altitude_relative_m - BELOW_M:
+            raise PlanError(
+                "the map of heights does not know the ground there, and it would descend",
+                remedy="Stay at this height or above, or add the tile to guidance.terrain",
+            )
+        high = float(np.nanmax(np.append(beneath, 0.0)))
+        needed = max(high, float(ground.highest_home_m(x, y).max())) + limits.lowest_m
+        if flown < needed - BELOW_M:
+            raise PlanError(
+                f"over its ground, or home from it, the way needs {needed:.0f} m above home",
+                remedy="Climb first: `uavrt fly hold --height`, or choose another way",
+            )
+        low = float(np.nanmin(np.append(beneath, np.inf)))
+        if np.isfinite(low) and height - low > limits.highest_m + BELOW_M:
+            raise PlanError(
+                f"{height:.0f} m above home is {height - low:.0f} m above ground on the way",
+                remedy="Ask for a smaller height",
+            )
+
+
+def voids_of(order: Order, limits: Limits, plane: TangentPlane) -> tuple[Circle | Polygon, ...]:
+    """People and buildings, in a plane."""
+    return tuple(_void(one, plane) for one in (*limits.keep_out, *order.keep_out))
+
+
+def _within(limits: Limits, plane: TangentPlane) -> tuple[Circle | Polygon, ...]:
+    """Areas that nothing leaves, in a plane."""
+    return tuple(_void(one, plane) for one in limits.stay_in)
+
+
+def _void(one: KeepOut, plane: TangentPlane) -> Circle | Polygon:
+    corners = _local(plane, one.places)
+    if one.radius_m is None:
+        return Polygon(corners=corners, name=one.name or "polygon")
+    ((east, north),) = corners
+    return Circle(east_m=east, north_m=north, radius_m=one.radius_m, name=one.name)
+
+
+def _fence(limits: Limits) -> Polygon:
+    angles = [2.0 * pi * n / _CORNERS for n in range(_CORNERS)]
+    corners = tuple((limits.fence_m * sin(a), limits.fence_m * cos(a)) for a in angles)
+    return Polygon(corners=corners, name="fence")
+
+
+def _local(plane: TangentPlane, places: tuple[Place, ...]) -> tuple[tuple[float, float], ...]:
+    for latitude, longitude in places:
+        if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
+            raise PlanError(
+                f"{latitude:g}, {longitude:g} is not a place", remedy="Give degrees: 47.1 8.5"
+            )
+    if not places:
+        raise PlanError("the area has no corners", remedy="Draw three or more")
+    east, north = plane.to_local(*np.array(places).T)
+    return tuple((float(x), float(y)) for x, y in zip(east, north, strict=True))
+
+
+def _geodetic(plane: TangentPlane, local_m: tuple[float, float]) -> Place:
+    latitude, longitude = plane.to_geodetic(*local_m)
+    return float(latitude), float(longitude)
+
+
+def _way(
+    places: tuple[Place, ...],
+    words: str,
+    order: Order,
+    now: VehicleNow,
+    limits: Limits,
+    height: float,
+    *,
+    turn_s: float = 0.0,
+) -> Plan:
+    """A way over some places: within the fence and the battery's reach, home included."""
+    if now.altitude_relative_m < limits.lowest_m - BELOW_M:
+        raise PlanError(
+            f"the drone is at {now.altitude_relative_m:.0f} m above home, and would fly the "
+            f"first of the way below {limits.lowest_m:.0f} m",
+            remedy="Let it climb first: `uavrt fly hold --height`, or by hand",
+        )
+    plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+    stations = ((now.latitude_deg, now.longitude_deg), *places)
+    local = _local(plane, stations)
+    x, y = np.array(local).T
+    fence = _fence(limits)
+    area = SearchArea(
+        search=fence, lowest_m=limits.lowest_m, highest_m=limits.highest_m, fence=None
+    )
+    if not fence.contains(x, y).all():
+        farthest = float(np.hypot(x, y).max())
+        raise PlanError(
+            f"the route leads {farthest:.0f} m from home, beyond the fence",
+            remedy=f"Stay within {limits.fence_m:.0f} m, or widen guidance.fence_m",
+        )
+    reason = area.refusal(np.append(x, 0.0), np.append(y, 0.0), height)
+    if reason is not None:
+        raise PlanError(f"the way {reason}", remedy="Choose another height or place")
+    check_keep_out(order, limits, plane, stations)
+    check_ground(stations, now, limits, height)
+    length = float(np.hypot(np.diff(x), np.diff(y)).sum())
+    duration = length / limits.speed_m_s + (3.0 + turn_s) * len(places)
+    check_battery(now, limits, duration, local[-1], height)
+    end = f"{places[0][0]:.6f}, {places[0][1]:.6f}"
+    return Plan(
+        steps=tuple(Go(place=one, height_m=height) for one in places),
+        summary=f"{words} {end} at {height:.0f} m: {length:.0f} m in {duration:.0f} s",
+        duration_s=duration,
+    )
+
+
+def check_battery(
+    now: VehicleNow,
+    limits: Limits,
+    duration_s: float,
+    end_m: tuple[float, float],
+    height: float,
+) -> None:
+    """Refuse what the battery does not allow.
+
+    Raises
+    ------
+    PlanError
+        Its size or what is left is not known, or what is left does not suffice.
+    """
+    if limits.battery_wh is None:
+        raise PlanError(
+            "the battery's size is not known",
+            remedy="Set guidance.battery_wh to its watt-hours",
+        )
+    if now.battery_percent is None:
+        raise PlanError(
+            "the autopilot does not report the remaining battery",
+            remedy="Set up its battery monitor",
+        )
+    climb = max(0.0, height - now.altitude_relative_m)
+    used = EnergyModel().used_wh(duration_s, limits.speed_m_s, climb)
+    needed = used + way_home_wh(end_m, height, limits) + reserve_wh(limits)
+    left = limits.battery_wh * now.battery_percent / 100.0
+    if left < needed:
+        raise PlanError(
+            f"the route, the way home and the reserve take {needed:.0f} Wh; "
+            f"{left:.0f} are left",
+            remedy="Choose a nearer place or a smaller area, or change the battery",
+        )
+
+
+def reserve_wh(limits: Limits) -> float:
+    """The energy that must be left at home."""
+    return (limits.battery_wh or 0.0) * limits.reserve_percent / 100.0
+
+
+def way_home_wh(place_m: tuple[float, float], height_m: float, limits: Limits) -> float:
+    """The energy for the way home from a place, east and north of it."""
+    state = VehicleState(time_s=0.0, east_m=place_m[0], north_m=place_m[1], height_m=height_m)
+    vehicle = Multirotor(speed_m_s=limits.speed_m_s)
+    return EnergyModel().way_home_wh(vehicle, state, (0.0, 0.0), Wind())
+
+
+def must_return(now: VehicleNow, limits: Limits) -> str | None:
+    """Why it is time to go home, whatever the order says; None while it is not."""
+    if limits.battery_wh is None or now.battery_percent is None:
+        return None
+    plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+    (place,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
+    needed = way_home_wh(place, now.altitude_relative_m, limits)
+    left = limits.battery_wh * now.battery_percent / 100.0
+    battery = Battery(remaining_wh=left, reserve_wh=reserve_wh(limits))
+    if not battery.must_return(needed):
+        return None
+    return f"{left:.0f} Wh left; the way home takes {needed:.0f} Wh"

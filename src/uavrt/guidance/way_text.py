@@ -1,0 +1,97 @@
+"""Ways in the texts of other programs: GeoJSON, KML, QGroundControl's plans. Pure.
+
+QGroundControl's file: its format of plans, version 1. A way is made of its waypoints (commands
+16 to 22 of MAVLink, with a place) and of the lines of its surveys (``VisualTransectPoints``).
+"""
+
+import json
+from collections.abc import Iterator
+from math import isfinite
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from uavrt.errors import FormatError
+from uavrt.guidance.area_text import MOST_TEXT
+from uavrt.guidance.orders import Place
+
+_WAYPOINTS = range(16, 23)
+_RETURN = 20
+_MOST_PLACES = 20_000
+
+
+def way_in(text: str, name: str) -> tuple[Place, ...]:
+    """Read the way that a file holds; nothing if it holds none.
+
+    Parameters
+    ----------
+    text : str
+        Of the file.
+    name : str
+        Its name, for the error.
+
+    Raises
+    ------
+    FormatError
+        It is none of the three kinds of file, or its places are none.
+    """
+    try:
+        if len(text) > MOST_TEXT:
+            raise ValueError("it is too long")
+        kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"
+        places = tuple(_of_kml(text) if kml else _of_json(json.loads(text)))
+        if len(places) > _MOST_PLACES:
+            raise ValueError(f"it has more than {_MOST_PLACES} places")
+        for north, east in places:
+            if not (
+                isfinite(north) and isfinite(east) and abs(north) <= 90 and abs(east) <= 180
+            ):
+                raise ValueError(f"{north:g}, {east:g} is no place on earth")
+    except (
+        *(ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError),
+        ET.ParseError,
+    ) as error:
+        raise FormatError(
+            f"{name} gives no way: {error}",
+            remedy="Name a plan of QGroundControl (.plan), GeoJSON or KML",
+        ) from error
+    return places if len(places) > 1 else ()
+
+
+def _of_json(found: Any) -> Iterator[Place]:
+    if found.get("fileType") == "Plan":
+        for item in found.get("mission", {}).get("items", []):
+            yield from _of_item(item)
+        return
+    match found["type"]:
+        case "FeatureCollection":
+            for feature in found["features"]:
+                yield from _of_json(feature)
+        case "Feature":
+            yield from _of_json(found["geometry"])
+        case "LineString":
+            yield from ((float(north), float(east)) for east, north, *_ in found["coordinates"])
+
+
+def _of_item(item: Any) -> Iterator[Place]:
+    style = item.get("TransectStyleComplexItem")
+    if style is not None:
+        for north, east, *_ in style.get("VisualTransectPoints", []):
+            yield float(north), float(east)
+    elif item.get("command") in _WAYPOINTS and item["command"] != _RETURN:
+        north, east = item["params"][4:6]
+        if north or east:  # QGroundControl writes 0, 0 for "here"
+            yield float(north), float(east)
+
+
+def _of_kml(text: str) -> Iterator[Place]:
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ValueError("it declares XML entities, which KML never needs")
+    root = ET.fromstring(text[text.find("<kml") :] if "<kml" in text else text)
+    for line in root.iter():
+        if line.tag.rpartition("}")[2] != "LineString":
+            continue
+        for one in line.iter():
+            if one.tag.rpartition("}")[2] == "coordinates":
+                for corner in (one.text or "").split():
+                    east, north, *_ = corner.split(",")
+                    yield float(north), float(east)

@@ -1,0 +1,335 @@
+"""A channel's samples as energies on a grid of slots and frequencies.
+
+A slot is a quarter or a half of a pulse; its energy is the largest matched-filter power of the
+windows that begin in it or within the tag's jitter beside it, standardised: mean 0 and variance
+1 in noise, 0 where nothing was heard. What is loud enough to be seen alone is left out of the
+energies with its surroundings, so that no single event makes a train; where it looks like a
+pulse, and not like an impulse, its slot is marked, and trains of marks are looked for as well.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.search import Spectrogram, make_grid, sliding_maximum
+from uavrt.messages import Tag
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+_LEVEL_S = 6.0
+"""Over so long the noise of a row is one."""
+_LEVEL_ROWS = 5
+_SEEN_ALONE = 20.0
+"""Power over noise that chance reaches once in 5e8 windows."""
+_MOST_GAP_S = 7200.0
+_CHUNK_S = 6.0
+_HOPS_BESIDE = 16
+"""A window two pulses away holds nothing of a loud one's flanks."""
+_WIDE_SIGMAS = 8.0
+"""Energy of a window over the whole channel from which something loud is beside the search."""
+_SLOTS_BESIDE = 4
+"""A pulse and its jitter reach so far on each side of its slot."""
+_CREST = 3.0
+"""Largest sample of a window over the power of its row, in noise: that of a pulse of N samples
+is 1/N of it and noise, that of an impulse N times it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlotEnergies:
+    """What was heard in each slot at each frequency."""
+
+    energy: NDArray[np.float32]
+    """(frequencies, slots): mean 0, variance 1 in noise; 0 where nothing was heard."""
+    heard: NDArray[np.bool_]
+    """(slots,) whether there is an energy."""
+    offsets_hz: NDArray[np.float64]
+    """(frequencies,) relative to the tag's nominal frequency."""
+    start_ns: int
+    """Time at which the first slot begins [UTC]."""
+    slot_s: float
+    mean: NDArray[np.float64]
+    """(frequencies,) of the energies in units of the noise, before they were standardised."""
+    sigma: NDArray[np.float64]
+    left_out: int
+    """Columns that were too loud."""
+    level: NDArray[np.float32]
+    """(frequencies, slots) largest power over noise, loud ones as well; 0 without samples."""
+    loud: NDArray[np.bool_]
+    """(frequencies, slots) whether there was a pulse loud enough to be seen alone."""
+    listened: NDArray[np.bool_]
+    """(slots,) whether there were samples."""
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """(slots,) middles, from `start_ns`."""
+        return np.asarray((np.arange(len(self.heard)) + 0.5) * self.slot_s)
+
+    @property
+    def end_ns(self) -> int:
+        """Time at which the last slot ends [UTC]."""
+        length_s = len(self.heard) * self.slot_s
+        return self.start_ns + round(length_s * NANOSECONDS_PER_SECOND)
+
+    def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
+        """The same as if nothing had been heard at some times, nor just beside them.
+
+        Parameters
+        ----------
+        time_s : ndarray of float64, shape (n,)
+            From `start_ns`.
+        """
+        gone = np.zeros(len(self.heard), bool)
+        at = np.floor(time_s / self.slot_s).astype(np.intp)
+        for beside in range(-_SLOTS_BESIDE, _SLOTS_BESIDE + 1):
+            inside = at + beside
+            gone[inside[(inside >= 0) & (inside < len(gone))]] = True
+        kept = ~gone
+        return replace(
+            self,
+            energy=np.where(kept, self.energy, np.float32(0.0)),
+            heard=self.heard & kept,
+            level=np.where(kept, self.level, np.float32(0.0)),
+            loud=self.loud & kept,
+            listened=self.listened & kept,
+        )
+
+
+def gather(
+    blocks: Iterable[tuple[NDArray[np.complex64], int]], sample_rate_hz: float
+) -> tuple[NDArray[np.complex64], NDArray[np.bool_], int]:
+    """Put a channel's blocks at their times; zeros stand where samples are missing.
+
+    Parameters
+    ----------
+    blocks : iterable of (ndarray of complex64, int)
+        Samples, and the time of the first [ns, UTC], in order.
+    sample_rate_hz : float
+
+    Returns
+    -------
+    samples : ndarray of complex64, shape (n,)
+    there : ndarray of bool, shape (n,)
+        False where samples are missing.
+    start_ns : int
+        Time of the first; 0 of no blocks.
+    """
+    parts: list[NDArray[np.complex64]] = []
+    gaps: list[tuple[int, int]] = []
+    start_ns = end = 0
+    for samples, time_ns in blocks:
+        if not parts:
+            start_ns = time_ns
+        due = round((time_ns - start_ns) / NANOSECONDS_PER_SECOND * sample_rate_hz)
+        gap = due - end
+        # A crystal off by 50 ppm is 0.2 of a sample late after a second; a loss is more.
+        if gap > 1 and gap < _MOST_GAP_S * sample_rate_hz:
+            gaps.append((end, end + gap))
+            parts.append(np.zeros(gap, np.complex64))
+            end += gap
+        parts.append(np.asarray(samples, np.complex64))
+        end += len(samples)
+    whole = np.concatenate(parts) if parts else np.zeros(0, np.complex64)
+    there = np.ones(len(whole), bool)
+    for low, high in gaps:
+        there[low:high] = False
+    return whole, there, start_ns
+
+
+def slot_energies(
+    samples: NDArray[np.complex64],
+    there: NDArray[np.bool_],
+    *,
+    tag: Tag,
+    start_ns: int,
+    sample_rate_hz: float,
+    center_frequency_hz: float,
+    frequency_window_hz: float,
+    slots_per_pulse: int = 2,
+) -> SlotEnergies:
+    """Measure the energy of each slot.
+
+    Parameters
+    ----------
+    samples, there, start_ns
+        From `gather`.
+    tag : Tag
+        Its pulse width sets the window, its jitter how far beside a slot is looked.
+    sample_rate_hz, center_frequency_hz : float
+        Of the channel.
+    frequency_window_hz : float
+        Half-width of the search around the tag's nominal frequency.
+    slots_per_pulse : int
+        2, or 4 for a tag without jitter.
+    """
+    grid = make_grid(
+        sample_rate_hz=sample_rate_hz,
+        pulse_width_s=tag.pulse_width_s,
+        offset_hz=tag.frequency_hz - center_frequency_hz,
+        half_width_hz=frequency_window_hz,
+    )
+    spectrogram = Spectrogram(grid)
+    hop = grid.hop
+    per_slot = max(1, round(tag.pulse_width_s / slots_per_pulse / grid.hop_s))
+    reach = math.ceil((tag.interval_jitter_s + 0.5 * per_slot * grid.hop_s) / grid.hop_s - 0.5)
+    middle = grid.rows // 2
+    # Rows a quarter of a bin apart; every second loses 0.1 dB in the mean (sinc² at 1/8 bin).
+    rows = np.arange(middle % 2, grid.rows, 2)
+    chunk = max(round(_CHUNK_S * sample_rate_hz), 4 * grid.window)
+    padded = np.concatenate(
+        (np.zeros(-spectrogram.needed(), np.complex64), samples, np.zeros(chunk, np.complex64))
+    )
+    shift = -spectrogram.needed()
+    columns = len(samples) // hop
+    power = np.zeros((len(rows), columns), np.float32)
+    done = 0
+    while done < columns:
+        first = spectrogram.needed() + shift
+        if first >= len(padded):
+            break
+        new = spectrogram.push(padded[first : first + chunk])
+        count = min(len(new), columns - done)
+        if not count and first + chunk >= len(padded):
+            break
+        power[:, done : done + count] = new[:count, rows].T
+        done += count
+    whole = _whole_windows(there, hop, grid.window, columns)
+    loud = _standardise(power, whole, round(_LEVEL_S / grid.hop_s))
+    crest, wide = _channel_columns(samples, hop, grid.window, columns, sample_rate_hz)
+    top = power.max(axis=0) if columns else np.zeros(0, np.float32)
+    pulse = loud & (crest <= _CREST * np.maximum(top, _SEEN_ALONE))
+    loud |= wide & whole
+    power[:, ~whole] = 0.0
+    seen = (power > _SEEN_ALONE) & pulse
+    heard = ~_spread(~whole | _spread(loud, _HOPS_BESIDE), reach)
+    count = max(0, (columns - 2 * reach - per_slot) // per_slot)
+    # Slot s begins at column s × per_slot + reach; its value is looked at from its middle.
+    at = np.arange(count) * per_slot + per_slot // 2
+    level = _tops(power, reach, at)
+    marked = _tops(seen.astype(np.float32), reach, at) > 0.0
+    good = heard[at + reach]
+    energy = np.where(good, level, np.float32(0.0))
+    energy, mean, sigma = _centred(energy, good, round(_LEVEL_S / (per_slot * grid.hop_s)))
+    return SlotEnergies(
+        energy=energy,
+        heard=good,
+        offsets_hz=grid.offsets_hz[rows] - (tag.frequency_hz - center_frequency_hz),
+        start_ns=start_ns + round(reach * grid.hop_s * NANOSECONDS_PER_SECOND),
+        slot_s=per_slot * grid.hop_s,
+        mean=mean,
+        sigma=sigma,
+        left_out=int(np.count_nonzero(loud)),
+        level=level,
+        loud=marked,
+        listened=~_spread(~whole, reach)[at + reach],
+    )
+
+
+def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArray[np.float32]:
+    """Largest of the columns within `reach` of those wanted."""
+    tops = sliding_maximum(np.ascontiguousarray(power.T), reach).T if reach else power
+    return np.ascontiguousarray(tops[:, at])
+
+
+def _channel_columns(
+    samples: NDArray[np.complex64],
+    hop: int,
+    window: int,
+    columns: int,
+    sample_rate_hz: float,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Of each column its largest sample over noise, and whether the whole channel is loud."""
+    power = (samples.real**2 + samples.imag**2).astype(np.float32)
+    first = np.minimum(np.arange(columns) * hop, max(len(power) - 1, 0))
+    crest, wide = np.zeros(columns, np.float32), np.zeros(columns, bool)
+    length = max(1, round(_LEVEL_S * sample_rate_hz / hop))
+    total = np.concatenate(([0.0], np.cumsum(power, dtype=np.float64)))
+    energy = total[np.minimum(first + window, len(power))] - total[first]
+    peaks = np.maximum.reduceat(power, first) if columns else crest
+    for beside in range(-(-window // hop)):
+        crest[: columns - beside] = np.maximum(crest[: columns - beside], peaks[beside:])
+    for low in range(0, columns, length):
+        some = energy[low : low + length]
+        there = some[some > 0.0]
+        if not len(there):
+            continue
+        middle = float(np.median(there))
+        sigma = 1.4826 * float(np.median(np.abs(there - middle)))
+        wide[low : low + length] = some > middle + _WIDE_SIGMAS * sigma
+        crest[low : low + length] /= max(middle / window, 1e-30)
+    return crest, wide
+
+
+def _whole_windows(
+    there: NDArray[np.bool_], hop: int, window: int, columns: int
+) -> NDArray[np.bool_]:
+    """Columns whose window misses no sample."""
+    missing = np.concatenate(([0], np.cumsum(~there)))
+    first = np.arange(columns) * hop
+    last = np.minimum(first + window, len(there))
+    return np.asarray((missing[last] == missing[first]) & (first + window <= len(there)))
+
+
+def _standardise(
+    power: NDArray[np.float32], whole: NDArray[np.bool_], length: int
+) -> NDArray[np.bool_]:
+    """Divide by the noise of each row and time, in place; which columns hold a loud one."""
+    columns = power.shape[1]
+    loud = np.zeros(columns, bool)
+    side = _LEVEL_ROWS // 2
+    for part in _stretches(columns, length):
+        some, good = power[:, part], whole[part]
+        if np.count_nonzero(good) < length // 8:
+            loud[part] = True  # too little to know the noise
+            some[:] = 0.0
+            continue
+        medians = np.median(some[:, good], axis=1)
+        levels = np.array(
+            [
+                np.median(medians[max(0, row - side) : row + side + 1])
+                for row in range(len(medians))
+            ]
+        )
+        some /= np.maximum(levels / math.log(2.0), 1e-30)[:, np.newaxis].astype(np.float32)
+        loud[part] = some.max(axis=0) > _SEEN_ALONE
+    return loud & whole
+
+
+def _stretches(count: int, length: int) -> list[slice]:
+    """Parts of about one length; what would be less than half of one goes to the last."""
+    first = range(0, max(count - length // 2, 1), length)
+    return [slice(low, min(low + length, count)) for low in first[:-1]] + [
+        slice(first[-1], count)
+    ]
+
+
+def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Flags, and their neighbours on both sides."""
+    counts = np.concatenate(([0], np.cumsum(flags)))
+    at = np.arange(len(flags))
+    low, high = np.maximum(at - reach, 0), np.minimum(at + reach + 1, len(flags))
+    return np.asarray(counts[high] > counts[low])
+
+
+def _centred(
+    energy: NDArray[np.float32], good: NDArray[np.bool_], length: int
+) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
+    """Mean 0 in each stretch of a row, and variance 1 in each row; 0 where nothing was heard.
+
+    A level that was taken a little wrong for a stretch would lift all its slots, and with them
+    the sums of each place whose pulses were strong in it.
+    """
+    result = np.zeros_like(energy)
+    rows = len(energy)
+    if not good.any():
+        return result, np.zeros(rows), np.ones(rows)
+    mean = energy[:, good].mean(axis=1, dtype=np.float64)
+    for part in _stretches(energy.shape[1], length):
+        heard = good[part]
+        if heard.any():
+            some = energy[:, part][:, heard]
+            result[:, part][:, heard] = some - some.mean(axis=1, keepdims=True)
+    sigma = np.maximum(result[:, good].std(axis=1, dtype=np.float64), 1e-6)
+    result /= sigma[:, np.newaxis].astype(np.float32)
+    return result, mean, sigma

@@ -1,0 +1,170 @@
+"""Whether a train is the listed tag's, or the shadow of another train on its frequency.
+
+Pulses every T are also pulses every T p/q, of which some are missing or between which others
+lie: a second tag can so pass for the listed one. A train is therefore looked for at all
+intervals from a third of T to three times T that the list does not allow. Where one explains
+the same frequency better, its slots are taken out, and the flight is judged again.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.integration.drifting import even_order, search_drifting, train_times_s
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.whole_flight import (
+    FoldedTrain,
+    Weights,
+    intervals_searched,
+    log_tail,
+    loud_tail,
+    low_rank_weights,
+    peaks,
+    plain_weights,
+)
+from uavrt.messages import Tag
+
+_BETTER = 3.0
+"""Logarithm of how much less likely by chance another train must be to explain one."""
+_SHORTEST, _LONGEST = 0.3, 3.2
+"""Of the interval found."""
+_SMALL = 3
+_SAME = 0.01
+_MOST_OTHERS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherTrain:
+    """A train on a tag's frequency whose interval the list does not allow."""
+
+    interval_s: float
+    phase_s: float
+    offset_hz: float
+    drift: float
+    loud: bool
+    ratio: tuple[int, int] | None
+    """Its interval over the one that passed for the tag's, where both numbers are small: the
+    two cannot be told apart by their times alone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judgement:
+    """The likeliest train of a tag, when other trains are out of the way."""
+
+    train: FoldedTrain
+    energies: SlotEnergies
+    """Without the others' slots."""
+    others: tuple[OtherTrain, ...]
+
+    @property
+    def ambiguous(self) -> OtherTrain | None:
+        """The first other train whose interval is a small ratio of the tag's."""
+        return next((one for one in self.others if one.ratio is not None), None)
+
+
+def judge(
+    energies: SlotEnergies,
+    gain: NDArray[np.float64],
+    gain_time_s: NDArray[np.float64],
+    tag: Tag,
+    *,
+    false_alarm_probability: float = 0.01,
+    most_drift: float = 0.0,
+) -> Judgement:
+    """Search a tag, and again without each train that explains what was found better.
+
+    Parameters
+    ----------
+    energies : SlotEnergies
+    gain : ndarray of float64, shape (places, times)
+        Of the places looked at, relative to each one's strongest.
+    gain_time_s : ndarray of float64, shape (times,)
+    tag : Tag
+    false_alarm_probability : float
+        For a flight and tag.
+    most_drift : float
+        Largest relative change of the interval over the flight.
+    """
+    others: list[OtherTrain] = []
+    while True:
+        weights = low_rank_weights(gain, gain_time_s, energies, tag.pulse_intervals_s[0])
+        train = search_drifting(energies, weights, tag, most_drift)
+        other = None
+        if train.false_alarm_probability <= false_alarm_probability:
+            other = better_elsewhere(energies, weights, train, tag)
+        if other is None or len(others) == _MOST_OTHERS:
+            return Judgement(train=train, energies=energies, others=tuple(others))
+        others.append(other)
+        span_s = len(energies.heard) * energies.slot_s
+        energies = energies.without(
+            train_times_s(other.phase_s, other.interval_s, other.drift, span_s)
+        )
+
+
+def better_elsewhere(
+    energies: SlotEnergies, weights: Weights, train: FoldedTrain, tag: Tag
+) -> OtherTrain | None:
+    """Find a train at an interval that is not the tag's, and explains a found one better.
+
+    Parameters
+    ----------
+    energies : SlotEnergies
+    weights : Weights
+    train : FoldedTrain
+    tag : Tag
+    """
+    middle = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
+    rows = np.arange(max(0, middle - 1), min(len(energies.energy), middle + 2))
+    if train.loud:
+        alone, values = plain_weights(energies), energies.loud.astype(np.float32)
+    else:
+        values = energies.energy
+        alone = weights.only(train.place)
+    if train.drift:
+        order = even_order(energies, train.drift)
+        values = values[:, order]
+        alone = replace(alone, basis=alone.basis[:, order])
+    best, other = train.log_probability - _BETTER, None
+    for between in _elsewhere(energies, train, tag):
+        found = peaks(values, rows, alone, energies.slot_s, between)
+        if train.loud:
+            logs = loud_tail(energies, found, alone)
+        else:
+            logs = log_tail(found, alone, energies)
+        at = int(np.argmin(logs)) if len(logs) else 0
+        if len(logs) and logs[at] < best:
+            best, interval_s = float(logs[at]), float(found.interval[at]) * energies.slot_s
+            other = OtherTrain(
+                interval_s=interval_s,
+                phase_s=(float(found.phase[at]) + 0.5) * energies.slot_s,
+                offset_hz=float(energies.offsets_hz[found.row[at]]),
+                drift=train.drift,
+                loud=train.loud,
+                ratio=_ratio(interval_s / train.interval_s),
+            )
+    return other
+
+
+def _elsewhere(
+    energies: SlotEnergies, train: FoldedTrain, tag: Tag
+) -> list[tuple[float, float]]:
+    """Stretches of intervals [s] that the list does not allow."""
+    cell_s = energies.slot_s * train.interval_s / max(float(energies.time_s[-1]), 1e-9)
+    shortest = max(_SHORTEST * train.interval_s, 8.0 * energies.slot_s)
+    edges = [shortest]
+    for low_s, high_s in sorted(intervals_searched(tag)):
+        edges += [low_s - 2.0 * cell_s, high_s + 2.0 * cell_s]
+    edges.append(_LONGEST * train.interval_s)
+    stretches = zip(edges[::2], edges[1::2], strict=True)
+    return [(low, high) for low, high in stretches if high - low > energies.slot_s]
+
+
+def _ratio(value: float) -> tuple[int, int] | None:
+    """Small numbers p and q with p/q within a hundredth of a value."""
+    for below in range(1, _SMALL + 1):
+        above = round(value * below)
+        if above and math.gcd(above, below) == 1 and abs(value * below / above - 1.0) < _SAME:
+            return above, below
+    return None

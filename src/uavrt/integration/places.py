@@ -1,0 +1,207 @@
+"""Where a tag might be, and how strong its pulses would then be at each moment of a flight."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization import AntennaPattern, Headings, PoseColumns
+from uavrt.tangent_plane import TangentPlane, plane_around
+from uavrt.terrain import HillLosses
+from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
+
+_Floats = NDArray[np.float64]
+EXPONENT = 2.5
+"""Of the fall with distance; the mean of `uavrt.localization.Propagation`."""
+_BEARINGS = 72
+BEARING_STEP_DEG = 360.0 / _BEARINGS
+_NEAREST_M, _FARTHEST_M = 40.0, 5000.0
+_RANGES = 14
+RANGE_STEP = (_FARTHEST_M / _NEAREST_M) ** (1.0 / (_RANGES - 1))
+"""Of one ring's radius to the next."""
+_STEP_S = 0.25
+_ALIKE = 0.97
+"""Correlation of two places' weights from which one is folded for both: 0.13 dB at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Places:
+    """Places around a flight, and the energy of pulses from each relative to its strongest."""
+
+    plane: TangentPlane
+    east_m: _Floats
+    """(places,)."""
+    north_m: _Floats
+    area: _Floats
+    """(places,) ground that each stands for, relative: the prior."""
+    time_s: _Floats
+    """(times,) from the first slot's beginning."""
+    gain: _Floats
+    """(places, times), 1 at each place's strongest."""
+    strongest_db: _Floats
+    """(places,) of that strongest, from any reference that all flights share."""
+    track: "Track"
+
+    @property
+    def bearing_deg(self) -> _Floats:
+        """(places,) from the middle of the flight, clockwise from true north."""
+        return wrap_degrees_360(np.degrees(np.arctan2(self.east_m, self.north_m)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Track:
+    """Where an antenna was, and how it pointed, at the times of `Places`."""
+
+    pattern: AntennaPattern
+    east_m: _Floats
+    """(times,)."""
+    north_m: _Floats
+    height_m: _Floats
+    axes: _Floats
+    """(times, 3, 3) forward, right and down."""
+    hills: HillLosses | None = None
+    """The ground in the plane; None is level."""
+
+    def gain_db(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """Level of pulses from some places: (places, times); 0 is boresight 1 m away."""
+        gain_db = np.empty((len(east_m), len(self.east_m)))
+        rise: NDArray[np.floating[Any]] = np.zeros(len(east_m))
+        if self.hills is not None:
+            seen = self.hills.seen_from(self.east_m, self.north_m, self.height_m)
+            lost_db, rise = seen(east_m, north_m), self.hills.rise_m(east_m, north_m)
+        for place, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
+            towards = np.stack(
+                (north - self.north_m, east - self.east_m, self.height_m - rise[place]), axis=1
+            )
+            distance = np.maximum(np.linalg.norm(towards, axis=1), 1.0)
+            towards /= distance[:, np.newaxis]
+            forward, right, down = np.einsum("tij,tj->it", self.axes, towards)
+            gain_db[place] = self.pattern.gain_towards_db(forward, right, down)
+            gain_db[place] -= 10.0 * EXPONENT * np.log10(distance)
+            if self.hills is not None:
+                gain_db[place] -= lost_db[place]
+        return gain_db
+
+
+def places_around(
+    poses: PoseColumns,
+    pattern: AntennaPattern,
+    *,
+    start_ns: int,
+    end_ns: int,
+    hills: HillLosses | None = None,
+    plane: TangentPlane | None = None,
+) -> Places:
+    """Lay places around where a drone was while it listened.
+
+    Parameters
+    ----------
+    poses : PoseColumns
+        Of the antenna, at least two.
+    pattern : AntennaPattern
+    start_ns, end_ns : int
+        Of the samples [UTC].
+    hills : HillLosses, optional
+        The ground; None is level.
+    plane : TangentPlane, optional
+        Around whose middle the places lie; by default that of the poses.
+
+    Raises
+    ------
+    UsageError
+        The poses are not of the time of the samples.
+    """
+    inside = (poses.time_ns >= start_ns) & (poses.time_ns <= end_ns)
+    if np.count_nonzero(inside) < 2:
+        raise UsageError(
+            "the flight has no poses in the time of the samples",
+            remedy="Check --start-time, or name the flight in which they were recorded",
+        )
+    if plane is None:
+        plane = plane_around(poses.latitude_deg[inside], poses.longitude_deg[inside])
+    count = max(2, round((end_ns - start_ns) / NANOSECONDS_PER_SECOND / _STEP_S))
+    time_ns = start_ns + np.linspace(0.0, float(end_ns - start_ns), count)
+    pose_ns = poses.time_ns.astype(np.float64)
+    nearest = _nearest(pose_ns, time_ns)
+    drone_east, drone_north = plane.to_local(poses.latitude_deg, poses.longitude_deg)
+    east = np.interp(time_ns, pose_ns, drone_east)
+    north = np.interp(time_ns, pose_ns, drone_north)
+    height = np.interp(time_ns, pose_ns, np.nan_to_num(poses.height_m, nan=0.0))
+    axes = Headings.from_quaternions(poses.quaternion_wxyz[nearest]).axes
+    assert axes is not None
+    if hills is not None:
+        hills = None if hills.level else hills.in_plane(plane)
+    if hills is not None:
+        hills.cover([-_FARTHEST_M, _FARTHEST_M], [-_FARTHEST_M, _FARTHEST_M])
+    track = Track(
+        hills=hills,
+        pattern=pattern,
+        east_m=east,
+        north_m=north,
+        height_m=height,
+        axes=axes,
+    )
+    bearing = np.arange(_BEARINGS) * 360.0 / _BEARINGS
+    ranges = np.geomspace(_NEAREST_M, _FARTHEST_M, _RANGES)
+    place_east, place_north = east_north(
+        np.tile(bearing, _RANGES), np.repeat(ranges, _BEARINGS)
+    )
+    gain_db = track.gain_db(place_east, place_north)
+    strongest_db = gain_db.max(axis=1)
+    return Places(
+        plane=plane,
+        east_m=place_east,
+        north_m=place_north,
+        area=np.repeat(ranges**2, _BEARINGS),
+        time_s=(time_ns - start_ns) / NANOSECONDS_PER_SECOND,
+        gain=np.asarray(10.0 ** ((gain_db - strongest_db[:, np.newaxis]) / 10.0)),
+        strongest_db=strongest_db,
+        track=track,
+    )
+
+
+def common_gains(each: Sequence[Places]) -> list[_Floats]:
+    """Gains in several flights around one plane's middle, 1 at a place's strongest of all."""
+    strongest_db = np.stack([one.strongest_db for one in each])
+    below_db = strongest_db - strongest_db.max(axis=0)
+    return [
+        one.gain * 10.0 ** (below[:, np.newaxis] / 10.0)
+        for one, below in zip(each, below_db, strict=True)
+    ]
+
+
+def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats]:
+    """Places from the middle of the flight."""
+    turn = np.radians(bearing_deg)
+    return np.asarray(range_m * np.sin(turn)), np.asarray(range_m * np.cos(turn))
+
+
+def distinct(weights: _Floats, alike_from: float = _ALIKE) -> NDArray[np.intp]:
+    """Places whose weights stand for all others'.
+
+    Parameters
+    ----------
+    weights : ndarray of float64, shape (places, times)
+    alike_from : float
+        Correlation from which one stands for another.
+    """
+    unit = weights / np.maximum(np.linalg.norm(weights, axis=1, keepdims=True), 1e-12)
+    alike = unit @ unit.T
+    uncovered = np.ones(len(unit), bool)
+    chosen = []
+    while uncovered.any():
+        covers = (alike >= alike_from)[:, uncovered].sum(axis=1)
+        best = int(covers.argmax())
+        chosen.append(best)
+        uncovered &= alike[best] < alike_from
+    return np.array(chosen, np.intp)
+
+
+def _nearest(known: _Floats, wanted: _Floats) -> NDArray[np.intp]:
+    """Index of the nearest of some ascending times."""
+    after = np.clip(np.searchsorted(known, wanted), 1, len(known) - 1)
+    earlier = wanted - known[after - 1] <= known[after] - wanted
+    return np.asarray(after - earlier)

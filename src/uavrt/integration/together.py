@@ -1,0 +1,264 @@
+"""One tag over several flights: too weak in each, and found in all of them together.
+
+For each place, frequency and narrow stretch of intervals the likeliest phase of every flight is
+taken, and their weighted sums are added: a tag that rests has one place in all flights, and
+about one interval and frequency, but its pulses are not counted on from flight to flight. So
+the hypotheses of the phases multiply, those of place, frequency and stretch are counted once.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, stats
+
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.whole_flight import (
+    FoldedTrain,
+    Weights,
+    cells_searched,
+    chance,
+    correlation_slots,
+    intervals_searched,
+    log_tail,
+    low_rank,
+    peaks,
+    pulse_weights,
+    scores,
+)
+from uavrt.messages import Tag
+
+_Floats = NDArray[np.float64]
+_STRETCH = 2e-4
+"""Of the interval: by so much it may differ between flights."""
+_LEAST_CELLS = 2.0
+"""Of the shortest flight's fold in a stretch."""
+_ROWS_BESIDE = 1
+"""Frequencies by which a tag may be off its mean in a flight: 25 Hz at 20 ms."""
+_INDEPENDENT = 8.6
+"""Hypotheses in each flight, for each cell of a stretch one correlation length wide. From the
+least probabilities of noise flights, 1 to 6 at once (`uavrt experiment integrate`)."""
+_INDEPENDENT_PLACES = 1.35
+"""Of a tag that moves, for each pattern in each flight."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Listened:
+    """What one flight heard, and how strong pulses from each place would be in it."""
+
+    energies: SlotEnergies
+    gain: _Floats
+    """(places, times), 1 at each place's strongest pulse: of all flights where the tag rests,
+    of this one where it moves."""
+    time_s: _Floats
+    """(times,) from the first slot's beginning."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointTrain:
+    """The likeliest tag of several flights."""
+
+    false_alarm_probability: float
+    """That noise alone shows one as unlikely in the whole search."""
+    score: float
+    log_probability: float
+    hypotheses: float
+    trains: tuple[FoldedTrain, ...]
+    """Its train in each flight: place is a row of that flight's gains."""
+    log_trains: tuple[float, ...]
+    """Logarithm of how many independent trains each was chosen from."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Search:
+    """One rate: stretches of intervals between two."""
+
+    flights: Sequence[Listened]
+    weights: Sequence[Weights]
+    between_s: tuple[float, float]
+    half_s: float
+    """Half of a stretch."""
+    halves: int
+    rate: int
+
+    def best(self, number: int) -> NDArray[np.float32]:
+        """Highest score of a flight in each stretch, any phase: (places, rows, stretches)."""
+        energies, weights = self.flights[number].energies, self.weights[number]
+        rows = np.arange(len(energies.energy))
+        found = np.full((len(weights.mixing), len(rows), self.halves), -np.inf, np.float32)
+        slot_s, low_s = energies.slot_s, self.between_s[0]
+        for row, intervals, score in scores(
+            energies.energy, rows, weights, slot_s, self.between_s
+        ):
+            half = ((intervals * slot_s - low_s) / self.half_s).astype(np.intp)
+            half = np.clip(half, 0, self.halves - 1)
+            first = np.flatnonzero(np.diff(half, prepend=-1))
+            top = np.maximum.reduceat(score.max(axis=2), first, axis=1)
+            found[:, row, half[first]] = np.maximum(found[:, row, half[first]], top)
+        # Each half is in two stretches: a tag between two is in the middle of a third.
+        pairs = np.maximum(found[..., :-1], found[..., 1:])
+        beside = 2 * _ROWS_BESIDE + 1
+        return np.asarray(ndimage.maximum_filter1d(pairs, beside, axis=1, mode="nearest"))
+
+    def rows(self, number: int) -> NDArray[np.intp]:
+        """A flight's frequency for each of the first flight's."""
+        wanted = self.flights[0].energies.offsets_hz
+        own = self.flights[number].energies.offsets_hz
+        return np.asarray(np.abs(own[:, np.newaxis] - wanted).argmin(axis=0))
+
+    def train(
+        self, number: int, place: int | None, offset_hz: float, stretch: int
+    ) -> FoldedTrain:
+        """The likeliest train of one flight at what was found in all; None is any place."""
+        energies, weights = self.flights[number].energies, self.weights[number]
+        row = int(np.argmin(np.abs(energies.offsets_hz - offset_hz)))
+        rows = range(
+            max(0, row - _ROWS_BESIDE), min(len(energies.energy), row + _ROWS_BESIDE + 1)
+        )
+        some = weights if place is None else weights.only(place)
+        low_s = self.between_s[0] + stretch * self.half_s
+        between_s = (low_s, low_s + 2.0 * self.half_s)
+        found = peaks(energies.energy, rows, some, energies.slot_s, between_s)
+        at = int(np.argmax(found.score))
+        log_probability = float(log_tail(found, some, energies)[at])
+        hypotheses = self.trains_each(number)
+        return FoldedTrain(
+            false_alarm_probability=chance(log_probability, hypotheses),
+            score=float(found.score[at]),
+            interval_s=float(found.interval[at]) * energies.slot_s,
+            phase_s=(float(found.phase[at]) + 0.5) * energies.slot_s,
+            offset_hz=float(energies.offsets_hz[found.row[at]]),
+            place=int(found.place[at]) if place is None else place,
+            hypotheses=hypotheses,
+            log_probability=log_probability,
+            rate=self.rate,
+        )
+
+    def trains_each(self, number: int) -> float:
+        """Independent trains of a flight in one stretch, at the frequencies beside one."""
+        energies = self.flights[number].energies
+        cells = cells_searched(len(energies.heard), energies.slot_s, self.between_s)
+        own = float(np.mean(correlation_slots(energies) ** -2.0))
+        in_stretch = cells * own * min(1.0, 2.0 / self.halves)
+        return max(1.0, _INDEPENDENT * in_stretch)
+
+
+def search_together(
+    flights: Sequence[Listened], tag: Tag, *, moves: bool = False
+) -> JointTrain:
+    """Find the likeliest tag of several flights.
+
+    Parameters
+    ----------
+    flights : sequence of Listened
+        Two or more, with as many frequencies each; of a tag that rests with the same places.
+    tag : Tag
+    moves : bool
+        The tag may be elsewhere in each flight.
+    """
+    weights, patterns = _weights(flights, tag, moves=moves)
+    found = [
+        _likeliest(_search(flights, weights, between_s, rate), tag, patterns, moves=moves)
+        for rate, between_s in enumerate(intervals_searched(tag), 1)
+    ]
+    return min(found, key=lambda one: one.log_probability)
+
+
+def _weights(
+    flights: Sequence[Listened], tag: Tag, *, moves: bool
+) -> tuple[list[Weights], list[int]]:
+    """Weights of each flight, and how many patterns they were made of."""
+    interval_s = tag.pulse_intervals_s[0]
+    each = [pulse_weights(one.gain) for one in flights]
+    if moves:
+        factors = [low_rank(one) for one in each]
+    else:
+        mixing, patterns = low_rank(np.concatenate(each, axis=1))
+        cuts = np.cumsum([one.shape[1] for one in each])[:-1]
+        factors = [(mixing, part) for part in np.split(patterns, cuts, axis=1)]
+    weights = [
+        Weights.over(patterns, mixing, one.time_s, one.energies, interval_s)
+        for one, (mixing, patterns) in zip(flights, factors, strict=True)
+    ]
+    return weights, [len(patterns) for _, patterns in factors]
+
+
+def _search(
+    flights: Sequence[Listened],
+    weights: Sequence[Weights],
+    between_s: tuple[float, float],
+    rate: int,
+) -> _Search:
+    low_s, high_s = between_s
+    middle_s = 0.5 * (low_s + high_s)
+    cell_s = max(
+        one.energies.slot_s * middle_s / max(float(one.energies.time_s[-1]), middle_s)
+        for one in flights
+    )
+    half_s = 0.5 * max(_STRETCH * middle_s, _LEAST_CELLS * cell_s)
+    halves = max(2, math.ceil((high_s - low_s) / half_s))
+    return _Search(
+        flights=flights,
+        weights=weights,
+        between_s=between_s,
+        half_s=half_s,
+        halves=halves,
+        rate=rate,
+    )
+
+
+def _likeliest(
+    search: _Search, tag: Tag, patterns: Sequence[int], *, moves: bool
+) -> JointTrain:
+    """The likeliest place, frequency and stretch of one rate."""
+    score, skewness = _sums(search, moves=moves)
+    at = score.argmax(axis=2)[..., np.newaxis]
+    best = np.take_along_axis(score, at, axis=2)[..., 0]
+    logs = np.asarray(
+        stats.pearson3.logsf(best, np.take_along_axis(skewness, at, axis=2)[..., 0])
+    )
+    place, row = (int(one) for one in np.unravel_index(int(np.argmin(logs)), logs.shape))
+    stretch = int(at[place, row, 0])
+    every = range(len(search.flights))
+    each = [search.trains_each(number) for number in every]
+    shared = score.shape[1] * search.halves * len(tag.pulse_intervals_s)
+    if moves:
+        each = [
+            count * _INDEPENDENT_PLACES * many
+            for count, many in zip(each, patterns, strict=True)
+        ]
+    else:
+        shared *= patterns[0]
+    hypotheses = shared * math.prod(each)
+    offset_hz = float(search.flights[0].energies.offsets_hz[row])
+    return JointTrain(
+        false_alarm_probability=chance(float(logs[place, row]), hypotheses),
+        score=float(score[place, row, stretch]),
+        log_probability=float(logs[place, row]),
+        hypotheses=hypotheses,
+        trains=tuple(
+            search.train(number, None if moves else place, offset_hz, stretch)
+            for number in every
+        ),
+        log_trains=tuple(math.log(one) for one in each),
+    )
+
+
+def _sums(search: _Search, *, moves: bool) -> tuple[_Floats, _Floats]:
+    """Joint scores and their skewness: (places, rows, stretches); 1 place if the tag moves."""
+    total, square, cube = np.zeros(1), np.zeros(1), np.zeros(1)
+    for number, weights in enumerate(search.weights):
+        rows = search.rows(number)
+        best = search.best(number)[:, rows].astype(np.float64)
+        deviation = weights.deviation[rows].T[..., np.newaxis]
+        skewness = np.broadcast_to(weights.skewness[rows].T[..., np.newaxis], best.shape)
+        if moves:  # each flight's own place, and all flights alike
+            place = best.argmax(axis=0)[np.newaxis]
+            best = np.take_along_axis(best, place, axis=0)
+            skewness, deviation = np.take_along_axis(skewness, place, axis=0), np.ones(1)
+        total = total + deviation * best
+        square = square + deviation**2
+        cube = cube + deviation**3 * skewness
+    return total / np.sqrt(square), np.broadcast_to(cube / square**1.5, total.shape)

@@ -1,0 +1,463 @@
+"""Where the tag of a folded train is: the energies of its pulses against each place's gains.
+
+A slot's energy in noise is the largest of m unit exponentials (m from their mean, as jitter and
+slot make it); with a pulse of energy S one of them is a noncentral chi-square of 2 degrees of
+freedom (a constant amplitude of unknown phase). The level is a nuisance with a flat prior in
+decibels, the place has one flat over the ground.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, special, stats
+from scipy.sparse import csgraph
+
+from uavrt.integration.drifting import train_times_s
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.places import (
+    BEARING_STEP_DEG,
+    RANGE_STEP,
+    Places,
+    common_gains,
+    east_north,
+)
+from uavrt.integration.whole_flight import FoldedTrain
+from uavrt.tangent_plane import TangentPlane
+from uavrt.units import wrap_degrees_180, wrap_degrees_360
+
+_Floats = NDArray[np.float64]
+_AMPLITUDES = np.arange(0.0, 80.0, 0.1)
+"""Of pulses in noise: up to 38 dB."""
+_STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
+_LEVELS_DB = (-14.0, 9.0)
+"""Levels looked at, from the strongest energies."""
+_FADING_DB = 1.0
+"""Of single pulses, by what pattern, poses and ground do beyond the model."""
+_LEAST_LOG = -30.0
+_FINE = 3
+"""Parts of a likely cell in bearing and distance."""
+_MOST_FINED = 300
+_LIKELY = 100
+"""Places by which a flight's share is told."""
+_KEPT = 0.998
+_BETWEEN_DB = 3.0
+"""Of a tag's level from one flight to another: posture, receiver, ground."""
+_COUNTED = 0.8
+"""Of the pulses' evidence: what pattern, poses and ground do beyond the model is the same for
+neighbouring pulses. With all of it regions of 90 % held .85 (I4)."""
+_LOUD_AS = 6.0
+"""A loud pulse of energy E counts as this times ln E: 18 at the limit, 41 at 30 dB."""
+_OUTLIER = 0.02
+"""Share of the pulses that tell nothing: blocked, covered, a moved head."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlaceBelief:
+    """Where a tag is, after a whole flight."""
+
+    latitude_deg: float
+    longitude_deg: float
+    radius50_m: float
+    radius95_m: float
+    bearing_deg: float
+    """From the middle of the flight."""
+    arc50_deg: float
+    """Width of the arc that holds half of the probability."""
+    arc95_deg: float
+    level_db: float
+    """Energy over noise of the strongest pulse."""
+    log_evidence: float
+    """Logarithm of how much likelier the pulses are with a tag, anywhere, than without one."""
+    probability: _Floats
+    """(places,)."""
+    cells: "Cells"
+
+    def arc_deg(self, share: float) -> float:
+        """Width of the arc around the bearing that holds a share of the probability."""
+        return self.cells.arc_deg(self.bearing_deg, share)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """One of the places where a tag may be."""
+
+    latitude_deg: float
+    longitude_deg: float
+    radius95_m: float
+    """Holds 95 % of this part's probability."""
+    probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cells:
+    """Parts of the ground around the middle of a flight, and how likely the tag is in each."""
+
+    plane: TangentPlane
+    bearing_deg: _Floats
+    """(cells,) middles."""
+    range_m: _Floats
+    width_deg: _Floats
+    ratio: _Floats
+    """Of a cell's farther border to its nearer one."""
+    probability: _Floats
+
+    def region(self, share: float) -> NDArray[np.bool_]:
+        """Which cells make the smallest region that holds a share of the probability."""
+        area = self.range_m**2 * self.width_deg * np.log(self.ratio)
+        order = np.argsort(-self.probability / area, kind="stable")
+        before = np.cumsum(self.probability[order]) - self.probability[order]
+        inside = np.zeros(len(order), bool)
+        inside[order] = before < share
+        return inside
+
+    def holds(self, east_m: float, north_m: float, share: float) -> bool:
+        """Whether a place is in that region."""
+        bearing = np.degrees(np.arctan2(east_m, north_m))
+        beside = np.abs(wrap_degrees_180(self.bearing_deg - bearing))
+        apart = np.abs(np.log(np.hypot(east_m, north_m) / self.range_m))
+        here = (beside <= 0.5 * self.width_deg) & (apart <= 0.5 * np.log(self.ratio))
+        return bool((here & self.region(share)).any())
+
+    def outlines(self, share: float) -> list[list[tuple[float, float]]]:
+        """Latitudes and longitudes around each part of a region, by rings."""
+        inside = self.region(share)
+        parts = []
+        keys = np.stack((np.log(self.range_m), np.log(self.ratio), self.width_deg), axis=1)
+        for key in np.unique(np.round(keys[inside], 6), axis=0):
+            ring = inside & np.all(np.abs(keys - key) < 1e-5, axis=1)
+            half = 0.5 * key[2]
+            near, far = np.exp(key[0] - 0.5 * key[1]), np.exp(key[0] + 0.5 * key[1])
+            for low, high in _runs(np.sort(self.bearing_deg[ring]), key[2]):
+                around = np.arange(low - half, high + half + 1e-6, half)
+                bearing = np.concatenate((around, around[::-1], around[:1]))
+                distance = np.concatenate(
+                    (np.full(len(around), far), np.full(len(around), near), [far])
+                )
+                latitude, longitude = self.plane.to_geodetic(*east_north(bearing, distance))
+                parts.append(list(zip(latitude.tolist(), longitude.tolist(), strict=True)))
+        return parts
+
+    def parts(self, share: float = 0.95) -> "list[Part]":
+        """Connected parts of a region, the likeliest first."""
+        inside = np.flatnonzero(self.region(share))
+        bearing, half = self.bearing_deg[inside], 0.5 * self.width_deg[inside]
+        away, deep = np.log(self.range_m[inside]), 0.5 * np.log(self.ratio[inside])
+        beside = np.abs(wrap_degrees_180(bearing[:, np.newaxis] - bearing))
+        touching = beside <= 1.01 * (half[:, np.newaxis] + half)
+        touching &= np.abs(away[:, np.newaxis] - away) <= 1.01 * (deep[:, np.newaxis] + deep)
+        count, which = csgraph.connected_components(touching, directed=False)
+        found = [self._part(inside[which == number]) for number in range(count)]
+        return sorted(found, key=lambda one: -one.probability)
+
+    def _part(self, cells: NDArray[np.intp]) -> "Part":
+        held = self.probability[cells]
+        east, north = east_north(self.bearing_deg[cells], self.range_m[cells])
+        total = float(held.sum())
+        middle_east, middle_north = float(held @ east) / total, float(held @ north) / total
+        away = np.hypot(east - middle_east, north - middle_north)
+        order = np.argsort(away)
+        last = int(np.searchsorted(np.cumsum(held[order]), 0.95 * total))
+        latitude, longitude = self.plane.to_geodetic(middle_east, middle_north)
+        return Part(
+            latitude_deg=float(latitude),
+            longitude_deg=float(longitude),
+            radius95_m=float(away[order][min(last, len(order) - 1)]),
+            probability=total,
+        )
+
+    def arc_deg(self, middle_deg: float, share: float) -> float:
+        """Width of the arc around a bearing that holds a share of the probability."""
+        fine = np.arange(0.0, 180.0, 0.1)
+        away = np.abs(wrap_degrees_180(self.bearing_deg - middle_deg))
+        # Each cell's probability lies evenly over its width.
+        low = np.maximum(fine[:, np.newaxis] - (away - 0.5 * self.width_deg), 0.0)
+        held = np.minimum(low / self.width_deg, 1.0) @ self.probability
+        return 2.0 * float(fine[min(int(np.searchsorted(held, share)), len(fine) - 1)])
+
+
+def _runs(bearings_deg: _Floats, step_deg: float) -> list[tuple[float, float]]:
+    """First and last of bearings that follow each other."""
+    cuts = np.flatnonzero(np.diff(bearings_deg) > 1.5 * step_deg) + 1
+    return [(float(one[0]), float(one[-1])) for one in np.split(bearings_deg, cuts)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrainPulses:
+    """The slots in which a train's pulses lie."""
+
+    time_s: _Floats
+    """(n,) from the first slot's beginning."""
+    energy: _Floats
+    """(n,) in units of the noise."""
+    interval_s: float
+    offset_hz: float
+
+
+def train_pulses(
+    energies: SlotEnergies, train: FoldedTrain, gain: _Floats, gain_time_s: _Floats
+) -> TrainPulses:
+    """Refine a train between the cells of the search, and take its slots' energies.
+
+    Parameters
+    ----------
+    energies : SlotEnergies
+    train : FoldedTrain
+    gain : ndarray of float64, shape (times,)
+        Of its place.
+    gain_time_s : ndarray of float64, shape (times,)
+    """
+    slot_s, slots = energies.slot_s, energies.energy.shape[1]
+    span_s = slots * slot_s
+    count = int((span_s - train.phase_s) / train.interval_s) + 1
+    weight = np.interp(energies.time_s, gain_time_s, gain / (0.5 + gain))
+    step_s = slot_s / max(count - 1, 1)
+    row = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
+    rows = range(max(0, row - 1), min(len(energies.energy), row + 2))
+    told = {near: _told(energies, near) for near in rows}
+    best, kept = -np.inf, (row, train.phase_s, train.interval_s)
+    for interval_s in train.interval_s + step_s * np.linspace(-1.5, 1.5, 13):
+        for phase_s in train.phase_s + slot_s * np.linspace(-1.5, 1.5, 13):
+            time_s = train_times_s(phase_s, interval_s, train.drift, span_s)
+            at = np.floor(time_s / slot_s).astype(np.intp)
+            at = at[(at >= 0) & (at < slots)]
+            for near in rows:
+                score = float(weight[at] @ told[near][at])
+                if score > best:
+                    best, kept = score, (near, float(phase_s), float(interval_s))
+    row, phase_s, interval_s = kept
+    time_s = train_times_s(phase_s, interval_s, train.drift, span_s)
+    at = np.floor(time_s / slot_s).astype(np.intp)
+    good = (at >= 0) & (at < slots)
+    good[good] = (energies.heard | energies.loud[row])[at[good]]
+    return TrainPulses(
+        time_s=time_s[good],
+        energy=energies.level[row, at[good]].astype(np.float64),
+        interval_s=interval_s,
+        offset_hz=float(energies.offsets_hz[row]),
+    )
+
+
+def _told(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
+    """Energies of a frequency, with loud pulses as what is just not loud."""
+    energy = energies.energy[row].copy()
+    loud = energies.loud[row] & ~energies.heard
+    energy[loud] = (np.log(energies.level[row, loud]) * _LOUD_AS - energies.mean[row]) / (
+        energies.sigma[row]
+    )
+    return np.asarray(energy)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeardTrain:
+    """A train in one flight, and the places that this flight looked at."""
+
+    pulses: TrainPulses
+    mean_noise_energy: float
+    """Mean energy of a slot in noise, from which the number of exponentials follows."""
+    places: Places
+    log_trains: float | None = None
+    """Logarithm of how many trains it is the likeliest of; None takes it as the tag's. Where it
+    is weak the tag's may be another, and this flight then tells nothing."""
+
+    @classmethod
+    def among(
+        cls,
+        energies: SlotEnergies,
+        pulses: TrainPulses,
+        places: Places,
+        log_trains: float | None = None,
+    ) -> "HeardTrain":
+        """A train in the noise at its frequency."""
+        row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
+        return cls(
+            pulses=pulses,
+            mean_noise_energy=float(energies.mean[row]),
+            places=places,
+            log_trains=log_trains,
+        )
+
+
+def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
+    """Weigh all places by a train's energies; likely cells are looked at in parts.
+
+    Parameters
+    ----------
+    heard : sequence of HeardTrain
+        Of one flight, or of several of a tag that rested, around one plane's middle.
+    """
+    top_db = 10.0 * np.log10(
+        max(1.0, *(float(np.quantile(one.pulses.energy, 0.98)) for one in heard))
+    )
+    levels_db = top_db + np.arange(_LEVELS_DB[0], _LEVELS_DB[1] + 0.5)
+    tables = [_log_ratios(_exponentials(one.mean_noise_energy)) for one in heard]
+    gains = common_gains([one.places for one in heard])
+    logs = _all_logs(heard, gains, tables, levels_db)
+    area = heard[0].places.area[:, np.newaxis]
+    joint = np.exp(logs - logs.max()) * area
+    evidence = float(logs.max() + np.log(joint.sum() / (area.sum() * len(levels_db))))
+    joint /= joint.sum()
+    probability = joint.sum(axis=1)
+    cells = _fined(heard, probability, tables, levels_db)
+    return _summary(probability, float(joint.sum(axis=0) @ levels_db), evidence, cells)
+
+
+def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
+    """Probability that a flight's train is the tag's, and not chance.
+
+    Parameters
+    ----------
+    one : HeardTrain
+    gain : ndarray of float64, shape (places, times)
+        On the scale of all flights.
+    place : PlaceBelief
+        Of all flights, this one among them.
+    """
+    if one.log_trains is None:
+        return 1.0
+    likely = np.argsort(-place.probability, kind="stable")[:_LIKELY]
+    held = place.probability[likely]
+    table = _log_ratios(_exponentials(one.mean_noise_energy))
+    levels_db = place.level_db + _BETWEEN_DB * np.linspace(-2.0, 2.0, 13)
+    logs = _logs(one.pulses, one.places.time_s, gain[likely], table, levels_db)
+    weight = np.exp(-0.5 * np.linspace(-2.0, 2.0, 13) ** 2)
+    own = special.logsumexp(logs, axis=1, b=weight / weight.sum())
+    return float(held @ special.expit(own - one.log_trains) / held.sum())
+
+
+def _all_logs(
+    heard: Sequence[HeardTrain],
+    gains: Sequence[_Floats],
+    tables: Sequence[_Floats],
+    levels_db: _Floats,
+) -> _Floats:
+    """Log likelihood ratio of each place and level, over all flights."""
+    logs = np.zeros((len(gains[0]), len(levels_db)))
+    for one, gain, table in zip(heard, gains, tables, strict=True):
+        own = _logs(one.pulses, one.places.time_s, gain, table, levels_db)
+        if one.log_trains is not None:
+            own = np.logaddexp(0.0, own - one.log_trains)
+        if len(heard) > 1:
+            top = own.max(axis=1, keepdims=True)
+            blurred = ndimage.gaussian_filter1d(np.exp(own - top), _BETWEEN_DB, mode="nearest")
+            own = top + np.log(np.maximum(blurred, 1e-300))
+        logs += own
+    return _COUNTED * logs
+
+
+def _logs(
+    pulses: TrainPulses, time_s: _Floats, gain: _Floats, table: _Floats, levels_db: _Floats
+) -> _Floats:
+    """Log likelihood ratio of each place and level."""
+    amplitude = np.sqrt(np.maximum(pulses.energy, 0.0))
+    column = np.minimum(np.rint(amplitude / _AMPLITUDES[1]), len(_AMPLITUDES) - 1)
+    chosen = np.ascontiguousarray(table[:, column.astype(np.intp)])
+    at = np.arange(len(column))
+    gain_db = 10.0 * np.log10(
+        np.stack([np.interp(pulses.time_s, time_s, row) for row in gain]) + 1e-9
+    )
+    logs = np.empty((len(gain), len(levels_db)))
+    for level, level_db in enumerate(levels_db):
+        strength = np.rint((gain_db + level_db - _STRENGTHS_DB[0]) / 0.5)
+        strength = np.clip(strength, 0, len(_STRENGTHS_DB) - 1).astype(np.intp)
+        logs[:, level] = chosen[strength, at].sum(axis=1)
+    return logs
+
+
+def _fined(
+    heard: Sequence[HeardTrain],
+    probability: _Floats,
+    tables: Sequence[_Floats],
+    levels_db: _Floats,
+) -> Cells:
+    """The cells in which the tag is likely, in parts; the others hold the rest."""
+    places = heard[0].places
+    order = np.argsort(-probability, kind="stable")
+    count = int(np.searchsorted(np.cumsum(probability[order]), _KEPT)) + 1
+    likely = np.sort(order[: min(count, _MOST_FINED)])
+    rest = np.setdiff1d(np.arange(len(probability)), likely)
+    range_m = np.hypot(places.east_m, places.north_m)
+    parts = (np.arange(_FINE) - 0.5 * (_FINE - 1)) / _FINE
+    around, apart = (one.ravel() for one in np.meshgrid(parts, parts))
+    bearing = places.bearing_deg[likely, np.newaxis] + around * BEARING_STEP_DEG
+    distance = range_m[likely, np.newaxis] * RANGE_STEP**apart
+    east_m, north_m = east_north(bearing.ravel(), distance.ravel())
+    each_db = [one.places.track.gain_db(east_m, north_m) for one in heard]
+    strongest_db = np.stack([gain_db.max(axis=1) for gain_db in each_db])
+    gains = [
+        10.0 ** ((gain_db - strongest_db.max(axis=0)[:, np.newaxis]) / 10.0)
+        for gain_db in each_db
+    ]
+    logs = _all_logs(heard, gains, tables, levels_db)
+    fine = np.exp(logs - logs.max()).sum(axis=1) * distance.ravel() ** 2
+    fine *= probability[likely].sum() / fine.sum()
+    return Cells(
+        plane=places.plane,
+        bearing_deg=np.concatenate(
+            (wrap_degrees_360(bearing.ravel()), places.bearing_deg[rest])
+        ),
+        range_m=np.concatenate((distance.ravel(), range_m[rest])),
+        width_deg=np.repeat(
+            (BEARING_STEP_DEG / _FINE, BEARING_STEP_DEG), (len(fine), len(rest))
+        ),
+        ratio=np.repeat((RANGE_STEP ** (1.0 / _FINE), RANGE_STEP), (len(fine), len(rest))),
+        probability=np.concatenate((fine, probability[rest])),
+    )
+
+
+def _summary(
+    probability: _Floats, level_db: float, log_evidence: float, cells: Cells
+) -> PlaceBelief:
+    held = cells.probability
+    east_m, north_m = east_north(cells.bearing_deg, cells.range_m)
+    east, north = float(held @ east_m), float(held @ north_m)
+    away = np.hypot(east_m - east, north_m - north)
+    order = np.argsort(away)
+    sums = np.cumsum(held[order])
+    radius50, radius95 = (
+        float(away[order][min(int(np.searchsorted(sums, share)), len(order) - 1)])
+        for share in (0.5, 0.95)
+    )
+    latitude, longitude = cells.plane.to_geodetic(east, north)
+    turn = np.radians(cells.bearing_deg)
+    mean = float(np.degrees(np.arctan2(held @ np.sin(turn), held @ np.cos(turn))))
+    return PlaceBelief(
+        latitude_deg=float(latitude),
+        longitude_deg=float(longitude),
+        radius50_m=radius50,
+        radius95_m=radius95,
+        bearing_deg=wrap_degrees_360(mean),
+        arc50_deg=cells.arc_deg(mean, 0.5),
+        arc95_deg=cells.arc_deg(mean, 0.95),
+        level_db=level_db,
+        log_evidence=log_evidence,
+        probability=probability,
+        cells=cells,
+    )
+
+
+def _exponentials(mean: float) -> float:
+    """How many unit exponentials have a largest of such a mean: H(m) = mean."""
+    many = np.linspace(1.0, 12.0, 1101)
+    means = special.digamma(many + 1.0) + np.euler_gamma
+    return float(many[int(np.argmin(np.abs(means - mean)))])
+
+
+def _log_ratios(many: float) -> _Floats:
+    """Log likelihood ratio of a slot's energy, shape (strengths, amplitudes).
+
+    Of the largest of m exponentials, one of which may be a pulse's: with f and F the density
+    and law of its energy, f/(m e^-E) + (m-1)/m F/(1-e^-E).
+    """
+    energy = np.maximum(_AMPLITUDES, 0.1) ** 2
+    strength = 10.0 ** (_STRENGTHS_DB / 10.0)[:, np.newaxis]
+    x = 2.0 * np.sqrt(energy * strength)
+    # Bounded: what is so far above noise is beyond doubt.
+    density = np.exp(np.minimum(x - strength + np.log(special.i0e(x)), 600.0))
+    held = stats.ncx2.cdf(2.0 * energy, 2, 2.0 * strength)
+    ratio = density / many + (many - 1.0) / many * held / -np.expm1(-energy)
+    step = _STRENGTHS_DB[1] - _STRENGTHS_DB[0]
+    ratio = ndimage.gaussian_filter1d(ratio, _FADING_DB / step, axis=0, mode="nearest")
+    ratio = (1.0 - _OUTLIER) * ratio + _OUTLIER
+    return np.asarray(np.maximum(np.log(ratio), _LEAST_LOG))

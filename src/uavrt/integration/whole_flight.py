@@ -1,0 +1,482 @@
+"""Judge a whole flight at once: interval, phase, frequency and place of one tag together.
+
+The statistic for a place is the sum of the slots' energies, one slot for each pulse, each
+weighed by ``w = S / (1 + S)`` with S the pulse's energy over noise there, by the antenna's gain
+and the range: the locally most powerful weights for weak pulses, bounded for strong ones. Its
+tail in noise is that of a shifted gamma distribution with the variance and skewness that sums
+of the flight's own energies have, whatever the noise is like: exact for equal weights and white
+noise without jitter (docs/explanation/whole-flight.md).
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.folding import base_periods, fold, fold_rows, interval_slots
+from uavrt.messages import Tag
+
+_Floats = NDArray[np.float64]
+DESIGN_ENR = 2.0
+"""Energy over noise of the strongest pulse that the weights are made for: 3 dB."""
+_KEPT_VARIANCE = 0.995
+"""Of the weights, that the folded patterns keep."""
+_SIDE_BY_SIDE = 48
+"""Sums folded at once, of frequencies times patterns: 60 MB, and 0.8 ns an addition on the
+reference computer; 12 take 1.9 ns each."""
+_MOMENT_SLOTS = 16384
+_LEAST_SKEWNESS = 0.02
+_INDEPENDENT = 6.0
+"""Hypotheses for each pattern and cell one correlation length wide in phase and interval.
+From the least probabilities of noise flights (`uavrt experiment integrate`)."""
+_LOUD_INDEPENDENT = 1.5
+"""The same for each cell of marks."""
+_LAGS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+"""At which the correlation of a row's energies is taken [slots]."""
+_LOUD_SHARE = 0.02
+"""Of the false alarms, for trains of pulses each of which is loud: they are beyond doubt."""
+_LEAST_LOUD = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoldedTrain:
+    """The likeliest train of pulses of a whole flight."""
+
+    false_alarm_probability: float
+    """That noise alone shows one as unlikely in the whole search."""
+    score: float
+    """Standard deviations of the weighted sum; of a loud train its pulses."""
+    interval_s: float
+    """In the middle of the flight."""
+    phase_s: float
+    """Middle of the first pulse's slot, from the first slot's beginning."""
+    offset_hz: float
+    place: int
+    """Row of the weights."""
+    hypotheses: float
+    """Independent ones looked at."""
+    log_probability: float
+    """Natural logarithm of the chance of this cell alone."""
+    rate: int = 1
+    """Which of the tag's intervals, from 1."""
+    loud: bool = False
+    """Whether it is made of pulses that are seen alone."""
+    drift: float = 0.0
+    """Relative change of the interval from the first slot to the last."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Weights:
+    """How much a pulse of each slot counts, for each place."""
+
+    basis: NDArray[np.float32]
+    """(patterns, slots)."""
+    mixing: NDArray[np.float32]
+    """(places, patterns)."""
+    deviation: _Floats
+    """(frequencies, places) of a sum over pulses in the flight's own noise."""
+    skewness: _Floats
+    """(frequencies, places) of that sum."""
+    interval_s: float
+    """For which both hold: sums over longer ones have fewer pulses."""
+
+    @classmethod
+    def of(
+        cls,
+        basis: _Floats,
+        mixing: _Floats,
+        energies: SlotEnergies,
+        interval_s: float,
+    ) -> "Weights":
+        """Take a sum's deviation and skewness from the flight's own energies.
+
+        Of one pulse in each interval, wherever it begins, every slot holds as many on average:
+        the sum's cumulants are those of the slots' weighed energies, times that number. A hum,
+        a tone or a level that changes is so counted as what it does to sums.
+
+        Parameters
+        ----------
+        basis : ndarray of float64, shape (patterns, slots)
+        mixing : ndarray of float64, shape (places, patterns)
+        energies : SlotEnergies
+        interval_s : float
+        """
+        shape = (len(energies.energy), len(mixing))
+        square, cube = np.zeros(shape), np.zeros(shape)
+        for first in range(0, basis.shape[1], _MOMENT_SLOTS):
+            part = slice(first, first + _MOMENT_SLOTS)
+            weight = (mixing @ basis[:, part]).T.astype(np.float32)
+            energy = energies.energy[:, part]
+            square += energy**2 @ weight**2
+            cube += energy**3 @ weight**3
+        each = energies.slot_s / interval_s
+        deviation = np.sqrt(np.maximum(each * square, 1e-12))
+        return cls(
+            basis=basis.astype(np.float32),
+            mixing=mixing.astype(np.float32),
+            deviation=deviation,
+            skewness=np.maximum(each * cube / deviation**3, _LEAST_SKEWNESS),
+            interval_s=interval_s,
+        )
+
+    @classmethod
+    def over(
+        cls,
+        patterns: _Floats,
+        mixing: _Floats,
+        time_s: _Floats,
+        energies: SlotEnergies,
+        interval_s: float,
+    ) -> "Weights":
+        """Lay patterns (patterns, times) over a flight's slots; what was not heard counts 0."""
+        basis = np.stack([np.interp(energies.time_s, time_s, one) for one in patterns])
+        basis[:, ~energies.heard] = 0.0
+        return cls.of(basis, mixing, energies, interval_s)
+
+    def only(self, place: int) -> "Weights":
+        """Those of one place, as its only pattern."""
+        return Weights(
+            basis=self.mixing[[place]] @ self.basis,
+            mixing=np.ones((1, 1), np.float32),
+            deviation=self.deviation[:, [place]],
+            skewness=self.skewness[:, [place]],
+            interval_s=self.interval_s,
+        )
+
+    def scaled(self, row: int) -> NDArray[np.float32]:
+        """Mixing whose sums at a frequency have variance 1 in noise."""
+        return np.asarray(self.mixing / self.deviation[row][:, np.newaxis], np.float32)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Peaks:
+    """The highest cells of a search, one for each place, frequency and fold."""
+
+    place: NDArray[np.intp]
+    row: NDArray[np.intp]
+    """Frequency."""
+    interval: _Floats
+    """[slots]."""
+    phase: NDArray[np.intp]
+    """[slots]."""
+    score: _Floats
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Peaks]") -> "Peaks":
+        """All of several searches."""
+        return cls(
+            place=np.concatenate([one.place for one in parts]),
+            row=np.concatenate([one.row for one in parts]),
+            interval=np.concatenate([one.interval for one in parts]),
+            phase=np.concatenate([one.phase for one in parts]),
+            score=np.concatenate([one.score for one in parts]),
+        )
+
+
+def pulse_weights(gain: _Floats, design_enr: float = DESIGN_ENR) -> _Floats:
+    """Weights of pulses from their energies relative to the strongest, of any shape."""
+    strength = design_enr * gain
+    return np.asarray(strength / (1.0 + strength))
+
+
+def low_rank_weights(
+    gain: _Floats,
+    time_s: _Floats,
+    energies: SlotEnergies,
+    interval_s: float,
+) -> Weights:
+    """Turn the places' gains into a few patterns to fold, and how to mix them.
+
+    Parameters
+    ----------
+    gain : ndarray of float64, shape (places, times)
+        Energy of a pulse relative to that place's strongest.
+    time_s : ndarray of float64, shape (times,)
+        From the first slot's beginning, ascending.
+    energies : SlotEnergies
+    interval_s : float
+        Nominal, for the number of pulses.
+    """
+    mixing, patterns = low_rank(pulse_weights(gain))
+    return Weights.over(patterns, mixing, time_s, energies, interval_s)
+
+
+def low_rank(weights: _Floats) -> tuple[_Floats, _Floats]:
+    """Factors of weights: (places, patterns) and (patterns, times)."""
+    left, values, right = np.linalg.svd(weights, full_matrices=False)
+    kept = np.cumsum(values**2) / max(float(np.sum(values**2)), 1e-30)
+    rank = int(np.searchsorted(kept, _KEPT_VARIANCE)) + 1
+    return np.asarray(left[:, :rank] * values[:rank]), np.asarray(right[:rank])
+
+
+def peaks(
+    values: NDArray[np.float32],
+    rows: Sequence[int] | NDArray[np.intp],
+    weights: Weights,
+    slot_s: float,
+    between_s: tuple[float, float],
+) -> Peaks:
+    """Fold some frequencies at all intervals between two; the highest cells.
+
+    Parameters
+    ----------
+    values : ndarray of float32, shape (frequencies, slots)
+    rows : sequence of int
+        Frequencies to be folded.
+    weights : Weights
+    slot_s : float
+    between_s : tuple of float
+        Shortest and longest interval.
+    """
+    found: list[Peaks] = []
+    for at, intervals, score in scores(values, rows, weights, slot_s, between_s):
+        flat = score.reshape(len(score), -1)
+        cell = flat.argmax(axis=1)
+        row, phase = np.unravel_index(cell, score.shape[1:])
+        found.append(
+            Peaks(
+                place=np.arange(len(cell)),
+                row=np.full(len(cell), at),
+                interval=intervals[row],
+                phase=phase,
+                score=flat[np.arange(len(cell)), cell].astype(np.float64),
+            )
+        )
+    return Peaks.joined(found)
+
+
+def scores(
+    values: NDArray[np.float32],
+    rows: Sequence[int] | NDArray[np.intp],
+    weights: Weights,
+    slot_s: float,
+    between_s: tuple[float, float],
+) -> Iterator[tuple[int, _Floats, NDArray[np.float32]]]:
+    """Fold some frequencies at all intervals between two; everything, fold by fold.
+
+    Yields
+    ------
+    row : int
+        Frequency.
+    intervals : ndarray of float64, shape (n,)
+        [slots].
+    score : ndarray of float32, shape (places, n, phases)
+        Standard deviations of the weighted sums.
+    """
+    patterns = len(weights.basis)
+    low_s, high_s = between_s
+    slots = values.shape[1]
+    chunk = max(1, _SIDE_BY_SIDE // patterns)
+    for first in range(0, len(rows), chunk):
+        some = np.asarray(rows[first : first + chunk], np.intp)
+        folded = np.ascontiguousarray(
+            (values[some][:, np.newaxis] * weights.basis).reshape(-1, slots).T
+        )
+        for period in base_periods(low_s, high_s, slot_s):
+            sums = fold(folded, period)
+            intervals = interval_slots(period, len(sums))
+            used = _rows_used(intervals * slot_s, low_s, high_s)
+            if not len(used):
+                continue
+            # The variance is that of so many pulses as the weights were made for.
+            scale = np.sqrt(intervals[used] * slot_s / weights.interval_s).astype(np.float32)
+            block = sums[used].reshape(-1, len(some), patterns)
+            for which, at in enumerate(some.tolist()):
+                score = weights.scaled(at) @ block[:, which].T
+                score = score.reshape(-1, len(used), period) * scale[:, np.newaxis]
+                yield at, intervals[used], score
+
+
+def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) -> float:
+    """Cells of a fold of one frequency that differ by a slot over all pulses.
+
+    A fold has rows for up to twice the periods; so many count as there are periods.
+    """
+    low_s, high_s = between_s
+    cells = 0.0
+    for period in base_periods(low_s, high_s, slot_s):
+        rows = fold_rows(slots, period)
+        used = _rows_used(interval_slots(period, rows) * slot_s, low_s, high_s)
+        cells += len(used) * period * min(1.0, slots / period / rows)
+    return cells
+
+
+def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
+    """Independent hypotheses of the search for weak pulses."""
+    own = float(np.sum(correlation_slots(energies) ** -2.0))
+    cells = _cells(energies, tag) * len(weights.basis) * own
+    return _INDEPENDENT * cells / (1.0 - _LOUD_SHARE)
+
+
+def correlation_slots(energies: SlotEnergies) -> _Floats:
+    """Slots over which energies of each frequency are alike: 1 where each is its own.
+
+    A narrow line of hum changes slowly: its slots are few, however many there are. It is the
+    sum of the squared correlation over all lags.
+
+    Parameters
+    ----------
+    energies : SlotEnergies
+    """
+    energy = energies.energy
+    power = np.maximum(np.sum(energy**2, axis=1, dtype=np.float64), 1e-9)
+    alike = [
+        np.einsum("fs,fs->f", energy[:, :-lag], energy[:, lag:]) / power
+        if lag < energy.shape[1]
+        else np.zeros(len(energy))
+        for lag in _LAGS
+    ]
+    squares = np.square([np.ones(len(energy)), *alike])
+    return np.asarray(2.0 * np.trapezoid(squares, (0, *_LAGS), axis=0))
+
+
+def _cells(energies: SlotEnergies, tag: Tag) -> float:
+    """Cells of a fold of one frequency at all rates."""
+    slots = len(energies.heard)
+    return sum(
+        cells_searched(slots, energies.slot_s, between) for between in intervals_searched(tag)
+    )
+
+
+def search_flight(
+    energies: SlotEnergies,
+    weights: Weights,
+    tag: Tag,
+    *,
+    most: int = 20,
+) -> list[FoldedTrain]:
+    """Find the likeliest trains of a tag, the least likely by chance first.
+
+    All its rates are searched, for weak pulses by their weighted energies, and for loud ones,
+    which these leave out, by their number.
+
+    Parameters
+    ----------
+    energies : SlotEnergies
+    weights : Weights
+    tag : Tag
+        Intervals and their uncertainty.
+    most : int
+        Trains returned.
+    """
+    weak = _weak_trains(energies, weights, tag, most)
+    loud = _loud_trains(energies, tag, most)
+    both = sorted([*weak, *loud], key=lambda one: one.false_alarm_probability)
+    return both[:most]
+
+
+def intervals_searched(tag: Tag) -> list[tuple[float, float]]:
+    """Shortest and longest interval [s] of each rate."""
+    slack_s = tag.interval_uncertainty_s
+    return [(one - slack_s, one + slack_s) for one in tag.pulse_intervals_s]
+
+
+def log_tail(found: Peaks, weights: Weights, energies: SlotEnergies) -> _Floats:
+    """Natural logarithm of each peak's chance, alone."""
+    ratio = np.sqrt(found.interval * energies.slot_s / weights.interval_s)
+    skewness = weights.skewness[found.row, found.place] * ratio
+    return np.asarray(stats.pearson3.logsf(found.score, skewness))
+
+
+def chance(log_probability: float, hypotheses: float) -> float:
+    """Probability that the least of so many independent ones is as small."""
+    return -math.expm1(-math.exp(min(math.log(hypotheses) + log_probability, 700.0)))
+
+
+def _weak_trains(
+    energies: SlotEnergies, weights: Weights, tag: Tag, most: int
+) -> list[FoldedTrain]:
+    rows = np.arange(len(energies.energy))
+    parts = [
+        peaks(energies.energy, rows, weights, energies.slot_s, between)
+        for between in intervals_searched(tag)
+    ]
+    hypotheses = hypotheses_of(energies, weights, tag)
+    trains = []
+    for rate, found in enumerate(parts, 1):
+        logs = log_tail(found, weights, energies)
+        trains += [
+            _train(energies, found, at, float(logs[at]), hypotheses, rate)
+            for at in np.argsort(logs, kind="stable")[:most].tolist()
+        ]
+    return trains
+
+
+def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrain]:
+    """Trains of marks: as many of N slots are marked by chance as the binomial law says."""
+    counts = np.count_nonzero(energies.loud, axis=1)
+    rows = np.flatnonzero(counts >= _LEAST_LOUD)
+    if not len(rows):
+        return []
+    trains = []
+    plain = plain_weights(energies)
+    parts = [
+        peaks(energies.loud.astype(np.float32), rows, plain, energies.slot_s, between)
+        for between in intervals_searched(tag)
+    ]
+    cells = _cells(energies, tag) * len(energies.energy)
+    hypotheses = _LOUD_INDEPENDENT * cells / _LOUD_SHARE
+    for rate, found in enumerate(parts, 1):
+        logs = loud_tail(energies, found, plain)
+        trains += [
+            _train(energies, found, at, float(logs[at]), hypotheses, rate, loud=True)
+            for at in np.argsort(logs, kind="stable")[:most].tolist()
+        ]
+    return trains
+
+
+def loud_tail(energies: SlotEnergies, found: Peaks, plain: Weights) -> _Floats:
+    """Natural logarithm of the chance of each peak of marks, alone."""
+    listened = max(int(np.count_nonzero(energies.listened)), 1)
+    share = np.count_nonzero(energies.loud, axis=1)[found.row] / listened
+    seen = found.score / np.sqrt(found.interval * energies.slot_s / plain.interval_s)
+    pulses = np.ceil(listened / found.interval)
+    return np.asarray(stats.binom.logsf(np.rint(seen) - 1.0, pulses, share))
+
+
+def plain_weights(energies: SlotEnergies) -> Weights:
+    """Of one place, of which each slot counts 1."""
+    return Weights(
+        basis=np.ones((1, len(energies.heard)), np.float32),
+        mixing=np.ones((1, 1), np.float32),
+        deviation=np.ones((len(energies.energy), 1)),
+        skewness=np.ones((len(energies.energy), 1)),
+        interval_s=1.0,
+    )
+
+
+def _train(
+    energies: SlotEnergies,
+    found: Peaks,
+    at: int,
+    log_probability: float,
+    hypotheses: float,
+    rate: int,
+    *,
+    loud: bool = False,
+) -> FoldedTrain:
+    return FoldedTrain(
+        false_alarm_probability=chance(log_probability, hypotheses),
+        score=float(found.score[at]),
+        interval_s=float(found.interval[at]) * energies.slot_s,
+        phase_s=(float(found.phase[at]) + 0.5) * energies.slot_s,
+        offset_hz=float(energies.offsets_hz[found.row[at]]),
+        place=int(found.place[at]),
+        hypotheses=hypotheses,
+        log_probability=log_probability,
+        rate=rate,
+        loud=loud,
+    )
+
+
+def _rows_used(intervals_s: _Floats, low_s: float, high_s: float) -> NDArray[np.intp]:
+    """Rows of a fold whose interval is wanted."""
+    rows = len(intervals_s)
+    half_s = 0.5 * (intervals_s[-1] - intervals_s[0]) / max(rows - 1, 1)
+    used = np.flatnonzero((intervals_s >= low_s - half_s) & (intervals_s <= high_s + half_s))
+    # The last row of a period is the first of the next.
+    return used[used < rows - 1] if len(used) > 1 else used

@@ -1,0 +1,222 @@
+"""Bearings from antennas that are switched, not turned: phase or mode within one pulse.
+
+A switch between receiver and antennas, stepped at known samples, lets one receiver see several
+elements, or the sum and the difference of two, during a pulse of 20 ms. Their complex
+amplitudes against those that a wave from each direction would give is a matched-field estimate:
+pseudo-Doppler (VonEhr, who planned it), the two-point phased array (Cliff 2015). Two or more
+fixed directional antennas, compared by strength alone, are amplitude monopulse (Gottwald 2014).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.bearing.pattern_likelihood import GRID_DEG
+from uavrt.localization.bearing.posterior import described
+from uavrt.localization.results import ArrayMethod, Bearing
+
+_Floats = NDArray[np.float64]
+_Complex = NDArray[np.complex128]
+
+Steering = Callable[[_Floats], _Complex]
+"""Directions (b,) clockwise from the array's nose [deg] to amplitudes (b, elements)."""
+
+_FADING_DB = 2.0
+"""By which two antennas side by side differ for reasons other than direction."""
+
+
+def circle_steering(
+    elements: int, radius_wavelengths: float, elevation_deg: float = 0.0
+) -> Steering:
+    """Monopoles evenly on a circle, the first ahead, then clockwise: pseudo-Doppler.
+
+    Above a radius of a quarter wavelength neighbouring elements may differ by more than half a
+    turn, and directions become ambiguous.
+    """
+    places = np.arange(elements) * 360.0 / elements
+    turns = radius_wavelengths * np.cos(np.radians(elevation_deg))
+
+    def steering(direction_deg: _Floats) -> _Complex:
+        angle = np.radians(direction_deg[:, None] - places[None, :])
+        return np.asarray(np.exp(2j * np.pi * turns * np.cos(angle)))
+
+    return steering
+
+
+def pair_steering(
+    spacing_wavelengths: float, elevation_deg: float = 0.0, *, modes: bool = True
+) -> Steering:
+    """Two elements side by side: their sum and difference, right minus left.
+
+    The difference tells right from left, not ahead from behind; that takes a turn. With
+    `modes` false, the left and the right element themselves.
+    """
+    turns = spacing_wavelengths * np.cos(np.radians(elevation_deg))
+
+    def steering(direction_deg: _Floats) -> _Complex:
+        phase = np.pi * turns * np.sin(np.radians(direction_deg))
+        if not modes:
+            return np.stack([np.exp(-1j * phase), np.exp(1j * phase)], axis=1)
+        return np.stack([2.0 * np.cos(phase) + 0j, 2j * np.sin(phase)], axis=1)
+
+    return steering
+
+
+def switched_amplitudes(
+    samples: NDArray[np.complex64],
+    selected: NDArray[np.intp],
+    *,
+    frequency_hz: float,
+    sample_rate_hz: float,
+    elements: int,
+) -> tuple[_Complex, _Floats]:
+    """Complex amplitude of a pulse at each position of the switch.
+
+    Parameters
+    ----------
+    samples : (n,) complex64 array
+        The pulse, from its first to its last sample.
+    selected : (n,) int array
+        Position of the switch at each sample; negative while it settles.
+    frequency_hz : float
+        Carrier of the pulse in the samples.
+    sample_rate_hz : float
+        Rate.
+    elements : int
+        Positions of the switch.
+
+    Returns
+    -------
+    amplitudes : (elements,) complex128 array
+        Common carrier phase.
+    counts : (elements,) float64 array
+        Samples behind each; its noise power is that of a sample over the count.
+
+    Raises
+    ------
+    UsageError
+        A position was never selected during the pulse.
+    """
+    time = np.arange(len(samples)) / sample_rate_hz
+    still = samples * np.exp(-2j * np.pi * frequency_hz * time)
+    valid = selected >= 0
+    counts = np.bincount(selected[valid], minlength=elements).astype(np.float64)
+    if len(counts) != elements or not counts.all():
+        raise UsageError(
+            "the antenna switch does not reach every position during the pulse",
+            remedy="Step it faster: every position several times in a pulse",
+        )
+    real = np.bincount(selected[valid], still.real[valid], elements)
+    imaginary = np.bincount(selected[valid], still.imag[valid], elements)
+    return np.asarray((real + 1j * imaginary) / counts), counts
+
+
+def switched_bearing(
+    amplitudes: _Complex,
+    counts: _Floats,
+    yaw_deg: _Floats,
+    steering: Steering,
+    *,
+    noise_power: float | _Floats,
+    method: ArrayMethod,
+) -> Bearing:
+    """Estimate a bearing from the amplitudes of one or several pulses.
+
+    Parameters
+    ----------
+    amplitudes : (p, elements) complex128 array
+        From `switched_amplitudes` or `measure_switched_pulse`.
+    counts : (p, elements) float64 array
+        Samples behind each amplitude.
+    yaw_deg : (p,) float64 array
+        Heading of the array at each pulse, clockwise from true north.
+    steering : callable
+        `circle_steering` or `pair_steering`.
+    noise_power : float or (p,) float64 array
+        Of one sample, the same for all pulses or of each.
+    method : str
+        ``"pseudo_doppler"`` or ``"two_point_phased"``.
+    """
+    log_density = np.zeros(len(GRID_DEG))
+    noises = np.broadcast_to(np.asarray(noise_power, np.float64), (len(yaw_deg),))
+    for amplitude, count, yaw, noise in zip(amplitudes, counts, yaw_deg, noises, strict=True):
+        weight = np.sqrt(count / noise)
+        expected = steering(GRID_DEG - yaw) * weight
+        # Strength and phase of the pulse are unknown: what is left is the projection.
+        matched = np.abs(expected.conj() @ (amplitude * weight)) ** 2
+        log_density += matched / np.sum(np.abs(expected) ** 2, axis=1)
+    return described(log_density, method=method, pulses=len(yaw_deg))
+
+
+def switched_bound_deg(
+    steering: Steering, direction_deg: float, snr: float, counts: _Floats
+) -> float:
+    """Cramér–Rao bound of one pulse's direction, its strength and phase unknown.
+
+    Parameters
+    ----------
+    steering : callable
+        The array.
+    direction_deg : float
+        From the array's nose.
+    snr : float
+        Power of an element of unit amplitude over the noise, per sample.
+    counts : (elements,) float64 array
+        Samples at each position.
+    """
+    step = 0.01
+    around = steering(np.array([direction_deg - step, direction_deg, direction_deg + step]))
+    around = around * np.sqrt(counts)
+    slope = (around[2] - around[0]) / (2.0 * step)
+    along = around[1] / np.linalg.norm(around[1])
+    across = slope - along * np.vdot(along, slope)
+    return float(1.0 / np.sqrt(2.0 * snr * np.sum(np.abs(across) ** 2)))
+
+
+def amplitude_monopulse(
+    boresight_deg: _Floats,
+    snr_db: _Floats,
+    pattern: AntennaPattern,
+    *,
+    fading_db: float = _FADING_DB,
+) -> Bearing:
+    """Estimate a bearing from fixed antennas that hear the same pulses.
+
+    The tag's strength and its fading are the same for all antennas at a pulse and drop out;
+    what differs is the pattern.
+
+    Parameters
+    ----------
+    boresight_deg : (a,) float64 array
+        Where each antenna points, clockwise from true north.
+    snr_db : (p, a) float64 array
+        SNR of each pulse at each antenna; NaN where it was not heard.
+    pattern : AntennaPattern
+        Of all antennas.
+    fading_db : float
+        Standard deviation of what else differs between antennas.
+
+    Raises
+    ------
+    UsageError
+        No pulse was heard by two antennas.
+    """
+    heard = ~np.isnan(snr_db)
+    used = heard.sum(axis=1) >= 2
+    if not used.any():
+        raise UsageError(
+            "no pulse was heard by two antennas", remedy="Use the strongest antenna's boresight"
+        )
+    gain = pattern.gain_db(difference_deg(GRID_DEG[:, None], boresight_deg[None, :]))
+    log_density = np.zeros(len(GRID_DEG))
+    for level, there in zip(snr_db[used], heard[used], strict=True):
+        s = 10.0 ** (level[there] / 10.0)
+        weight = 1.0 / (fading_db**2 + 18.86 * (1.0 + 2.0 * s) / s**2)
+        residual = level[there] - gain[:, there]
+        mean = (residual @ weight / weight.sum())[:, None]
+        log_density -= 0.5 * ((residual - mean) ** 2) @ weight
+    return described(log_density, method="amplitude_monopulse", pulses=int(used.sum()))

@@ -1,0 +1,120 @@
+"""Learn an antenna's pattern as it is on the airframe, from the turns of a flight.
+
+Tables are read off a maker's plot; metal nearby changes them. Every turn past a tag shows the
+pattern again, at an unknown bearing and level, so that several turns tell what is common to
+them: a smooth correction of six harmonics.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.bearing.estimate import estimate_bearing
+
+_HARMONICS = 6
+_ROUNDS = 3
+_PRIOR_DB = 1.5
+"""What a maker's plot errs, rms over all angles."""
+_STEPS = 37  # of 5°
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TurnPulses:
+    """The pulses of one tag during one turn."""
+
+    yaw_deg: _Floats
+    """(n,) antenna's heading."""
+    matched_power: _Floats
+    """(n,) over the noise power, noise included; NaN is a miss."""
+
+
+def learn_pattern(
+    turns: Sequence[TurnPulses], antenna: AntennaPattern, *, threshold_db: float = 10.0
+) -> AntennaPattern:
+    """Correct a pattern by what turns have shown; bearings are re-estimated on the way.
+
+    A rotation of the whole pattern cannot be learnt: it is the antenna's mounting. The
+    correction is mirrored like the table.
+
+    Parameters
+    ----------
+    turns : sequence of TurnPulses
+        Three or more are worth it; tags may differ.
+    antenna : AntennaPattern
+        The table to correct; its plane across the elements is kept.
+    threshold_db : float
+        SNR that a missed pulse must have had to be heard.
+
+    Raises
+    ------
+    UsageError
+        No turn was given.
+    """
+    if not turns:
+        raise UsageError("no turns to learn from", remedy="Turn in place near a tag")
+    angles = np.linspace(0.0, 180.0, _STEPS)
+    table = antenna.gain_db(angles)
+    correction: _Floats = np.zeros(_HARMONICS)
+    learnt = antenna
+    for _ in range(_ROUNDS):
+        normal = np.eye(_HARMONICS) * (_HARMONICS / (2.0 * _PRIOR_DB**2))
+        right = np.zeros(_HARMONICS)
+        for turn in turns:
+            rows, values = _equations(turn, learnt, correction, threshold_db)
+            normal += rows.T @ rows
+            right += rows.T @ values
+        correction = np.asarray(np.linalg.solve(normal, right), np.float64)
+        # A constant is no correction but the level: the boresight keeps its 0 dB.
+        shape = _basis(angles) @ correction
+        learnt = AntennaPattern(
+            name=f"{antenna.name}, learnt",
+            e_plane_db=tuple(float(x) for x in table + shape - shape[0]),
+            h_plane_db=antenna.h_plane_db,
+        )
+    return learnt
+
+
+def _basis(angle_deg: _Floats) -> _Floats:
+    """(n, harmonics) cosines: mirrored, and smooth at 0° and 180°."""
+    order = np.arange(1, _HARMONICS + 1)
+    return np.asarray(np.cos(np.radians(angle_deg)[:, None] * order))
+
+
+def _equations(
+    turn: TurnPulses, pattern: AntennaPattern, correction: _Floats, threshold_db: float
+) -> tuple[_Floats, _Floats]:
+    """Whitened linear equations of one turn for the correction, its level projected out.
+
+    The measured level is 10 log10(1 + S); it follows the gain by S / (1 + S), so that the noise
+    floor teaches nothing.
+    """
+    found = estimate_bearing(
+        turn.yaw_deg,
+        None,
+        matched_power=turn.matched_power,
+        antenna=pattern,
+        threshold_db=threshold_db,
+    )
+    if not found.accepted:
+        # Noise shows no pattern.
+        return np.zeros((0, _HARMONICS)), np.zeros(0)
+    heard = ~np.isnan(turn.matched_power)
+    off = found.bearing_deg - turn.yaw_deg[heard]
+    fading = found.fading_db if found.fading_db is not None else _PRIOR_DB
+    s = 10.0 ** (((found.level_db or 0.0) + pattern.gain_db(off)) / 10.0)
+    follow = s / (1.0 + s)
+    measured = 10.0 * np.log10(np.maximum(turn.matched_power[heard], 0.1))
+    residual = measured - 10.0 * np.log10(1.0 + s)
+    sigma = np.sqrt(18.86 * (1.0 + 2.0 * s) / (1.0 + s) ** 2 + (fading * follow) ** 2)
+    rows = _basis(off) * (follow / sigma)[:, None]
+    # The residual is what the present correction leaves; the equations are for the whole one.
+    values = np.clip(residual / sigma, -3.0, 3.0) + rows @ correction
+    level = follow / sigma
+    level = level / np.linalg.norm(level)
+    return rows - np.outer(level, level @ rows), values - level * float(level @ values)

@@ -1,0 +1,163 @@
+"""The likelihood of a rotation over bearing, with level and fading integrated out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.position import LEVEL_STEP_DB, PowerTables
+
+Gain = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Bearings (b,) [deg] to the antenna's gain re boresight (n, b) [dB] at each of n pulses."""
+
+GRID_STEP_DEG = 0.25
+GRID_DEG = np.arange(0.0, 360.0, GRID_STEP_DEG)
+_COARSE_STEP_DEG = 3.0
+_COARSE_LEVEL_STEPS = 6  # 1.5 dB
+_LEVELS_EACH_SIDE = 10
+_LOWEST_BORESIGHT_DB = -6.0
+"""A tag weaker than that on boresight cannot be heard at all."""
+_KEEP_NATS = 18.0
+"""Bearings e^18 times less probable than the best are left as the coarse grid has them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BearingLikelihood:
+    """Likelihood over bearing on `GRID_DEG`."""
+
+    log_density: NDArray[np.float64]
+    """(1440,) log-likelihood, averaged over the priors of level and fading."""
+    log_flat: float
+    """The same without a direction: half for noise alone, half for an equal level always."""
+    fading_db: float
+    """Posterior mean of the fading's standard deviation."""
+    level_db: float
+    """SNR on boresight at the best bearing."""
+    level_sigma_db: float
+
+
+def bearing_likelihood(
+    tables: PowerTables, gain: Gain, noise_db: NDArray[np.float64]
+) -> BearingLikelihood:
+    """Sum the pulses' tables along the pattern, coarsely everywhere, finely where it matters.
+
+    Parameters
+    ----------
+    tables : PowerTables
+        One row for each pulse.
+    gain : callable
+        The antenna's gain at each pulse towards a bearing.
+    noise_db : (n,) float64 array
+        Noise of each pulse over the median noise [dB].
+    """
+    pulses = len(noise_db)
+    last = round((tables.highest_db - tables.lowest_db) / LEVEL_STEP_DB)
+    first = round(_LOWEST_BORESIGHT_DB / LEVEL_STEP_DB)
+    prior = -np.log((last + tables.lowest_db / LEVEL_STEP_DB - first) * LEVEL_STEP_DB)
+
+    def places_of(bearing_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (gain(bearing_deg) - noise_db[:, None] - tables.lowest_db) / LEVEL_STEP_DB
+
+    every = np.arange(first, round(tables.highest_db / LEVEL_STEP_DB), _COARSE_LEVEL_STEPS)
+    coarse_deg = np.arange(0.0, 360.0, _COARSE_STEP_DEG)
+    levels = np.broadcast_to(every, (len(coarse_deg), len(every)))
+    coarse = _summed(tables.log_likelihood, places_of(coarse_deg), levels)
+    step_db = _COARSE_LEVEL_STEPS * LEVEL_STEP_DB
+    coarse_marginal = _log_mean(_log_integral(coarse, step_db) + prior)
+    kept = coarse_marginal > coarse_marginal.max() - _KEEP_NATS
+    best_level = every[np.argmax(_log_mean(coarse), axis=1)]
+
+    # Few pulses leave the level wide: longer steps then, so that the window holds it.
+    level_step = 1 if pulses >= 30 else 2 if pulses >= 10 else 4
+    spread = level_step * np.arange(-_LEVELS_EACH_SIDE, _LEVELS_EACH_SIDE + 1)
+    part = max(1, round(12 * min(1.0, 30.0 / np.count_nonzero(kept))))
+    offsets = (np.arange(part) / part - 0.5) * _COARSE_STEP_DEG
+    fine_deg = (coarse_deg[kept][:, None] + offsets).ravel()
+    fine_levels = np.repeat(best_level[kept], part)[:, None] + spread
+    fine = _summed(tables.log_likelihood, places_of(fine_deg), fine_levels)
+    fine_marginal = _log_integral(fine, level_step * LEVEL_STEP_DB) + prior
+
+    known_deg = np.concatenate([coarse_deg[~kept], fine_deg])
+    known = np.concatenate([coarse_marginal[~kept], _log_mean(fine_marginal)])
+    density = np.interp(GRID_DEG, *_sorted(known_deg, known), period=360.0)
+
+    top = int(np.argmax(_log_mean(fine_marginal)))
+    share = np.exp(fine_marginal[top] - fine_marginal[top].max())
+    level, sigma = _moments(fine[top], fine_levels[top] * LEVEL_STEP_DB)
+    flat = np.arange(first, round(tables.highest_db / LEVEL_STEP_DB))[None, :]
+    flat_places = (-noise_db[:, None] - tables.lowest_db) / LEVEL_STEP_DB
+    equal = _summed(tables.log_likelihood, flat_places, flat)
+    log_equal = _log_mean(_log_integral(equal, LEVEL_STEP_DB) + prior)[0]
+    log_noise = _log_mean(tables.log_likelihood[:, 0, :].sum(axis=0, dtype=np.float64))
+    return BearingLikelihood(
+        log_density=density,
+        log_flat=float(np.logaddexp(log_equal, log_noise) - np.log(2.0)),
+        fading_db=float(np.dot(share, tables.fadings_db) / share.sum()),
+        level_db=level,
+        level_sigma_db=sigma,
+    )
+
+
+def _sorted(
+    bearing_deg: NDArray[np.float64], value: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    order = np.argsort(np.remainder(bearing_deg, 360.0))
+    return np.remainder(bearing_deg, 360.0)[order], value[order]
+
+
+def _summed(
+    tables: NDArray[np.float32], places: NDArray[np.float64], levels: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Sum of all pulses' tables, linearly interpolated: (bearings, levels, fadings).
+
+    Parameters
+    ----------
+    tables : (n, steps, fadings) float32 array
+    places : (n, b) float64 array
+        Where a boresight level of 0 dB falls in each pulse's table at each bearing [steps].
+    levels : (b, k) int64 array
+        Boresight levels [steps].
+    """
+    last = tables.shape[1] - 2
+    total = np.zeros((*levels.shape, tables.shape[2]), np.float64)
+    for table, place in zip(tables, places, strict=True):
+        below = np.floor(place)
+        part = (place - below).astype(np.float32)[:, None, None]
+        index = np.clip(below.astype(np.intp)[:, None] + levels, 0, last)
+        low = table.take(index, axis=0)
+        total += low + part * (table.take(index + 1, axis=0) - low)
+    return total
+
+
+def _log_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Logarithm of the mean over the last axis (the fadings, equally likely at first)."""
+    top = values.max(axis=-1, keepdims=True)
+    return np.asarray(np.log(np.mean(np.exp(values - top), axis=-1)) + top[..., 0])
+
+
+def _log_integral(values: NDArray[np.float64], step_db: float) -> NDArray[np.float64]:
+    """Logarithm of the integral over the levels (axis 1).
+
+    Where the peak is narrower than a step, the sum would depend on how the peak lies between
+    the levels; there a parabola through the best three gives its height and width (Laplace).
+    """
+    best = np.clip(np.argmax(values, axis=1), 1, values.shape[1] - 2)[:, None, :]
+    left, middle, right = (
+        np.take_along_axis(values, best + shift, axis=1)[:, 0, :] for shift in (-1, 0, 1)
+    )
+    curvature = np.maximum(2.0 * middle - left - right, 1e-9)
+    peak = middle + (right - left) ** 2 / (8.0 * curvature)
+    laplace = peak + 0.5 * np.log(2.0 * np.pi / curvature)
+    summed = np.log(np.sum(np.exp(values - middle[:, None, :]), axis=1)) + middle
+    narrow = (curvature > 1.0) & (np.abs(right - left) <= curvature)
+    return np.asarray(np.where(narrow, laplace, summed) + np.log(step_db))
+
+
+def _moments(values: NDArray[np.float64], level_db: NDArray[np.float64]) -> tuple[float, float]:
+    """Mean and standard deviation of the level, fadings together; (k, fadings)."""
+    weight = np.exp(values - values.max()).sum(axis=1)
+    weight /= weight.sum()
+    mean = float(weight @ level_db)
+    variance = float(weight @ (level_db - mean) ** 2)
+    return mean, max(variance, (LEVEL_STEP_DB / 2.0) ** 2) ** 0.5

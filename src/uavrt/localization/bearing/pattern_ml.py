@@ -1,0 +1,225 @@
+"""The default bearing estimator: posterior over bearing from pattern and power law.
+
+It reads each pulse's power at its known time, asks
+of every bearing how probable these powers are, whatever the tag's strength and fading, and so
+needs no threshold; pulses that were missed count as "below the threshold".
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.bearing.lasting_fading import Whitened, variance_factor
+from uavrt.localization.bearing.pattern_likelihood import GRID_DEG, bearing_likelihood
+from uavrt.localization.bearing.posterior import (
+    blurred,
+    lobe_mean_deg,
+    lobe_moments,
+    log_mean_exp,
+    peak_deg,
+    shortest_arc,
+    whole_degrees,
+)
+from uavrt.localization.bearing.two_paths import two_paths
+from uavrt.localization.headings import Headings
+from uavrt.localization.position import FADINGS_DB, power_tables
+from uavrt.localization.results import Bearing
+
+_LEAST_FOR_CORRELATION = 12
+
+
+def pattern_ml(
+    headings: Headings,
+    matched_power: NDArray[np.float64],
+    missed_below: NDArray[np.float64],
+    noise_db: NDArray[np.float64],
+    *,
+    pattern: AntennaPattern,
+    elevation_deg: float = 0.0,
+    folds: int = 1,
+    fading_db: float | None = None,
+    heading_sigma_deg: float = 0.0,
+) -> Bearing:
+    """Estimate a bearing with its whole posterior.
+
+    Parameters
+    ----------
+    headings : Headings
+        Of the n heard, then the m missed pulses.
+    matched_power : (n,) float64 array
+        Matched power over noise power, noise included (mean S + 1).
+    missed_below : (m,) float64 array
+        Power below which the missed ones stayed.
+    noise_db : (n + m,) float64 array
+        Noise of each over the median noise.
+    pattern, elevation_deg
+        The antenna, and where the tag is seen below (negative) or above the horizon.
+    folds : int
+        Pulses summed in each value.
+    fading_db : float, optional
+        Known standard deviation of the fading; by default it is learnt.
+    heading_sigma_deg : float
+        Error that all headings share (compass, mounting, lag at one rate of turn).
+    """
+    fadings = FADINGS_DB if fading_db is None else (max(fading_db, 0.3),)
+    tables = power_tables(matched_power, missed_below, folds=folds, fadings_db=fadings)
+
+    def gain(bearing_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+        return headings.gain_db(pattern, bearing_deg, elevation_deg)
+
+    found = bearing_likelihood(tables, gain, noise_db)
+    best_deg = peak_deg(found.log_density)
+    heard = len(matched_power)
+    model_db = found.level_db + gain(np.array([best_deg]))[:heard, 0] - noise_db[:heard]
+    misfit = _misfit(
+        headings.yaw_deg[:heard], matched_power, missed_below, model_db, found.fading_db, folds
+    )
+    inflation = 1.0
+    if misfit.marked:
+        inflation = (1.0 + misfit.correlation) / (1.0 - misfit.correlation)
+    around = gain(np.array([best_deg - 1.0, best_deg + 1.0]))[:heard]
+    slope = 0.5 * (around[:, 1] - around[:, 0])
+    lasting = _whitened(matched_power, model_db, slope, misfit.sure, found.fading_db, folds)
+    inflation = max(inflation, variance_factor(lasting))
+    if fading_db is not None and misfit.reduced_chi2 is not None:
+        inflation *= max(1.0, misfit.reduced_chi2)
+    log_density = found.log_density / inflation
+    density = np.exp(log_density - log_density.max())
+    density /= density.sum()
+    sure = misfit.sure
+    double = two_paths(
+        headings.yaw_deg[:heard][sure],
+        matched_power[sure],
+        noise_db[:heard][sure],
+        pattern=pattern,
+        level_db=found.level_db,
+        fading_db=found.fading_db,
+        folds=folds,
+    )
+    paths_deg = None
+    if double is not None and double.suspected:
+        paths_deg = double.bearings_deg
+        spread = np.interp(GRID_DEG, np.arange(360.0), double.density, period=360.0)
+        density = 0.5 * density + 0.5 * spread / spread.sum()
+    density = blurred(density, heading_sigma_deg)
+    bearing_deg = lobe_mean_deg(density, best_deg)
+    sigma, second = lobe_moments(density, bearing_deg)
+    directional = log_mean_exp(found.log_density)
+    return Bearing(
+        bearing_deg=bearing_deg,
+        method="pattern_ml",
+        pulses=len(noise_db),
+        sigma_deg=sigma,
+        interval90_deg=shortest_arc(density, 0.9),
+        second_lobe_probability=second,
+        # A misfit makes the odds less certain just as it does the direction.
+        evidence=(directional - found.log_flat) / inflation,
+        reduced_chi2=misfit.reduced_chi2,
+        multipath_suspected=paths_deg is not None or misfit.marked,
+        paths_deg=paths_deg,
+        fading_db=found.fading_db,
+        level_db=found.level_db,
+        level_sigma_db=found.level_sigma_db * inflation**0.5,
+        posterior=whole_degrees(density),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Misfit:
+    """How the powers differ from the best bearing's."""
+
+    sure: NDArray[np.bool_]
+    """(n,) heard pulses that could not have been missed."""
+    correlation: float
+    """Of neighbours, 0 to 0.9; a standard deviation of chance is taken off."""
+    reduced_chi2: float | None
+
+    @property
+    def marked(self) -> bool:
+        """Whether the correlation is beyond chance: 3.3 sigma, 1 in 1000 or so."""
+        count = int(self.sure.sum())
+        return count > 0 and self.correlation > 2.3 / math.sqrt(count)
+
+
+def _misfit(
+    yaw_deg: NDArray[np.float64],
+    matched_power: NDArray[np.float64],
+    missed_below: NDArray[np.float64],
+    model_db: NDArray[np.float64],
+    fading_db: float,
+    folds: int,
+) -> _Misfit:
+    """Compare heard pulses (n,) with the model's levels.
+
+    Pulses near the threshold are heard only when luck was with them and would look like a
+    misfit; those that could have been missed do not judge the shape.
+    """
+    residual = _residuals(matched_power, model_db, fading_db, folds)
+    sure = np.ones(len(residual), bool)
+    if len(missed_below):
+        sure = model_db > 10.0 * np.log10(missed_below.max()) + 1.5 * fading_db
+    degrees = max(1, len(residual) - 2)
+    return _Misfit(
+        sure=sure,
+        correlation=_correlation(residual[sure], yaw_deg[sure]),
+        reduced_chi2=float(np.sum(residual**2)) / degrees if len(residual) else None,
+    )
+
+
+def _whitened(
+    matched_power: NDArray[np.float64],
+    model_db: NDArray[np.float64],
+    slope: NDArray[np.float64],
+    sure: NDArray[np.bool_],
+    fading_db: float,
+    folds: int,
+) -> Whitened:
+    """Residuals and slopes of the sure pulses, over their standard deviations."""
+    s = 10.0 ** (model_db[sure] / 10.0)
+    follow = s / (1.0 + s)
+    noise = 18.86 * (1.0 + 2.0 * s) / (folds * (1.0 + s) ** 2)
+    sigma = np.sqrt(noise + (fading_db * follow) ** 2)
+    return Whitened(
+        residual=_residuals(matched_power[sure], model_db[sure], fading_db, folds),
+        level_slope=follow / sigma,
+        bearing_slope=follow * slope[sure] / sigma,
+        fading_part=fading_db * follow / sigma,
+    )
+
+
+def _residuals(
+    matched_power: NDArray[np.float64],
+    model_db: NDArray[np.float64],
+    fading_db: float,
+    folds: int,
+) -> NDArray[np.float64]:
+    """Measured minus expected power in decibel, over its standard deviation, cut at ± 4.
+
+    In decibel because fading is; the variance is that of noise and fading together,
+    (4.34)² (1 + 2 S) / (folds (1 + S)²) + (fading S / (1 + S))², S the expected SNR.
+    """
+    s = 10.0 ** (model_db / 10.0)
+    measured = 10.0 * np.log10(np.maximum(matched_power, 0.1))
+    expected = 10.0 * np.log10(1.0 + s)
+    noise = 18.86 * (1.0 + 2.0 * s) / (folds * (1.0 + s) ** 2)
+    residual = (measured - expected) / np.sqrt(noise + (fading_db * s / (1.0 + s)) ** 2)
+    return np.asarray(np.clip(residual, -4.0, 4.0))
+
+
+def _correlation(residual: NDArray[np.float64], yaw_deg: NDArray[np.float64]) -> float:
+    """Correlation of neighbouring residuals, in time or over heading; 0 to 0.9.
+
+    Fading that lasts, or a pattern that is not the antenna's, makes n pulses worth fewer. One
+    standard deviation of chance, 1/√n, is taken off.
+    """
+    count = len(residual)
+    if count < _LEAST_FOR_CORRELATION:
+        return 0.0
+    power = float(residual @ residual)
+    turned = residual[np.argsort(yaw_deg, kind="stable")]
+    in_time = float(residual[1:] @ residual[:-1]) / power
+    over_heading = float(turned @ np.roll(turned, 1)) / power
+    return float(np.clip(max(in_time, over_heading) - count**-0.5, 0.0, 0.9))

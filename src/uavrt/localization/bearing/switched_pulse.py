@@ -1,0 +1,174 @@
+"""What one receiver on an antenna switch measures of a pulse: phases, ratios, noise.
+
+A pulse of 20 ms with a switch that stays 0.25 ms at each position holds 80 visits. The mean of
+the samples of each visit is a number with a phase; those of one position, put together
+coherently, are that antenna's amplitude, and what they scatter about it is the noise.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+
+_FINE_HZ = 0.5
+"""Steps of the carrier's search; over 20 ms, 0.03 of a turn."""
+
+_Floats = NDArray[np.float64]
+_Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwitchSchedule:
+    """Which position of the switch each sample was received at."""
+
+    positions: int
+    dwell_samples: int
+    """At each position, settling included."""
+    settle_samples: int = 0
+    """At its beginning that do not count."""
+    first_sample: int = 0
+    """A sample at which the switch came to position 0."""
+
+    def __post_init__(self) -> None:
+        if self.positions < 2 or not 0 <= self.settle_samples < self.dwell_samples:
+            raise UsageError(
+                f"a switch with {self.positions} positions, {self.dwell_samples} samples each, "
+                f"{self.settle_samples} of them settling",
+                remedy="It needs two positions and a longer stay than it takes to settle",
+            )
+
+    def visits(self, first_sample: int, count: int) -> NDArray[np.intp]:
+        """(count,) number of the visit of each sample; negative while the switch settles."""
+        index = first_sample - self.first_sample + np.arange(count)
+        visit, within = np.divmod(index, self.dwell_samples)
+        visit -= int(visit[0]) // self.positions * self.positions
+        return np.where(within < self.settle_samples, -1, visit).astype(np.intp)
+
+    def selected(self, first_sample: int, count: int) -> NDArray[np.intp]:
+        """(count,) position of the switch at each sample; negative while it settles."""
+        visit = self.visits(first_sample, count)
+        return np.where(visit < 0, -1, visit % self.positions).astype(np.intp)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SwitchedPulse:
+    """One pulse as it came through an antenna switch."""
+
+    amplitudes: _Complex
+    """(positions,) with a common phase."""
+    counts: _Floats
+    """(positions,) samples behind each amplitude."""
+    noise_power: float
+    """Of one sample, as wide as a visit is short."""
+    frequency_hz: float
+    """Carrier in the samples, refined."""
+
+    @property
+    def snr_db(self) -> float:
+        """Energy of the pulse over the noise density, from all positions together."""
+        energy = float(np.sum(self.counts * np.abs(self.amplitudes) ** 2))
+        excess = energy / self.noise_power - len(self.counts)
+        return float(10.0 * np.log10(max(excess, 1e-3)))
+
+    @property
+    def phases_deg(self) -> _Floats:
+        """(positions,) phase re the first position, (-180, 180]."""
+        return np.asarray(np.degrees(np.angle(self.amplitudes / self.amplitudes[0])))
+
+    @property
+    def mode_ratio(self) -> complex:
+        """Second over first position: of a sum and difference, i tan(half the phase)."""
+        return complex(self.amplitudes[1] / self.amplitudes[0])
+
+
+def measure_switched_pulse(
+    samples: NDArray[np.complex64],
+    schedule: SwitchSchedule,
+    *,
+    first_sample: int,
+    frequency_hz: float,
+    sample_rate_hz: float,
+    frequency_error_hz: float = 15.0,
+) -> SwitchedPulse:
+    """Measure a pulse at each position of the switch.
+
+    Parameters
+    ----------
+    samples : (n,) complex64 array
+        The pulse, from its first to its last sample.
+    schedule : SwitchSchedule
+        Position of the switch at each sample.
+    first_sample : int
+        Index of the first of the samples, as the schedule counts.
+    frequency_hz : float
+        Carrier of the pulse in the samples, as the detector says.
+    sample_rate_hz : float
+        Rate.
+    frequency_error_hz : float
+        How far the carrier may be from it: it is searched, since 10 Hz are a fifth of a turn
+        over 20 ms.
+
+    Raises
+    ------
+    UsageError
+        A position was visited less than twice during the pulse.
+    """
+    visit = schedule.visits(first_sample, len(samples))
+    valid = visit >= 0
+    visits = int(visit.max(initial=0)) + 1
+    count = np.bincount(visit[valid], minlength=visits).astype(np.float64)
+    whole = count > 0.5 * (schedule.dwell_samples - schedule.settle_samples)
+    times_visited = np.bincount(
+        np.flatnonzero(whole) % schedule.positions, minlength=schedule.positions
+    )
+    if times_visited.min() < 2:
+        raise UsageError(
+            "the antenna switch does not reach every position during the pulse",
+            remedy="Step it faster: every position several times in a pulse",
+        )
+    time_s = np.arange(len(samples)) / sample_rate_hz
+    still = samples * np.exp(-2j * np.pi * frequency_hz * time_s)
+    used = valid & whole[np.maximum(visit, 0)]
+    sums = np.bincount(visit[used], still.real[used], visits) + 1j * np.bincount(
+        visit[used], still.imag[used], visits
+    )
+    middle_s = np.bincount(visit[used], time_s[used], visits) / np.maximum(count, 1.0)
+    seen = np.flatnonzero(whole)
+    position = seen % schedule.positions
+    return _fitted(
+        sums[seen],
+        count[seen],
+        middle_s[seen],
+        np.eye(schedule.positions)[position],
+        frequency_hz,
+        frequency_error_hz,
+    )
+
+
+def _fitted(
+    sums: _Complex,
+    counts: _Floats,
+    middle_s: _Floats,
+    at_position: _Floats,
+    frequency_hz: float,
+    frequency_error_hz: float,
+) -> SwitchedPulse:
+    """Find the carrier that makes the visits (v,) of each position (v, p) agree best."""
+    steps = max(1, round(frequency_error_hz / _FINE_HZ))
+    error_hz = np.arange(-steps, steps + 1) * _FINE_HZ
+    turned = sums * np.exp(-2j * np.pi * error_hz[:, None] * middle_s)
+    weight = counts @ at_position
+    power = np.sum(np.abs(turned @ at_position) ** 2 / weight, axis=1)
+    best = int(np.argmax(power))
+    amplitudes = (turned[best] @ at_position) / weight
+    left = turned[best] / counts - at_position @ amplitudes
+    freedom = len(sums) - at_position.shape[1]
+    noise = float(np.sum(counts * np.abs(left) ** 2)) / freedom
+    return SwitchedPulse(
+        amplitudes=np.asarray(amplitudes),
+        counts=weight,
+        noise_power=max(noise, 1e-30),
+        frequency_hz=frequency_hz + float(error_hz[best]),
+    )

@@ -1,0 +1,288 @@
+"""Where in a flight the drone turned in place: the rotations that bearings come from.
+
+Nobody marks them: they are found in the poses, whichever way round, with pauses, at 8 or 16
+stops or without any.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization.angles import widest_gap_deg
+from uavrt.tangent_plane import plane_around
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+_Floats = NDArray[np.float64]
+_Ints = NDArray[np.int64]
+
+_SPEED_WINDOW_S = 3.0
+_REVERSAL_DEG = 25.0
+"""Yaw that has gone back by less is hovering or overshoot, not the other way round."""
+_STILL_DEG = 4.0
+"""A stop keeps within this of its heading …"""
+_STOP_S = 2.0
+"""… and lasts that long."""
+_LEAST_RATE_DEG_S = 0.5
+"""A heading that changes more slowly drifts …"""
+_SHARE_OF_RATE = 0.1
+"""… as does one that changes by less than this share of the turn's own rate."""
+_RATE_WINDOW_S = 4.0
+"""Over which a compass that errs by 0.5° tells rates to 0.15°/s."""
+_CLIMB_M_S = 0.4
+_CLIMB_M = 4.0
+"""A climb or descent is this high at the least; a gust does less."""
+_GROUND_SHARE = 0.15
+_GROUND_M = (2.0, 6.0)
+"""Lower than that share of the usual height, within these limits, is on the ground: a
+barometer drifts by metres in a flight."""
+_AROUND_START_M = 100.0
+"""Between flights the ground is where the drone started or landed; elsewhere, at the height of
+the start, it flies over lower ground."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turn:
+    """A turn in place."""
+
+    start_time_ns: int
+    end_time_ns: int
+    turned_deg: float
+    """Whole turn, positive is clockwise."""
+    stops: int
+    """Headings that were held; 0 is a continuous turn."""
+    widest_gap_deg: float
+    """Widest arc of headings that was skipped."""
+    latitude_deg: float
+    """Middle of the places during the turn."""
+    longitude_deg: float
+
+
+def find_turns(
+    time_ns: _Ints,
+    yaw_deg: _Floats,
+    latitude_deg: _Floats,
+    longitude_deg: _Floats,
+    *,
+    height_m: _Floats | None = None,
+    least_turn_deg: float = 270.0,
+    speed_m_s: float = 1.5,
+    radius_m: float = 15.0,
+    longest_pause_s: float = 180.0,
+) -> list[Turn]:
+    """Find the turns in place of a flight, in order.
+
+    Parameters
+    ----------
+    time_ns : (n,) int64 array
+        Times of the poses, rising.
+    yaw_deg : (n,) float64 array
+        Heading, any turn; several poses for each 180° of turn.
+    latitude_deg, longitude_deg : (n,) float64 arrays
+        Places of the poses.
+    height_m : (n,) float64 array, optional
+        Above the take-off, NaN where it is not known. With it, only what is turned in flight is
+        a turn: no standing, no climb, no carrying after the landing. Where nothing flew, as on
+        a turntable, all turns count.
+    least_turn_deg : float
+        Smaller turns are none. 270° is what the original asks for; 8 stops turn by 315°.
+    speed_m_s : float
+        Faster is flying; slower is hovering in wind.
+    radius_m : float
+        A place is left when the drone is farther from its middle.
+    longest_pause_s : float
+        A longer stop ends a turn.
+
+    Raises
+    ------
+    UsageError
+        Arrays differ in length, or times do not rise.
+    """
+    if len({len(time_ns), len(yaw_deg), len(latitude_deg), len(longitude_deg)}) != 1:
+        raise UsageError("times, headings and positions differ in number")
+    if len(time_ns) < 4:
+        return []
+    if np.any(np.diff(time_ns) <= 0):
+        raise UsageError("the pose times are not increasing", remedy="Sort the poses by time")
+    seconds = (time_ns - time_ns[0]) / NANOSECONDS_PER_SECOND
+    plane = plane_around(latitude_deg, longitude_deg)
+    east, north = plane.to_local(latitude_deg, longitude_deg)
+    hovering = _speed(seconds, east, north) < speed_m_s
+    if height_m is not None:
+        hovering &= _in_flight(east, north, height_m) & ~_climbing(seconds, height_m)
+    turns = []
+    for first, last in _runs(hovering):
+        yaw = np.unwrap(yaw_deg[first:last], period=360.0)
+        for start, stop in _legs(yaw):
+            leg = slice(first + start, first + stop + 1)
+            within = yaw[start : stop + 1]
+            for part in _without_long_pauses(seconds[leg], within, longest_pause_s):
+                span = slice(leg.start + part[0], leg.start + part[1] + 1)
+                turned = yaw[span.start - first : span.stop - first]
+                drift = np.hypot(
+                    east[span] - np.median(east[span]), north[span] - np.median(north[span])
+                )
+                if abs(turned[-1] - turned[0]) >= least_turn_deg and drift.max() <= radius_m:
+                    place = plane.to_geodetic(np.median(east[span]), np.median(north[span]))
+                    turns.append(_described(time_ns[span], seconds[span], turned, place))
+    return turns
+
+
+def _described(
+    time_ns: _Ints, seconds: _Floats, yaw: _Floats, place: tuple[_Floats, _Floats]
+) -> Turn:
+    return Turn(
+        start_time_ns=int(time_ns[0]),
+        end_time_ns=int(time_ns[-1]),
+        turned_deg=float(yaw[-1] - yaw[0]),
+        stops=len(_stops(seconds, yaw)),
+        widest_gap_deg=widest_gap_deg(yaw),
+        latitude_deg=float(place[0]),
+        longitude_deg=float(place[1]),
+    )
+
+
+def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
+    """Speed over a window of 3 s, which averages GNSS noise out."""
+    half = _SPEED_WINDOW_S / 2.0
+    before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
+    after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
+    moved = np.hypot(east[after] - east[before], north[after] - north[before])
+    return np.asarray(moved / np.maximum(seconds[after] - seconds[before], 1e-3))
+
+
+def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First index and the one after the last of each stretch of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _legs(yaw: _Floats) -> list[tuple[int, int]]:
+    """First and last index of stretches in one direction; small reversals do not count."""
+    legs, start, best = [], 0, 0
+    way = 0.0
+    for index in range(1, len(yaw)):
+        if way == 0.0:
+            if abs(yaw[index] - yaw[start]) > _REVERSAL_DEG:
+                way = float(np.sign(yaw[index] - yaw[start]))
+                best = index
+        elif way * (yaw[index] - yaw[best]) > 0.0:
+            best = index
+        elif way * (yaw[best] - yaw[index]) > _REVERSAL_DEG:
+            legs.append((start, best))
+            start, best, way = best, index, -way
+    if way != 0.0:
+        # The last stop lasts as long as the heading is held.
+        held = np.flatnonzero(np.abs(yaw[best:] - yaw[best]) > _STILL_DEG)
+        legs.append((start, best + int(held[0]) - 1 if len(held) else len(yaw) - 1))
+    return legs
+
+
+def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
+    """First and last index of each heading that was held."""
+    stops: list[tuple[int, int]] = []
+    start = 0
+    for index in range(1, len(yaw) + 1):
+        if index < len(yaw) and abs(yaw[index] - yaw[start]) <= _STILL_DEG:
+            continue
+        if seconds[index - 1] - seconds[start] >= _STOP_S:
+            held = float(np.median(yaw[start:index]))
+            before = stops[-1] if stops else None
+            # A stop that begins with the end of a turn is cut in two by its own drift.
+            if before and abs(held - np.median(yaw[before[0] : before[1] + 1])) <= _STILL_DEG:
+                stops[-1] = (before[0], index - 1)
+            else:
+                stops.append((start, index - 1))
+        start = index
+    return stops
+
+
+def _without_long_pauses(
+    seconds: _Floats, yaw: _Floats, longest_pause_s: float
+) -> list[tuple[int, int]]:
+    """Cut a leg at long pauses; standing and drifting before and after it are no part of it.
+
+    The first and the last stop are kept as long as the longest one between them, so that a turn
+    of eight stops has eight; of a turn without stops only the moving part is left.
+    """
+    moving = _runs(_turning(seconds, yaw))
+    parts: list[list[tuple[int, int]]] = []
+    for run in moving:
+        pause_s = seconds[run[0]] - seconds[parts[-1][-1][1] - 1] if parts else np.inf
+        if pause_s > longest_pause_s:
+            parts.append([run])
+        else:
+            parts[-1].append(run)
+    return [_with_its_stops(seconds, yaw, part) for part in parts]
+
+
+def _with_its_stops(
+    seconds: _Floats, yaw: _Floats, moving: list[tuple[int, int]]
+) -> tuple[int, int]:
+    """First and last index of moving stretches with the stops before and after them."""
+    stops = [seconds[b[0]] - seconds[a[1] - 1] for a, b in pairwise(moving)]
+    hold_s = max((one for one in stops if one >= _STOP_S), default=0.0) + 0.5
+    first, last = moving[0][0], moving[-1][1] - 1
+    still = np.abs(yaw[: first + 1] - yaw[first]) <= _STILL_DEG
+    still &= seconds[: first + 1] >= seconds[first] - hold_s
+    first = int(np.flatnonzero(~still)[-1]) + 1 if not still.all() else 0
+    still = np.abs(yaw[last:] - yaw[last]) <= _STILL_DEG
+    still &= seconds[last:] <= seconds[last] + hold_s
+    last += (int(np.flatnonzero(~still)[0]) if not still.all() else len(still)) - 1
+    return first, last
+
+
+def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
+    """Where the heading changes as a turn does, and not as a compass drifts."""
+    half = _RATE_WINDOW_S / 2.0
+    before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
+    after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
+    took = np.maximum(seconds[after] - seconds[before], 1e-3)
+    rate = np.abs(yaw[after] - yaw[before]) / took
+    fast = rate >= _LEAST_RATE_DEG_S
+    usual = float(np.median(rate[fast])) if fast.any() else 0.0
+    turning = rate >= max(_LEAST_RATE_DEG_S, _SHARE_OF_RATE * usual)
+    # The window reaches two seconds into what stands still: seen where it is, not around it.
+    edges = np.zeros(len(yaw), bool)
+    for first, last in _runs(turning):
+        span = yaw[first:last]
+        if abs(span[-1] - span[0]) <= _STILL_DEG:
+            continue
+        gone = np.flatnonzero(np.abs(span - span[0]) > 0.5 * _STILL_DEG)
+        left = np.flatnonzero(np.abs(span - span[-1]) > 0.5 * _STILL_DEG)
+        edges[first + int(gone[0]) - 1 : first + int(left[-1]) + 2] = True
+    return edges
+
+
+def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
+    """Where the drone is off the ground; everywhere when it never was, or nobody knows."""
+    known = np.isfinite(height_m)
+    if not known.any():
+        return np.ones(len(height_m), bool)
+    usual = float(np.quantile(np.abs(height_m[known]), 0.9))
+    margin = float(np.clip(_GROUND_SHARE * usual, *_GROUND_M))
+    off = ~known | (np.abs(height_m) > margin)
+    flown = np.flatnonzero(off & known)
+    if not len(flown):
+        return np.ones(len(height_m), bool)
+    away = np.ones(len(height_m), bool)
+    away[: flown[0]] = away[flown[-1] + 1 :] = False
+    for place in (max(0, flown[0] - 1), min(len(east) - 1, flown[-1] + 1)):
+        away &= np.hypot(east - east[place], north - north[place]) > _AROUND_START_M
+    return np.asarray(off | away)
+
+
+def _climbing(seconds: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
+    """Where the drone climbs or sinks by several metres."""
+    height = np.where(np.isfinite(height_m), height_m, 0.0)
+    half = _SPEED_WINDOW_S / 2.0
+    before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
+    after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
+    rate = (height[after] - height[before]) / np.maximum(seconds[after] - seconds[before], 1e-3)
+    climbing = np.zeros(len(height), bool)
+    for way in (1.0, -1.0):
+        for first, last in _runs(way * rate > _CLIMB_M_S):
+            climbing[first:last] |= abs(height[last - 1] - height[first]) >= _CLIMB_M
+    return climbing

@@ -1,0 +1,101 @@
+"""From bearings and powers to a position.
+
+`estimate` is the entry point to all estimators: `bayes_fix` is the default, `lenth` has those
+of the literature. `bearing_evidence` and `power_evidence` compute likelihoods, `common_errors`
+finds errors that bearings share, `trackers` follow a tag in flight, `regions` outlines it.
+"""
+
+from typing import TYPE_CHECKING
+
+from uavrt.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.localization.position.bayes_fix import Area
+    from uavrt.localization.position.common_errors import (
+        WALKING_M_S,
+        WALKING_SHARE,
+        WRONG_COMPASS_DEG,
+        WRONG_COMPASS_SHARE,
+    )
+    from uavrt.localization.position.estimate import (
+        ADDED_METHODS,
+        HEADING_SIGMA_DEG,
+        estimate_position,
+    )
+    from uavrt.localization.position.level_belief import (
+        ANY_STRENGTH,
+        REFERENCE_M,
+        TRACKED_LOSS_ERROR,
+        antenna_gain_db,
+    )
+    from uavrt.localization.position.level_evidence import Propagation
+    from uavrt.localization.position.over_hills import FACTORS, OverHills
+    from uavrt.localization.position.power_evidence import (
+        PowerEvidence,
+        PowerFit,
+        PowerTrack,
+        fit_each,
+    )
+    from uavrt.localization.position.power_law import (
+        FADINGS_DB,
+        LEVEL_STEP_DB,
+        PowerTables,
+        power_tables,
+    )
+    from uavrt.localization.position.stations import Stations
+
+__all__ = [
+    "ADDED_METHODS",
+    "ANY_STRENGTH",
+    "FACTORS",
+    "FADINGS_DB",
+    "HEADING_SIGMA_DEG",
+    "LEVEL_STEP_DB",
+    "REFERENCE_M",
+    "TRACKED_LOSS_ERROR",
+    "WALKING_M_S",
+    "WALKING_SHARE",
+    "WRONG_COMPASS_DEG",
+    "WRONG_COMPASS_SHARE",
+    "Area",
+    "OverHills",
+    "PowerEvidence",
+    "PowerFit",
+    "PowerTables",
+    "PowerTrack",
+    "Propagation",
+    "Stations",
+    "antenna_gain_db",
+    "estimate_position",
+    "fit_each",
+    "power_tables",
+]
+__getattr__ = lazily(
+    __name__,
+    {
+        "ADDED_METHODS": "estimate",
+        "ANY_STRENGTH": "level_belief",
+        "Area": "bayes_fix",
+        "FADINGS_DB": "power_law",
+        "HEADING_SIGMA_DEG": "estimate",
+        "LEVEL_STEP_DB": "power_law",
+        "FACTORS": "over_hills",
+        "OverHills": "over_hills",
+        "PowerEvidence": "power_evidence",
+        "PowerFit": "power_evidence",
+        "PowerTables": "power_law",
+        "PowerTrack": "power_evidence",
+        "Propagation": "level_evidence",
+        "REFERENCE_M": "level_belief",
+        "TRACKED_LOSS_ERROR": "level_belief",
+        "Stations": "stations",
+        "WALKING_M_S": "common_errors",
+        "WALKING_SHARE": "common_errors",
+        "WRONG_COMPASS_DEG": "common_errors",
+        "WRONG_COMPASS_SHARE": "common_errors",
+        "antenna_gain_db": "level_belief",
+        "estimate_position": "estimate",
+        "fit_each": "power_evidence",
+        "power_tables": "power_law",
+    },
+)

@@ -1,0 +1,310 @@
+"""The default position estimator: a posterior on cells that are small where it matters.
+
+Cells are quartered as long as they hold much, so that a narrow peak and long tails, such as
+those of a bearing that may err, are both followed. The point is the most probable one; the mean
+lies outward of it for weak geometry. A bearing that contradicts the others is not followed but
+reported: each may be an outlier with some probability.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.results import Ellipse
+
+_Floats = NDArray[np.float64]
+
+LogLikelihood = Callable[[_Floats, _Floats, _Floats], _Floats]
+"""East and north (places,) and the width of each place's cell [m] (places,) to the
+log-likelihood (places,)."""
+
+FIRST_CELLS = 36
+"""Along the longer side, before any is quartered."""
+HELD = 6e-4
+"""A cell that holds more is quartered …"""
+_HELD_ROUGH = 2e-6
+"""… and one in which the density varies by `_ROUGH_NATS` from more than that on: a peak that
+is narrower than its cell is not yet seen whole."""
+_ROUGH_NATS = 1.0
+_ADDED_NATS = 0.1
+"""A cell to which another likelihood adds that much may be rough again."""
+_EDGE_SHARE = 0.005
+"""Outermost cells that hold more say that the area cuts the probability."""
+_LEAST_WIDTH_M = 0.1
+"""Narrower cells are left whole."""
+_ROUNDS = 18
+_MAP_SHARE = 0.999
+"""What the map shows at the least; the rest is spread too wide for a map."""
+_PEAK_CELLS = 44
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Area:
+    """Where to search: a rectangle in the local plane."""
+
+    west_m: float
+    east_m: float
+    south_m: float
+    north_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cells:
+    """A posterior on squares of any size that cover an area; and what follows from it."""
+
+    east_m: _Floats
+    """(n,) centres."""
+    north_m: _Floats
+    width_m: _Floats
+    """(n,) sides."""
+    log_density: _Floats
+    """(n,) up to a constant."""
+    probability: _Floats
+    """(n,) of each cell; sums to 1."""
+    log_evidence: float
+    """Logarithm of the likelihood's integral over the area."""
+    at_edge: bool
+    """The search area cuts the probability."""
+    rough: NDArray[np.bool_]
+    """(n,) within which the density may vary by more than `_ROUGH_NATS`."""
+
+    def mean(self) -> tuple[float, float]:
+        """East and north [m] of the point with the least expected squared error."""
+        return float(self.probability @ self.east_m), float(self.probability @ self.north_m)
+
+    def radius_m(self, share: float, point: tuple[float, float]) -> float:
+        """Radius of the circle around a point that holds some share.
+
+        Each cell's probability is spread over the distances that it reaches.
+        """
+        distance = np.hypot(self.east_m - point[0], self.north_m - point[1])
+        # Four parts of each cell, for the cell that holds the point itself reaches from 0.
+        parts = (np.arange(4) - 1.5) / 4.0
+        spread = np.abs(distance[:, None] + parts * self.width_m[:, None]).ravel()
+        order = np.argsort(spread)
+        held = np.cumsum(np.repeat(self.probability / 4.0, 4)[order])
+        return float(np.interp(share, held, spread[order], left=0.0))
+
+    def ellipse(self, share: float = 0.95) -> Ellipse:
+        """Ellipse of the posterior's covariance, scaled as for a normal law."""
+        x, y = self.mean()
+        centred = np.stack([self.east_m - x, self.north_m - y])
+        return ellipse_of((centred * self.probability) @ centred.T, share)
+
+    def around(self, share: float) -> Area:
+        """Rectangle around the smallest set of cells that holds some share."""
+        density = self.probability / self.width_m**2
+        order = np.argsort(-density)
+        count = int(np.searchsorted(np.cumsum(self.probability[order]), share)) + 1
+        kept = order[:count]
+        half = 0.5 * self.width_m[kept]
+        east, north = self.east_m[kept], self.north_m[kept]
+        return Area(
+            west_m=float((east - half).min()),
+            east_m=float((east + half).max()),
+            south_m=float((north - half).min()),
+            north_m=float((north + half).max()),
+        )
+
+
+def ellipse_of(covariance_m2: _Floats, share: float = 0.95) -> Ellipse:
+    """Ellipse that holds some share of a normal law, from its (2, 2) covariance."""
+    values, vectors = np.linalg.eigh(covariance_m2)
+    scale = -2.0 * np.log(1.0 - share)
+    minor, major = np.sqrt(np.maximum(values, 0.0) * scale)
+    direction = np.degrees(np.arctan2(vectors[0, 1], vectors[1, 1])) % 180.0
+    return Ellipse(
+        semi_major_m=float(major),
+        semi_minor_m=float(minor),
+        orientation_deg=float(direction) if direction < 180.0 else 0.0,
+    )
+
+
+def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
+    """Radius of the centred circle that holds some share of a normal law in the plane."""
+    angle = np.radians(np.arange(0.5, 360.0))
+    across = np.stack([np.cos(angle), np.sin(angle)])
+    q = np.einsum("ia,ij,ja->a", across, np.linalg.inv(covariance_m2), across)
+    low, high = 0.0, 10.0 * float(np.sqrt(np.trace(covariance_m2)))
+    mass = 2.0 * np.pi * np.sqrt(np.linalg.det(covariance_m2))
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        inside = np.mean((1.0 - np.exp(-0.5 * middle**2 * q)) / q) * 2.0 * np.pi / mass
+        low, high = (middle, high) if inside < share else (low, middle)
+    return 0.5 * (low + high)
+
+
+def cells_posterior(
+    log_likelihood: LogLikelihood,
+    area: Area,
+    *,
+    first_cells: int = FIRST_CELLS,
+    held: float = HELD,
+    growth: float = 1.0,
+) -> Cells:
+    """Evaluate a likelihood on squares, and again on the quarters of those that hold much.
+
+    Parameters
+    ----------
+    log_likelihood : callable
+        Sees the width of each cell, so that a ray narrower than it is not missed.
+    area : Area
+        Uniform prior.
+    first_cells : int
+        Cells along the longer side at first.
+    held : float
+        A cell that holds more is quartered.
+    growth : float
+        Cells within which the density varies much are quartered from a small share on; so many
+        times more of it is asked for after each quartering. The slopes of a peak that is seen
+        hold little.
+    """
+    east, north, width = _squares(area, first_cells)
+    density = log_likelihood(east, north, width)
+    rough = np.ones(len(east), bool)
+    return _quartered(log_likelihood, east, north, width, density, rough, held, growth)
+
+
+def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
+    """Evaluate another likelihood, one that adds to the one that cells were made for.
+
+    Parameters
+    ----------
+    log_likelihood : callable
+        The other one.
+    cells : Cells
+        Where to begin: they are as small as the first likelihood asks for.
+    density : (n,) float64 array
+        The other likelihood at these cells. Where it is the first one's but for a constant,
+        no cell is quartered again.
+    """
+    added = density - cells.log_density
+    rough = cells.rough | (added - np.median(added) > _ADDED_NATS)
+    return _quartered(
+        log_likelihood, cells.east_m, cells.north_m, cells.width_m, density, rough
+    )
+
+
+def _quartered(
+    log_likelihood: LogLikelihood,
+    east: _Floats,
+    north: _Floats,
+    width: _Floats,
+    density: _Floats,
+    rough: NDArray[np.bool_],
+    held: float = HELD,
+    growth: float = 1.0,
+) -> Cells:
+    """Quarter cells as long as they hold much, or vary much within."""
+    at_edge = _edge_share(east, north, width, density) > _EDGE_SHARE
+    widest = float(width.max())
+    for _ in range(_ROUNDS):
+        probability, _ = _normalised(density, width)
+        worth = _HELD_ROUGH * growth ** np.log2(widest / width)
+        split = (probability > held) | (rough & (probability > worth))
+        split &= width > _LEAST_WIDTH_M
+        if not split.any():
+            break
+        quarter = 0.25 * width[split]
+        corners = ((-1, -1), (-1, 1), (1, -1), (1, 1))
+        new_east = np.concatenate([east[split] + x * quarter for x, _ in corners])
+        new_north = np.concatenate([north[split] + y * quarter for _, y in corners])
+        new_width = np.tile(2.0 * quarter, 4)
+        new_density = log_likelihood(new_east, new_north, new_width)
+        varies = np.ptp(new_density.reshape(4, -1), axis=0) > _ROUGH_NATS
+        varies |= np.abs(new_density.reshape(4, -1).max(axis=0) - density[split]) > _ROUGH_NATS
+        rough = np.concatenate([rough[~split], np.tile(varies, 4)])
+        east, north = (
+            np.concatenate([old[~split], new])
+            for old, new in ((east, new_east), (north, new_north))
+        )
+        width = np.concatenate([width[~split], new_width])
+        density = np.concatenate([density[~split], new_density])
+    probability, log_evidence = _normalised(density, width)
+    return Cells(
+        east_m=east,
+        north_m=north,
+        width_m=width,
+        log_density=density,
+        probability=probability,
+        log_evidence=log_evidence,
+        at_edge=at_edge,
+        rough=rough,
+    )
+
+
+def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, float]:
+    """East and north [m] of the maximum, refined by parabolas.
+
+    Sought on an even grid over the likelier half: cells of several sizes are blurred
+    differently, and do not compare to the last metre.
+    """
+    east, north, probability = map_of(cells, log_likelihood, _PEAK_CELLS, share=0.5)
+    values = np.log(np.maximum(probability, 1e-300))
+    row, column = np.unravel_index(int(np.argmax(values)), values.shape)
+    return (
+        _refined(east, values[row, :], int(column)),
+        _refined(north, values[:, column], int(row)),
+    )
+
+
+def map_of(
+    cells: Cells, log_likelihood: LogLikelihood, count: int, *, share: float = _MAP_SHARE
+) -> tuple[_Floats, _Floats, _Floats]:
+    """Probability on an even grid around most of it: east (x,), north (y,), and (y, x)."""
+    around = cells.around(share)
+    wide, high = around.east_m - around.west_m, around.north_m - around.south_m
+    step = max(wide, high) / (count - 4)
+    across, along = (max(8, round(side / step) + 4) for side in (wide, high))
+    east = 0.5 * (around.west_m + around.east_m) + (np.arange(across) - (across - 1) / 2) * step
+    north = (
+        0.5 * (around.south_m + around.north_m) + (np.arange(along) - (along - 1) / 2) * step
+    )
+    places_north, places_east = np.meshgrid(north, east, indexing="ij")
+    value = log_likelihood(
+        places_east.ravel(), places_north.ravel(), np.full(places_east.size, step)
+    )
+    density = np.exp(value - value.max()).reshape(along, across)
+    return np.asarray(east), np.asarray(north), np.asarray(density / density.sum())
+
+
+def _squares(area: Area, count: int) -> tuple[_Floats, _Floats, _Floats]:
+    """Squares that cover an area, the last ones reaching beyond it by less than one."""
+    wide, high = area.east_m - area.west_m, area.north_m - area.south_m
+    step = max(wide, high) / count
+    across, along = (max(4, round(side / step)) for side in (wide, high))
+    east = 0.5 * (area.west_m + area.east_m) + (np.arange(across) - (across - 1) / 2) * step
+    north = 0.5 * (area.south_m + area.north_m) + (np.arange(along) - (along - 1) / 2) * step
+    places_north, places_east = np.meshgrid(north, east, indexing="ij")
+    return places_east.ravel(), places_north.ravel(), np.full(places_east.size, step)
+
+
+def _normalised(density: _Floats, width: _Floats) -> tuple[_Floats, float]:
+    value = density + 2.0 * np.log(width)
+    top = float(value.max())
+    probability = np.exp(value - top)
+    total = float(probability.sum())
+    return probability / total, top + float(np.log(total))
+
+
+def _edge_share(east: _Floats, north: _Floats, width: _Floats, density: _Floats) -> float:
+    """Probability of a margin as wide as the widest cell."""
+    probability, _ = _normalised(density, width)
+    margin, half = 0.99 * float(width.max()), 0.5 * width
+    border = np.zeros(len(east), bool)
+    for axis in (east, north):
+        low, high = float((axis - half).min()), float((axis + half).max())
+        border |= (axis - low < margin) | (high - axis < margin)
+    return float(probability[border].sum())
+
+
+def _refined(axis: _Floats, values: _Floats, top: int) -> float:
+    if 0 < top < len(axis) - 1:
+        left, middle, right = values[top - 1], values[top], values[top + 1]
+        bend = 2.0 * middle - left - right
+        if bend > 1e-12:
+            shift = float(np.clip(0.5 * (right - left) / bend, -0.5, 0.5))
+            return float(axis[top] + shift * (axis[1] - axis[0]))
+    return float(axis[top])

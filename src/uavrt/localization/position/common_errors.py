@@ -1,0 +1,292 @@
+"""Do bearings agree, and if not: what would explain them all at once?
+
+A compass that is wrong, or an animal that walks, turns all bearings of a flight together; none
+of them looks bad by itself. Four stations around the tag tell: a tag that rests, one that
+walks, and headings that all err by the same are each fitted to the bearings (with outliers),
+and compared by their evidence (Laplace's approximation; MacKay, Information Theory, ch. 27).
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from uavrt.localization.angles import difference_deg, widest_gap_deg
+from uavrt.localization.results import Caution
+from uavrt.units import wrap_degrees_360
+
+_Floats = NDArray[np.float64]
+
+LEAST_STATIONS = 4
+AROUND_DEG = 210.0
+"""Seen from the tag, no wider arc is without a station."""
+WRONG_COMPASS_SHARE = 0.02
+WRONG_COMPASS_DEG = 20.0
+"""How far off headings are when something is wrong with them: standard deviation."""
+WALKING_SHARE = 0.05
+WALKING_M_S = 0.5
+"""Speed in each direction of an animal that walks during a flight: standard deviation."""
+_LEAST_SPAN_S = 20.0
+_CONTRADICTION = 0.01
+"""Bearings that scatter so only once in a hundred flights contradict each other."""
+_ROUNDS = 25
+_LOOSE_ROUNDS = 8
+
+Explanation = Literal["rest", "compass", "walk"]
+UNUSUAL: frozenset[Explanation] = frozenset({"compass", "walk"})
+"""What else than a resting tag with usual headings may be."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightBearings:
+    """Bearings of one tag in the local plane."""
+
+    east_m: _Floats
+    """(n,) stations."""
+    north_m: _Floats
+    bearing_deg: _Floats
+    sigma_deg: _Floats
+    """(n,) of each bearing alone."""
+    time_s: _Floats | None = None
+    """(n,) None: nobody knows, and the tag rests."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """One explanation, fitted."""
+
+    explanation: Explanation
+    place: _Floats
+    """(2,) east and north [m], of a walking tag at the last bearing."""
+    covariance_m2: _Floats
+    """(2, 2)."""
+    heading_error_deg: float
+    heading_error_sigma_deg: float
+    velocity_m_s: _Floats
+    """(2,) east and north."""
+    inlier: _Floats
+    """(n,) probability that each bearing has to do with the tag."""
+    misfit: float
+    """Probability that bearings scatter so much or more, were the explanation right."""
+    log_evidence: float
+
+    def middle_of(self, bearings: FlightBearings) -> tuple[float, float]:
+        """East and north in the middle of the flight: what stations stand around."""
+        ago_s = 0.0 if bearings.time_s is None else 0.5 * float(np.ptp(bearings.time_s))
+        east, north = self.place - ago_s * self.velocity_m_s
+        return float(east), float(north)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Model:
+    explanation: Explanation
+    share: float
+    heading_sigma_deg: float
+    speed_m_s: float
+
+
+def stations_around(east_m: _Floats, north_m: _Floats, place: tuple[float, float]) -> bool:
+    """Whether stations are many enough, and around a place, so that common errors show."""
+    if len(east_m) < LEAST_STATIONS:
+        return False
+    seen = np.degrees(np.arctan2(east_m - place[0], north_m - place[1]))
+    return widest_gap_deg(seen) <= AROUND_DEG
+
+
+def explanations(
+    bearings: FlightBearings,
+    place: tuple[float, float],
+    *,
+    heading_sigma_deg: float,
+    outlier_share: float,
+    unusual: frozenset[Explanation] = UNUSUAL,
+) -> list[tuple[float, Fit]]:
+    """Fit all explanations; each with its probability, that of a resting tag first.
+
+    Parameters
+    ----------
+    bearings : FlightBearings
+        Four or more, around the tag.
+    place : tuple of 2 floats
+        Where the search begins.
+    heading_sigma_deg : float
+        Common error of the headings that is usual; 0: they are known.
+    outlier_share : float
+        Probability that a bearing has nothing to do with the tag.
+    unusual : frozenset of str
+        What else may be.
+    """
+    models = []
+    if "compass" in unusual:
+        models.append(
+            _Model(
+                explanation="compass",
+                share=WRONG_COMPASS_SHARE,
+                heading_sigma_deg=WRONG_COMPASS_DEG,
+                speed_m_s=0.0,
+            )
+        )
+    timed = bearings.time_s is not None and np.ptp(bearings.time_s) >= _LEAST_SPAN_S
+    if timed and "walk" in unusual:
+        models.append(
+            _Model(
+                explanation="walk",
+                share=WALKING_SHARE,
+                heading_sigma_deg=heading_sigma_deg,
+                speed_m_s=WALKING_M_S,
+            )
+        )
+    resting = _Model(
+        explanation="rest",
+        share=1.0 - sum(one.share for one in models),
+        heading_sigma_deg=heading_sigma_deg,
+        speed_m_s=0.0,
+    )
+    fits = [_best(bearings, place, one, outlier_share) for one in (resting, *models)]
+    score = np.array([one.log_evidence for one in fits])
+    weight = np.exp(score - score.max())
+    return list(zip((float(w) for w in weight / weight.sum()), fits, strict=True))
+
+
+def _best(
+    bearings: FlightBearings, place: tuple[float, float], model: _Model, outlier_share: float
+) -> Fit:
+    """The best of fits from several starts: outliers leave more than one maximum."""
+    middle = (float(np.mean(bearings.east_m)), float(np.mean(bearings.north_m)))
+    fits = []
+    for east, north in (place, middle):
+        off = difference_deg(bearings.bearing_deg, _azimuth(bearings, np.array([east, north])))
+        turns = (0.0, float(np.median(off))) if model.explanation == "compass" else (0.0,)
+        for turn in turns:
+            start = np.array([east, north, turn, 0.0, 0.0])
+            fits.append(_fitted(bearings, start, model, outlier_share))
+    return max(fits, key=lambda one: one.log_evidence)
+
+
+def _azimuth(bearings: FlightBearings, place: _Floats) -> _Floats:
+    east, north = place[0] - bearings.east_m, place[1] - bearings.north_m
+    return np.asarray(np.degrees(np.arctan2(east, north)))
+
+
+def _fitted(
+    bearings: FlightBearings, start: _Floats, model: _Model, outlier_share: float
+) -> Fit:
+    """Gauss–Newton with the outliers' probabilities as weights (expectation maximisation)."""
+    ago = np.zeros(len(bearings.east_m))
+    if bearings.time_s is not None and model.speed_m_s > 0.0:
+        ago = bearings.time_s - bearings.time_s.max()
+    sigmas = np.array([max(model.heading_sigma_deg, 1e-3)] + 2 * [max(model.speed_m_s, 1e-6)])
+    prior = np.concatenate([[1e-12, 1e-12], sigmas**-2.0])
+    theta = start.copy()
+    for number in range(_ROUNDS):
+        loose = max(1.0, 6.0 * (1.0 - number / _LOOSE_ROUNDS))
+        residual, slopes = _linearised(bearings, theta, ago)
+        weight = _inlier(residual, loose * bearings.sigma_deg, outlier_share)
+        weight = weight / (loose * bearings.sigma_deg) ** 2
+        curvature = (slopes.T * weight) @ slopes + np.diag(prior)
+        step = np.linalg.solve(curvature, (slopes.T * weight) @ residual - prior * theta)
+        length = float(np.hypot(step[0], step[1]))
+        theta = theta + step * min(1.0, 300.0 / max(length, 1e-9))
+        if number >= _LOOSE_ROUNDS and length < 0.05:
+            break
+    residual, slopes = _linearised(bearings, theta, ago)
+    inlier = _inlier(residual, bearings.sigma_deg, outlier_share)
+    curvature = (slopes.T * (inlier / bearings.sigma_deg**2)) @ slopes + np.diag(prior)
+    covariance = np.linalg.inv(curvature)
+    density = (1.0 - outlier_share) * _normal(residual, bearings.sigma_deg)
+    log_likelihood = float(np.log(density + outlier_share / 360.0).sum())
+    log_prior = float(np.sum(-0.5 * (theta[2:] / sigmas) ** 2 - np.log(sigmas)))
+    _, log_det = np.linalg.slogdet(curvature)
+    # Residuals in units of what they scatter by, the fitted common error's own prior included.
+    squares = float(np.sum((residual / bearings.sigma_deg) ** 2))
+    squares += float(np.sum((theta[2:] / sigmas) ** 2))
+    return Fit(
+        explanation=model.explanation,
+        place=theta[:2],
+        covariance_m2=np.asarray(covariance[:2, :2], np.float64),
+        heading_error_deg=float(theta[2]),
+        heading_error_sigma_deg=float(covariance[2, 2]) ** 0.5,
+        velocity_m_s=theta[3:],
+        inlier=inlier,
+        misfit=float(chdtrc(max(1, len(residual) - 2), squares)),
+        log_evidence=np.log(model.share) + log_likelihood + log_prior - 0.5 * float(log_det),
+    )
+
+
+def _linearised(
+    bearings: FlightBearings, theta: _Floats, ago: _Floats
+) -> tuple[_Floats, _Floats]:
+    """Residuals (n,) [deg], and the slopes of what is expected (n, 5)."""
+    east = theta[0] + theta[3] * ago - bearings.east_m
+    north = theta[1] + theta[4] * ago - bearings.north_m
+    square = np.maximum(east**2 + north**2, 25.0)
+    residual = difference_deg(
+        bearings.bearing_deg, np.degrees(np.arctan2(east, north)) + theta[2]
+    )
+    to_east, to_north = np.degrees(north / square), np.degrees(-east / square)
+    slopes = np.stack(
+        [to_east, to_north, np.ones(len(east)), to_east * ago, to_north * ago], axis=1
+    )
+    return np.asarray(residual), slopes
+
+
+def _normal(residual: _Floats, sigma: _Floats) -> _Floats:
+    return np.asarray(np.exp(-0.5 * (residual / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi)))
+
+
+def _inlier(residual: _Floats, sigma: _Floats, outlier_share: float) -> _Floats:
+    good = (1.0 - outlier_share) * _normal(residual, sigma)
+    return np.asarray(good / (good + outlier_share / 360.0))
+
+
+UNCHECKED = Caution(
+    name="unchecked",
+    text="a common error (compass, a tag that walks) cannot be checked: that takes "
+    f"{LEAST_STATIONS} bearings from around the tag",
+)
+
+UNKNOWN_SIGMAS = Caution(
+    name="unchecked",
+    text="a common error (compass, a tag that walks) cannot be checked: nobody says how far "
+    "each bearing may err",
+)
+
+
+def cautions_of(fit: Fit) -> tuple[Caution, ...]:
+    """What the operator must know of the most probable explanation."""
+    found = []
+    if fit.explanation == "compass":
+        text = (
+            f"all bearings seem turned by {fit.heading_error_deg:+.0f}° "
+            f"± {fit.heading_error_sigma_deg:.0f}°: check compass, mounting and declination"
+        )
+        found.append(Caution(name="compass", text=text))
+    if fit.explanation == "walk":
+        speed = float(np.hypot(*fit.velocity_m_s))
+        towards = float(wrap_degrees_360(np.degrees(np.arctan2(*fit.velocity_m_s))))
+        text = (
+            f"the tag seems to have walked at {speed:.1f} m/s towards {towards:.0f}°; "
+            "the place is that of the last bearing"
+        )
+        found.append(Caution(name="walk", text=text))
+    odd = [str(number) for number in np.flatnonzero(fit.inlier < 0.5) + 1]
+    if contradicts(fit):
+        which = (
+            f"bearings {' and '.join(odd)} contradict the others"
+            if odd
+            else ("the bearings contradict each other more than their errors allow")
+        )
+        found.append(Caution(name="contradiction", text=f"{which}: the place may be wrong"))
+    elif odd:
+        text = f"bearing {odd[0]} contradicts the others and is left out"
+        found.append(Caution(name="outlier", text=text))
+    return tuple(found)
+
+
+def contradicts(fit: Fit) -> bool:
+    """Whether an explanation leaves bearings that contradict each other."""
+    several = int(np.sum(fit.inlier < 0.5)) >= 2
+    scatter = int(np.sum(fit.inlier < 0.5)) == 0 and fit.misfit < _CONTRADICTION
+    return several or scatter

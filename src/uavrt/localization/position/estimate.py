@@ -1,0 +1,186 @@
+"""`estimate_position`: the entry point to all position estimators."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization.position import lenth
+from uavrt.localization.position.bayes_fix import ellipse_of, normal_radius_m
+from uavrt.localization.position.bayes_model import Known
+from uavrt.localization.position.bayes_position import bayes_position
+from uavrt.localization.position.common_errors import LEAST_STATIONS, UNUSUAL
+from uavrt.localization.position.follow import Follow
+from uavrt.localization.position.level_evidence import Propagation
+from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.position.stations import Stations
+from uavrt.localization.results import Position, PositionMethod
+from uavrt.localization.survey_errors import HEIGHT_SIGMA_M, SurveyErrors
+from uavrt.plugins import Registry
+from uavrt.tangent_plane import plane_around
+from uavrt.terrain import HillLosses
+
+_Floats = NDArray[np.float64]
+HEADING_SIGMA_DEG = 1.5
+"""Error that all headings of a flight share, were nothing said of it: a calibrated compass, a
+mounting by eye, and the declination."""
+PositionEstimator = Callable[[Stations | None, PowerTrack | None], Position]
+ADDED_METHODS: Registry[PositionEstimator] = Registry("uavrt.position_methods", {})
+"""Estimators that installed packages add, by the name of the method."""
+
+
+def estimate_position(
+    stations: Stations | None = None,
+    powers: PowerTrack | None = None,
+    *,
+    method: PositionMethod | str = "bayes",
+    outlier_share: float | None = None,
+    heading_sigma_deg: float = HEADING_SIGMA_DEG,
+    height_sigma_m: float = HEIGHT_SIGMA_M,
+    propagation: Propagation | None = None,
+    max_range_m: float | None = None,
+    widenings: bool = False,
+    follow: bool = False,
+    hills: HillLosses | None = None,
+) -> Position:
+    """Estimate where a tag is, from bearings, from powers along a track, or from both.
+
+    Parameters
+    ----------
+    stations : Stations, optional
+        Bearings. One gives a wedge, two or more a place.
+    powers : PowerTrack, optional
+        Powers; used by the method ``bayes`` only. Pulses that already went into the bearings
+        must not be given again.
+    method : str
+        ``"bayes"`` (the default), or ``"track"``, which follows a tag that may move and keeps
+        the resting place of one that nothing contradicts to rest, or ``"mle"``, ``"rmr"``,
+        ``"mest"`` as the original system computes them, or ``"rmr_ahead"``, ``"mest_lenth"`` as
+        they were meant, or one that an installed package adds (docs/how-to/extend.md).
+    outlier_share : float, optional
+        Prior probability that a bearing has nothing to do with the tag; by default 0.05, and
+        0.02 for one to three bearings, of which none can tell the other wrong.
+    heading_sigma_deg : float
+        Standard deviation of the error that all headings of the flight share (compass,
+        mounting, declination). It is estimated where the stations tell it; 0 takes the headings
+        for true.
+    height_sigma_m : float
+        Standard deviation of the error that all heights of the powers share (terrain, a tag on
+        a tree). It is estimated where the powers tell it; 0 takes the heights for true.
+    propagation : Propagation, optional
+        What is known of the path loss.
+    max_range_m : float, optional
+        How far from the stations or the track the tag may be; 3000 with bearings, else as far
+        as the track is long.
+    widenings : bool
+        Tell also what each error that the bearings, or the powers, may share adds to the radius
+        of 95 %, to the method ``bayes``.
+    follow : bool
+        To the method ``bayes``: seek also the way of a tag whose bearings or powers contradict
+        a place that rests, at the times that they have.
+    hills : HillLosses, optional
+        The ground, to the method ``bayes``: hills weaken what is heard, and explain silence.
+        Heights of stations and powers then count from the ground at the take-off. None takes
+        the ground for level.
+
+    Raises
+    ------
+    UsageError
+        There is nothing to estimate from, arrays differ in length, or the method is unknown or
+        does not come to a position; the text says what to use instead.
+    """
+    _check(stations, powers)
+    if method in ("bayes", "track"):
+        few = stations is None or len(stations.bearing_deg) < LEAST_STATIONS
+        known = Known(
+            outlier_share=(0.02 if few else 0.05) if outlier_share is None else outlier_share,
+            heading_sigma_deg=heading_sigma_deg,
+            propagation=propagation or Propagation(),
+            max_range_m=max_range_m,
+            # Headings that are known leave no compass wrong.
+            unusual=UNUSUAL if heading_sigma_deg > 0.0 else UNUSUAL - {"compass"},
+            survey=SurveyErrors(height_sigma_m=height_sigma_m),
+            hills=hills,
+        )
+        when: Follow = "always" if method == "track" else "contradicted" if follow else "never"
+        found = bayes_position(stations, powers, known, widenings=widenings, follow=when)
+        return replace(found, method=method) if method == "track" else found
+    if method not in _LENTH and method in ADDED_METHODS:
+        return ADDED_METHODS[method](stations, powers)
+    if method not in _LENTH:
+        names = ", ".join(["bayes", "track", *_LENTH, *ADDED_METHODS])
+        raise UsageError(f"there is no method {method!r}", remedy=f"Choose from {names}")
+    if stations is None or len(stations.bearing_deg) < 2:
+        raise UsageError(f"{method} needs two bearings", remedy="Use the method bayes")
+    return _lenth(stations, method)
+
+
+def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
+    if stations is None and powers is None:
+        raise UsageError("neither bearings nor powers", remedy="Give one of them")
+    if stations is not None:
+        fields = [stations.latitude_deg, stations.longitude_deg, stations.bearing_deg]
+        _check_lengths(
+            "bearings",
+            fields,
+            [
+                stations.sigma_deg,
+                stations.level_db,
+                stations.level_sigma_db,
+                stations.time_s,
+            ],
+        )
+    if powers is not None:
+        fields = [powers.latitude_deg, powers.longitude_deg, powers.height_m]
+        _check_lengths(
+            "powers", fields, [powers.snr_db, powers.yaw_deg, powers.time_s], finite=3
+        )
+        if np.count_nonzero(~np.isnan(powers.snr_db)) < 3:
+            raise UsageError("fewer than three powers", remedy="Fly nearer, or turn in place")
+        if powers.antenna is not None and powers.yaw_deg is None:
+            raise UsageError("a directional antenna without headings", remedy="Give yaw_deg")
+
+
+def _check_lengths(
+    what: str, needed: list[_Floats], optional: list[_Floats | None], finite: int = 3
+) -> None:
+    arrays = [*needed, *(one for one in optional if one is not None)]
+    if len({one.shape for one in arrays}) != 1 or not len(needed[0]):
+        raise UsageError(f"the arrays of the {what} differ in length or are empty")
+    if not all(np.all(np.isfinite(one)) for one in arrays[:finite]):
+        raise UsageError(
+            f"a value of the {what} is not finite", remedy="Drop the ones without a place"
+        )
+
+
+_LENTH: dict[str, Callable[[lenth.Rays], lenth.PlanePosition | None]] = {
+    "mle": lenth.maximum_likelihood,
+    "rmr": lambda rays: lenth.repeated_median(rays, as_original=True),
+    "mest": lambda rays: lenth.m_estimate(rays, as_original=True),
+    "rmr_ahead": lambda rays: lenth.repeated_median(rays, as_original=False),
+    "mest_lenth": lambda rays: lenth.m_estimate(rays, as_original=False),
+}
+
+
+def _lenth(stations: Stations, method: str) -> Position:
+    plane = plane_around(stations.latitude_deg, stations.longitude_deg)
+    east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
+    rays = lenth.Rays(east_m=east, north_m=north, bearing_deg=stations.bearing_deg)
+    found = _LENTH[method](rays)
+    if found is None:
+        raise UsageError(
+            f"{method} finds no place that fits these bearings", remedy="Use the method bayes"
+        )
+    latitude, longitude = plane.to_geodetic(found.east_m, found.north_m)
+    covariance = found.covariance_m2
+    return Position(
+        latitude_deg=float(latitude),
+        longitude_deg=float(longitude),
+        method=method,
+        stations=len(east),
+        radius50_m=None if covariance is None else normal_radius_m(covariance, 0.5),
+        radius95_m=None if covariance is None else normal_radius_m(covariance, 0.95),
+        ellipse95=None if covariance is None else ellipse_of(covariance),
+    )

@@ -1,0 +1,137 @@
+"""Decide whether to track a tag as moving: do its bearings or powers rule out a fixed place?"""
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from uavrt.localization.position.bayes_fix import Area
+from uavrt.localization.position.bayes_model import Model
+from uavrt.localization.position.moving import LEAST_TIMES, way_by_bearings, way_by_powers
+from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.position.survey_walk import SurveyWalk, survey_walk
+from uavrt.localization.results import Position, TrackPoint
+
+Follow = Literal["never", "contradicted", "always"]
+"""When a track is sought: not at all; where the tag cannot rest; whatever it does."""
+_CONTRADICTS = frozenset({"walk", "contradiction"})
+_RESTING_FADING_DB = 6.0
+"""Fading that a way is sought with where the tag seems to rest: neighbours may fade alike."""
+_SURVEY_MARGIN = 0.25
+"""Of a survey's extent: so far outside a tag that walks is looked for."""
+
+
+def followed(position: Position, model: Model, follow: Follow) -> Position:
+    """Add to a position the way of a tag that moved.
+
+    A tag that nothing contradicts to rest keeps its place, and has a way only where one was
+    asked for. The place by bearings holds already that the tag may have walked; where powers
+    contradict theirs, the position is the way's end.
+
+    Parameters
+    ----------
+    position : Position
+        Of a tag that rests, or as its bearings' best explanation has it.
+    model : Model
+        What was measured, and what was believed before.
+    follow : str
+        ``"contradicted"`` or ``"always"``.
+
+    Raises
+    ------
+    UsageError
+        A way was asked for, and times are not known.
+    """
+    if model.stations is not None:
+        return _by_bearings(position, model, follow)
+    if model.powers is not None and model.track is not None:
+        return _by_powers(position, model, model.powers.chosen(model.track.kept), follow)
+    return position
+
+
+def _by_bearings(position: Position, model: Model, follow: Follow) -> Position:
+    stations, grid = model.stations, position.grid
+    assert stations is not None
+    contradicted = any(one.name in _CONTRADICTS for one in position.cautions)
+    told = stations.time_s is not None and len(stations.time_s) >= LEAST_TIMES
+    if follow == "contradicted" and not (contradicted and told):
+        return position
+    assert grid is not None
+    around = Area(
+        west_m=float(grid.east_m[0]),
+        east_m=float(grid.east_m[-1]),
+        south_m=float(grid.north_m[0]),
+        north_m=float(grid.north_m[-1]),
+    )
+    heading_sigma_deg = model.known.heading_sigma_deg
+    way = way_by_bearings(stations, model.plane, around, heading_sigma_deg=heading_sigma_deg)
+    return replace(position, track=way)
+
+
+def _by_powers(
+    position: Position, model: Model, powers: PowerTrack, follow: Follow
+) -> Position:
+    walk = _walk(model, _on_level_ground(position, model, powers))
+    walked = walk is not None and walk.probability > 0.5
+    if follow == "contradicted" and not walked:
+        return position
+    east, north = model.plane.to_local(position.latitude_deg, position.longitude_deg)
+    first = last = (float(east), float(north))
+    fading_db = _RESTING_FADING_DB
+    if walk is not None and walked and powers.time_s is not None:
+        half_s = 0.5 * float(np.ptp(powers.time_s))
+        first, last = walk.at(-half_s), walk.at(half_s)
+        fading_db = walk.fading_db
+    way = way_by_powers(
+        powers, model.plane, (first, last), fading_db=fading_db, hills=model.hills
+    )
+    if walk is None or not walked:
+        return replace(position, track=way)
+    cautions = tuple(one for one in position.cautions if one.name != "height")
+    return replace(_ended(position, way), cautions=(walk.caution, *cautions), widenings=())
+
+
+def _on_level_ground(position: Position, model: Model, powers: PowerTrack) -> PowerTrack:
+    """The powers without what the hills take on the way from a tag that rests."""
+    if model.hills is None:
+        return powers
+    place = model.plane.to_local(position.latitude_deg, position.longitude_deg)
+    east, north = (np.array([float(one)]) for one in place)
+    track = model.plane.to_local(powers.latitude_deg, powers.longitude_deg)
+    lost = model.hills.seen_from(*track, powers.height_m)(east, north)[0]
+    rise = float(model.hills.rise_m(east, north)[0])
+    return replace(powers, snr_db=powers.snr_db + lost, height_m=powers.height_m - rise)
+
+
+def _walk(model: Model, powers: PowerTrack) -> SurveyWalk | None:
+    east, north = model.plane.to_local(powers.latitude_deg, powers.longitude_deg)
+    shift_m = 0.0 if model.track is None else model.track.height_shift_m
+    extent = max(float(np.ptp(east)), float(np.ptp(north)))
+    margin = _SURVEY_MARGIN * extent
+    around = Area(
+        west_m=float(east.min()) - margin,
+        east_m=float(east.max()) + margin,
+        south_m=float(north.min()) - margin,
+        north_m=float(north.max()) + margin,
+    )
+    raised = replace(powers, height_m=np.maximum(powers.height_m + shift_m, 3.0))
+    return survey_walk(east, north, raised, around, model.known.propagation)
+
+
+def _ended(position: Position, way: tuple[TrackPoint, ...]) -> Position:
+    """The position at the end of a way; regions are the way's circles."""
+    if not way:
+        return position
+    last = way[-1]
+    return replace(
+        position,
+        latitude_deg=last.latitude_deg,
+        longitude_deg=last.longitude_deg,
+        radius50_m=last.radius50_m,
+        radius95_m=last.radius95_m,
+        method="track",
+        ellipse95=None,
+        grid=None,
+        at_edge=False,
+        track=way,
+    )

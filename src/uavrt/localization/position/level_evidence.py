@@ -1,0 +1,86 @@
+"""What the strengths found at several rotations say about a place, the tag's own unknown."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.position.over_hills import LOSS_ERROR, OverHills
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Propagation:
+    """How strength falls with distance, as far as it is known beforehand."""
+
+    exponent: float = 2.5
+    """Mean of the path loss exponent: 2 in free space, 4 for a tag on the ground beyond the
+    break point."""
+    exponent_sigma: float = 0.7
+    shadowing_db: float = 3.0
+    """Standard deviation of what ground and plants add at a place, the same for a rotation."""
+
+
+class LevelEvidence:
+    """Log-likelihood of places, given boresight levels at stations.
+
+    Level i is P - 10 n log10(r_i / 100 m) plus a normal error; P has a flat prior and n a
+    normal one, and both integrate out in closed form.
+
+    Parameters
+    ----------
+    east_m, north_m, height_m : (n,) float64 arrays
+        Stations in the local plane, and above the tag.
+    level_db, sigma_db : (n,) float64 arrays
+        Levels and the errors of their estimates.
+    propagation : Propagation
+        What is known of the path.
+    over_hills : OverHills, optional
+        What the ground takes from each; None is level.
+    """
+
+    def __init__(
+        self,
+        east_m: _Floats,
+        north_m: _Floats,
+        height_m: _Floats,
+        level_db: _Floats,
+        sigma_db: _Floats,
+        propagation: Propagation,
+        over_hills: OverHills | None = None,
+    ) -> None:
+        self._over_hills = over_hills
+        self._east_m, self._north_m, self._height_m = east_m, north_m, height_m
+        self._level_db = level_db
+        self._variance_db2 = sigma_db**2 + propagation.shadowing_db**2
+        self._propagation = propagation
+
+    def log_likelihood(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """(places,) up to a constant."""
+        dx = east_m[:, None] - self._east_m
+        dy = north_m[:, None] - self._north_m
+        height, over = self._height_m[np.newaxis], self._over_hills
+        level = self._level_db[np.newaxis]
+        variance = self._variance_db2[np.newaxis]
+        if over is not None:
+            lost = over.lost_db(east_m, north_m).astype(np.float64)
+            height = height - over.hills.rise_m(east_m, north_m)[:, np.newaxis]
+            level, variance = level + lost, variance + (LOSS_ERROR * lost) ** 2
+        slant = dx * dx + dy * dy + np.maximum(np.abs(height), 1.0) ** 2
+        x = -5.0 * np.log10(slant / 100.0**2)
+        known = self._propagation
+        residual = level - known.exponent * x
+        weight = 1.0 / variance
+        total = weight.sum(axis=1, keepdims=True)
+        share = weight / total
+        x = x - (x * share).sum(axis=1, keepdims=True)
+        residual = residual - (residual * share).sum(axis=1, keepdims=True)
+        # What is left of n: deviation d ~ N(0, exponent_sigma²), residual = d x + error.
+        xx, xr = (x * x * weight).sum(axis=1), (x * residual * weight).sum(axis=1)
+        prior = 1.0 / max(known.exponent_sigma, 1e-6) ** 2
+        cost = (residual * residual * weight).sum(axis=1) - xr * xr / (xx + prior)
+        score = -0.5 * cost - 0.5 * np.log((xx + prior) / prior)
+        if over is not None:  # levels are less sure at some places than at others
+            score += 0.5 * (np.log(weight).sum(axis=1) - np.log(total[:, 0]))
+        return np.asarray(score)

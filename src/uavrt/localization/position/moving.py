@@ -1,0 +1,252 @@
+"""The path of a moving animal, from the bearings or powers of a whole flight.
+
+A particle tracker follows it; afterwards each hypothesis that is left tells its whole past, so
+that all places are those that all of the flight speaks for. Few are left that differ in what
+they tell of long ago, so one tracker goes forwards and one backwards, and each tells of the
+half of the flight that it has just come through.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization.position.bayes_fix import Area
+from uavrt.localization.position.bearing_evidence import UNKNOWN_SIGMAS_DEG, von_mises
+from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.trackers import ParticleTracker, TagPrior, TrackEstimate
+from uavrt.localization.results import TrackPoint
+from uavrt.tangent_plane import TangentPlane
+from uavrt.terrain import HillLosses
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+_Floats = NDArray[np.float64]
+
+LEAST_TIMES = 3
+_PARTICLES = 10_000
+_STEP_S = 15.0
+_MOST_POINTS = 40
+"""A place at each bearing, and between in steps of 15 s, or longer ones in a long flight."""
+_FASTEST_M_S = 2.0
+"""An animal leaves the place that the flight as a whole tells by no more than that."""
+_MARGIN_M = 300.0
+_END_M, _END_M_S = 120.0, 0.15
+"""What a survey leaves open of where the tag began and ended: so far, and for each second."""
+_ROOM = 1.1
+"""On a pulse's fading: ten thousand hypotheses are too few for a survey's pulses to be as sharp
+as they are. Without, circles of walkers at 1 m/s held .85."""
+_TURNING = 0.03
+"""Change of velocity in each direction after a second: 20° at 1 m/s in two minutes. The circles
+hold 97 % of walkers that keep their way, and 93 % of those that turn by 0.05."""
+
+
+def way_by_bearings(
+    stations: Stations, plane: TangentPlane, around: Area, *, heading_sigma_deg: float
+) -> tuple[TrackPoint, ...]:
+    """Follow a tag from bearing to bearing.
+
+    Parameters
+    ----------
+    stations : Stations
+        Bearings with their times.
+    plane : TangentPlane
+    around : Area
+        Where the tag was during the flight, roughly.
+    heading_sigma_deg : float
+        Error of the headings, taken as each bearing's own.
+
+    Raises
+    ------
+    UsageError
+        Times are not known, or fewer than three.
+    """
+    times = _checked(stations.time_s, "bearings")
+    east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
+    posterior = _blurred(_posteriors(stations), heading_sigma_deg)
+    prior = TagPrior(
+        area=_widened(around, float(np.ptp(times))), turning_m_s_per_root_s=_TURNING
+    )
+
+    def take(tracker: ParticleTracker, number: int) -> None:
+        tracker.take_bearing(float(east[number]), float(north[number]), posterior[number])
+
+    return _both_ways((prior, prior), times, take, plane, stations.origin_ns)
+
+
+def way_by_powers(
+    powers: PowerTrack,
+    plane: TangentPlane,
+    ends: tuple[tuple[float, float], tuple[float, float]],
+    *,
+    fading_db: float,
+    hills: HillLosses | None = None,
+) -> tuple[TrackPoint, ...]:
+    """Follow a tag from pulse to pulse, missed ones included.
+
+    Parameters
+    ----------
+    powers : PowerTrack
+        Powers with their times.
+    plane : TangentPlane
+    ends : tuple of 2 places
+        East and north of where the tag was at first and at last, roughly: hypotheses are
+        spread around them, for those that begin anywhere are too few for some hundred pulses.
+    fading_db : float
+        Of the pulses; greater where neighbours fade alike and are less than two facts.
+    hills : HillLosses, optional
+        The ground in that plane; None is level.
+
+    Raises
+    ------
+    UsageError
+        Times are not known, or fewer than three.
+    """
+    times = _checked(powers.time_s, "pulses")
+    east, north = plane.to_local(powers.latitude_deg, powers.longitude_deg)
+    half_m = _END_M + _END_M_S * float(np.ptp(times))
+    prior = TagPrior(
+        area=_around(ends[0], half_m),
+        fading_db=_ROOM * fading_db,
+        turning_m_s_per_root_s=_TURNING,
+        pattern=powers.antenna,
+        hills=hills,
+    )
+
+    def take(tracker: ParticleTracker, number: int) -> None:
+        snr_db = float(powers.snr_db[number])
+        tracker.listen(
+            Listening(
+                east_m=float(east[number]),
+                north_m=float(north[number]),
+                height_m=float(powers.height_m[number]),
+                snr_db=None if math.isnan(snr_db) else snr_db,
+                threshold_db=powers.threshold_db,
+                yaw_deg=None if powers.yaw_deg is None else float(powers.yaw_deg[number]),
+            )
+        )
+
+    priors = (prior, replace(prior, area=_around(ends[1], half_m)))
+    return _both_ways(priors, times, take, plane, powers.origin_ns)
+
+
+def _checked(times: _Floats | None, what: str) -> _Floats:
+    if times is None or len(times) < LEAST_TIMES:
+        raise UsageError(
+            f"a track needs the times of three or more {what}",
+            remedy="Use the method bayes, which takes the tag to rest",
+        )
+    return times
+
+
+def _widened(around: Area, span_s: float) -> Area:
+    margin = _MARGIN_M + 0.5 * _FASTEST_M_S * span_s
+    return Area(
+        west_m=around.west_m - margin,
+        east_m=around.east_m + margin,
+        south_m=around.south_m - margin,
+        north_m=around.north_m + margin,
+    )
+
+
+def _around(place: tuple[float, float], half_m: float) -> Area:
+    return Area(
+        west_m=place[0] - half_m,
+        east_m=place[0] + half_m,
+        south_m=place[1] - half_m,
+        north_m=place[1] + half_m,
+    )
+
+
+def _posteriors(stations: Stations) -> _Floats:
+    """(n, steps) probability of directions; unknown errors are a mixture of all."""
+    if stations.posterior is not None:
+        return stations.posterior
+    if stations.sigma_deg is not None:
+        return von_mises(stations.bearing_deg, stations.sigma_deg)
+    each = [
+        von_mises(stations.bearing_deg, np.full(len(stations.bearing_deg), sigma))
+        for sigma in UNKNOWN_SIGMAS_DEG
+    ]
+    return np.asarray(np.mean(each, axis=0))
+
+
+def _blurred(posterior: _Floats, sigma_deg: float) -> _Floats:
+    order = np.arange(posterior.shape[1] // 2 + 1)
+    damping = np.exp(-0.5 * (np.radians(sigma_deg) * order) ** 2)
+    blurred = np.fft.irfft(np.fft.rfft(posterior, axis=1) * damping, posterior.shape[1], axis=1)
+    return np.asarray(np.maximum(blurred, 0.0))
+
+
+def _both_ways(
+    priors: tuple[TagPrior, TagPrior],
+    times: _Floats,
+    take: Callable[[ParticleTracker, int], None],
+    plane: TangentPlane,
+    origin_ns: int,
+) -> tuple[TrackPoint, ...]:
+    """Take all in, forwards and backwards; each time as all of it tells."""
+    told = _told_times(times)
+    forwards = _trail(priors[0], times, told, take)
+    backwards = _trail(priors[1], -times, [-one for one in reversed(told)], take)[::-1]
+    middle = 0.5 * (told[0] + told[-1])
+    found = []
+    for time_s, ahead, back in zip(told, forwards, backwards, strict=True):
+        first, second = (back, ahead) if time_s < middle else (ahead, back)
+        place = first or second
+        if place is None:
+            continue
+        latitude, longitude = plane.to_geodetic(place.east_m, place.north_m)
+        found.append(
+            TrackPoint(
+                time_ns=origin_ns + round(time_s * NANOSECONDS_PER_SECOND),
+                latitude_deg=float(latitude),
+                longitude_deg=float(longitude),
+                radius50_m=place.radius50_m,
+                radius95_m=place.radius95_m,
+            )
+        )
+    return tuple(found)
+
+
+def _told_times(times: _Floats) -> list[float]:
+    """When to tell the place: at first and at last, and about each step between."""
+    ordered = np.sort(times)
+    step = max(_STEP_S, float(np.ptp(times)) / _MOST_POINTS)
+    told = [float(ordered[0])]
+    for until in ordered[1:]:
+        while told[-1] + 1.5 * step < until:
+            told.append(told[-1] + step)
+        if until >= told[-1] + 0.5 * step:
+            told.append(float(until))
+    if told[-1] < ordered[-1]:
+        told.append(float(ordered[-1]))
+    return told
+
+
+def _trail(
+    prior: TagPrior,
+    times: _Floats,
+    told: list[float],
+    take: Callable[[ParticleTracker, int], None],
+) -> list[TrackEstimate | None]:
+    """Take all in, in order of time, and remember the told times."""
+    tracker = ParticleTracker(prior, np.random.default_rng(0), particles=_PARTICLES)
+    waiting = list(told)
+    for number in np.argsort(times, kind="stable"):
+        while waiting and waiting[0] < times[number]:
+            _remember_at(tracker, waiting.pop(0))
+        tracker.advance_to(float(times[number]))
+        take(tracker, int(number))
+    for time_s in waiting:
+        _remember_at(tracker, time_s)
+    return tracker.trail()
+
+
+def _remember_at(tracker: ParticleTracker, time_s: float) -> None:
+    tracker.advance_to(time_s)
+    tracker.remember()

@@ -1,0 +1,391 @@
+"""What powers heard along a track say about a place, with level and path loss unknown.
+
+The model is z = P - 10 n log10(r / 100 m) + G + e, e being fading that lasts along the track
+(first-order autoregressive). For a given place it is linear in P and n, so that both, and the
+fading's size, integrate out in closed form; the correlation is summed over some values. Misses
+enter as "below the threshold".
+"""
+
+from collections.abc import Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.antenna import AntennaPattern, monopole_gain_db
+from uavrt.localization.position.censored_power import (
+    CensoredSums,
+    HeardSums,
+    censored_fit,
+    correlation_over_hills,
+    dot,
+    lasting_correlation,
+    thinned,
+)
+from uavrt.localization.position.level_evidence import Propagation
+from uavrt.localization.position.over_hills import ALIKE_M, OverHills, along_error_db
+
+REFERENCE_M = 100.0
+_TYPICAL_FADING_DB = 4.0
+_DB = 10.0 / np.log(10.0)
+_TOGETHER = 30_000
+"""Numbers that are worked on at once: what the processor's cache holds."""
+_CORRELATIONS = (0.0, 0.3, 0.5, 0.7, 0.85, 0.93)
+
+_Floats = NDArray[np.float64]
+_Reals = NDArray[np.floating]
+"""In single precision, mostly."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PowerTrack:
+    """Pulses heard, or listened for in vain, along a track."""
+
+    latitude_deg: _Floats
+    """(n,) of the drone."""
+    longitude_deg: _Floats
+    height_m: _Floats
+    """(n,) of the drone above the tag."""
+    snr_db: _Floats
+    """(n,) NaN for a miss."""
+    threshold_db: float = 10.0
+    """SNR that a missed pulse must have had to be heard."""
+    antenna: AntennaPattern | None = None
+    """None is an upright monopole; else `yaw_deg` must be given."""
+    yaw_deg: _Floats | None = None
+    """(n,) boresight, clockwise from true north."""
+    time_s: _Floats | None = None
+    """(n,) from any origin, in order; None takes it that the tag rests."""
+    origin_ns: int = 0
+    """UTC at a `time_s` of 0; 0 where nobody knows."""
+
+    def chosen(self, kept: NDArray[np.bool_]) -> "PowerTrack":
+        """Some of the pulses."""
+        return replace(
+            self,
+            latitude_deg=self.latitude_deg[kept],
+            longitude_deg=self.longitude_deg[kept],
+            height_m=self.height_m[kept],
+            snr_db=self.snr_db[kept],
+            yaw_deg=None if self.yaw_deg is None else self.yaw_deg[kept],
+            time_s=None if self.time_s is None else self.time_s[kept],
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PowerFit:
+    """Level and path loss at each place."""
+
+    log_likelihood: _Floats
+    """(places,)."""
+    level_db: _Floats
+    """(places,) SNR at 100 m."""
+    exponent: _Floats
+    """(places,) path loss exponent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Seen:
+    """Where places lie from pulses, whatever the height: (places, pulses)."""
+
+    east_m: _Reals
+    north_m: _Reals
+    square_m2: _Reals
+    """Of the distance on the ground."""
+    log_square: _Reals
+    rise_m: _Reals | None = None
+    """(places, 1) of the ground over that at the take-off; None is level."""
+    lost_db: _Reals | None = None
+    """(places, pulses) behind hills."""
+
+
+def fit_each(
+    several: Sequence["PowerEvidence"], east_m: _Floats, north_m: _Floats
+) -> list[PowerFit]:
+    """Fit evidences that differ in the height alone at once."""
+    sums: list[list[_Sums | CensoredSums]] = [[] for _ in several]
+    for part in several[0].parts(east_m, north_m):
+        seen = several[0].seen_from(*part, several[0].used)
+        for one, own in zip(several, sums, strict=True):
+            own.append(one.summed(seen))
+    return [one.fitted(own) for one, own in zip(several, sums, strict=True)]
+
+
+class PowerEvidence:
+    """Log-likelihood of places, given powers along a track.
+
+    Parameters
+    ----------
+    east_m, north_m : (n,) float64 arrays
+        The track in the local plane.
+    track : PowerTrack
+        Heights, powers, antenna.
+    propagation : Propagation
+        Prior of the path loss exponent.
+    lasting : bool
+        Fading may last from pulse to pulse.
+    correlation : float
+        Of neighbouring pulses' fading, where pulses were missed; see `correlation_at_best`.
+        Without misses it is integrated out.
+    over_hills : OverHills, optional
+        What the ground takes from the pulses; None is level.
+    """
+
+    def __init__(
+        self,
+        east_m: _Floats,
+        north_m: _Floats,
+        track: PowerTrack,
+        propagation: Propagation,
+        *,
+        lasting: bool = True,
+        correlation: float = 0.0,
+        over_hills: OverHills | None = None,
+    ) -> None:
+        self.over_hills = over_hills
+        self._correlation = correlation
+        self._correlations = _CORRELATIONS if lasting else _CORRELATIONS[:1]
+        self._east_m, self._north_m = east_m, north_m
+        self._track = track
+        self._prior = propagation
+        self._heard = ~np.isnan(track.snr_db)
+        self._mean_db = float(np.nanmean(track.snr_db))
+        missed, self._miss_weight = thinned(np.flatnonzero(~self._heard))
+        self._used = np.concatenate([np.flatnonzero(self._heard), missed])
+
+    def losing(self, factor: float) -> "PowerEvidence":
+        """Get the same were all losses behind hills so many times as great."""
+        other = copy(self)
+        if self.over_hills is not None:
+            other.over_hills = replace(self.over_hills, factor=factor)
+        return other
+
+    def fit(self, east_m: _Floats, north_m: _Floats) -> PowerFit:
+        """Fit level and exponent at each of some places (places,)."""
+        return fit_each([self], east_m, north_m)[0]
+
+    def fitted(self, sums: "Sequence[_Sums | CensoredSums]") -> PowerFit:
+        """Fit level and exponent to the sums of some parts of places."""
+        whole = [one for one in sums if isinstance(one, _Sums)]
+        if whole:
+            return self._levelled(_uncensored(_Sums.joined(whole), self._correlations))
+        fit = censored_fit(
+            CensoredSums.joined([one for one in sums if isinstance(one, CensoredSums)]),
+            self._miss_weight,
+            self._prior,
+            correlation=self._correlation,
+        )
+        return self._levelled(
+            PowerFit(
+                log_likelihood=fit.log_likelihood,
+                level_db=fit.level_db,
+                exponent=fit.exponent,
+            )
+        )
+
+    def summed(self, seen: "Seen") -> "_Sums | CensoredSums":
+        """Sum what level and exponent are fitted to, over the pulses that are used."""
+        count = int(self._heard.sum())
+        loss, gain = self._propagated(seen, self._used)
+        heard = self._over_mean(self._used[:count], loss[:, :count], gain[:, :count])
+        if self.over_hills is None and count == len(self._heard):
+            return _Sums.of(*heard, self._prior)
+        limit_db = self._track.threshold_db - self._mean_db
+        return CensoredSums(
+            heard=HeardSums.of(*heard),
+            missed_loss=loss[:, count:].astype(np.float64),
+            limit_db=limit_db - gain[:, count:].astype(np.float64),
+        )
+
+    @property
+    def used(self) -> NDArray[np.intp]:
+        """Pulses that are used: those heard, then misses, of many of these some."""
+        return self._used
+
+    def correlation_at_best(self, east_m: _Floats, north_m: _Floats) -> float:
+        """How long fading lasts, as the most likely of some places (places,) tells.
+
+        One figure for all places: with one for each, or for each call, those of the same
+        likelihood would count differently.
+        """
+        fit = self.fit(east_m, north_m)
+        top = int(np.argmax(fit.log_likelihood))
+        loss, z = self._heard_from(east_m[top : top + 1], north_m[top : top + 1])
+        level_db = fit.level_db[top] - self._mean_db
+        residual = z[0] - level_db - fit.exponent[top] * loss[0]
+        if self.over_hills is None:
+            return lasting_correlation(residual)
+        over = self.over_hills.chosen(np.flatnonzero(self._heard))
+        lost_db = over.lost_db(east_m[top : top + 1], north_m[top : top + 1])[0]
+        step_m = np.median(np.hypot(np.diff(self._east_m), np.diff(self._north_m)))
+        alike = float(np.clip(ALIKE_M / max(step_m, 1e-3), 1.0, len(residual)))
+        by_hills = correlation_over_hills(residual, along_error_db(lost_db), alike)
+        return max(lasting_correlation(residual), by_hills)
+
+    def _levelled(self, fit: PowerFit) -> PowerFit:
+        return replace(fit, level_db=fit.level_db + self._mean_db)
+
+    def parts(self, east_m: _Floats, north_m: _Floats) -> Iterator[tuple[_Floats, _Floats]]:
+        """Cut places into parts that the processor's cache holds with all pulses."""
+        size = max(1, _TOGETHER // len(self._heard))
+        for first in range(0, len(east_m), size):
+            yield east_m[first : first + size], north_m[first : first + size]
+
+    def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
+        """(places, heard): loss, and level over their mean without the antenna's gain."""
+        heard = np.flatnonzero(self._heard)
+        return self._over_mean(heard, *self.propagation(east_m, north_m, heard))
+
+    def _over_mean(
+        self, heard: NDArray[np.intp], loss: _Reals, gain: _Reals
+    ) -> tuple[_Reals, _Reals]:
+        return loss, (self._track.snr_db[heard] - self._mean_db).astype(np.float32) - gain
+
+    def propagation(
+        self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]
+    ) -> tuple[_Reals, _Reals]:
+        """(places, pulses): -10 log10(r / 100 m), and the antenna's gain [dB].
+
+        In single precision, which is several times as fast and errs by a millionth of a dB.
+        """
+        return self._propagated(self.seen_from(east_m, north_m, pulses), pulses)
+
+    def seen_from(self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]) -> "Seen":
+        """Get where places lie from each of some pulses on the ground."""
+        single = np.float32
+        dx = east_m.astype(single)[:, None] - self._east_m[pulses].astype(single)[None, :]
+        dy = north_m.astype(single)[:, None] - self._north_m[pulses].astype(single)[None, :]
+        ground = dx * dx + dy * dy
+        log_ground = np.log(np.maximum(ground, single(1e-6)))
+        seen = Seen(east_m=dx, north_m=dy, square_m2=ground, log_square=log_ground)
+        if self.over_hills is None:
+            return seen
+        over = self.over_hills.chosen(pulses)
+        rise = over.hills.rise_m(east_m, north_m)[:, np.newaxis].astype(single)
+        return replace(seen, rise_m=rise, lost_db=over.lost_db(east_m, north_m))
+
+    def _propagated(self, seen: "Seen", pulses: NDArray[np.intp]) -> tuple[_Reals, _Reals]:
+        loss, gain = self._over_level(seen, pulses)
+        return loss, gain if seen.lost_db is None else gain - seen.lost_db
+
+    def _over_level(self, seen: "Seen", pulses: NDArray[np.intp]) -> tuple[_Reals, _Reals]:
+        single, ground = np.float32, seen.square_m2
+        height: _Reals = self._track.height_m[pulses].astype(single)[None, :]
+        if seen.rise_m is not None:
+            height = height - seen.rise_m
+        height = np.maximum(np.abs(height), single(0.5))
+        slant = ground + height * height
+        log_slant = np.log(slant)
+        loss = single(-0.5 * _DB) * (log_slant - single(2.0 * np.log(REFERENCE_M)))
+        if self._track.antenna is None or self._track.yaw_deg is None:
+            # cos² of the elevation is ground / slant; the scatter floor is that of the pattern
+            flat = seen.log_square - log_slant
+            return loss, np.maximum(single(_DB) * flat, single(_FLOOR_DB))
+        bearing = (
+            np.arctan2(seen.east_m, seen.north_m)
+            - np.radians(self._track.yaw_deg[pulses])[None, :]
+        )
+        forward = np.cos(bearing) * np.sqrt(ground / slant)
+        right = np.sin(bearing) * np.sqrt(ground / slant)
+        down = height / np.sqrt(slant)
+        return loss, self._track.antenna.gain_towards_db(forward, right, down)
+
+
+_FLOOR_DB = float(monopole_gain_db(90.0))
+
+
+def _uncensored(sums: "_Sums", correlations: tuple[float, ...]) -> PowerFit:
+    score = np.stack([sums.log_marginal(rho) for rho in correlations])
+    top = score.max(axis=0)
+    weight = np.exp(score - top)
+    rho = np.array(correlations) @ weight / weight.sum(axis=0)
+    level, exponent = sums.solution(rho)
+    return PowerFit(
+        log_likelihood=np.log(weight.mean(axis=0)) + top,
+        level_db=level,
+        exponent=exponent,
+    )
+
+
+def _added(a: _Reals) -> _Floats:
+    return np.asarray(a.sum(axis=1), np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Sums:
+    """Products of the regression, for any correlation along the track.
+
+    The precision of a first-order process with correlation rho is, up to 1 / (1 - rho²), the
+    sum over all pulses, plus rho² over the inner ones, minus rho over neighbours both ways.
+    """
+
+    whole: _Floats
+    """(5, places): sums of x, z, xx, xz, zz; x the loss, z the power."""
+    inner: _Floats
+    both: _Floats
+    count: int
+    prior: Propagation
+
+    @classmethod
+    def of(cls, x: _Reals, z: _Reals, prior: Propagation) -> "_Sums":
+        def at(number: int) -> _Floats:
+            a, b = (one[:, number].astype(np.float64) for one in (x, z))
+            return np.stack([a, b, a * a, a * b, b * b])
+
+        whole = np.stack([_added(x), _added(z), dot(x, x), dot(x, z), dot(z, z)])
+        ends = at(0) + at(-1)
+        (x1, z1), (x0, z0) = (x[:, 1:], z[:, 1:]), (x[:, :-1], z[:, :-1])
+        lagged = np.stack([dot(x1, x0), 0.5 * (dot(x1, z0) + dot(x0, z1)), dot(z1, z0)], axis=0)
+        return cls(
+            whole=whole,
+            inner=whole - ends,
+            both=2.0 * np.concatenate([whole[:2] - 0.5 * ends[:2], lagged]),
+            count=x.shape[1],
+            prior=prior,
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence["_Sums"]) -> "_Sums":
+        """Those of several places' parts as one."""
+        return replace(
+            parts[0],
+            whole=np.concatenate([one.whole for one in parts], axis=1),
+            inner=np.concatenate([one.inner for one in parts], axis=1),
+            both=np.concatenate([one.both for one in parts], axis=1),
+        )
+
+    def _normal(self, rho: float | _Floats) -> tuple[float | _Floats, _Floats]:
+        ones = self.count + rho**2 * max(0, self.count - 2) - 2.0 * rho * (self.count - 1)
+        scale = 1.0 / (1.0 - rho**2)
+        return ones * scale, (self.whole + rho**2 * self.inner - rho * self.both) * scale
+
+    def _regressed(self, rho: float | _Floats) -> tuple[_Floats, _Floats, _Floats, _Floats]:
+        """Level, exponent, residual (prior's included) and determinant, for each place."""
+        prior = (_TYPICAL_FADING_DB / max(self.prior.exponent_sigma, 1e-3)) ** 2
+        expected = self.prior.exponent
+        ones, (x, z, xx, xz, zz) = self._normal(rho)
+        xx, xz, zz = xx + prior, xz + prior * expected, zz + prior * expected**2
+        determinant = np.maximum(ones * xx - x * x, 1e-9)
+        exponent = (ones * xz - x * z) / determinant
+        level = (z - exponent * x) / ones
+        residual = np.maximum(zz - level * z - exponent * xz, 1e-9)
+        return level, exponent, residual, determinant
+
+    def log_marginal(self, rho: float) -> _Floats:
+        """(places,) log-likelihood with level, exponent and fading's size integrated out.
+
+        The size has a prior as if one pulse with the typical fading had been seen, which
+        matters when there are but two or three.
+        """
+        _, _, residual, determinant = self._regressed(rho)
+        size = residual + _TYPICAL_FADING_DB**2
+        whitening = -0.5 * (self.count - 1) * np.log(1.0 - rho**2)
+        return np.asarray(
+            whitening - 0.5 * np.log(determinant) - 0.5 * self.count * np.log(size)
+        )
+
+    def solution(self, rho: float | _Floats) -> tuple[_Floats, _Floats]:
+        """(places,) level and exponent."""
+        level, exponent, _, _ = self._regressed(rho)
+        return level, exponent

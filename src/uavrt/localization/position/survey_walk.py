@@ -1,0 +1,230 @@
+"""Did the tag of a power survey walk? A tag that rests, against one of constant velocity.
+
+A tag that moves past a drone is, in its strength, the drone that moves past a tag: the same
+likelihood serves, with each place of the drone moved back by what the tag has walked. The
+evidence of both is summed over a grid of places and velocities, first a coarse one with some of
+the pulses, and again, finer, where that one speaks for walking.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.position.bayes_fix import Area
+from uavrt.localization.position.common_errors import WALKING_M_S, WALKING_SHARE
+from uavrt.localization.position.level_evidence import Propagation
+from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack
+from uavrt.localization.results import Caution
+from uavrt.units import wrap_degrees_360
+
+_Floats = NDArray[np.float64]
+
+_LEAST_SPAN_S = 60.0
+_LEAST_PULSES = 20
+_ROUGH_PULSES = 60
+"""So many of a survey's pulses are enough for a first look."""
+_ROUGH_CELLS = 12
+_SPEEDS_M_S = (0.4, 0.9)
+_DIRECTIONS = 8
+_GATE_NATS = 2.0
+"""What the first look must speak for walking, so that a second one is taken."""
+_FINE_CELLS, _FINE_VELOCITIES = 9, 5
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurveyWalk:
+    """A tag that walked, as the powers of a survey tell."""
+
+    probability: float
+    velocity_m_s: tuple[float, float]
+    """East and north."""
+    place: tuple[float, float]
+    """In the middle of the flight."""
+    fading_db: float
+    """Greater where neighbours fade alike, so that each pulse counts as the fact that it is."""
+
+    def at(self, since_s: float) -> tuple[float, float]:
+        """East and north so long after the middle of the flight."""
+        return (
+            self.place[0] + self.velocity_m_s[0] * since_s,
+            self.place[1] + self.velocity_m_s[1] * since_s,
+        )
+
+    @property
+    def caution(self) -> Caution:
+        """What the operator must know."""
+        speed = float(np.hypot(*self.velocity_m_s))
+        towards = float(wrap_degrees_360(np.degrees(np.arctan2(*self.velocity_m_s))))
+        return Caution(
+            name="walk",
+            text=f"the tag seems to have walked at {speed:.1f} m/s towards {towards:.0f}°; "
+            "the place is that of the last pulse",
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Moved:
+    """A survey's heard pulses, from where a tag that walks sees them."""
+
+    east_m: _Floats
+    north_m: _Floats
+    since_s: _Floats
+    """(n,) from the middle of the flight."""
+    track: PowerTrack
+    propagation: Propagation
+
+    def every(self, step: int) -> "_Moved":
+        return self.of(np.arange(len(self.since_s)) % step == 0)
+
+    def of(self, kept: NDArray[np.bool_]) -> "_Moved":
+        return replace(
+            self,
+            east_m=self.east_m[kept],
+            north_m=self.north_m[kept],
+            since_s=self.since_s[kept],
+            track=self.track.chosen(kept),
+        )
+
+    def evidence(self, velocity: tuple[float, float]) -> PowerEvidence:
+        return PowerEvidence(
+            self.east_m - velocity[0] * self.since_s,
+            self.north_m - velocity[1] * self.since_s,
+            self.track,
+            self.propagation,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Peak:
+    """The best of a grid, and the grid's evidence."""
+
+    score: float
+    velocity: tuple[float, float]
+    place: tuple[float, float]
+    log_evidence: float
+
+
+def survey_walk(
+    east_m: _Floats,
+    north_m: _Floats,
+    powers: PowerTrack,
+    around: Area,
+    propagation: Propagation,
+) -> SurveyWalk | None:
+    """Weigh a tag that walked against one that rested.
+
+    Parameters
+    ----------
+    east_m, north_m : (n,) float64 arrays
+        The track in the local plane.
+    powers : PowerTrack
+        With times; foreign pulses left out.
+    around : Area
+        Where to look for the tag.
+    propagation : Propagation
+
+    Returns
+    -------
+    SurveyWalk or None
+        None for a flight that is too short to tell, or that tells of no walk at a first look.
+    """
+    if powers.time_s is None:
+        return None
+    heard = ~np.isnan(powers.snr_db)
+    if heard.sum() < _LEAST_PULSES or np.ptp(powers.time_s[heard]) < _LEAST_SPAN_S:
+        return None
+    middle = 0.5 * float(powers.time_s.min() + powers.time_s.max())
+    moved = _Moved(
+        east_m=east_m,
+        north_m=north_m,
+        since_s=powers.time_s - middle,
+        track=powers,
+        propagation=propagation,
+    ).of(heard)
+    rough = moved.every(max(1, int(heard.sum()) // _ROUGH_PULSES))
+    rest = _best(rough, [(0.0, 0.0)], around, _ROUGH_CELLS)
+    angles = np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS
+    rim = [(v * float(np.cos(a)), v * float(np.sin(a))) for v in _SPEEDS_M_S for a in angles]
+    walk = _best(rough, rim, around, _ROUGH_CELLS)
+    if walk.score < rest.score + _GATE_NATS:
+        return None
+    return _weighed(moved, around, rest, walk)
+
+
+def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWalk:
+    """Integrate both over finer and finer grids, with all pulses."""
+    step = max(around.east_m - around.west_m, around.north_m - around.south_m) / _ROUGH_CELLS
+    rest = _closed_in(moved, rest, step, 0.0)
+    walk = _closed_in(moved, walk, step, 0.3)
+    odds = np.log(WALKING_SHARE / (1.0 - WALKING_SHARE))
+    odds += walk.log_evidence - rest.log_evidence
+    best = walk if odds > 0.0 else rest
+    return SurveyWalk(
+        probability=float(1.0 / (1.0 + np.exp(-np.clip(odds, -500.0, 500.0)))),
+        velocity_m_s=walk.velocity,
+        place=walk.place,
+        fading_db=_fading_db(moved, best),
+    )
+
+
+def _closed_in(moved: _Moved, peak: _Peak, step_m: float, step_m_s: float) -> _Peak:
+    """The evidence around a peak, its grid as narrow as the peak is."""
+    for _ in range(_ROUNDS):
+        half = (0.5 * _FINE_CELLS - 0.5) * step_m / 2.0
+        around = Area(
+            west_m=peak.place[0] - half,
+            east_m=peak.place[0] + half,
+            south_m=peak.place[1] - half,
+            north_m=peak.place[1] + half,
+        )
+        steps = np.arange(_FINE_VELOCITIES) - _FINE_VELOCITIES // 2
+        off = steps * (step_m_s / 2.0) if step_m_s else np.zeros(1)
+        velocities = [
+            (float(peak.velocity[0] + x), float(peak.velocity[1] + y)) for x in off for y in off
+        ]
+        peak = _best(moved, velocities, around, _FINE_CELLS, step_m_s / 2.0)
+        step_m, step_m_s = step_m / 2.0, step_m_s / 2.0
+    return peak
+
+
+def _best(
+    moved: _Moved,
+    velocities: list[tuple[float, float]],
+    around: Area,
+    cells: int,
+    step_m_s: float = 0.0,
+) -> _Peak:
+    """The best of places and velocities; the prior of the velocity is in its score."""
+    east = np.linspace(around.west_m, around.east_m, cells)
+    north = np.linspace(around.south_m, around.north_m, cells)
+    y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
+    cell_m2 = float((east[1] - east[0]) * (north[1] - north[0]))
+    found = np.stack([moved.evidence(one).fit(x, y).log_likelihood for one in velocities])
+    squares = np.sum(np.array(velocities) ** 2, axis=1)
+    walks = bool(np.any(squares > 0.0))
+    if walks:
+        found = found - (0.5 * squares / WALKING_M_S**2)[:, None]
+    row, column = np.unravel_index(int(np.argmax(found)), found.shape)
+    whole = float(np.logaddexp.reduce(found.ravel())) + np.log(cell_m2)
+    if walks and step_m_s:
+        whole += np.log(step_m_s**2 / (2.0 * np.pi * WALKING_M_S**2))
+    return _Peak(
+        score=float(found[row, column]),
+        velocity=velocities[int(row)],
+        place=(float(x[column]), float(y[column])),
+        log_evidence=whole,
+    )
+
+
+def _fading_db(moved: _Moved, peak: _Peak) -> float:
+    """Scatter of the powers about the fit, as if it were new with each pulse."""
+    evidence = moved.evidence(peak.velocity)
+    east, north = np.array([peak.place[0]]), np.array([peak.place[1]])
+    fit = evidence.fit(east, north)
+    loss, gain = evidence.propagation(east, north, np.arange(len(moved.since_s)))
+    off = moved.track.snr_db - gain[0] - fit.level_db[0] - fit.exponent[0] * loss[0]
+    energy = float(off @ off)
+    rho = float(np.clip(off[1:] @ off[:-1] / energy - len(off) ** -0.5, 0.0, 0.9))
+    return float(np.sqrt(energy / len(off) * (1.0 + rho) / (1.0 - rho)))

@@ -1,0 +1,656 @@
+"""Where a tag is, kept up to date while flying: a grid for still tags, particles for all.
+
+Both take bearings and single pulses, and misses as evidence of where the tag is not, which is
+worth half the flight time. One tracker for each tag;
+tags differ in frequency, so that pulses need no association.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.position.bayes_fix import Area
+from uavrt.localization.position.bearing_evidence import BearingEvidence
+from uavrt.localization.position.level_belief import (
+    ANY_STRENGTH,
+    BY_CHANCE,
+    Behind,
+    LevelBelief,
+    Listening,
+)
+from uavrt.terrain import HillLosses
+
+_Floats = NDArray[np.floating[Any]]
+_Singles = NDArray[np.float32]
+PathGain = Callable[[_Floats, _Floats, _Floats | float], _Floats]
+"""Level [dB] over that of plain spreading: a reflection, a hill between.
+
+Of ways east and north from the drone to the tag, and the drone's height above it.
+"""
+
+_EXPONENTS = (2.0, 2.7, 3.4)
+_SETTLED_M = 0.02
+_FACTOR_SPREAD = 0.4
+"""Of the logarithm of what the ground takes over what its map says: round tops take up to twice
+a sharp edge's loss (P.526-15, 4.2), woods add to it."""
+_UNHEARD_NATS, _CALMS_NATS = 0.7, 0.1
+"""What a pulse that should have been heard wonders at the most, and what time takes from it."""
+_FACTOR_RANGE = (0.4, 3.0)
+RESTING, BROWSING, TRAVELLING = range(3)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackEstimate:
+    """Where a tag is now, in the tracker's plane."""
+
+    east_m: float
+    north_m: float
+    radius50_m: float
+    """Circle around the point that holds the tag with 50 %."""
+    radius95_m: float
+    level_db: float
+    """SNR that it would have at 100 m."""
+    east_m_s: float = 0.0
+    """How fast it goes; 0 in the mean of all hypotheses when it rests."""
+    north_m_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagPrior:
+    """What is believed before the flight."""
+
+    area: Area
+    """The tag is somewhere in it."""
+    level_db: float = 45.0
+    """SNR at 100 m: a 20 ms collar heard at 9 dB from 3 km, n = 2.5."""
+    level_sigma_db: float = 12.0
+    level_drift_db_per_root_s: float = 0.0
+    """How the strength wanders, after a second: the animal turns, plants between change."""
+    fading_db: float = 4.0
+    pattern: AntennaPattern | None = None
+    """None is an upright monopole."""
+    walking_m_per_root_s: float = 1.0
+    """A browsing animal's random walk in each direction, after a second."""
+    travelling_m_s: float = 1.0
+    """Usual speed of an animal that goes somewhere; 0: it never does."""
+    turning_m_s_per_root_s: float = 0.08
+    """Change of a traveller's velocity in each direction, after a second: 5° at 1 m/s."""
+    motion: tuple[float, float, float] = (0.5, 0.25, 0.25)
+    """Shares of the time that such an animal rests, browses, travels."""
+    exponent: float = 2.5
+    """Of the path loss."""
+    exponent_sigma: float = 0.5
+    """0: it is known, as is the strength with a `level_sigma_db` of 0."""
+    missed_share: float = BY_CHANCE
+    """Pulses that are missed however strong they are."""
+    chance_share: float = BY_CHANCE
+    """Pulses heard at any strength that are not the tag's: false alarms, interferers."""
+    rival_share: float = 0.0
+    """Probability that something else, that stays where it is, is heard as this tag."""
+    path_gain: PathGain | None = None
+    """Level over plain spreading, where more is known of the ground."""
+    hills: HillLosses | None = None
+    """The ground in the tracker's plane; None is level. Heights of the drone then count from
+    tags at the take-off."""
+
+
+def _estimate(
+    east_m: _Floats, north_m: _Floats, level_db: _Floats, weight: _Floats
+) -> TrackEstimate:
+    """Summarise weighted places; the point is the one with the least expected error."""
+    x, y = float(weight @ east_m), float(weight @ north_m)
+    for _ in range(20):
+        pull = weight / np.maximum(np.sqrt((east_m - x) ** 2 + (north_m - y) ** 2), 1.0)
+        whole = float(pull.sum())
+        was, x, y = (x, y), float(pull @ east_m) / whole, float(pull @ north_m) / whole
+        if abs(x - was[0]) + abs(y - was[1]) < _SETTLED_M:
+            break
+    distance = np.sqrt((east_m - x) ** 2 + (north_m - y) ** 2)
+    order = np.argsort(distance)
+    held = np.cumsum(weight[order])
+    half, most = np.interp([0.5, 0.95], held, distance[order])
+    return TrackEstimate(
+        east_m=x,
+        north_m=y,
+        radius50_m=float(half),
+        radius95_m=float(most),
+        level_db=float(weight @ level_db),
+    )
+
+
+class GridTracker:
+    """Probability of every cell of an area, for a tag that stays.
+
+    Parameters
+    ----------
+    prior : TagPrior
+        Area, strength, antenna.
+    cells : int
+        Cells along the longer side.
+    """
+
+    def __init__(self, prior: TagPrior, *, cells: int = 120) -> None:
+        area = prior.area
+        self._prior = prior
+        width, height = area.east_m - area.west_m, area.north_m - area.south_m
+        self._cell_m = max(width, height) / cells
+        across, along = (max(2, round(side / self._cell_m)) for side in (width, height))
+        east = area.west_m + (np.arange(across) + 0.5) * width / across
+        north = area.south_m + (np.arange(along) + 0.5) * height / along
+        places_north, places_east = np.meshgrid(north, east, indexing="ij")
+        self._east_m, self._north_m = places_east.ravel(), places_north.ravel()
+        exponents = _EXPONENTS if prior.exponent_sigma > 0.0 else (prior.exponent,)
+        shape = (len(exponents), len(self._east_m))
+        self._log_weight = np.zeros(shape)
+        self._exponent = np.array(exponents)[:, None]
+        self._level = LevelBelief(
+            mean_db=np.full(shape, prior.level_db),
+            variance_db2=np.full(shape, prior.level_sigma_db**2),
+        )
+
+    def listen(self, heard: Listening) -> None:
+        """Update with a pulse, or that none was heard."""
+        prior = self._prior
+        behind = Behind.hills(prior.hills, heard, self._east_m, self._north_m)
+        expected = self._level.expected_db(
+            heard, self._east_m, self._north_m, self._exponent, prior.pattern, behind
+        )
+        if prior.path_gain is not None:
+            expected = expected + prior.path_gain(
+                self._east_m - heard.east_m, self._north_m - heard.north_m, heard.height_m
+            )
+        self._log_weight += self._level.update(
+            heard,
+            expected,
+            prior.fading_db if behind is None else behind.scatter_db(prior.fading_db),
+            missed_share=prior.missed_share,
+            chance_share=prior.chance_share,
+        )
+
+    def take_bearing(
+        self, east_m: float, north_m: float, posterior: NDArray[np.float64]
+    ) -> None:
+        """Update with a bearing's (360,) posterior; its pulses must not count as well."""
+        evidence = BearingEvidence(
+            np.array([east_m]), np.array([north_m]), posterior[None, :], outlier_share=0.05
+        )
+        self._log_weight += evidence.log_likelihood(self._east_m, self._north_m, self._cell_m)
+
+    def probability(self) -> _Floats:
+        """(cells,) probability, south to north, west to east within."""
+        weight = np.exp(self._log_weight - self._log_weight.max()).sum(axis=0)
+        return np.asarray(weight / weight.sum())
+
+    def estimate(self) -> TrackEstimate:
+        """Report where the tag is, as far as known."""
+        joint = np.exp(self._log_weight - self._log_weight.max())
+        joint /= joint.sum()
+        weight = joint.sum(axis=0)
+        level = (joint * self._level.mean_db).sum(axis=0) / np.maximum(weight, 1e-300)
+        return _estimate(self._east_m, self._north_m, level, weight)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hypotheses:
+    """Where a tag may be and how strong it is: equally probable ones, drawn from a tracker."""
+
+    east_m: _Singles
+    north_m: _Singles
+    level_db: _Singles
+    """SNR at 100 m."""
+    level_variance_db2: _Singles
+    exponent: _Singles
+    loss_factor: _Singles
+    """What the ground takes from pulses, over what its map says."""
+    east_m_s: _Singles
+    north_m_s: _Singles
+    wandering_m_per_root_s: _Singles
+    """Random walk in each direction, after a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expectation:
+    """What a tracker expected of a pulse, before it took it in."""
+
+    level_db: float
+    """Mean over all hypotheses."""
+    variance_db2: float
+    """Of the level, fading included."""
+    log_probability: float
+    """Of what came then, the tag being there: a density per decibel for a pulse."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """First two moments of where a tag is; quick to make."""
+
+    east_m: float
+    north_m: float
+    east_m2: float
+    """Variance."""
+    north_m2: float
+    product_m2: float
+
+    @property
+    def determinant_m4(self) -> float:
+        """Of the covariance."""
+        return max(0.0, self.east_m2 * self.north_m2 - self.product_m2**2)
+
+    @property
+    def major_sigma_m(self) -> float:
+        """Standard deviation along the longer axis."""
+        middle = 0.5 * (self.east_m2 + self.north_m2)
+        off = np.hypot(0.5 * (self.east_m2 - self.north_m2), self.product_m2)
+        return float(np.sqrt(middle + off))
+
+    @property
+    def rms_m(self) -> float:
+        """Root of the mean squared distance from the mean."""
+        return float(np.sqrt(self.east_m2 + self.north_m2))
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Particles:
+    """Hypotheses of where the tag is, how it moves and how strong it is."""
+
+    east_m: _Singles
+    north_m: _Singles
+    east_m_s: _Singles
+    """Velocity of those that travel, 0 for the others."""
+    north_m_s: _Singles
+    mode: NDArray[np.int8]
+    exponent: _Singles
+    loss_factor: _Singles
+    """What the ground takes, over what its map says."""
+    mean_db: _Singles
+    variance_db2: _Singles
+    origin: NDArray[np.int32]
+    """Which hypothesis of the last remembered time each comes from; -1: it is newer."""
+
+    def chosen(self, index: NDArray[np.intp]) -> "_Particles":
+        return _Particles(**{one.name: getattr(self, one.name)[index] for one in fields(self)})
+
+    def joined(self, other: "_Particles") -> "_Particles":
+        return _Particles(
+            **{
+                one.name: np.concatenate([getattr(self, one.name), getattr(other, one.name)])
+                for one in fields(self)
+            }
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Remembered:
+    """Where all hypotheses were at a time, and which of the time before each comes from."""
+
+    east_m: _Singles
+    north_m: _Singles
+    origin: NDArray[np.int32]
+
+
+class ParticleTracker:
+    """Ten thousand hypotheses of a tag that rests, browses or travels, each with its strength.
+
+    Three motions that go over into each other (interacting multiple models): resting, a random
+    walk, and a nearly constant velocity. Single precision: 0.5 ms for each pulse.
+
+    Parameters
+    ----------
+    prior : TagPrior
+        Area, strength, antenna, walk.
+    rng : Generator
+        Randomness; the same seed gives the same track.
+    particles : int
+        Hypotheses.
+    """
+
+    _SWITCHING_PER_S = 0.005
+    """An animal changes what it does every three minutes or so."""
+    _LOST_NATS = 12.0
+    """A pulse this much less probable than chance alone explains: hypotheses are renewed."""
+    _PATHS = 4000
+    """Hypotheses whose paths are looked at afterwards."""
+
+    def __init__(self, prior: TagPrior, rng: Generator, *, particles: int = 10_000) -> None:
+        self._prior, self._rng, self._count = prior, rng, particles
+        self._state = self._fresh(particles)
+        self._weight: _Singles = np.full(particles, 1.0 / particles, np.float32)
+        self._time_s: float | None = None
+        self._surprise = 0.0
+        self._remembered: list[_Remembered] = []
+
+    @property
+    def prior(self) -> TagPrior:
+        """The prior, before the flight."""
+        return self._prior
+
+    def _normal(self, count: int) -> _Singles:
+        return self._rng.standard_normal(count, dtype=np.float32)
+
+    def _fresh(self, count: int) -> _Particles:
+        prior, rng = self._prior, self._rng
+        area = prior.area
+        mode = self._modes(count)
+        velocity = self._velocities(mode)
+        exponent = prior.exponent + prior.exponent_sigma * self._normal(count)
+        level, variance = prior.level_db, prior.level_sigma_db**2
+        return _Particles(
+            east_m=rng.uniform(area.west_m, area.east_m, count).astype(np.float32),
+            north_m=rng.uniform(area.south_m, area.north_m, count).astype(np.float32),
+            east_m_s=velocity[0],
+            north_m_s=velocity[1],
+            mode=mode,
+            exponent=self._plausible(exponent),
+            loss_factor=self._factors(np.zeros(count, np.float32), _FACTOR_SPREAD),
+            mean_db=np.full(count, level, np.float32),
+            variance_db2=np.full(count, variance, np.float32),
+            origin=np.full(count, -1, np.int32),
+        )
+
+    def _plausible(self, exponent: _Singles) -> _Singles:
+        """A known exponent is what it is; a learnt one is between those of air and of woods."""
+        if self._prior.exponent_sigma == 0.0:
+            return np.full(len(exponent), self._prior.exponent, np.float32)
+        return np.clip(exponent, 1.8, 4.2)
+
+    def _factors(self, logarithm: _Singles, spread: float) -> _Singles:
+        """Factors of the ground's losses around their logarithms; 1 where there is no map."""
+        if self._prior.hills is None:
+            return np.ones(len(logarithm), np.float32)
+        drawn = np.exp(logarithm + spread * self._normal(len(logarithm)))
+        return np.asarray(np.clip(drawn, *_FACTOR_RANGE), np.float32)
+
+    def _modes(self, count: int) -> NDArray[np.int8]:
+        """Shares of the motions; a tag that never travels browses or rests instead."""
+        rest, browse, travel = self._prior.motion
+        if self._prior.travelling_m_s <= 0.0:
+            browse, travel = browse + travel, 0.0
+        shares = np.cumsum([rest, browse, travel])
+        if max(rest, browse, travel) >= shares[-1]:
+            return np.full(count, int(np.argmax([rest, browse, travel])), np.int8)
+        drawn = self._rng.random(count) * shares[-1]
+        return np.asarray(np.searchsorted(shares[:2], drawn, side="right"), np.int8)
+
+    def _velocities(self, mode: NDArray[np.int8]) -> _Singles:
+        """(2, count) any direction for those that travel, speeds about the usual one."""
+        velocity = np.zeros((2, len(mode)), np.float32)
+        moving = np.flatnonzero(mode == TRAVELLING)
+        sigma = self._prior.travelling_m_s * float(np.sqrt(2.0 / np.pi))
+        for axis in velocity:
+            axis[moving] = sigma * self._normal(len(moving))
+        return velocity
+
+    def advance_to(self, time_s: float) -> None:
+        """Let the tag rest or walk until a time, which must not go back."""
+        step = 0.0 if self._time_s is None else max(0.0, time_s - self._time_s)
+        self._time_s = time_s
+        if step == 0.0:
+            return
+        state = self._state
+        drift2 = self._prior.level_drift_db_per_root_s**2 * step
+        if drift2 > 0.0:
+            most = np.float32(self._prior.level_sigma_db**2)
+            state.variance_db2 = np.minimum(state.variance_db2 + np.float32(drift2), most)
+        self._switch(step)
+        walk = self._prior.walking_m_per_root_s * float(np.sqrt(step))
+        browsing = state.mode == BROWSING
+        if walk > 0.0 and browsing.any():
+            if browsing.all():
+                state.east_m += walk * self._normal(self._count)
+                state.north_m += walk * self._normal(self._count)
+            else:
+                those = np.flatnonzero(browsing)
+                state.east_m[those] += walk * self._normal(len(those))
+                state.north_m[those] += walk * self._normal(len(those))
+        those = np.flatnonzero(state.mode == TRAVELLING)
+        if len(those):
+            turning = self._prior.turning_m_s_per_root_s * float(np.sqrt(step))
+            for place, speed in (
+                (state.east_m, state.east_m_s),
+                (state.north_m, state.north_m_s),
+            ):
+                place[those] += speed[those] * float(step)
+                speed[those] += turning * self._normal(len(those))
+
+    def _switch(self, step: float) -> None:
+        """Some hypotheses change what the animal does."""
+        if max(self._prior.motion) >= sum(self._prior.motion):
+            return
+        state = self._state
+        chance = 1.0 - float(np.exp(-self._SWITCHING_PER_S * step))
+        those = self._rng.choice(self._count, self._rng.binomial(self._count, chance), False)
+        mode = self._modes(len(those))
+        velocity = self._velocities(mode)
+        state.mode[those] = mode
+        state.east_m_s[those], state.north_m_s[those] = velocity
+
+    def listen(self, heard: Listening, *, elsewhere: float = 0.0) -> Expectation:
+        """Update with a pulse, or that none was heard; what was expected before.
+
+        Parameters
+        ----------
+        heard : Listening
+        elsewhere : float
+            Density [1/dB] of pulses of this level from another source, besides those by chance.
+        """
+        state, prior = self._state, self._prior
+        level, expected, scatter_db = self._expected(heard)
+        mean = float(self._weight @ expected)
+        variance = float(self._weight @ (expected - mean) ** 2) + prior.fading_db**2
+        if prior.hills is not None:
+            variance += float(self._weight @ (scatter_db**2 - prior.fading_db**2))
+        if not level.known:
+            variance += float(self._weight @ state.variance_db2)
+        likelihood = level.update(
+            heard,
+            expected,
+            scatter_db,
+            missed_share=prior.missed_share,
+            chance_share=prior.chance_share + elsewhere / ANY_STRENGTH,
+        )
+        state.mean_db = np.asarray(level.mean_db, np.float32)
+        state.variance_db2 = np.asarray(level.variance_db2, np.float32)
+        evidence = self._weigh(likelihood)
+        if heard.snr_db is None:
+            self._wonder(min(-evidence, _UNHEARD_NATS) - _CALMS_NATS)
+        else:
+            chance = max(prior.chance_share, BY_CHANCE) * ANY_STRENGTH
+            by_others = chance + elsewhere
+            self._wonder(float(np.log(by_others)) + chance / by_others - evidence)
+        return Expectation(level_db=mean, variance_db2=variance, log_probability=evidence)
+
+    def density(self, heard: Listening) -> float:
+        """Probability density [1/dB] that the tag gives this pulse; nothing is learnt."""
+        level, expected, scatter_db = self._expected(heard)
+        both = level.update(
+            heard, expected, scatter_db, missed_share=self._prior.missed_share, chance_share=0.0
+        )
+        return float(self._weight @ np.exp(both))
+
+    def _expected(self, heard: Listening) -> tuple[LevelBelief, _Floats, _Floats | float]:
+        """Strengths, levels here by them, and how these scatter."""
+        state, prior = self._state, self._prior
+        level = LevelBelief(
+            mean_db=state.mean_db,
+            variance_db2=state.variance_db2,
+            known=prior.level_sigma_db == 0.0,
+        )
+        behind = Behind.hills(
+            prior.hills, heard, state.east_m, state.north_m, factor=state.loss_factor
+        )
+        expected = level.expected_db(
+            heard, state.east_m, state.north_m, state.exponent, prior.pattern, behind
+        )
+        if prior.path_gain is not None:
+            expected = expected + prior.path_gain(
+                state.east_m - float(heard.east_m),
+                state.north_m - float(heard.north_m),
+                float(heard.height_m),
+            )
+        if behind is None:
+            return level, expected, prior.fading_db
+        return level, expected, behind.scatter_db(prior.fading_db)
+
+    def take_bearing(
+        self, east_m: float, north_m: float, posterior: NDArray[np.float64]
+    ) -> float:
+        """Update with a bearing's (360,) posterior; its pulses must not count as well.
+
+        Returns
+        -------
+        float
+            Logarithm of its probability density per degree, the tag being there.
+        """
+        evidence = BearingEvidence(
+            np.array([east_m]), np.array([north_m]), posterior[None, :], outlier_share=0.05
+        )
+        east = self._state.east_m.astype(np.float64)
+        north = self._state.north_m.astype(np.float64)
+        gained = self._weigh(evidence.log_likelihood(east, north, 1.0))
+        self._wonder(float(np.log(BY_CHANCE * ANY_STRENGTH)) + 1.0 - gained)
+        return gained
+
+    def estimate(self) -> TrackEstimate:
+        """Report where the tag is, as far as known."""
+        state, weight = self._state, self._weight
+        found = _estimate(state.east_m, state.north_m, state.mean_db, weight)
+        return replace(
+            found,
+            east_m_s=float(weight @ state.east_m_s),
+            north_m_s=float(weight @ state.north_m_s),
+        )
+
+    def remember(self) -> None:
+        """Keep where the hypotheses are now, for `trail`."""
+        state = self._state
+        self._remembered.append(
+            _Remembered(
+                east_m=state.east_m.copy(), north_m=state.north_m.copy(), origin=state.origin
+            )
+        )
+        state.origin = np.arange(self._count, dtype=np.int32)
+
+    def trail(self) -> list[TrackEstimate | None]:
+        """Report where the tag was at each remembered time, by all that was heard until now.
+
+        Each hypothesis has its own past, and those that hold now tell of then (the paths of
+        the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). None for a time of which
+        no hypothesis tells that was not put anew since.
+        """
+        kept = self._comb((np.arange(self._PATHS) + 0.5) / self._PATHS)
+        found: list[TrackEstimate | None] = []
+        level = self._state.mean_db[kept]
+        index = self._state.origin[kept]
+        for then in reversed(self._remembered):
+            told = np.flatnonzero(index >= 0)
+            past = index[told]
+            weight = np.full(len(told), 1.0 / max(1, len(told)))
+            found.append(
+                _estimate(then.east_m[past], then.north_m[past], level[told], weight)
+                if len(told)
+                else None
+            )
+            index = np.where(index >= 0, then.origin[np.maximum(index, 0)], -1)
+        return found[::-1]
+
+    def spread(self) -> Spread:
+        """Describe how far apart the hypotheses are."""
+        state, weight = self._state, self._weight
+        east, north = float(weight @ state.east_m), float(weight @ state.north_m)
+        dx, dy = state.east_m - east, state.north_m - north
+        weighted = weight * dx
+        return Spread(
+            east_m=east,
+            north_m=north,
+            east_m2=float(weighted @ dx),
+            north_m2=float((weight * dy) @ dy),
+            product_m2=float(weighted @ dy),
+        )
+
+    def hypotheses(self, count: int) -> Hypotheses:
+        """Draw a few hypotheses evenly from all, without chance."""
+        state = self._state
+        index = self._comb((np.arange(count) + 0.5) / count)
+        walk = self._prior.walking_m_per_root_s
+        return Hypotheses(
+            east_m=state.east_m[index],
+            north_m=state.north_m[index],
+            level_db=state.mean_db[index],
+            level_variance_db2=state.variance_db2[index],
+            exponent=state.exponent[index],
+            loss_factor=state.loss_factor[index],
+            east_m_s=state.east_m_s[index],
+            north_m_s=state.north_m_s[index],
+            wandering_m_per_root_s=np.where(state.mode[index] == BROWSING, walk, 0.0).astype(
+                np.float32
+            ),
+        )
+
+    def replace_at_random(self, share: float) -> None:
+        """Put a share of the hypotheses anywhere in the area (TrackerBots' remedy)."""
+        count = round(share * self._count)
+        those = self._rng.choice(self._count, count, replace=False)
+        kept = np.setdiff1d(np.arange(self._count), those)
+        whole = self._resampled(self._count)
+        fresh = self._fresh(count)
+        self._state = whole.chosen(kept).joined(fresh)
+        self._even()
+
+    def _comb(self, places: _Floats) -> NDArray[np.intp]:
+        return np.minimum(np.searchsorted(np.cumsum(self._weight), places), self._count - 1)
+
+    def _even(self) -> None:
+        self._weight = np.full(self._count, 1.0 / self._count, np.float32)
+
+    def _weigh(self, log_likelihood: _Floats) -> float:
+        top = float(log_likelihood.max())
+        gained = self._weight * np.exp(log_likelihood - top)
+        whole = float(gained.sum())
+        evidence = top + float(np.log(max(whole, 1e-37)))
+        self._weight = (gained / max(whole, 1e-37)).astype(np.float32)
+        return evidence
+
+    def _wonder(self, nats: float) -> None:
+        """Add up what the hypotheses lose against chance and others; good pulses take it away.
+
+        Renew them when that is too much, else draw them anew where they have become few.
+        """
+        self._surprise = max(0.0, self._surprise + nats)
+        if self._surprise > self._LOST_NATS:
+            self._renew()
+        elif 1.0 / float(self._weight @ self._weight) < self._count / 2:
+            self._state = self._resampled(self._count)
+            self._even()
+
+    def _resampled(self, count: int) -> _Particles:
+        """Systematic resampling, with Silverman's smoothing so that copies part ways."""
+        state, weight = self._state, self._weight
+        chosen = state.chosen(self._comb((np.arange(count) + self._rng.random()) / count))
+        bandwidth = 0.5 * count ** (-1.0 / 6.0)
+        # Shrunk towards the mean by as much as the smoothing widens.
+        shrink = float(np.sqrt(1.0 - bandwidth**2 * 0.25))
+        for axis in ("east_m", "north_m"):
+            value = getattr(state, axis)
+            mean = float(weight @ value)
+            sigma = float(np.sqrt(weight @ (value - mean) ** 2))
+            smooth = (0.5 * bandwidth * sigma) * self._normal(count)
+            setattr(chosen, axis, mean + shrink * (getattr(chosen, axis) - mean) + smooth)
+        moving = np.flatnonzero(chosen.mode == TRAVELLING)
+        for velocity in (chosen.east_m_s, chosen.north_m_s):
+            velocity[moving] += 0.02 * self._normal(len(moving))
+        if self._prior.exponent_sigma > 0.0:
+            chosen.exponent = self._plausible(chosen.exponent + 0.03 * self._normal(count))
+        chosen.loss_factor = self._factors(np.log(chosen.loss_factor), 0.03)
+        return chosen
+
+    def _renew(self) -> None:
+        """Half of the hypotheses start over: the tag is not where they were."""
+        half = self._count // 2
+        self._state = self._resampled(self._count - half).joined(self._fresh(half))
+        self._surprise = 0.0
+        self._even()

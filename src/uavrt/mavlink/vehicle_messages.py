@@ -1,0 +1,200 @@
+"""Convert between MAVLink and `uavrt.guidance`: vehicle state in, commands out. Pure."""
+
+from collections.abc import Iterator
+from math import degrees, hypot, isfinite
+
+from uavrt.guidance import (
+    AutopilotName,
+    BootTimeSeen,
+    FailsafeSeen,
+    HomeSeen,
+    LandedSeen,
+    ModeSeen,
+    Observation,
+    PositionLost,
+    PositionSeen,
+    SticksSeen,
+    TargetSeen,
+    VehicleCommand,
+)
+from uavrt.mavlink import dialect
+from uavrt.mavlink.dialect import (
+    MavCmd,
+    MavFrame,
+    MavLandedState,
+    MavModeFlag,
+    MavState,
+    MavSysStatusSensor,
+    PositionTargetTypemask,
+)
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.samples import position_sample
+from uavrt.units import wrap_degrees_360
+
+_KINDS: dict[int, AutopilotName] = {
+    dialect.MavAutopilot.PX4: "px4",
+    dialect.MavAutopilot.ARDUPILOTMEGA: "ardupilot",
+}
+_MULTIROTORS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
+"""MAV_TYPE: quadrotor, coaxial, helicopter, hexa-, octo- and tricopter, dodeca-, decarotor. A
+plane circles where these hover, and ArduPilot's modes have other numbers on it."""
+WATCHED_HZ: dict[int, float] = {
+    dialect.PositionTargetGlobalInt.ID: 10.0,
+    dialect.RcChannels.ID: 10.0,
+    dialect.HomePosition.ID: 1.0,
+    dialect.SysStatus.ID: 2.0,
+    dialect.ExtendedSysState.ID: 2.0,
+    dialect.CurrentMode.ID: 10.0,
+    dialect.Heartbeat.ID: 10.0,
+}
+"""What must be streamed for a takeover to be seen in time. PX4 refuses HEARTBEAT and ArduPilot
+CURRENT_MODE: each tells its mode by the other."""
+NO_CHANNEL_US = 65_535
+_FAILING: dict[int, str] = {
+    MavSysStatusSensor.SYS_STATUS_GEOFENCE: "fence",
+    MavSysStatusSensor.SYS_STATUS_AHRS: "position estimate",
+    MavSysStatusSensor.BATTERY: "battery",
+}
+_NO_PLACE = PositionTargetTypemask.X_IGNORE | PositionTargetTypemask.Y_IGNORE
+_RELATIVE = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT)
+
+
+def kind_of(heartbeat: dialect.Heartbeat) -> AutopilotName | None:
+    """Which autopilot it is; None for one that we do not fly with, and for other vehicles."""
+    return _KINDS.get(heartbeat.autopilot) if heartbeat.type in _MULTIROTORS else None
+
+
+def observations(message: Message, now_s: float) -> Iterator[Observation]:
+    """What a message of the autopilot shows; nothing for most.
+
+    Parameters
+    ----------
+    message : Message
+    now_s : float
+        Our monotonic time of its arrival.
+    """
+    match message:
+        case dialect.GlobalPositionInt():
+            yield _position(message, now_s)
+        case dialect.PositionTargetGlobalInt():
+            yield _target(message, now_s)
+        case dialect.Heartbeat():
+            yield ModeSeen(
+                now_s,
+                message.custom_mode,
+                armed=bool(message.base_mode & MavModeFlag.SAFETY_ARMED),
+                failsafe=message.system_status >= MavState.CRITICAL,
+            )
+        case dialect.CurrentMode():
+            yield ModeSeen(now_s, message.custom_mode)
+        case dialect.RcChannels():
+            yield SticksSeen(now_s, _sticks(message))
+        case dialect.HomePosition():
+            yield HomeSeen(
+                now_s, message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3
+            )
+        case dialect.ExtendedSysState():
+            state = message.landed_state
+            known = state != MavLandedState.UNDEFINED
+            yield LandedSeen(now_s, state == MavLandedState.ON_GROUND if known else None)
+        case dialect.FenceStatus() if message.breach_status:
+            yield FailsafeSeen(now_s, "fence")
+        case dialect.SysStatus():
+            yield from _failing(message, now_s)
+        case dialect.SystemTime() | dialect.AttitudeQuaternion():
+            yield BootTimeSeen(now_s, message.time_boot_ms / 1e3)
+
+
+def _position(message: dialect.GlobalPositionInt, now_s: float) -> Observation:
+    sample = position_sample(message, 0)
+    if sample is None:
+        return PositionLost(now_s)
+    return PositionSeen(
+        time_s=now_s,
+        boot_s=message.time_boot_ms / 1e3,
+        latitude_deg=sample.latitude_deg,
+        longitude_deg=sample.longitude_deg,
+        altitude_amsl_m=sample.altitude_amsl_m,
+        altitude_relative_m=sample.altitude_relative_m,
+        speed_m_s=hypot(message.vx, message.vy) / 100.0,
+        yaw_deg=None if message.hdg == NO_CHANNEL_US else message.hdg / 100.0,
+    )
+
+
+def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSeen:
+    if message.type_mask & _NO_PLACE:
+        return TargetSeen(
+            time_s=now_s,
+            latitude_deg=None,
+            longitude_deg=None,
+            altitude_amsl_m=None,
+            yaw_deg=None,
+        )
+    # A target above home is told by no autopilot that was flown; one would not be ours.
+    relative = message.coordinate_frame in _RELATIVE
+    no_yaw = message.type_mask & PositionTargetTypemask.YAW_IGNORE or not isfinite(message.yaw)
+    return TargetSeen(
+        time_s=now_s,
+        latitude_deg=message.lat_int / 1e7,
+        longitude_deg=message.lon_int / 1e7,
+        altitude_amsl_m=None if relative else message.alt,
+        yaw_deg=None if no_yaw else wrap_degrees_360(degrees(message.yaw)),
+    )
+
+
+def _sticks(message: dialect.RcChannels) -> tuple[int, ...]:
+    """The first four channels; none when there is no receiver or it has lost the sender."""
+    channels = (
+        message.chan1_raw,
+        message.chan2_raw,
+        message.chan3_raw,
+        message.chan4_raw,
+    )
+    if message.chancount < 4 or any(one in (0, NO_CHANNEL_US) for one in channels):
+        return ()
+    return channels
+
+
+def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeSeen]:
+    ill = message.onboard_control_sensors_enabled & ~message.onboard_control_sensors_health
+    for bit, what in _FAILING.items():
+        if ill & bit:
+            yield FailsafeSeen(now_s, what)  # type: ignore[arg-type]
+
+
+def command_message(command: VehicleCommand, system_id: int) -> Message:
+    """Write a command to the autopilot.
+
+    DO_REPOSITION goes by COMMAND_INT in GLOBAL_INT, which both autopilots take for what it is;
+    the others by COMMAND_LONG.
+    """
+    number = MavCmd[command.name]
+    if number == MavCmd.DO_REPOSITION:
+        return dialect.CommandInt(
+            target_system=system_id,
+            target_component=1,
+            frame=MavFrame.GLOBAL_INT,
+            command=number,
+            current=0,
+            autocontinue=0,
+            param1=command.param1,
+            param2=command.param2,
+            param3=command.param3,
+            param4=command.param4,
+            x=command.x,
+            y=command.y,
+            z=command.z_m,
+        )
+    return dialect.CommandLong(
+        target_system=system_id,
+        target_component=1,
+        command=number,
+        confirmation=0,
+        param1=command.param1,
+        param2=command.param2,
+        param3=command.param3,
+        param4=command.param4,
+        param5=command.param5,
+        param6=command.param6,
+        param7=command.z_m,
+    )

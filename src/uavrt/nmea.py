@@ -1,0 +1,149 @@
+"""NMEA 0183: sentences, places and times in them, and a parser for bytes as they come.
+
+Whatever a cable or a socket brings is taken for hostile: a sentence counts only whole, with its
+checksum right and every number in its limits; the rest is counted and passed over.
+"""
+
+import re
+from dataclasses import dataclass
+
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+
+BAUD = 9600
+"""Of most receivers with a serial port, where the address names no other."""
+LONGEST = 120
+"""Bytes of a sentence: 82 by the standard, more from some makers."""
+_PLACE = re.compile(r"(\d{2,3})([0-5]\d(?:\.\d{0,9})?)", re.ASCII)
+_NUMBER = re.compile(r"-?\d{1,6}(?:\.\d{0,6})?", re.ASCII)
+_QUALITIES = frozenset("1234579")
+"""Of a GGA: not 0 (no fix), 6 (guessed on from an old one) and 8 (a simulator's)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sentence:
+    """One whole sentence with a right checksum."""
+
+    raw: bytes
+    fields: tuple[str, ...]
+    """The first is talker and kind: ``GPRMC``."""
+
+    @property
+    def place(self) -> tuple[float, float] | None:
+        """Latitude and longitude [deg] that a receiver knows; None for all else."""
+        kind, fields = self.fields[0][-3:], self.fields
+        try:
+            if kind == "RMC" and fields[2] == "A":
+                return place_in(fields[3:7])
+            if kind == "GGA" and fields[6] in _QUALITIES:
+                return place_in(fields[2:6])
+            if kind == "GLL" and fields[6] == "A":
+                return place_in(fields[1:5])
+        except (ValueError, IndexError):
+            pass
+        return None
+
+    @property
+    def altitude_amsl_m(self) -> float | None:
+        """Above the sea, in a GGA with a place."""
+        if self.fields[0][-3:] != "GGA" or self.place is None:
+            return None
+        return _number(self.fields[9:10], -1000.0, 20_000.0)
+
+    @property
+    def heading_deg(self) -> float | None:
+        """True heading of a compass: of HDT, and of THS where it is measured."""
+        kind, fields = self.fields[0][-3:], self.fields
+        if kind == "HDT" or (kind == "THS" and fields[2:3] == ("A",)):
+            return _number(fields[1:2], 0.0, 360.0)
+        return None
+
+
+class SentenceParser:
+    """Finds sentences in bytes; no I/O. Counts what it passes over."""
+
+    def __init__(self) -> None:
+        self._buffer = b""
+        self.received = 0
+        self.bad_crc = 0
+        """Sentences with a wrong checksum, or none."""
+        self.skipped_bytes = 0
+
+    def feed(self, data: bytes) -> list[Sentence]:
+        """Take bytes; give the sentences that they complete."""
+        *lines, rest = (self._buffer + data).replace(b"\r", b"\n").split(b"\n")
+        if len(rest) > LONGEST:
+            self.skipped_bytes += len(rest)
+            rest = b""
+        self._buffer = rest
+        return [one for line in lines if line and (one := self._sentence(line)) is not None]
+
+    def reset(self) -> None:
+        """Begin anew: what is half here has no other half."""
+        self.skipped_bytes += len(self._buffer)
+        self._buffer = b""
+
+    def _sentence(self, line: bytes) -> Sentence | None:
+        start = line.rfind(b"$")
+        if start < 0 or len(line) - start > LONGEST or not line.isascii():
+            self.skipped_bytes += len(line)
+            return None
+        text = line[start:].decode("ascii")
+        fields = fields_of(text)
+        if fields == [""] or "*" not in text:
+            self.bad_crc += 1
+            return None
+        self.skipped_bytes += start
+        self.received += 1
+        return Sentence(raw=line[start:], fields=tuple(fields))
+
+
+def _number(field: tuple[str, ...], least: float, most: float) -> float | None:
+    """Read the one field's plain decimal number; None where it is none or out of its limits."""
+    if not field or _NUMBER.fullmatch(field[0]) is None:
+        return None
+    value = float(field[0])
+    return value if least <= value <= most else None
+
+
+def fields_of(line: str) -> list[str]:
+    """Fields of a sentence; ``[""]`` for what is none, or whose checksum is wrong."""
+    start = line.find("$")
+    body, star, checksum = line[start + 1 :].strip().partition("*")
+    if start < 0 or not body:
+        return [""]
+    if star:
+        total = 0
+        for byte in body.encode("ascii", "replace"):
+            total ^= byte
+        if f"{total:02X}" != checksum[:2].upper():
+            return [""]
+    return body.split(",")
+
+
+def clock_ns(text: str) -> int:
+    """Time of day [ns] of ``hhmmss.ss``; raises `ValueError`."""
+    hours, minutes, seconds = int(text[:2]), int(text[2:4]), float(text[4:])
+    return (hours * 3600 + minutes * 60) * NANOSECONDS_PER_SECOND + ns_from_s(seconds)
+
+
+def place_in(fields: list[str] | tuple[str, ...]) -> tuple[float, float]:
+    """Degrees of ``ddmm.mmmm,N,dddmm.mmmm,E``; raises `ValueError`."""
+    north, north_side, east, east_side = fields[:4]
+    latitude = _degrees(north, 90.0)
+    longitude = _degrees(east, 180.0)
+    if north_side not in ("N", "S") or east_side not in ("E", "W"):
+        raise ValueError("neither north nor south, or neither east nor west")
+    return (
+        -latitude if north_side == "S" else latitude,
+        -longitude if east_side == "W" else longitude,
+    )
+
+
+def _degrees(text: str, most: float) -> float:
+    found = _PLACE.fullmatch(text)
+    if found is None:
+        raise ValueError(f"{text[:20]!r} is no angle")
+    value = int(found[1]) + float(found[2]) / 60.0
+    if value > most:
+        raise ValueError(f"{value:g} degrees")
+    return value

@@ -1,0 +1,323 @@
+"""With which probability a tag at each place is heard on a way, before or after it is flown.
+
+The pulses that would come along the way are put into groups of K; the mean energy of a group,
+by the link budget, the antenna's pattern and the ground between, gives the detector's own
+probability to find it. The tag's power is not known exactly: its error is common to all pulses,
+so the probability that all groups are missed is averaged over it, not multiplied.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import roots_hermitenorm
+
+from uavrt.detection import detection_probability
+from uavrt.localization import AntennaPattern, Headings
+from uavrt.messages import Tag
+from uavrt.planning.link_budget import LinkBudget
+from uavrt.planning.whole_flight import LEAST_PULSES, WholeFlightSum
+from uavrt.terrain import GroundGrid, terrain_loss_map
+
+_Floats = NDArray[np.float64]
+_Singles = NDArray[np.float32]
+_ERRORS = 9
+"""Values of the level's common error."""
+_ENR_DB = np.arange(-15.0, 35.25, 0.25)
+_NOTHING_DB = -60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ListeningWay:
+    """Where the antenna is when pulses come: one row for each pulse."""
+
+    time_s: _Floats
+    """(n,) rising."""
+    east_m: _Floats
+    """(n,) in the plane of the ground."""
+    north_m: _Floats
+    height_m: _Floats
+    """(n,) above the ground beneath."""
+    headings: Headings | None = None
+    """None takes the antenna as one that hears alike on all sides."""
+    noise_db: _Floats | None = None
+    """(n,) above the budget's noise; None is as the budget has it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Coverage:
+    """How probably a tag at each cell is heard."""
+
+    ground: GroundGrid
+    heard: _Singles
+    """(rows, columns), the southern row first; NaN where the ground's height is not known."""
+    groups: int
+    """Of pulses, that the way is long enough for; of a whole flight 1 where it is."""
+    whole_flight: bool = False
+    """Whether all pulses are judged together, as by `uavrt integrate`."""
+    limitations: tuple[str, ...] = ()
+    """What the figures do not hold for, in words."""
+
+    @property
+    def mean(self) -> float:
+        """Mean probability of all cells that are known; NaN where none is."""
+        known = self.heard[np.isfinite(self.heard)]
+        return float(known.mean()) if known.size else math.nan
+
+    def share_above(self, probability: float) -> float:
+        """Share of the known cells that are heard with a probability or more."""
+        known = self.heard[np.isfinite(self.heard)]
+        return float((known >= probability).mean()) if known.size else math.nan
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Absence:
+    """What silence says of an area."""
+
+    prior: float
+    """Probability, before the flight, that the tag is in it."""
+    heard: float
+    """Mean probability that it would have been heard there."""
+    not_here: float
+    """Probability, after a flight in which it was not heard, that it is not in it."""
+
+
+def listening_way(
+    corners_m: list[tuple[float, float]],
+    *,
+    height_m: float,
+    speed_m_s: float,
+    interval_s: float,
+    nose_first: bool = False,
+) -> ListeningWay:
+    """Lay the pulses of a tag along a way that is not flown yet.
+
+    Parameters
+    ----------
+    corners_m : list of (east, north)
+        Of the way; the drone flies straight between them.
+    height_m : float
+        Above the ground, which the drone keeps.
+    speed_m_s, interval_s : float
+    nose_first : bool
+        The antenna looks along the way; else it hears alike on all sides.
+    """
+    points = np.array(corners_m, np.float64)
+    legs = np.hypot(*np.diff(points, axis=0).T)
+    gone = np.concatenate(([0.0], np.cumsum(legs)))
+    count = max(1, int(gone[-1] / (speed_m_s * interval_s)) + 1)
+    time_s = interval_s * np.arange(count, dtype=np.float64)
+    at = time_s * speed_m_s
+    course = np.degrees(np.arctan2(*np.diff(points, axis=0).T)) if len(points) > 1 else [0.0]
+    leg = np.clip(np.searchsorted(gone, at, side="right") - 1, 0, max(len(points) - 2, 0))
+    return ListeningWay(
+        time_s=time_s,
+        east_m=np.interp(at, gone, points[:, 0]),
+        north_m=np.interp(at, gone, points[:, 1]),
+        height_m=np.full(count, height_m),
+        headings=Headings.level(np.asarray(course)[leg]) if nose_first else None,
+    )
+
+
+def coverage_of(
+    ground: GroundGrid,
+    way: ListeningWay,
+    tag: Tag,
+    budget: LinkBudget,
+    *,
+    pattern: AntennaPattern | None = None,
+    level_sigma_db: float = 3.0,
+    frequency_window_hz: float = 500.0,
+    hills: bool = True,
+    whole_flight: bool = False,
+    on_pulse: Callable[[int, int], None] | None = None,
+) -> Coverage:
+    """Compute with which probability at least one group of a tag's pulses is found.
+
+    Parameters
+    ----------
+    ground : GroundGrid
+        Its cells are where the tag may be.
+    way : ListeningWay
+        One row for each pulse that comes.
+    tag : Tag
+        Its K, interval and false-alarm probability make the threshold.
+    budget : LinkBudget
+        Of `uavrt range`; its height is not used, the way's is.
+    pattern : AntennaPattern, optional
+        With the way's headings.
+    level_sigma_db : float
+        Standard deviation of what the tag's level is off, the same for all pulses.
+    frequency_window_hz : float
+        Half-width of the search around the tag's frequency.
+    hills : bool
+        Whether the ground is anything but level.
+    whole_flight : bool
+        Judge all pulses together, as `uavrt integrate` does, and not in groups.
+    on_pulse : callable, optional
+        Takes how many pulses are done, and of how many.
+    """
+    errors_db, weights = roots_hermitenorm(_ERRORS)
+    weights = weights / weights.sum()
+    view = _View(ground, budget, pattern, way, hills=hills)
+    if whole_flight:
+        levels_db = level_sigma_db * errors_db
+        each = _by_whole_flight(
+            view, tag, len(way.time_s), frequency_window_hz, levels_db, on_pulse
+        )
+        heard = np.einsum("e,eyx->yx", weights, each)
+        return Coverage(
+            ground=ground,
+            heard=np.where(ground.known, heard, np.nan).astype(np.float32),
+            groups=int(len(way.time_s) >= LEAST_PULSES),
+            whole_flight=True,
+        )
+    found = _found_by_enr(tag, frequency_window_hz)
+    missed = np.zeros((_ERRORS, *ground.height_m.shape), np.float32)
+    groups, summed = 0, np.zeros(ground.height_m.shape, np.float32)
+    for pulse in range(len(way.time_s)):
+        summed += view.energies(pulse)
+        if pulse % tag.k == tag.k - 1:
+            groups += 1
+            enr_db = 10.0 * np.log10(np.maximum(summed / tag.k, 1e-6))
+            for number, error in enumerate(errors_db):
+                at = (enr_db + (level_sigma_db * error - _ENR_DB[0])) * 4.0
+                row = np.clip(at + 0.5, 0, len(found) - 1).astype(np.int32)
+                missed[number] += found[row]
+            summed[:] = 0.0
+        if on_pulse is not None:
+            on_pulse(pulse + 1, len(way.time_s))
+    heard = 1.0 - np.einsum("e,eyx->yx", weights, np.exp(missed))
+    heard = np.where(ground.known, np.clip(heard, 0.0, 1.0), np.nan).astype(np.float32)
+    return Coverage(ground=ground, heard=heard, groups=groups)
+
+
+def _by_whole_flight(
+    view: "_View",
+    tag: Tag,
+    pulses: int,
+    frequency_window_hz: float,
+    errors_db: _Floats,
+    on_pulse: Callable[[int, int], None] | None,
+) -> _Floats:
+    """Probability to find a tag by all pulses together: (errors, rows, columns)."""
+    judged = WholeFlightSum(tag, pulses, frequency_window_hz, errors_db)
+    for number in range(2 * pulses):
+        step = judged.look if number < pulses else judged.add
+        step(view.energies(number % pulses))
+        if on_pulse is not None:
+            on_pulse(number + 1, 2 * pulses)
+    return judged.found() if pulses >= LEAST_PULSES else 0.0 * judged.found()
+
+
+def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) -> Absence:
+    """Weigh silence: how probably is the tag not in a part of the map?
+
+    Parameters
+    ----------
+    coverage : Coverage
+        Of a flight in which the tag was not heard.
+    inside : ndarray of bool, shape (rows, columns)
+        The part.
+    prior : float or None
+        Probability beforehand that the tag is in it; None takes the tag to be somewhere on
+        the map, anywhere alike. Cells of unknown ground count as not heard at all.
+    """
+    missed = 1.0 - np.nan_to_num(coverage.heard.astype(np.float64), nan=0.0)
+    here = float(missed[inside].mean()) if inside.any() else 1.0
+    share = float(inside.mean()) if prior is None else prior
+    outside = ~inside
+    elsewhere = float(missed[outside].mean()) if prior is None and outside.any() else 1.0
+    total = share * here + (1.0 - share) * elsewhere
+    still = share * here / total if total > 0.0 else share
+    return Absence(prior=share, heard=1.0 - here, not_here=1.0 - still)
+
+
+@lru_cache(maxsize=64)
+def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
+    """Log of the probability to miss a group, by its ENR in steps of a quarter decibel."""
+    found = [
+        detection_probability(tag, float(enr), frequency_window_hz=frequency_window_hz)
+        for enr in _ENR_DB
+    ]
+    return np.log(np.maximum(1.0 - np.array(found), 1e-12)).astype(np.float32)
+
+
+class _View:
+    """Energies of pulses from all cells; what the drone has not moved for is kept."""
+
+    def __init__(
+        self,
+        ground: GroundGrid,
+        budget: LinkBudget,
+        pattern: AntennaPattern | None,
+        way: ListeningWay,
+        *,
+        hills: bool,
+    ) -> None:
+        self._ground, self._budget, self._way, self._hills = ground, budget, way, hills
+        self._pattern = pattern if way.headings is not None else None
+        self._level: _Singles | None = None
+        self._at = (math.inf, math.inf, math.inf)
+        self._towards: tuple[_Singles, _Singles, _Singles] | None = None
+
+    def energies(self, pulse: int) -> _Singles:
+        """Energy over noise of a pulse from each cell."""
+        way = self._way
+        at = (way.east_m[pulse], way.north_m[pulse], way.height_m[pulse])
+        if (
+            max(abs(a - b) for a, b in zip(at, self._at, strict=True))
+            > 0.25 * self._ground.cell_m
+        ):
+            self._move(*at)
+        assert self._level is not None
+        level = self._level
+        if self._pattern is not None:
+            level = level + self._gain_db(pulse, self._pattern)
+        if way.noise_db is not None:
+            level = level - np.float32(way.noise_db[pulse])
+        return np.asarray(np.exp(level * np.float32(math.log(10.0) / 10.0)))
+
+    def _move(self, east_m: float, north_m: float, height_m: float) -> None:
+        ground = self._ground
+        self._at = (east_m, north_m, height_m)
+        dx = (ground.east_m - east_m)[np.newaxis, :].astype(np.float32)
+        dy = (ground.north_m - north_m)[:, np.newaxis].astype(np.float32)
+        over = np.sqrt(dx * dx + dy * dy)
+        beneath = float(ground(np.array([east_m]), np.array([north_m]))[0])
+        rise = np.float32(beneath) - ground.height_m
+        budget = replace(self._budget, drone_height_m=height_m)
+        level = budget.enr_db(over, rise_m=rise).astype(np.float32)
+        if self._hills:
+            level -= terrain_loss_map(
+                ground,
+                east_m=east_m,
+                north_m=north_m,
+                antenna_m=height_m,
+                tag_m=budget.tag_height_m,
+                frequency_hz=budget.frequency_hz,
+            )
+        self._level = np.maximum(level, np.float32(_NOTHING_DB))
+        if self._pattern is not None:
+            down = np.float32(height_m - budget.tag_height_m) + rise
+            slant = np.maximum(np.sqrt(over * over + down * down), np.float32(1.0))
+            self._towards = (dy / slant, dx / slant, down / slant)
+
+    def _gain_db(self, pulse: int, pattern: AntennaPattern) -> _Singles:
+        assert self._way.headings is not None
+        assert self._towards is not None
+        headings = self._way.headings
+        if headings.axes is not None:
+            axes = headings.axes[pulse].astype(np.float32)
+        else:
+            yaw = math.radians(float(headings.yaw_deg[pulse]))
+            c, s = math.cos(yaw), math.sin(yaw)
+            axes = np.array(((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)), np.float32)
+        north, east, down = self._towards
+        forward, right, below = (
+            axes[row, 0] * north + axes[row, 1] * east + axes[row, 2] * down for row in range(3)
+        )
+        return pattern.gain_towards_db(forward, right, below).astype(np.float32)

@@ -1,0 +1,145 @@
+"""How far a tag is heard: its power, the way, the antenna and the noise, line by line.
+
+Energy of a pulse over the noise density, from radiated power to received:
+
+    ENR = EIRP + antenna gain - mismatch - loss + 10 log10(pulse width) - noise density
+
+with the loss of free space, 20 log10(4 pi d / wavelength) (ITU-R P.525), or with the ray that
+the ground reflects as well.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from uavrt.planning.propagation import GroundReflection
+
+_LIGHT_M_S = 299_792_458.0
+THERMAL_DBM_HZ = -173.98
+"""Noise density of a matched load at 290 K."""
+FARTHEST_M = 100_000.0
+_PLACES = 4000
+
+Ground = Literal["two-ray", "free"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkBudget:
+    """A tag, a drone and the path between them.
+
+    Attributes
+    ----------
+    frequency_hz, pulse_width_s : float
+        Of the tag.
+    tag_eirp_dbm : float
+        What the tag radiates, as an isotropic source would.
+    tag_height_m, drone_height_m : float
+        Above the ground.
+    antenna_gain_dbi : float
+        In the direction of the tag.
+    mismatch_db : float
+        Polarization, cables, and an antenna that looks elsewhere.
+    noise_figure_db : float
+        All that receiver, drone and sky add to the thermal noise.
+    ground : {"two-ray", "free"}
+        Whether the ground reflects.
+    drone_noise_db : float
+        What the drone was measured to add in flight.
+    """
+
+    frequency_hz: float
+    pulse_width_s: float
+    tag_eirp_dbm: float
+    drone_height_m: float
+    tag_height_m: float = 0.5
+    antenna_gain_dbi: float = 4.0
+    mismatch_db: float = 3.0
+    noise_figure_db: float = 8.0
+    ground: Ground = "two-ray"
+    drone_noise_db: float = 0.0
+
+    @property
+    def enr_at_one_metre_db(self) -> float:
+        """ENR [dB] were there one metre of free space between tag and antenna."""
+        return (
+            self.tag_eirp_dbm
+            + self.antenna_gain_dbi
+            - self.mismatch_db
+            - self.free_space_db
+            + 10.0 * math.log10(self.pulse_width_s)
+            - THERMAL_DBM_HZ
+            - self.noise_figure_db
+            - self.drone_noise_db
+        )
+
+    @property
+    def free_space_db(self) -> float:
+        """Loss [dB] of the first metre."""
+        return 20.0 * math.log10(4.0 * math.pi * self.frequency_hz / _LIGHT_M_S)
+
+    def enr_db(self, ground_m: np.ndarray, *, rise_m: np.ndarray | float = 0.0) -> np.ndarray:
+        """ENR [dB] at distances over the ground [m], of the same shape.
+
+        Parameters
+        ----------
+        ground_m : ndarray
+        rise_m : ndarray or float
+            By how much the ground beneath the drone lies higher than that of the tag. The
+            reflected ray goes by the heights above the ground at either end.
+        """
+        above = self.drone_height_m - self.tag_height_m
+        slant = np.maximum(np.hypot(ground_m, above + rise_m), 1.0)
+        found = self.enr_at_one_metre_db - 20.0 * np.log10(slant)
+        if self.ground == "two-ray":
+            reflection = GroundReflection(
+                frequency_hz=self.frequency_hz, tag_height_m=self.tag_height_m
+            )
+            found = found + reflection.gain_db(ground_m, above)
+        return np.asarray(found)
+
+    def distance_m(self, needed_db: float) -> float | None:
+        """Distance over the ground [m] up to which an ENR is reached everywhere.
+
+        Returns
+        -------
+        float or None
+            None if it is not reached below the drone; at most 100 km.
+        """
+        places = np.concatenate(([0.0], np.geomspace(1.0, FARTHEST_M, _PLACES)))
+        short = np.flatnonzero(self.enr_db(places) < needed_db)
+        if not len(short):
+            return FARTHEST_M
+        return None if short[0] == 0 else float(places[short[0] - 1])
+
+    def lines(self, needed_db: float, distance_m: float) -> list[tuple[str, float, str]]:
+        """The sum, term by term: what, how much, in which unit."""
+        enr = float(self.enr_db(np.array([distance_m]))[0])
+        loss = self.enr_at_one_metre_db + self.free_space_db - enr
+        return [
+            ("power that the tag radiates", self.tag_eirp_dbm, "dBm"),
+            (f"loss over {distance_m:,.0f} m, {self.ground}", -loss, "dB"),
+            ("gain of the antenna", self.antenna_gain_dbi, "dBi"),
+            ("polarization, pointing, cables", -self.mismatch_db, "dB"),
+            (
+                "power at the receiver",
+                self.tag_eirp_dbm - loss + self.antenna_gain_dbi - self.mismatch_db,
+                "dBm",
+            ),
+            ("thermal noise", THERMAL_DBM_HZ, "dBm/Hz"),
+            ("noise of receiver, drone and sky", self.noise_figure_db, "dB"),
+            *(
+                [("noise of the drone in a past flight", self.drone_noise_db, "dB")]
+                if self.drone_noise_db
+                else []
+            ),
+            (
+                f"pulse of {self.pulse_width_s * 1e3:g} ms",
+                10.0 * math.log10(self.pulse_width_s),
+                "dBs",
+            ),
+            ("energy over noise density, ENR", enr, "dB"),
+            ("ENR that the detector needs", needed_db, "dB"),
+            ("margin", enr - needed_db, "dB"),
+        ]

@@ -1,0 +1,106 @@
+"""The autopilot's own fence, read over its link for the guide. No I/O.
+
+It is read when the autopilot is found and every half minute while nothing is flown: somebody
+may draw another one.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from math import inf
+
+from uavrt.errors import FormatError
+from uavrt.guidance import fence_of
+from uavrt.log import get_logger
+from uavrt.mavlink import Message, MissionDownload, Peer
+from uavrt.mavlink.dialect import MavComponent
+from uavrt.messages import VehicleFence
+
+log = get_logger()
+
+AGAIN_S = 30.0
+
+
+class FenceWatch:
+    """The state of the watch.
+
+    Parameters
+    ----------
+    send : callable
+        Sends a message to the autopilot.
+    tell : callable
+        Takes what was read.
+    place : callable
+        Our own system and component id; the autopilot's system is the same.
+    """
+
+    def __init__(
+        self,
+        send: Callable[[Message], None],
+        tell: Callable[[VehicleFence], None],
+        place: Callable[[], tuple[int, int]],
+    ) -> None:
+        self._send, self._tell, self._place = send, tell, place
+        self._download: MissionDownload | None = None
+        self._next_s = -inf
+        self._known: VehicleFence | None = None
+        self._counted: Counter[str] = Counter()
+
+    def autopilot_found(self) -> None:
+        """Know nothing: it is another autopilot, or the first."""
+        self._download, self._known, self._next_s = None, None, -inf
+
+    def vehicle(self, message: Message, now_s: float) -> None:
+        """Handle a message of the autopilot."""
+        download = self._download
+        if download is not None:
+            sender = (self._place()[0], MavComponent.COMP_ID_AUTOPILOT1)
+            self._send_all(download.receive(message, sender, now_s))
+            self._end(download)
+
+    def tick(self, now_s: float, *, resting: bool) -> None:
+        """Ask for what is due; nothing new while something is flown."""
+        if self._download is None and resting and now_s >= self._next_s:
+            own = self._place()
+            peer = Peer(own[0], MavComponent.COMP_ID_AUTOPILOT1)
+            self._download = MissionDownload("fence", peer, own)
+        if self._download is not None:
+            self._next_s = now_s + AGAIN_S
+            self._send_all(self._download.due(now_s))
+            self._end(self._download)
+
+    def tell_again(self) -> None:
+        """Repeat what was read: the guide is a new one."""
+        if self._known is not None:
+            self._tell(self._known)
+
+    def counters(self) -> dict[str, float]:
+        """What was read and asked for again, for a health record."""
+        return {f"fence_{name}": float(count) for name, count in self._counted.items()}
+
+    def _end(self, download: MissionDownload) -> None:
+        if not download.over:
+            return
+        self._download = None
+        self._counted += download.counters
+        if download.fault is not None:
+            self._counted["not_read"] += 1
+            log.seldom(self._counted["not_read"], "fence not read", reason=download.fault)
+            return
+        self._counted["read"] += 1
+        try:
+            fence = fence_of(download.items)
+        except FormatError as error:
+            fence = VehicleFence(fault=str(error))
+        if fence != self._known:
+            log.info(
+                "fence",
+                within=len(fence.within),
+                keep_out=len(fence.keep_out),
+                fault=fence.fault,
+            )
+        self._known = fence
+        self._tell(fence)
+
+    def _send_all(self, messages: list[Message]) -> None:
+        for message in messages:
+            self._send(message)

@@ -1,0 +1,408 @@
+"""The guide process: makes plans of orders, offers them, and flies what was confirmed.
+
+It wishes; the connection process decides, beside the messages that show a takeover. A guide
+that has died is followed by one that knows of no order: nothing goes on unconfirmed.
+"""
+
+import secrets
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from uavrt.clock import monotonic_s
+from uavrt.config import GuidanceSettings, Settings
+from uavrt.errors import ConfigError, PlanError, UavrtError
+from uavrt.guidance import (
+    TAG_HEIGHT_M,
+    Choice,
+    Equipment,
+    GroundAround,
+    Limits,
+    Order,
+    Pilot,
+    Seeker,
+    VehicleNow,
+    keep_out_in,
+    manners_of,
+    now_of,
+    plan_of,
+    wish_record,
+)
+from uavrt.ipc import ProcessFrame
+from uavrt.localization import pattern_named
+from uavrt.log import get_logger
+from uavrt.messages import (
+    FlightInfo,
+    KeepOut,
+    MotionOffer,
+    MotionRequest,
+    PulsePose,
+    SearchNote,
+    SearchReport,
+    Tag,
+    VehicleFence,
+    VehicleReport,
+    VehicleWish,
+)
+from uavrt.processes.thinker import Failed, Thinker
+from uavrt.tangent_plane import TangentPlane
+
+if TYPE_CHECKING:
+    from uavrt.terrain import HillLosses
+
+log = get_logger()
+
+TICK_S = 0.05
+ALIVE_S = 0.5
+MONOPOLE = "monopole"
+"""An upright one, which has no pattern to look around with."""
+
+
+def limits_of(settings: GuidanceSettings) -> Limits:
+    """What the settings allow.
+
+    Raises
+    ------
+    ConfigError, FormatError
+        The file of places to keep out of cannot be read, or holds none.
+    """
+    return Limits(
+        lowest_m=settings.lowest_m,
+        highest_m=settings.highest_m,
+        fence_m=settings.fence_m,
+        speed_m_s=settings.speed_m_s,
+        battery_wh=settings.battery_wh,
+        reserve_percent=settings.reserve_percent,
+        headings=settings.headings,
+        keep_away_m=settings.keep_away_m,
+        keep_out=keep_out_of(settings),
+        link_lost=settings.link_lost,
+        return_after_s=settings.return_after_s,
+    )
+
+
+def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAround | None:
+    """The ground around home; raises `FormatError` or `PlanError` where it cannot be told."""
+    if settings.terrain is None:
+        return None
+    from uavrt.terrain import open_elevation
+
+    plane = TangentPlane(latitude_deg=home[0], longitude_deg=home[1])
+    heights_at = open_elevation(Path(settings.terrain)).heights_m
+    return GroundAround.around(heights_at, plane, settings.fence_m)
+
+
+def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
+    """Limits, and the vehicle's own fence where it is known.
+
+    Raises
+    ------
+    PlanError
+        It is none that can be kept to.
+    """
+    if fence is None:
+        return limits
+    if fence.fault is not None:
+        raise PlanError(fence.fault)
+    return replace(limits, stay_in=fence.within, keep_out=(*limits.keep_out, *fence.keep_out))
+
+
+def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLosses | None":
+    """What the ground around home takes from pulses; raises `FormatError`."""
+    if settings.terrain is None:
+        return None
+    from uavrt.terrain import HillLosses, open_elevation
+
+    elevation = open_elevation(Path(settings.terrain))
+    return HillLosses(
+        elevation, latitude_deg=home[0], longitude_deg=home[1], tag_m=TAG_HEIGHT_M
+    )
+
+
+def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
+    """People and buildings; raises as `limits_of`."""
+    name = settings.keep_out_file
+    if name is None:
+        return ()
+    try:
+        text = Path(name).read_text("utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"guidance.keep_out_file {name} cannot be read: {error}",
+            remedy="Put the file on the drone, or take the setting out",
+        ) from error
+    return keep_out_in(text, name, every=True)
+
+
+def equipment_of(settings: Settings) -> Equipment:
+    """What the settings say of antenna, detectors and planner.
+
+    Raises
+    ------
+    UsageError
+        There is no such antenna.
+    """
+    antenna = settings.bearings.antenna
+    return Equipment(
+        pattern=None if antenna == MONOPOLE else pattern_named(antenna),
+        yaw_offset_deg=settings.antenna.yaw_offset_deg,
+        k=settings.detection.k,
+        planner=settings.guidance.planner,
+        seed=secrets.randbits(31),
+    )
+
+
+class Guide:
+    """The state of the process; see the module's text."""
+
+    def __init__(self, frame: ProcessFrame) -> None:
+        self._frame = frame
+        self._limits = Limits()
+        """As they are when an order is asked for."""
+        self._vehicle: VehicleReport | None = None
+        self._fence: VehicleFence | None = None
+        """The vehicle's own; None: not known."""
+        self._pilot: Pilot | None = None
+        self._offered: Pilot | None = None
+        self._seeker: Seeker | None = None
+        """Of the search that is offered."""
+        self._thinker: Thinker | None = None
+        self._ending: list[Thinker] = []
+        """Of searches that are over, until they have summed up."""
+        flight = frame.assignment.flight
+        self._tags: tuple[Tag, ...] = () if flight is None else flight.tags
+        self._alive_s = 0.0
+        self.offers = self.flown = self.decisions = 0
+        frame.send("wish", VehicleWish(order_id=None, kind="end"))
+
+    def take(self, topic: str, record: object) -> None:
+        """Handle a record of the hub."""
+        match record:
+            case VehicleReport():
+                self._vehicle = record
+                self._fly(record)
+            case VehicleFence():
+                self._fence = record
+            case MotionRequest():
+                self._offer(record)
+            case FlightInfo():
+                self._tags = record.tags if topic == "flight" else ()
+            case PulsePose() if self._thinker is not None:
+                self._thinker.pulse(record)
+            case SearchReport() if self._thinker is not None:
+                self._thinker.searched(record)
+
+    def _offer(self, request: MotionRequest) -> None:
+        """Make a plan and offer it; an order that is being flown ends with its confirmation."""
+        order = Order(
+            order_id=secrets.randbits(31) | 1,
+            action=request.action,
+            places=request.places,
+            height_m=request.height_m,
+            duration_s=request.duration_s,
+            clockwise=request.clockwise,
+            spacing_m=request.spacing_m,
+            pattern=request.pattern,
+            tags=request.tags,
+            radius_m=request.radius_m,
+            wish_m=request.wish_m,
+            keep_out=request.keep_out,
+        )
+        try:
+            summary = self._plan(order)
+        except UavrtError as error:
+            self._send_offer(request, order.order_id, str(error), "", refused=True)
+            return
+        self.offers += 1
+        assert self._vehicle is not None
+        self._send_offer(request, order.order_id, summary, self._vehicle.mode)
+
+    def _plan(self, order: Order) -> str:
+        """Judge the order by where the vehicle is now."""
+        vehicle = self._vehicle
+        if vehicle is None:
+            raise UavrtError("the vehicle is not heard", remedy="Check the autopilot's link")
+        taking_off = order.action == "takeoff"
+        fault = vehicle.takeoff_fault if taking_off else vehicle.fault
+        if fault is not None:
+            raise UavrtError(fault)
+        manners = manners_of(vehicle.autopilot)
+        now = now_of(vehicle, monotonic_s())
+        if now is None:
+            raise UavrtError("the vehicle has no position or no home", remedy="Wait for it")
+        self._seeker = None
+        guidance = self._frame.assignment.settings.guidance
+        self._limits = fenced(
+            replace(limits_of(guidance), ground=ground_of(guidance, now.home)), self._fence
+        )
+        if order.action == "search":
+            equipment = replace(
+                equipment_of(self._frame.assignment.settings),
+                hills=hills_of(guidance, now.home),
+            )
+            self._seeker = Seeker(order, self._tags, now, self._limits, manners, equipment)
+            plan = self._seeker.plan
+        else:
+            plan = plan_of(order, now, self._limits, manners)
+            height = now.altitude_relative_m if order.height_m is None else order.height_m
+            order = replace(order, height_m=height)
+        self._offered = Pilot(order, plan, self._limits, waits=self._seeker is not None)
+        unknown = "" if self._fence is not None else "; the vehicle's own fence is not known"
+        return f"{plan.summary}{unknown}; out of {vehicle.mode}"
+
+    def _send_offer(
+        self,
+        request: MotionRequest,
+        order_id: int,
+        summary: str,
+        mode: str,
+        *,
+        refused: bool = False,
+    ) -> None:
+        self._frame.send(
+            "motion_offer",
+            MotionOffer(
+                request_id=request.request_id,
+                asker=request.asker,
+                order_id=order_id,
+                nonce=secrets.randbits(63),
+                summary=summary,
+                mode=mode,
+                refused=refused,
+                takeoff=request.action == "takeoff",
+            ),
+        )
+
+    def _fly(self, vehicle: VehicleReport) -> None:
+        """Wish what is due, while the order that was offered is the one confirmed."""
+        offered, now_s = self._offered, monotonic_s()
+        now = now_of(vehicle, now_s)
+        if offered is not None and vehicle.order_id == offered.order.order_id:
+            self._begin(offered, vehicle, now)
+        pilot = self._pilot
+        if pilot is None or vehicle.order_id != pilot.order.order_id:
+            self._pilot = None
+            self._end_search(now, vehicle.reason)
+            return
+        if now is not None and self._thinker is not None:
+            self._search(self._thinker, pilot, now)
+        wish = None if now is None else pilot.next(now)
+        said = f"{pilot.plan.summary}: {pilot.said or pilot.progress}"
+        if self._thinker is not None:
+            said = pilot.said
+        if wish is not None:
+            self._frame.send("wish", wish_record(pilot.order.order_id, wish, said))
+            self._alive_s = now_s
+        elif pilot.ended is not None:
+            self._end(pilot.order.order_id, pilot.ended)
+            self._pilot = None
+            self._end_search(now, pilot.ended)
+        elif now_s - self._alive_s >= ALIVE_S:
+            self._alive_s = now_s
+            self._frame.send(
+                "wish", VehicleWish(order_id=pilot.order.order_id, kind="alive", said=said)
+            )
+
+    def _begin(self, offered: Pilot, vehicle: VehicleReport, now: VehicleNow | None) -> None:
+        """Fly what was offered and is confirmed, from where the vehicle is by now."""
+        self._end_search(now, "another order was confirmed")
+        self._pilot = self._offered = None
+        if now is None:
+            return
+        order, self.flown = offered.order, self.flown + 1
+        try:
+            if self._seeker is not None:
+                self._seeker.check(now)
+            else:
+                plan = plan_of(order, now, self._limits, manners_of(vehicle.autopilot))
+                offered = Pilot(order, plan, self._limits)
+        except UavrtError as error:
+            self._seeker = None
+            self._end(order.order_id, str(error))
+            return
+        self._pilot = offered
+        if self._seeker is not None:
+            self._thinker = Thinker(self._seeker)
+            self._thinker.begin(self._frame.clock.now_ns(), now)
+        self._seeker = None
+
+    def _end(self, order_id: int, reason: str) -> None:
+        log.info("order ended", order=order_id, reason=reason)
+        self._frame.send("wish", VehicleWish(order_id=order_id, kind="end", said=reason))
+
+    # ------------------------------------------------------------------ a search
+
+    def _search(self, thinker: Thinker, pilot: Pilot, now: VehicleNow) -> None:
+        """Tell the search where the drone is, and take what it has decided."""
+        time_ns = self._frame.clock.now_ns()
+        thinker.place(time_ns, now)
+        for thought in thinker.thoughts():
+            match thought:
+                case Choice():
+                    self._note(thought.notes)
+                    pilot.said = thought.said
+                    if thought.steps is not None:
+                        pilot.redirect(thought.steps, now)
+                case Failed():
+                    pilot.ended = thought.reason
+        if now.began and pilot.ended is None:
+            thinker.ask(time_ns, now, idle=pilot.idle)
+
+    def _note(self, notes: Sequence[SearchNote]) -> None:
+        """Record what was decided; the operator is told of what was found, and of the ends."""
+        for note in notes:
+            self.decisions += note.event == "decision"
+            self._frame.send("search_note", note)
+            log.info("search", what=note.event, text=note.text, reason=note.reason)
+            if note.event != "decision":
+                self._frame.tell(5, f"Search: {note.text}")
+
+    def _end_search(self, now: VehicleNow | None, reason: str) -> None:
+        """Let the search sum up; whatever it still thinks moves nothing."""
+        thinker, self._thinker = self._thinker, None
+        if thinker is None:
+            return
+        if now is not None:
+            thinker.end(self._frame.clock.now_ns(), now, reason)
+        self._ending.append(thinker)
+
+    def tick(self) -> None:
+        """Record how searches have ended, as soon as that is known."""
+        for thinker in self._ending:
+            for thought in thinker.thoughts():
+                if isinstance(thought, Choice):
+                    self._note([note for note in thought.notes if note.event == "found"])
+                elif isinstance(thought, SearchNote):
+                    self._note([thought])
+        self._ending = [one for one in self._ending if not one.over]
+
+    @property
+    def status(self) -> str:
+        """A word or two."""
+        if self._vehicle is None:
+            return "waiting for autopilot"
+        return "ready" if self._pilot is None else "flying"
+
+    def counters(self) -> dict[str, float]:
+        """Counts with names for a health record."""
+        return {
+            "orders_offered": self.offers,
+            "orders_flown": self.flown,
+            "search_decisions": self.decisions,
+        }
+
+
+def main() -> None:
+    """Guide until told to stop."""
+    with ProcessFrame.start() as frame:
+        guide = Guide(frame)
+        while frame.running:
+            for topic, record in frame.receive(timeout_s=TICK_S):
+                guide.take(topic, record)
+            guide.tick()
+            frame.report(guide.status, counters=guide.counters)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""The channels that a flight keeps, as the process that makes them sees it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from uavrt.ipc import ProcessFrame
+from uavrt.messages import ChannelBlock, FlightInfo
+from uavrt.recording import ChannelRecorder
+
+
+class KeptChannels:
+    """Gives channels to their recorder, and tells what becomes of them.
+
+    Parameters
+    ----------
+    frame : ProcessFrame
+        The process.
+    flight : FlightInfo
+        The flight in progress.
+    switched_on : bool
+        False keeps none, whatever the settings say.
+    """
+
+    def __init__(
+        self, frame: ProcessFrame, flight: FlightInfo, *, switched_on: bool = True
+    ) -> None:
+        self._tell = frame.tell
+        self._told_drop = self._told_ring = False
+        self._recorder: ChannelRecorder | None = None
+        settings = frame.assignment.settings
+        self._budget_mb = settings.recording.channels_mb
+        if settings.recording.channels and switched_on:
+            self._recorder = ChannelRecorder(
+                Path(flight.directory),
+                budget_mb=self._budget_mb,
+                minimum_free_mb=settings.recording.minimum_free_mb,
+                hardware=settings.radio.kind,
+            )
+
+    def put(self, channels: list[ChannelBlock]) -> None:
+        """Take the channels of one radio block; never waits."""
+        if self._recorder is not None and channels:
+            self._recorder.put(channels)
+            self._tell_once(self._recorder)
+
+    def _tell_once(self, recorder: ChannelRecorder) -> None:
+        if recorder.dropped_samples and not self._told_drop:
+            self._told_drop = True
+            self._tell(5, "Disk: channel samples dropped. Detection goes on")
+        if recorder.removed_pieces and not self._told_ring:
+            self._told_ring = True
+            self._tell(6, f"Kept channels: {self._budget_mb:.0f} MB used, oldest go")
+
+    def close(self) -> None:
+        """Write what waits."""
+        if self._recorder is not None:
+            self._recorder.close()
+
+    def counters(self) -> Mapping[str, float]:
+        """Count what was kept, dropped and removed."""
+        recorder = self._recorder
+        if recorder is None:
+            return {}
+        return {
+            "kept_samples": recorder.written_samples,
+            "kept_samples_dropped": recorder.dropped_samples,
+            "kept_values_invalid": recorder.invalid_values,
+            "kept_pieces_removed": recorder.removed_pieces,
+            "kept_mb": recorder.kept_mb,
+        }

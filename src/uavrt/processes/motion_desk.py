@@ -1,0 +1,548 @@
+"""Motion control at the link: orders in, commands out, the authority in between.
+
+Belongs to the connection process. The autopilot's messages reach `Authority` here before
+anything else is done with them; what the guide wishes becomes a command here or is dropped.
+Orders come sealed, but for a simulator that says that it is one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+
+from uavrt.clock import monotonic_s
+from uavrt.config import GuidanceSettings
+from uavrt.errors import CommandRefused, TunnelError
+from uavrt.guidance import (
+    MANNERS,
+    Authority,
+    AutopilotName,
+    Boot,
+    FlyThere,
+    Standing,
+    Wish,
+    target_amsl_m,
+    wish_of,
+    with_place,
+)
+from uavrt.log import get_logger
+from uavrt.mavlink import Message, command_message, dialect, kind_of, observations
+from uavrt.messages import (
+    Command,
+    CommandName,
+    CommandReply,
+    MotionOffer,
+    MotionRequest,
+    StatusText,
+    VehicleReport,
+    VehicleWish,
+)
+from uavrt.processes.fence_watch import FenceWatch
+from uavrt.tunnel import (
+    MotionConfirmation,
+    MotionState,
+    MotionStop,
+    StateKind,
+    decode_motion,
+    encode_state,
+)
+
+log = get_logger()
+
+Asker = tuple[int, int]
+REPORT_S = 0.1
+STATE_S = 1.0
+IDENTITY_S = 3.0
+PENDING = 16
+NEVER_S = 1e6
+STANDS_WITHIN_S = 1.5
+"""After this a stop is one without the command to stand."""
+GAP_S, LATE_S = 1.0, 0.2
+"""Between two turns of the process, which come every 50 ms: beyond the first it is out, beyond
+the second what the autopilot said meanwhile is read before a command is sent."""
+ANSWERS_WITHIN_S = 2.0
+"""The supervisor on a confirmation, then who confirmed has given up."""
+BATTERY_AGE_S = 10.0
+UNKNOWN = "the autopilot is not known. Fly a multirotor with PX4 or ArduPilot"
+SIMULATOR_NUMBER = 0x75617672
+"""AUTOPILOT_VERSION's uid of `uavrt.simulation.fake_autopilot`: ``uavr``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Question:
+    """What the supervisor was asked."""
+
+    name: CommandName
+    about: MotionRequest | tuple[MotionConfirmation, Asker]
+    asked_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outlets:
+    """Where a desk sends its messages."""
+
+    command: Callable[[Message], None]
+    """To the autopilot, now."""
+    state: Callable[[bytes, Asker | None], None]
+    """A payload of type 60006: to who asked, or to all."""
+    ask: Callable[[Command], None]
+    """To the supervisor."""
+    record: Callable[[str, object], None]
+    """To the guide, by the hub."""
+    tell: Callable[[StatusText], None]
+    """To the operator."""
+
+
+class MotionDesk:
+    """The state of the desk.
+
+    Parameters
+    ----------
+    settings : GuidanceSettings
+        The drone's.
+    outlets : Outlets
+        Where its words go.
+    own_place : callable
+        Our system and component id; the vehicle's system is the same.
+    next_request_id : callable
+        Numbers for commands.
+    """
+
+    def __init__(
+        self,
+        settings: GuidanceSettings,
+        outlets: Outlets,
+        *,
+        own_place: Callable[[], tuple[int, int]],
+        next_request_id: Callable[[], int],
+    ) -> None:
+        self._settings, self._out = settings, outlets
+        self._own_place, self._next_request_id = own_place, next_request_id
+        self._fence = FenceWatch(
+            outlets.command,
+            lambda fence: outlets.record("vehicle_fence", fence),
+            own_place,
+        )
+        self._kind: AutopilotName | None = None
+        self._authority: Authority | None = None
+        self._simulated: bool | None = None
+        self._asked_identity_s = -inf
+        self._battery_percent: float | None = None
+        self._battery_s = -inf
+        self._pending: dict[int, _Question] = {}
+        self._order_id = 0
+        self._asker: Asker | None = None
+        self._asked: tuple[Asker, int] | None = None
+        self._answered: bytes | None = None
+        self._sent = self._refused = 0
+        self._said = ""
+        self._awake_s = monotonic_s()
+        self._stop_by_s = 0.0
+        self._ground_silent_s = NEVER_S
+        self._standing = Standing.OUT
+        self._next_report_s = self._next_state_s = 0.0
+        self.refused_orders = 0
+        """Orders that were not sealed, or could not be read."""
+
+    # ------------------------------------------------------------- from the autopilot
+
+    def autopilot_found(self) -> None:
+        """Start over: it is another autopilot, or the first."""
+        now_s = monotonic_s()
+        if self._authority is not None:
+            self._authority.see(Boot(now_s))
+            self._watch(now_s)
+        self._kind, self._authority, self._simulated = None, None, None
+        self._asked_identity_s = self._battery_s = -inf
+        self._fence.autopilot_found()
+
+    def vehicle(self, message: Message, age_s: float = 0.0) -> None:
+        """Handle a message of the autopilot, that arrived so long ago."""
+        now_s = monotonic_s()
+        self._look_at_gap(now_s)
+        if isinstance(message, dialect.Heartbeat):
+            self._know(kind_of(message))
+            self._watch(now_s)
+        if isinstance(message, dialect.AutopilotVersion) and self._simulated is not False:
+            self._simulated = message.uid == SIMULATOR_NUMBER
+        if isinstance(message, dialect.SysStatus):
+            left = message.battery_remaining
+            self._battery_percent = float(left) if 0 <= left <= 100 else None
+            self._battery_s = now_s - age_s
+        if self._authority is None:
+            return
+        for seen in observations(message, now_s - age_s):
+            self._authority.see(seen)
+        self._watch(now_s)
+        self._fence.vehicle(message, now_s)
+
+    def _know(self, kind: AutopilotName | None) -> None:
+        if kind == self._kind:
+            return
+        self._kind = kind
+        settings = self._settings
+        self._authority = (
+            None
+            if kind is None
+            else Authority(
+                MANNERS[kind],
+                lowest_m=settings.lowest_m,
+                highest_m=settings.highest_m,
+                farthest_m=settings.fence_m,
+                may_take_off=settings.may_take_off,
+            )
+        )
+
+    # ----------------------------------------------------------------- from the ground
+
+    def receive(
+        self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
+    ) -> None:
+        """Handle a ground station's message about motion.
+
+        Parameters
+        ----------
+        payload : bytes
+            Of type 60005, its seal opened.
+        asker : (int, int)
+            The station.
+        refusal : str or None
+            Why this station may not command.
+        sealed : bool
+            It proved the drone's key.
+        """
+        try:
+            message = decode_motion(payload, asker)
+        except TunnelError as error:
+            self.refused_orders += 1
+            log.seldom(self.refused_orders, "order of motion refused", reason=error.message)
+            return
+        if refusal is None and not sealed and not self._simulated:
+            refusal = "orders of motion must be sealed: give drone and ground a key"
+        if refusal is not None:
+            self.refused_orders += 1
+            self._answer("refused", refusal, asker, message.request_id)
+        elif isinstance(message, MotionStop):
+            self._stop(asker, message)
+        elif isinstance(message, MotionRequest):
+            if (asker, message.request_id) == self._asked:
+                if self._answered is not None:  # else the answer is on its way
+                    self._out.state(self._answered, asker)
+                return
+            self._asked, self._answered = (asker, message.request_id), None
+            self._ask("fly", message, asker, sealed=sealed)
+        else:
+            self._ask("confirm_motion", (message, asker), asker, sealed=sealed)
+
+    def _ask(
+        self,
+        name: CommandName,
+        what: MotionRequest | tuple[MotionConfirmation, Asker],
+        asker: Asker,
+        *,
+        sealed: bool,
+    ) -> None:
+        """Ask the supervisor whether this station commands."""
+        number = self._next_request_id()
+        self._pending[number] = _Question(name=name, about=what, asked_s=monotonic_s())
+        while len(self._pending) > PENDING:
+            del self._pending[next(iter(self._pending))]
+        self._out.ask(
+            Command(
+                name=name,
+                request_id=number,
+                source=f"mavlink {asker[0]}/{asker[1]}",
+                sealed=sealed,
+            )
+        )
+
+    def reply(self, reply: CommandReply) -> None:
+        """Handle the supervisor's word on a command."""
+        question = self._pending.get(reply.request_id)
+        if question is None or question.name != reply.name:
+            return
+        del self._pending[reply.request_id]
+        if isinstance(question.about, MotionRequest):
+            request = question.about
+            if reply.accepted:
+                self._out.record("motion", request)
+            else:
+                self._answer("refused", reply.message, request.asker, request.request_id)
+            return
+        confirmation, asker = question.about
+        waited_s = monotonic_s() - question.asked_s
+        if not reply.accepted:
+            self._answer("refused", reply.message, asker, confirmation.request_id)
+        elif waited_s > ANSWERS_WITHIN_S:
+            text = f"the confirmation waited {waited_s:.0f} s on the drone: ask again"
+            self._answer("refused", text, asker, confirmation.request_id)
+        else:
+            self._confirm(confirmation, asker)
+
+    def _confirm(self, confirmation: MotionConfirmation, asker: Asker) -> None:
+        now_s = monotonic_s()
+        try:
+            if self._authority is None:
+                raise CommandRefused("the autopilot is not known")
+            if asker != self._asker:
+                raise CommandRefused("another station asked", remedy="Ask for it yourself")
+            self._authority.confirm(
+                confirmation.order_id,
+                confirmation.nonce,
+                now_s,
+                sticks_unseen=confirmation.sticks_unseen,
+            )
+        except CommandRefused as error:
+            self._answer("refused", str(error), asker, confirmation.request_id)
+            return
+        self._sent = self._refused = 0
+        self._said, self._order_id = "confirmed", confirmation.order_id
+        self._answer("state", self._said, asker, confirmation.request_id)
+        log.info("motion confirmed", order=confirmation.order_id, source=asker)
+        self._report(now_s)
+
+    def _stop(self, asker: Asker, stop: MotionStop) -> None:
+        """Let the drone stand where it is, if it is ours, and be out; end what is offered."""
+        now_s, authority = monotonic_s(), self._authority
+        if authority is not None:
+            self._stop_by_s = self._stop_by_s or now_s + STANDS_WITHIN_S
+            self._go_on_stopping(authority, now_s)
+        self._answer("state", self._words(), asker, stop.request_id)
+
+    def _go_on_stopping(self, authority: Authority, now_s: float) -> None:
+        """Give up control once the drone was told to stop and no command is under way."""
+        if authority.taking_off:
+            authority.stop(now_s, "stopped by the operator: it climbs on to its height")
+        began = authority.standing is Standing.IN_COMMAND
+        if not began or now_s >= self._stop_by_s or self._stand(authority, now_s):
+            authority.stop(now_s)
+            self._stop_by_s = 0.0
+        self._watch(now_s)
+
+    def _stand(self, authority: Authority, now_s: float) -> bool:
+        now = authority.vehicle_now(
+            now_s,
+            battery_percent=None,
+            wishes_sent=0,
+            wishes_refused=0,
+            ground_silent_s=0.0,
+        )
+        if now is None or now.order_id is None:
+            return False
+        height = max(now.altitude_relative_m, self._settings.lowest_m)
+        here = FlyThere(
+            latitude_deg=now.latitude_deg,
+            longitude_deg=now.longitude_deg,
+            altitude_amsl_m=target_amsl_m(
+                now.altitude_amsl_m,
+                now.altitude_relative_m,
+                min(height, self._settings.highest_m),
+            ),
+        )
+        return self._command(authority, now.order_id, here, now_s)
+
+    # ---------------------------------------------------------------- from the guide
+
+    def offer(self, offer: MotionOffer) -> None:
+        """Handle what the guide would fly, or why not; report it to who asked."""
+        if offer.refused:
+            self._answer("refused", offer.summary, offer.asker, offer.request_id)
+            return
+        try:
+            if self._authority is None:
+                raise CommandRefused("the autopilot is not known")
+            if offer.mode != self._authority.mode_now:
+                raise CommandRefused(
+                    f"the mode is {self._authority.mode_now} now",
+                    remedy="Whoever changed it flies; ask for the motion again if it is yours",
+                )
+            self._authority.offer(
+                offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff
+            )
+        except CommandRefused as error:
+            self._answer("refused", str(error), offer.asker, offer.request_id)
+            return
+        self._asker = offer.asker
+        self._answer(
+            "offer",
+            offer.summary,
+            offer.asker,
+            offer.request_id,
+            order_id=offer.order_id,
+            nonce=offer.nonce,
+        )
+
+    def wish(self, wish: VehicleWish) -> None:
+        """Handle the guide's wishes for the vehicle."""
+        authority, now_s = self._authority, monotonic_s()
+        late = self._look_at_gap(now_s) > LATE_S
+        if authority is None or wish.order_id is None or wish.order_id != authority.order_id:
+            if authority is not None and wish.kind == "end" and wish.order_id is None:
+                authority.stop(now_s, "the guide has restarted")
+                self._watch(now_s)
+                self._fence.tell_again()
+            return
+        if self._stop_by_s:
+            return
+        authority.planner_alive(now_s)
+        self._said = wish.said or self._said
+        match wish.kind:
+            case "end":
+                authority.stop(now_s, wish.said)
+            case "fly" | "turn" | "home" | "mode" | "takeoff":
+                if not late and self._command(authority, wish.order_id, wish_of(wish), now_s):
+                    self._sent += 1
+                else:
+                    self._refused += 1
+                self._report(now_s)
+        self._watch(now_s)
+
+    def _command(self, authority: Authority, order_id: int, wish: Wish, now_s: float) -> bool:
+        try:
+            command = authority.command(order_id, wish, now_s)
+        except CommandRefused as error:
+            log.info("wish refused", reason=error.message)
+            return False
+        self._out.command(command_message(command, self._own_place()[0]))
+        log.info("commanded", command=command.name, order=order_id)
+        return True
+
+    # ------------------------------------------------------------------------- words
+
+    def tick(self, ground_silent_s: float) -> None:
+        """Do what is due."""
+        now_s = monotonic_s()
+        self._look_at_gap(now_s)
+        self._ground_silent_s = min(ground_silent_s, NEVER_S)
+        if self._authority is not None:
+            self._authority.tick(now_s)
+            if self._stop_by_s:
+                self._go_on_stopping(self._authority, now_s)
+            self._watch(now_s)
+        asks = self._kind is not None and self._simulated is not False
+        if asks and now_s - self._asked_identity_s > IDENTITY_S:
+            self._asked_identity_s = now_s
+            self._out.command(_identity_request(self._own_place()[0]))
+        if self._authority is not None:
+            self._fence.tick(now_s, resting=self._standing is Standing.OUT)
+        if now_s >= self._next_report_s:
+            self._report(now_s)
+        if now_s >= self._next_state_s:
+            self._tell_state(now_s)
+
+    def _look_at_gap(self, now_s: float) -> float:
+        """Give up control after this process stalled: what it hears now may be old."""
+        gap_s, self._awake_s = now_s - self._awake_s, now_s
+        if gap_s > GAP_S and self._authority is not None:
+            self._authority.stop(now_s, f"the drone side stood still for {gap_s:.0f} s")
+            self._watch(now_s)
+        return gap_s
+
+    def _watch(self, now_s: float) -> None:
+        """Report at once that the standing has changed."""
+        standing = Standing.OUT if self._authority is None else self._authority.standing
+        if standing is self._standing:
+            return
+        self._standing = standing
+        log.info("standing", standing=standing.value, reason=self._words())
+        if standing is Standing.OUT:
+            self._out.tell(StatusText(severity=5, text=f"Not flying: {self._words()}"))
+        self._tell_state(now_s)
+        self._report(now_s)
+
+    def _words(self) -> str:
+        if self._authority is None:
+            return "the autopilot is not known"
+        if self._authority.standing is Standing.OUT:
+            return self._authority.reason
+        return self._said
+
+    def _tell_state(self, now_s: float) -> None:
+        self._next_state_s = now_s + STATE_S
+        self._answer("state", self._words(), None, 0)
+
+    def _answer(
+        self,
+        kind: StateKind,
+        text: str,
+        asker: Asker | None,
+        request_id: int,
+        *,
+        order_id: int = 0,
+        nonce: int = 0,
+    ) -> None:
+        authority = self._authority
+        state = MotionState(
+            kind=kind,
+            standing="out" if authority is None else authority.standing.value,
+            text=text,
+            request_id=request_id,
+            order_id=self._order_id if kind == "state" else order_id,
+            nonce=nonce,
+        )
+        payload = encode_state(state)
+        if asker is not None and (asker, request_id) == self._asked:
+            self._answered = payload
+        self._out.state(payload, asker)
+
+    def _report(self, now_s: float) -> None:
+        """Show the guide how things are."""
+        self._next_report_s = now_s + REPORT_S
+        self._out.record("vehicle", self._vehicle_report(now_s))
+
+    def _vehicle_report(self, now_s: float) -> VehicleReport:
+        authority = self._authority
+        if authority is None:
+            return VehicleReport(
+                autopilot=None,
+                fault=UNKNOWN,
+                takeoff_fault=UNKNOWN,
+                standing=Standing.OUT.value,
+                reason="",
+                order_id=None,
+                mode="",
+            )
+        fault, battery = authority.fault(now_s), self._battery_percent
+        takeoff = authority.fault(now_s, takeoff=True)
+        now = authority.vehicle_now(
+            now_s,
+            battery_percent=battery if now_s - self._battery_s <= BATTERY_AGE_S else None,
+            wishes_sent=self._sent,
+            wishes_refused=self._refused,
+            ground_silent_s=self._ground_silent_s,
+        )
+        report = VehicleReport(
+            autopilot=self._kind,
+            fault=None if fault is None else f"{fault[0]}. {fault[1]}",
+            takeoff_fault=None if takeoff is None else f"{takeoff[0]}. {takeoff[1]}",
+            standing=authority.standing.value,
+            reason=authority.reason,
+            order_id=authority.order_id,
+            mode=authority.mode_now,
+        )
+        return report if now is None else with_place(report, now)
+
+    def counters(self) -> dict[str, float]:
+        """Counts with names for a health record."""
+        counts = {} if self._authority is None else self._authority.counters
+        return {
+            "motion_orders_refused": self.refused_orders,
+            **self._fence.counters(),
+            **{f"motion_{name}": float(count) for name, count in counts.items()},
+        }
+
+
+def _identity_request(system_id: int) -> dialect.CommandLong:
+    """Ask which autopilot this is."""
+    return dialect.CommandLong(
+        target_system=system_id,
+        target_component=1,
+        command=dialect.MavCmd.REQUEST_MESSAGE,
+        confirmation=0,
+        param1=float(dialect.AutopilotVersion.ID),
+        param2=0.0,
+        param3=0.0,
+        param4=0.0,
+        param5=0.0,
+        param6=0.0,
+        param7=0.0,
+    )

@@ -1,0 +1,235 @@
+"""Place and heading where there is no autopilot: written down, or told by a GPS receiver.
+
+A mast has a place and a heading that somebody measured; a person or a cart has a receiver that
+speaks NMEA or stands behind gpsd, with a compass or a heading that is typed while walking.
+"""
+
+import asyncio
+from collections import Counter
+from collections.abc import Callable
+
+from uavrt.attitude import from_euler_deg
+from uavrt.config import PoseSettings
+from uavrt.errors import ConfigError, UavrtError
+from uavrt.gpsd import WATCH, GpsdParser, GpsdReport
+from uavrt.log import get_logger
+from uavrt.mavlink import Address, Link, keep_open, parse_address
+from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.nmea import BAUD, Sentence, SentenceParser
+from uavrt.units import ns_from_s, wrap_degrees_360
+
+log = get_logger()
+
+FIXED_PERIOD_S = 0.5
+"""Poses of a mast are interpolated between two of these."""
+CLOSEST_NS = ns_from_s(0.02)
+"""Receivers tell 1 to 20 places a second; what comes faster is a flood."""
+SILENCE_NS = ns_from_s(5.0)
+"""A receiver tells its place once a second; after this it is no longer known."""
+ALTITUDE_HOLDS_NS = ns_from_s(3.0)
+"""A sentence without altitude is passed over so long after one with it: the same fix."""
+ASK_AGAIN_S = 3.0
+"""gpsd tells nothing before it is asked, and forgets it with the connection."""
+GPSD = "127.0.0.1:2947"
+"""Where gpsd listens."""
+WAIT_S = 1.5
+"""A pulse waits for the receiver's next place, which comes once a second."""
+
+
+def pose_address(settings: PoseSettings) -> Address | None:
+    """Get where the receiver is; None for a mast.
+
+    Raises
+    ------
+    ConfigError
+        A setting is missing, or the address is none.
+    """
+    if settings.source == "fixed":
+        missing = [
+            name
+            for name in ("latitude_deg", "longitude_deg", "heading_deg")
+            if getattr(settings, name) is None
+        ]
+        if missing:
+            raise ConfigError(
+                f"a fixed station needs {', '.join(missing)}",
+                remedy="Write it into [pose] of the settings; with an antenna that hears alike "
+                "all around, heading_deg = 0 does",
+            )
+        return None
+    if settings.source == "gpsd":
+        return parse_address(f"tcp://{settings.address or GPSD}")
+    if not settings.address:
+        raise ConfigError(
+            'pose.source = "nmea" needs pose.address',
+            remedy="Write serial:///dev/ttyACM0:9600, or udpin://0.0.0.0:10110 for a phone",
+        )
+    return parse_address(settings.address, baud=BAUD)
+
+
+class OwnPose:
+    """Gives samples of place and heading.
+
+    Parameters
+    ----------
+    settings : PoseSettings
+        Of any source but the autopilot.
+    clock_ns : callable
+        Our clock [ns, UTC].
+    attitude, position : callable
+        Take the samples.
+
+    Raises
+    ------
+    ConfigError
+        See `pose_address`.
+    """
+
+    def __init__(
+        self,
+        settings: PoseSettings,
+        clock_ns: Callable[[], int],
+        *,
+        attitude: Callable[[AttitudeSample], None],
+        position: Callable[[PositionSample], None],
+    ) -> None:
+        self._settings, self._clock_ns = settings, clock_ns
+        self._address = pose_address(settings)
+        self._give_attitude, self._give_position = attitude, position
+        self._link: Link | None = None
+        self._fault: str | None = None
+        self._place_ns: int | None = None
+        self._heading_ns: int | None = None
+        self._altitude_ns: int | None = None
+        self.counters: Counter[str] = Counter()
+        """Places and headings taken, and what was passed over."""
+
+    def use(self, settings: PoseSettings) -> None:
+        """Take another heading, typed while it runs."""
+        self._settings = settings
+
+    @property
+    def status(self) -> str | None:
+        """What is missing, in a few words; None when nothing is."""
+        now_ns = self._clock_ns()
+        if self._fault is not None:
+            return f"no place: {self._fault}"
+        if self._place_ns is None or now_ns - self._place_ns > SILENCE_NS:
+            return "waiting for a place"
+        if self._heading_ns is None or now_ns - self._heading_ns > SILENCE_NS:
+            return "waiting for a heading: no compass, and pose.heading_deg is not set"
+        return None
+
+    def health(self) -> dict[str, float]:
+        """Counts with names for a health record."""
+        counts = {f"pose_{name}": float(count) for name, count in self.counters.items()}
+        if self._link is not None:
+            told = self._link.counters
+            counts |= {"pose_refused": told.bad_crc, "pose_skipped_bytes": told.skipped_bytes}
+        return counts
+
+    async def run(self) -> None:
+        """Give samples until cancelled."""
+        if self._address is None:
+            await self._stand()
+        elif self._settings.source == "gpsd":
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._read(self._address, self.take_report, GpsdParser()))
+                tasks.create_task(self._ask())
+        else:
+            await self._read(self._address, self.take_sentence, SentenceParser())
+
+    def take_sentence(self, sentence: Sentence) -> None:
+        """Take a sentence of NMEA."""
+        heading_deg, place = sentence.heading_deg, sentence.place
+        if heading_deg is not None:
+            self._heading(heading_deg)
+        if place is not None:
+            self._place(*place, sentence.altitude_amsl_m)
+
+    def take_report(self, report: GpsdReport) -> None:
+        """Take a report of gpsd."""
+        if report.heading_deg is not None:
+            self._heading(report.heading_deg)
+        if report.place is not None:
+            self._place(*report.place, report.altitude_amsl_m)
+
+    def _place(
+        self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float | None
+    ) -> None:
+        now_ns = self._clock_ns()
+        told = self._altitude_ns
+        if altitude_amsl_m is not None:
+            self._altitude_ns = now_ns
+        elif told is not None and now_ns - told < ALTITUDE_HOLDS_NS:
+            self.counters["places_without_altitude"] += 1
+            return
+        if self._place_ns is not None and 0 <= now_ns - self._place_ns < CLOSEST_NS:
+            self.counters["places_too_often"] += 1
+            return
+        settings = self._settings
+        self._place_ns = now_ns
+        self.counters["places"] += 1
+        if altitude_amsl_m is None:
+            altitude_amsl_m = settings.altitude_amsl_m + settings.height_m
+        self._give_position(
+            PositionSample(
+                time_ns=now_ns,
+                latitude_deg=latitude_deg,
+                longitude_deg=longitude_deg,
+                altitude_amsl_m=altitude_amsl_m,
+                altitude_relative_m=settings.height_m,
+            )
+        )
+        if settings.heading_deg is not None:
+            self._look(settings.heading_deg, now_ns)
+
+    def _heading(self, heading_deg: float) -> None:
+        """Take a compass's heading; one that is typed goes before it."""
+        now_ns = self._clock_ns()
+        if self._settings.heading_deg is not None:
+            self.counters["compass_passed_over"] += 1
+        elif self._heading_ns is not None and 0 <= now_ns - self._heading_ns < CLOSEST_NS:
+            self.counters["headings_too_often"] += 1
+        else:
+            self.counters["headings"] += 1
+            self._look(heading_deg, now_ns)
+
+    def _look(self, heading_deg: float, now_ns: int) -> None:
+        self._heading_ns = now_ns
+        attitude = from_euler_deg(wrap_degrees_360(heading_deg), 0.0, 0.0)
+        self._give_attitude(AttitudeSample(time_ns=now_ns, quaternion_wxyz=attitude))
+
+    async def _stand(self) -> None:
+        latitude_deg, longitude_deg = self._settings.latitude_deg, self._settings.longitude_deg
+        assert latitude_deg is not None
+        assert longitude_deg is not None
+        while True:
+            self._place(latitude_deg, longitude_deg, None)
+            await asyncio.sleep(FIXED_PERIOD_S)
+
+    async def _read(
+        self,
+        address: Address,
+        take: Callable[[Sentence], None] | Callable[[GpsdReport], None],
+        parser: SentenceParser | GpsdParser,
+    ) -> None:
+        await keep_open(address, take, parser, opened=self._opened, failed=self._failed)
+
+    async def _ask(self) -> None:
+        """Ask gpsd for reports whenever it tells none."""
+        while True:
+            told = max(self._place_ns or 0, self._heading_ns or 0)
+            if self._link is not None and self._clock_ns() - told > ns_from_s(ASK_AGAIN_S):
+                self._link.send(WATCH)
+            await asyncio.sleep(ASK_AGAIN_S if self._link else 0.1)
+
+    def _opened(self, link: Link | None) -> None:
+        self._link = link
+        if link is not None:
+            self._fault = None
+
+    def _failed(self, error: UavrtError) -> None:
+        if self._fault is None:
+            log.warning("no place", reason=str(error))
+        self._fault = str(error)

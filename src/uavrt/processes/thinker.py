@@ -1,0 +1,103 @@
+"""A search that thinks in a thread of its own: no decision keeps the guide from its work.
+
+The guide must show that it lives and look at the battery while the planner weighs its ways; the
+search's beliefs belong to the thread alone, all that it is told waits in one queue.
+"""
+
+import queue
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from uavrt.guidance import Choice, Seeker, VehicleNow
+from uavrt.log import get_logger
+from uavrt.messages import PulsePose, SearchNote, SearchReport
+
+log = get_logger()
+
+CYCLE_S = 5.0
+"""From one decision to the next while the drone is under way."""
+LEAST_S = 0.5
+"""And when it waits."""
+
+_Job = Callable[[], Choice | SearchNote | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """The search has ended by a fault of ours."""
+
+    reason: str
+
+
+class Thinker:
+    """Runs a search; never waits for it.
+
+    Parameters
+    ----------
+    seeker : Seeker
+    """
+
+    def __init__(self, seeker: Seeker) -> None:
+        self._seeker = seeker
+        self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+        self._thoughts: queue.SimpleQueue[Choice | SearchNote | Failed] = queue.SimpleQueue()
+        self._thinking = False
+        self._asked_s = 0.0
+        self._thread = threading.Thread(target=self._run, name="search", daemon=True)
+        self._thread.start()
+
+    def pulse(self, pulse_pose: PulsePose) -> None:
+        """Pass a pulse on."""
+        self._jobs.put(lambda: self._seeker.pulse(pulse_pose))
+
+    def searched(self, report: SearchReport) -> None:
+        """Pass on what a detector has searched."""
+        self._jobs.put(lambda: self._seeker.searched(report))
+
+    def place(self, time_ns: int, now: VehicleNow) -> None:
+        """Pass on where the drone is."""
+        self._jobs.put(lambda: self._seeker.place(time_ns, now))
+
+    def begin(self, time_ns: int, now: VehicleNow) -> None:
+        """Begin."""
+        self._thinking = True
+        self._jobs.put(lambda: self._seeker.begin(time_ns, now))
+
+    def ask(self, time_ns: int, now: VehicleNow, *, idle: bool) -> None:
+        """Ask where to fly, if it is time and nothing was asked before that is not answered."""
+        waited_s = now.time_s - self._asked_s
+        if self._thinking or waited_s < (LEAST_S if idle else CYCLE_S):
+            return
+        self._thinking, self._asked_s = True, now.time_s
+        self._jobs.put(lambda: self._seeker.think(time_ns, now, idle=idle))
+
+    def end(self, time_ns: int, now: VehicleNow, reason: str) -> None:
+        """Ask for the summary; the last thought is it."""
+        self._jobs.put(lambda: self._seeker.end(time_ns, now, reason))
+        self._jobs.put(None)
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more will come."""
+        return not self._thread.is_alive() and self._thoughts.empty()
+
+    def thoughts(self) -> list[Choice | SearchNote | Failed]:
+        """Get what it has thought since the last call."""
+        found = []
+        while not self._thoughts.empty():
+            thought = self._thoughts.get()
+            self._thinking &= not isinstance(thought, Choice)
+            found.append(thought)
+        return found
+
+    def _run(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            try:
+                thought = job()
+            except Exception as error:
+                log.exception("search failed")
+                self._thoughts.put(Failed(f"the search has failed: {error}"))
+                return
+            if thought is not None:
+                self._thoughts.put(thought)

@@ -1,0 +1,445 @@
+"""Keeps the channels of the tags as SigMF, and always gives way: to detection and to the disk.
+
+The caller hands over blocks and goes on at once. A thread of its own gathers them for some
+seconds and writes each channel to a file of its own, cut into pieces so that the oldest can be
+removed (`uavrt.recording.channel_budget`). What a slow or full disk costs is dropped, counted
+and marked as a gap.
+
+Values are scaled for each piece by its own noise. It stands at 3 steps of 8 bits or a little
+more: rounding adds .02 to .04 dB to it, and there are 26 dB above it, 48 dB in the energy of a
+pulse of 20 ms. A stronger signal begins a new piece of 16 bits, with 20 to 40 steps for the
+noise (.001 dB) and 58 dB above it, or a wider scale where that is not enough: nothing is ever
+clipped, and as long as its amplitude is less than 73 dB above the noise's, rounding adds less
+than .05 dB. Noise that falls begins a new piece of 8 bits before it is down to 2 steps.
+"""
+
+import math
+import threading
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.clock import monotonic_s
+from uavrt.log import get_logger
+from uavrt.messages import ChannelBlock
+from uavrt.recording.channel_budget import ChannelBudget
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.sample_file import BYTES_PER_SAMPLE, FreeSpace, SampleFile
+from uavrt.recording.sigmf_metadata import FULL_SCALE
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+log = get_logger()
+
+FLUSH_S = 2.0
+"""So often what came is written: what a kill or a power cut may cost."""
+MOST_WAITING_BYTES = 16 * 1024 * 1024
+"""Samples that may wait for the disk: 280 s of one channel, 2.8 s of a hundred."""
+SLOW_S, REST_S = 1.0, 10.0
+"""A disk that takes longer over what came is left to the others for a while."""
+PIECE_S, SHORTEST_PIECE_S = 300.0, 5.0
+PIECES_OF_BUDGET = 8
+"""At least so many pieces of each channel in the budget."""
+FREE_SPACE_FACTOR = 1.2
+"""Of the limit for other samples: these stop first, and never make old flights go."""
+NOISE_STEPS = {8: 3.0, 16: 20.0}
+"""Least rms of the noise's I and Q at the beginning of a piece, by its bits, in steps of what
+is stored."""
+FINER = math.sqrt(0.5)
+"""A piece of 8 bits ends when its noise is this much below that."""
+WINDOW = 128
+HEADROOM = 1.25
+"""Of a scale that was widened for a strong signal."""
+WIDER_S = 20.0
+"""A piece whose scale was widened for a strong signal is kept for at least so long."""
+TIME_STEP_NS = 500_000
+"""A larger step of the time begins a stretch."""
+GAP_S = 0.05
+"""Zeros in place of lost samples that are not worth keeping."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Batch:
+    """The channels of one radio block: their samples begin at one time."""
+
+    channels: tuple[tuple[int, float], ...]
+    """Number and centre [Hz] of each."""
+    samples: NDArray[np.complex64]
+    """(channels, n)."""
+    sample_index: int
+    time_ns: int
+    sample_rate_hz: float
+
+    @property
+    def end_ns(self) -> int:
+        """When what continues it begins."""
+        lasts_s: float = self.samples.shape[1] / self.sample_rate_hz
+        return self.time_ns + round(lasts_s * NANOSECONDS_PER_SECOND)
+
+    def continued_by(self, later: "_Batch") -> bool:
+        """Whether nothing is missing between them, and the clock has not moved."""
+        return (
+            later.channels == self.channels
+            and later.sample_index == self.sample_index + self.samples.shape[1]
+            and abs(later.time_ns - self.end_ns) < TIME_STEP_NS
+        )
+
+
+@dataclass(slots=True)
+class _Channel:
+    """A channel, and the piece of it that is being written."""
+
+    center_frequency_hz: float
+    sample_rate_hz: float
+    number: int = 0
+    file: SampleFile | None = None
+    widened: bool = False
+    """Whether the piece's scale is wider than its noise asks for."""
+
+
+class ChannelRecorder:
+    """Writes each channel as pieces ``channel_148124375_Hz_0001.sigmf-data`` and ``-meta``.
+
+    Parameters
+    ----------
+    flight : Path
+        The flight's directory.
+    budget_mb : float
+        What the channels of all flights beside it may take.
+    minimum_free_mb : float
+        Nothing is written while the disk has less than `FREE_SPACE_FACTOR` times as much.
+    hardware : str
+        The radio, for the metadata.
+    """
+
+    def __init__(
+        self,
+        flight: Path,
+        *,
+        budget_mb: float = 2000.0,
+        minimum_free_mb: float = 500.0,
+        hardware: str = "",
+    ) -> None:
+        self._directory = FlightLayout(flight).channels_directory
+        self._budget = ChannelBudget(flight, budget_mb * 1e6)
+        self._budget_bytes = budget_mb * 1e6
+        self._space = FreeSpace(flight, minimum_free_mb * FREE_SPACE_FACTOR)
+        self._hardware = hardware
+        self._channels: dict[int, _Channel] = {}
+        self._batches: list[_Batch] = []
+        self._waiting_bytes = 0
+        self._piece_s = PIECE_S
+        self._last: _Batch | None = None
+        """What was written last."""
+        self._rest_until_s = float("-inf")
+        self._overflowing = False
+        self._condition = threading.Condition()
+        self._closing = False
+        self.written_samples = 0
+        self.dropped_samples = 0
+        """Samples given up because the disk was slow, full or failing."""
+        self.invalid_values = 0
+        """Values that were not numbers, kept as zeros."""
+        self.trouble: str | None = None
+        """Why nothing is being kept now; None when all is well."""
+        self._thread = threading.Thread(target=self._run, name="channel-recorder", daemon=True)
+        self._thread.start()
+
+    @property
+    def removed_pieces(self) -> int:
+        """Old pieces that were removed for the budget's sake."""
+        return self._budget.removed_pieces
+
+    @property
+    def kept_mb(self) -> float:
+        """What the kept channels of all flights take [MB]."""
+        return self._budget.bytes / 1e6
+
+    def put(self, blocks: list[ChannelBlock]) -> None:
+        """Hand over the channels of a radio block and go on at once; samples are copied.
+
+        Once too many wait it takes nothing until half of them are written, so that a slow disk
+        makes few long gaps instead of many short ones.
+        """
+        first = blocks[0]
+        batch = _Batch(
+            channels=tuple((block.channel, block.center_frequency_hz) for block in blocks),
+            samples=np.stack([block.samples for block in blocks]),
+            sample_index=first.sample_index,
+            time_ns=first.time_ns,
+            sample_rate_hz=first.sample_rate_hz,
+        )
+        size = batch.samples.nbytes
+        with self._condition:
+            if self._overflowing and self._waiting_bytes <= MOST_WAITING_BYTES // 2:
+                self._overflowing = False
+            if self._waiting_bytes + size > MOST_WAITING_BYTES and self._waiting_bytes:
+                self._overflowing = True
+                self.trouble = "the disk is slow"
+            if self._overflowing or self._closing or monotonic_s() < self._rest_until_s:
+                self.dropped_samples += batch.samples.size
+                return
+            self._batches.append(batch)
+            self._waiting_bytes += size
+            if self._waiting_bytes > MOST_WAITING_BYTES // 4:
+                self._condition.notify()
+
+    def close(self, timeout_s: float = 5.0) -> None:
+        """Write what waits, for at most `timeout_s`, and end; harmless when repeated."""
+        with self._condition:
+            self._closing = True
+            self._condition.notify()
+        self._thread.join(timeout_s)
+
+    # ------------------------------------------------------------------ the thread
+
+    def _run(self) -> None:
+        try:
+            self._budget.look()
+            last = False
+            while not last:
+                with self._condition:
+                    self._condition.wait_for(self._worth_writing, FLUSH_S)
+                    last = self._closing
+                began_s = monotonic_s()
+                self._flush()
+                if monotonic_s() - began_s > SLOW_S and not last:
+                    self.trouble = "the disk is slow"
+                    self._rest_until_s = monotonic_s() + REST_S
+        except Exception as error:
+            log.exception("channels are not kept any more")
+            self.trouble = str(error) or type(error).__name__
+            with self._condition:
+                self._closing = True
+                self.dropped_samples += self._waiting_bytes // 8
+                self._waiting_bytes = 0
+        finally:
+            for channel in self._channels.values():
+                self._end_piece(channel)
+
+    def _worth_writing(self) -> bool:
+        return self._closing or self._waiting_bytes > MOST_WAITING_BYTES // 4
+
+    def _flush(self) -> None:
+        """Write what came."""
+        with self._condition:
+            batches, self._batches = self._batches, []
+        for run in _runs(batches):
+            samples = np.concatenate([batch.samples for batch in run], axis=1)
+            self._write(run[0], samples)
+            self._last = run[-1]
+            with self._condition:
+                self._waiting_bytes -= samples.nbytes
+
+    def _write(self, first: _Batch, samples: NDArray[np.complex64]) -> None:
+        """Write the channels of batches that follow each other."""
+        if not self._space.enough():
+            self._drop(samples.size, "the disk is nearly full")
+            return
+        size = samples.shape[1] * sum(self._bytes(number) for number, _ in first.channels)
+        if not self._budget.make_room(size):
+            self._drop(samples.size, "channels_mb is used up")
+            for channel in self._channels.values():
+                self._end_piece(channel)  # the next ones take their place
+            return
+        values = samples.view(np.float32)
+        peaks = np.maximum(values.max(axis=1), -values.min(axis=1))
+        if not np.isfinite(peaks).all():
+            bad = ~np.isfinite(samples)
+            self.invalid_values += int(np.count_nonzero(bad))
+            samples = np.where(bad, np.complex64(0.0), samples)
+            peaks = np.abs(samples.view(np.float32)).max(axis=1)
+        self._piece_s = self._length_of_pieces(len(samples) * first.sample_rate_hz)
+        # Samples are lost in all channels at once.
+        stretches = _without_gaps(samples[0], round(GAP_S * first.sample_rate_hz))
+        if not stretches:
+            self._budget.give_back(size)
+            return
+        moved = self._last is None or not self._last.continued_by(first)
+        written = written_bytes = 0
+        fault = None
+        for (number, center_hz), row, peak in zip(first.channels, samples, peaks, strict=True):
+            channel = self._channels.setdefault(
+                number, _Channel(center_hz, first.sample_rate_hz)
+            )
+            try:
+                file = self._file_for(channel, row, float(peak))
+                if moved:
+                    file.break_off()
+                appended = _append(file, row, first, stretches)
+                written += appended
+                written_bytes += appended * file.bytes_per_sample
+            except OSError as error:
+                fault = error.strerror or str(error)
+        self._budget.give_back(size - written_bytes)
+        self.written_samples += written
+        if fault is None:
+            self.trouble = None
+        else:
+            left = len(first.channels) * sum(end - begin for begin, end in stretches)
+            self._drop(left - written, fault)
+
+    def _bytes(self, number: int) -> int:
+        """What a sample of a channel takes as long as its piece lasts; 8 bits in a new one."""
+        channel = self._channels.get(number)
+        if channel is None or channel.file is None:
+            return BYTES_PER_SAMPLE // 2
+        return channel.file.bytes_per_sample
+
+    def _drop(self, samples: int, why: str) -> None:
+        with self._condition:
+            self.dropped_samples += samples
+        if why != self.trouble:
+            log.warning("channel samples dropped", reason=why)
+        self.trouble = why
+        for channel in self._channels.values():
+            if channel.file is not None:
+                channel.file.break_off()
+
+    def _file_for(
+        self, channel: _Channel, samples: NDArray[np.complex64], peak: float
+    ) -> SampleFile:
+        """Get the piece to write to: a new one when it is time, or the scale does not fit."""
+        if channel.file is not None and self._is_over(channel, channel.file, samples, peak):
+            self._end_piece(channel)
+        if channel.file is None:
+            bits, scale, channel.widened = _scale_of_piece(samples, peak)
+            channel.file = SampleFile(
+                self._next_name(channel),
+                sample_rate_hz=channel.sample_rate_hz,
+                center_frequency_hz=channel.center_frequency_hz,
+                description="Channel of a tag, kept during detection",
+                hardware=self._hardware,
+                full_scale=scale,
+                sync=False,
+                bits=bits,
+            )
+        return channel.file
+
+    def _is_over(
+        self, channel: _Channel, file: SampleFile, samples: NDArray[np.complex64], peak: float
+    ) -> bool:
+        """Whether what comes belongs into a new piece."""
+        length_s = file.written_samples / channel.sample_rate_hz
+        if _needed(peak, file.bits) > file.full_scale or length_s >= self._piece_s:
+            return True
+        if file.bits == 8:
+            fitting = _scale_by_noise(samples, 8)
+            return length_s >= SHORTEST_PIECE_S and 0.0 < fitting < FINER * file.full_scale
+        if length_s < WIDER_S:
+            return False
+        bits, scale, _ = _scale_of_piece(samples, HEADROOM * peak)
+        return bits == 8 or (channel.widened and file.full_scale > 4.0 * scale)
+
+    def _length_of_pieces(self, rate_hz: float) -> float:
+        """So many seconds that several of each channel fit into the budget."""
+        share_s = self._budget_bytes / (rate_hz * BYTES_PER_SAMPLE) / PIECES_OF_BUDGET
+        return min(PIECE_S, max(SHORTEST_PIECE_S, share_s))
+
+    def _next_name(self, channel: _Channel) -> Path:
+        """A name that comes after all that are there: a restarted receiver goes on."""
+        name = f"channel_{channel.center_frequency_hz:.0f}_Hz_"
+        if channel.number == 0:
+            there = self._directory.glob(f"{name}*.sigmf-data")
+            numbers = [path.stem.removeprefix(name) for path in there]
+            channel.number = max((int(one) for one in numbers if one.isdecimal()), default=0)
+        channel.number += 1
+        return self._directory / f"{name}{channel.number:04d}"
+
+    def _end_piece(self, channel: _Channel) -> None:
+        if channel.file is not None:
+            channel.file.close()
+            size = channel.file.written_samples * channel.file.bytes_per_sample
+            self._budget.closed(channel.file.data_path, size)
+            channel.file = None
+
+
+def _append(
+    file: SampleFile,
+    samples: NDArray[np.complex64],
+    first: _Batch,
+    stretches: list[tuple[int, int]],
+) -> int:
+    """Write a channel's stretches; how many samples that is."""
+    scaled = samples.view(np.float32) * np.float32(FULL_SCALE[file.bits] / file.full_scale)
+    np.rint(scaled, out=scaled)
+    # Its scale holds them all.
+    values: NDArray[np.int16] | NDArray[np.int8] = (
+        scaled.astype("i1") if file.bits == 8 else scaled.astype("<i2")
+    )
+    written = 0
+    for begin, end in stretches:
+        later_ns = round(begin / first.sample_rate_hz * NANOSECONDS_PER_SECOND)
+        file.append_stored(
+            values[2 * begin : 2 * end], first.sample_index + begin, first.time_ns + later_ns
+        )
+        written += end - begin
+    return written
+
+
+def _runs(batches: list[_Batch]) -> list[list[_Batch]]:
+    """Cut batches where samples are missing or the time steps."""
+    runs = [[batch] for batch in batches[:1]]
+    for before, batch in pairwise(batches):
+        if before.continued_by(batch):
+            runs[-1].append(batch)
+        else:
+            runs.append([batch])
+    return runs
+
+
+def _without_gaps(samples: NDArray[np.complex64], shortest: int) -> list[tuple[int, int]]:
+    """Stretches between runs of at least `shortest` zeros, which stand for lost samples."""
+    zero = samples == 0
+    if not zero.any():
+        return [(0, len(samples))]
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], zero, [False])).astype(np.int8)))
+    stretches, begin = [], 0
+    for low, high in edges.reshape(-1, 2).tolist():
+        if high - low >= shortest:
+            stretches.append((begin, low))
+            begin = high
+    stretches.append((begin, len(samples)))
+    return [(low, high) for low, high in stretches if high > low]
+
+
+def _needed(peak: float, bits: int) -> float:
+    """Full scale that just holds an I or Q."""
+    return peak * FULL_SCALE[bits] / (FULL_SCALE[bits] - 1.0)
+
+
+def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, float, bool]:
+    """Bits and full scale of a new piece; whether that is wider than its noise asks for."""
+    fitting = _scale_by_noise(samples, 8)
+    if 0.0 < _needed(peak, 8) <= fitting:
+        return 8, fitting, False
+    fitting, needed = _scale_by_noise(samples, 16), _needed(peak, 16)
+    if needed <= fitting and fitting > 0.0:
+        return 16, fitting, False
+    # A little more: it grows while the antenna turns to it.
+    return 16, 2.0 ** math.ceil(math.log2(max(HEADROOM * needed, 2.0**-100))), True
+
+
+def _scale_by_noise(samples: NDArray[np.complex64], bits: int) -> float:
+    """Full scale at which the noise has the steps it should have; 0 if there is none.
+
+    The noise is the median over the middle of the channel's spectrum: neither pulses nor
+    carriers count for it.
+    """
+    rows = len(samples) // WINDOW
+    if rows:
+        window = np.hanning(WINDOW).astype(np.float32)
+        spectrum = np.fft.fft(samples[: rows * WINDOW].reshape(rows, WINDOW) * window, axis=1)
+        middle = np.concatenate((spectrum[:, : WINDOW // 4], spectrum[:, -WINDOW // 4 :]))
+        power = middle / np.sqrt(np.sum(window**2))
+    else:
+        power = samples
+    # The median of an exponential distribution is its mean times log 2; half of it is I's.
+    mean = float(np.median(power.real**2 + power.imag**2)) / math.log(2.0)
+    wanted = math.sqrt(mean / 2.0) * FULL_SCALE[bits] / NOISE_STEPS[bits]
+    if wanted <= 2.0**-100:
+        return 0.0
+    parts = 2 if bits == 8 else 1  # of an octave
+    return math.exp2(math.floor(parts * math.log2(wanted)) / parts)

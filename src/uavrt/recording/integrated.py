@@ -1,0 +1,203 @@
+"""What a whole flight said in hindsight, beside the flight: ``integrated/``.
+
+The flight's own log is never changed. ``integrated/pulses.jsonl`` holds pulses as ``uavrt
+detect`` writes them, with the status *integrated*; ``integrated/tags.json`` what was found of
+each tag, ``integrated/folds.json`` the flight folded at its interval. What is judged again
+replaces what was said of that tag before.
+"""
+
+import json
+import math
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from uavrt.config import write_text_atomically
+from uavrt.errors import FormatError, RecordingError
+from uavrt.messages import PulsePose
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.pulse_files import pulse_record, read_pulse_file
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntegratedVerdict:
+    """What a whole flight says of one tag."""
+
+    tag_id: int
+    found: bool
+    false_alarm_probability: float
+    """That noise alone shows as much."""
+    interval_s: float
+    frequency_hz: float
+    level_db: float | None = None
+    """Energy over noise of the strongest pulse; this and the place are None if not found."""
+    bearing_deg: float | None = None
+    """From the middle of the flight."""
+    arc50_deg: float | None = None
+    arc95_deg: float | None = None
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    radius50_m: float | None = None
+    radius95_m: float | None = None
+    places: int = 1
+    """Places that the flight cannot tell apart: mirror images of a straight way."""
+    pulses: int = 0
+    """Seen in hindsight alone, in ``pulses.jsonl``."""
+    flights: int = 1
+    """Judged together; the place is then from the middle of all."""
+    heard_live: int = 0
+    """Of the train's pulses those that the flight's own log has already; not written again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightFold:
+    """A whole flight folded at a tag's interval, in standard deviations of noise."""
+
+    tag_id: int
+    interval_s: float
+    length_s: float
+    """Of the flight, over all rows."""
+    profile: tuple[float, ...]
+    """(columns,) sum over the flight; the train's phase is in the middle."""
+    raster: tuple[tuple[float, ...], ...]
+    """(rows, columns), the flight's beginning first."""
+
+
+_OPTIONAL = {one.name for one in fields(IntegratedVerdict) if one.default is None}
+_FIELDS = {one.name for one in fields(IntegratedVerdict)}
+
+
+def write_integrated(
+    flight: str | os.PathLike[str],
+    verdicts: Sequence[IntegratedVerdict],
+    pulses: Iterable[PulsePose],
+    folds: Sequence[FlightFold] = (),
+) -> Path:
+    """Write what was found beside a flight; other tags' results stay.
+
+    Parameters
+    ----------
+    flight : path
+        The flight's directory.
+    verdicts : sequence of IntegratedVerdict
+        One for each tag that was judged.
+    pulses : iterable of PulsePose
+        Theirs.
+    folds : sequence of FlightFold
+        Theirs.
+
+    Returns
+    -------
+    Path
+        The directory of the results.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be written.
+    FormatError
+        What is there already cannot be read.
+    """
+    judged = {one.tag_id for one in verdicts}
+    old_verdicts, old_pulses = read_integrated(flight)
+    kept = [one for one in old_verdicts if one.tag_id not in judged]
+    told = sorted([*kept, *verdicts], key=lambda one: one.tag_id)
+    left = [one for one in old_pulses if one.pulse.tag_id not in judged]
+    rows = sorted([*left, *pulses], key=lambda one: one.pulse.start_time_ns)
+    pictures = [one for one in read_folds(flight) if one.tag_id not in judged]
+    pictures = sorted([*pictures, *folds], key=lambda one: one.tag_id)
+    directory = FlightLayout(Path(flight)).integrated_directory
+    lines = "".join(json.dumps(pulse_record(one), allow_nan=False) + "\n" for one in rows)
+    try:
+        directory.mkdir(exist_ok=True)
+        write_text_atomically(directory / "pulses.jsonl", lines)
+        text = json.dumps([asdict(one) for one in told], allow_nan=False, indent=1) + "\n"
+        write_text_atomically(directory / "tags.json", text)
+        text = json.dumps([asdict(one) for one in pictures], allow_nan=False) + "\n"
+        write_text_atomically(directory / "folds.json", text)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot write {directory}: {error.strerror}",
+            remedy="Copy the flight to a writable place, or give --no-save",
+        ) from error
+    return directory
+
+
+def read_integrated(
+    flight: str | os.PathLike[str],
+) -> tuple[tuple[IntegratedVerdict, ...], tuple[PulsePose, ...]]:
+    """Read what was found in hindsight; nothing where nobody has looked.
+
+    Raises
+    ------
+    FormatError
+        The files are damaged.
+    """
+    directory = FlightLayout(Path(flight)).integrated_directory
+    tags, pulses = directory / "tags.json", directory / "pulses.jsonl"
+    if not tags.is_file():
+        return (), ()
+    try:
+        verdicts = tuple(map(_verdict, json.loads(tags.read_text(encoding="utf-8"))))
+    except (OSError, ValueError, TypeError, RecursionError) as error:
+        raise FormatError(
+            f"{tags} cannot be read: {error}", remedy="Remove it, and integrate again"
+        ) from error
+    return verdicts, read_pulse_file(pulses) if pulses.is_file() else ()
+
+
+def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
+    """Read the folds of the tags that were judged; none of what earlier versions judged.
+
+    Raises
+    ------
+    FormatError
+        The file is damaged.
+    """
+    path = FlightLayout(Path(flight)).integrated_directory / "folds.json"
+    if not path.is_file():
+        return ()
+    try:
+        return tuple(map(_fold, json.loads(path.read_text(encoding="utf-8"))))
+    except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
+        raise FormatError(
+            f"{path} cannot be read: {error}", remedy="Remove it, and integrate again"
+        ) from error
+
+
+def _fold(record: dict[str, Any]) -> FlightFold:
+    profile = tuple(map(float, record["profile"]))
+    raster = tuple(tuple(map(float, row)) for row in record["raster"])
+    lengths = float(record["interval_s"]), float(record["length_s"])
+    if not profile or not raster or any(len(row) != len(profile) for row in raster):
+        raise ValueError("rows of unequal length")
+    if not all(map(math.isfinite, (*lengths, *profile, *(x for row in raster for x in row)))):
+        raise ValueError("a value is not finite")
+    return FlightFold(
+        tag_id=int(record["tag_id"]),
+        interval_s=lengths[0],
+        length_s=lengths[1],
+        profile=profile,
+        raster=raster,
+    )
+
+
+def _verdict(record: dict[str, Any]) -> IntegratedVerdict:
+    """Make a verdict of JSON; what a later version wrote beyond it is passed over.
+
+    Raises
+    ------
+    TypeError, ValueError
+        It is none.
+    """
+    if not isinstance(record, dict):
+        raise TypeError("not a list of tables")
+    verdict = IntegratedVerdict(**{k: v for k, v in record.items() if k in _FIELDS})
+    for name, value in asdict(verdict).items():
+        if value is None and name in _OPTIONAL:
+            continue
+        if not isinstance(value, bool | int | float) or not math.isfinite(value):
+            raise ValueError(f"{name} is {value!r}")
+    return verdict

@@ -1,0 +1,209 @@
+"""One SigMF recording while it is written: its samples, and metadata true at any moment."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.clock import monotonic_s
+from uavrt.config import write_text_atomically
+from uavrt.recording.sigmf_metadata import FULL_SCALE, Stretch, sigmf_metadata
+
+BYTES_PER_SAMPLE = 4
+_FREE_SPACE_PERIOD_S = 1.0
+
+
+class SampleFile:
+    """``NAME.sigmf-data`` (cs16, or ci8) and ``NAME.sigmf-meta``.
+
+    The metadata is valid JSON and describes all samples of the data file at any moment, also
+    after a kill and, with `sync`, after a power cut.
+
+    Parameters
+    ----------
+    base : Path
+        Directory and NAME, without a suffix; the directory is made.
+    sample_rate_hz, center_frequency_hz : float
+        Of the samples that will come [Hz].
+    description, hardware : str
+        For the metadata.
+    full_scale : float
+        Input that is stored as 32 768, of 8 bits as 128.
+    sync : bool
+        Wait for the disk with each change of the metadata.
+    bits : int
+        Of I and of Q: 16, or 8 with `append_stored` alone.
+
+    Raises
+    ------
+    FileExistsError
+        The samples would be appended to another recording.
+    OSError
+        The files cannot be made.
+    """
+
+    def __init__(
+        self,
+        base: Path,
+        *,
+        sample_rate_hz: float,
+        center_frequency_hz: float,
+        description: str,
+        hardware: str = "",
+        full_scale: float = 1.0,
+        sync: bool = True,
+        bits: int = 16,
+    ) -> None:
+        self.data_path = base.with_name(f"{base.name}.sigmf-data")
+        self.metadata_path = base.with_name(f"{base.name}.sigmf-meta")
+        self.full_scale = full_scale
+        self.bits = bits
+        self.bytes_per_sample = BYTES_PER_SAMPLE * bits // 16
+        self.written_samples = 0
+        self.clipped_samples = 0
+        """Samples beyond full scale, stored at its edge."""
+        self._sample_rate_hz = sample_rate_hz
+        self._center_frequency_hz = center_frequency_hz
+        self._description = description
+        self._hardware = hardware
+        self._sync = sync
+        self._stretches: list[Stretch] = []
+        self._next_index: int | None = None
+        if self.data_path.is_file():
+            raise FileExistsError(f"{self.data_path} exists already")
+        base.parent.mkdir(parents=True, exist_ok=True)
+        self._write_metadata()
+        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC
+        self._file = os.open(self.data_path, flags, 0o644)
+
+    @property
+    def gaps(self) -> int:
+        """Stretches after the first."""
+        return max(0, len(self._stretches) - 1)
+
+    def append(self, samples: NDArray[np.complex64], sample_index: int, time_ns: int) -> None:
+        """Write samples as a whole, or none; see `append_stored`."""
+        self.append_stored(self._as_int16(samples), sample_index, time_ns)
+
+    def append_stored(
+        self, values: NDArray[np.int16] | NDArray[np.int8], sample_index: int, time_ns: int
+    ) -> None:
+        """Write samples that are scaled and rounded already, as a whole, or none.
+
+        Parameters
+        ----------
+        values : ndarray of int16 or int8
+            I and Q interleaved, contiguous.
+        sample_index : int
+            Of the first in the radio's stream: what does not continue the samples before begins
+            a stretch.
+        time_ns : int
+            Of the first [ns, UTC].
+
+        Raises
+        ------
+        OSError
+            Nothing was written; what comes next begins a stretch.
+        """
+        count = values.size // 2
+        try:
+            if sample_index != self._next_index:
+                self._begin_stretch(sample_index, time_ns)
+            self._write(values)
+        except OSError:
+            self._next_index = None
+            raise
+        self.written_samples += count
+        self._next_index = sample_index + count
+
+    def break_off(self) -> None:
+        """Begin a stretch with what comes next."""
+        self._next_index = None
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._file)
+
+    def _begin_stretch(self, sample_index: int, time_ns: int) -> None:
+        """Report where the samples that follow belong, before they are written.
+
+        In this order a power cut leaves at worst a last capture without samples, never samples
+        at a wrong time.
+        """
+        stretch = Stretch(
+            sample_start=self.written_samples, global_index=sample_index, time_ns=time_ns
+        )
+        # A stretch that got no samples (the disk was full) is replaced, not kept.
+        kept = [one for one in self._stretches if one.sample_start < self.written_samples]
+        self._stretches = [*kept, stretch]
+        self._write_metadata()
+
+    def _write_metadata(self) -> None:
+        metadata = sigmf_metadata(
+            self._stretches,
+            sample_rate_hz=self._sample_rate_hz,
+            center_frequency_hz=self._center_frequency_hz,
+            hardware=self._hardware,
+            description=self._description,
+            full_scale=self.full_scale,
+            bits=self.bits,
+        )
+        text = json.dumps(metadata, indent=1) + "\n"
+        write_text_atomically(self.metadata_path, text, sync=self._sync)
+
+    def _as_int16(self, samples: NDArray[np.complex64]) -> NDArray[np.int16]:
+        """Interleaved I and Q, rounded; beyond full scale at its edge, counted.
+
+        float32 throughout: its 24 bits hold every int16.
+        """
+        factor = np.float32(FULL_SCALE[16] / self.full_scale)
+        scaled = np.ascontiguousarray(samples).view(np.float32) * factor
+        np.rint(scaled, out=scaled)
+        # Two passes in the common case; a NaN fails both comparisons and is seen, too.
+        if not (scaled.max(initial=0.0) <= 32_767.0 and scaled.min(initial=0.0) >= -32_768.0):
+            over = (scaled > 32_767.0) | (scaled < -32_768.0)
+            self.clipped_samples += int(np.count_nonzero(over.reshape(-1, 2).any(axis=1)))
+            np.nan_to_num(scaled, copy=False)
+            np.clip(scaled, -32_768.0, 32_767.0, out=scaled)
+        return scaled.astype("<i2")
+
+    def _write(self, values: NDArray[np.int16] | NDArray[np.int8]) -> None:
+        content = values.view(np.uint8).data
+        try:
+            while content:
+                content = content[os.write(self._file, content) :]
+        except OSError:
+            os.ftruncate(self._file, self.written_samples * self.bytes_per_sample)
+            raise
+
+
+class FreeSpace:
+    """Whether a disk has room; looked at once a second.
+
+    Parameters
+    ----------
+    directory : Path
+        On the disk.
+    minimum_free_mb : float
+        What must stay free [MB].
+    """
+
+    def __init__(self, directory: Path, minimum_free_mb: float) -> None:
+        self._directory = directory
+        self._minimum_free_bytes = minimum_free_mb * 1e6
+        self._checked_s = float("-inf")
+        self._free = True
+
+    def enough(self) -> bool:
+        """Whether there is room; none where it cannot be measured."""
+        now_s = monotonic_s()
+        if now_s - self._checked_s >= _FREE_SPACE_PERIOD_S:
+            self._checked_s = now_s
+            try:
+                status = os.statvfs(self._directory)
+            except OSError:
+                return False
+            self._free = status.f_bavail * status.f_frsize >= self._minimum_free_bytes
+        return self._free

@@ -1,0 +1,214 @@
+"""The built-in world of ``uavrt demo``: three tags, a drone, three points to turn at."""
+
+import math
+from dataclasses import replace
+
+from uavrt.errors import ConfigError
+from uavrt.simulation.antenna import Antenna
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.propagation import Fading, Propagation
+from uavrt.simulation.scenario import Interferer, Radio, Scenario, SimulatedTag
+from uavrt.simulation.world import World
+
+SHORTEST_S = 40.0
+"""Leaves 4.3 s for a leg between two turns."""
+SEARCHED_ENR_DB = 24.0
+"""Likewise, of the animals that are searched for, from home."""
+_SHORTEST_TURN_S = 7.8
+"""A full turn: 46°/s in the mean, 57.7°/s at most."""
+_PEAK_ENR_DB = 33.0
+"""With the antenna on a tag, from the middle of the three points, without fading."""
+
+
+def demo_scenario(duration_s: float = 60.0, seed: int = 1) -> Scenario:
+    """Make the demo's world; its plan scales to any duration of at least 40 s.
+
+    Parameters
+    ----------
+    duration_s : float
+        Length of the flight [s].
+    seed : int
+        Seed of everything random in the world.
+
+    Raises
+    ------
+    ConfigError
+        `duration_s` is shorter than 40 s: the turns would be faster than 60°/s.
+    """
+    if not SHORTEST_S <= duration_s < math.inf:
+        raise ConfigError(
+            f"a demo of {duration_s:g} s is too short for its three turns",
+            remedy=f"Give a duration of at least {SHORTEST_S:g} s",
+        )
+    scenario = Scenario(
+        name="demo",
+        seed=seed,
+        duration_s=duration_s,
+        radio=Radio(center_frequency_hz=148_680_000.0),
+        antenna=Antenna(pattern="RA-23K"),
+        propagation=Propagation(
+            model="two_ray",
+            fading=Fading(kind="rician", k_factor_db=12.0, correlation_time_s=0.5),
+        ),
+        tag=_tags(duration_s),
+        interferer=(Interferer(kind="carrier", frequency_hz=148_655_400.0, power_dbm=-128.0),),
+        flight=_flight(duration_s),
+    )
+    return _levelled(scenario, _amid(duration_s), _PEAK_ENR_DB)
+
+
+def search_scenario(seed: int = 1) -> Scenario:
+    """Make the world of ``uavrt demo --search``: three animals, one of them walking.
+
+    The drone hovers over home until it is commanded; from there each animal is heard by an
+    antenna that looks at it, and hardly by one that looks away.
+    """
+    places = {2: (150.0, 90.0), 4: (-40.0, 170.0), 6: (-120.0, -130.0)}
+    tags = tuple(
+        replace(
+            tag,
+            north_m=places[tag.tag_id][0],
+            east_m=places[tag.tag_id][1],
+            pulse_intervals_s=tag.pulse_intervals_s[:1],
+            rate_switches_s=(),
+        )
+        for tag in _tags(SHORTEST_S)
+    )
+    scenario = replace(
+        demo_scenario(SHORTEST_S, seed),
+        name="search",
+        duration_s=3600.0,
+        tag=tags,
+        flight=Flight(height_m=40.0),
+    )
+    return _levelled(scenario, scenario.flight, SEARCHED_ENR_DB)
+
+
+def _tags(duration_s: float) -> tuple[SimulatedTag, ...]:
+    """The thesis's tag, one of two rates and one of another make, each heard all the time."""
+    return (
+        SimulatedTag(
+            tag_id=2,
+            name="lynx",
+            frequency_hz=148_612_000.0,
+            pulse_width_s=0.020,
+            pulse_intervals_s=(1.254,),
+            interval_uncertainty_s=0.06,
+            interval_jitter_s=0.01,
+            north_m=210.0,
+            east_m=90.0,
+            frequency_offset_hz=140.0,
+            polarization_deg=80.0,
+            interval_error_s=0.008,
+            jitter_s=0.004,
+            first_pulse_s=0.61,
+        ),
+        SimulatedTag(
+            tag_id=4,
+            name="otter",
+            frequency_hz=148_697_000.0,
+            pulse_width_s=0.015,
+            pulse_intervals_s=(1.333, 2.0),
+            interval_uncertainty_s=0.06,
+            interval_jitter_s=0.02,
+            north_m=-60.0,
+            east_m=250.0,
+            speed_m_s=0.4,
+            heading_deg=30.0,
+            frequency_offset_hz=-210.0,
+            frequency_drift_hz_s=0.05,
+            polarization_deg=100.0,
+            interval_error_s=-0.012,
+            jitter_s=0.006,
+            first_pulse_s=0.93,
+            rate_switches_s=(round(0.55 * duration_s, 3),),
+        ),
+        SimulatedTag(
+            tag_id=6,
+            name="badger",
+            frequency_hz=148_731_000.0,
+            pulse_width_s=0.018,
+            pulse_intervals_s=(1.62,),
+            interval_uncertainty_s=0.06,
+            interval_jitter_s=0.01,
+            north_m=-170.0,
+            east_m=-190.0,
+            frequency_offset_hz=60.0,
+            polarization_deg=85.0,
+            interval_error_s=0.005,
+            jitter_s=0.003,
+            first_pulse_s=0.27,
+        ),
+    )
+
+
+def _turn_s(duration_s: float) -> float:
+    return max(_SHORTEST_TURN_S, 0.16 * duration_s)
+
+
+def _move_s(duration_s: float) -> float:
+    """Time of each of the two moves: what the turns leave of four fifths."""
+    return (0.8 * duration_s - 3.0 * _turn_s(duration_s)) / 2.0
+
+
+def _height_m(duration_s: float) -> float:
+    """Height of the turns: climbed to at 4 m/s in the mean, 40 m at most."""
+    return min(40.0, 4.0 * 0.08 * duration_s)
+
+
+def _points(duration_s: float) -> tuple[tuple[float, float], ...]:
+    """Corners of a triangle, its sides 150 m at most and flown with 4 m/s² at most."""
+    side_m = min(150.0, 0.6 * _move_s(duration_s) ** 2)
+    return (0.0, 0.0), (side_m, 0.0), (side_m / 2, side_m * math.sqrt(0.75))
+
+
+def _flight(duration_s: float) -> Flight:
+    first, second, third = _points(duration_s)
+    turn = Leg(duration_s=_turn_s(duration_s), turn_deg=360.0)
+    move_s = _move_s(duration_s)
+    return Flight(
+        heading_deg=20.0,
+        north_m=first[0],
+        east_m=first[1],
+        leg=(
+            Leg(duration_s=0.04 * duration_s),
+            Leg(duration_s=0.08 * duration_s, height_m=_height_m(duration_s)),
+            turn,
+            Leg(duration_s=move_s, north_m=second[0], east_m=second[1]),
+            turn,
+            Leg(duration_s=move_s, north_m=third[0], east_m=third[1]),
+            turn,
+            Leg(duration_s=0.08 * duration_s),
+        ),
+    )
+
+
+def _amid(duration_s: float) -> Flight:
+    """Standing amid the points."""
+    corners = _points(duration_s)
+    return Flight(
+        north_m=sum(corner[0] for corner in corners) / 3,
+        east_m=sum(corner[1] for corner in corners) / 3,
+        height_m=_height_m(duration_s),
+    )
+
+
+def _levelled(scenario: Scenario, stand: Flight, enr_db: float) -> Scenario:
+    """Set each tag's power so that its ENR at boresight is the wanted one from a stand."""
+    probe = replace(
+        scenario,
+        flight=replace(stand, wobble_deg=0.0),
+        antenna=replace(scenario.antenna, pattern="isotropic", polarization="any"),
+        propagation=replace(scenario.propagation, fading=Fading()),
+    )
+    world = World(probe)
+    return replace(
+        scenario,
+        tag=tuple(
+            replace(
+                tag,
+                erp_dbm=round(tag.erp_dbm + enr_db - world.pulse(tag, 0).enr_db, 1),
+            )
+            for tag in scenario.tag
+        ),
+    )

@@ -1,0 +1,190 @@
+"""A vehicle that flies commands, as the simulated autopilot reports it."""
+
+import math
+from pathlib import Path
+from typing import Literal
+
+from uavrt.attitude import from_euler_deg
+from uavrt.mavlink import Message, dialect
+from uavrt.messages import Pose
+from uavrt.simulation.flown_path import PathWriter
+from uavrt.simulation.flying import FlyingVehicle
+from uavrt.simulation.geometry import TangentPlane
+from uavrt.units import ns_from_s, s_from_ns
+
+Flavour = Literal["px4", "ardupilot"]
+STEP_NS = ns_from_s(0.02)
+SLOWEST_NS: dict[str, dict[int, int]] = {
+    "px4": {dialect.CurrentMode.ID: ns_from_s(0.5)},
+    "ardupilot": {},
+}
+"""PX4 1.17 sends CURRENT_MODE at 2 Hz whatever is asked."""
+FLOWN_IDS = frozenset(
+    {
+        dialect.GlobalPositionInt.ID,
+        dialect.PositionTargetGlobalInt.ID,
+        dialect.RcChannels.ID,
+        dialect.HomePosition.ID,
+        dialect.SysStatus.ID,
+        dialect.CurrentMode.ID,
+        dialect.ExtendedSysState.ID,
+    }
+)
+_BOTH = FLOWN_IDS - {dialect.CurrentMode.ID}
+ASKED_IDS: dict[str, frozenset[int]] = {
+    "px4": _BOTH | {dialect.CurrentMode.ID},
+    "ardupilot": _BOTH | {dialect.Heartbeat.ID},
+}
+"""What can be asked for: PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE."""
+CENTRE_US = 1500
+
+
+class Flown:
+    """The vehicle in real time.
+
+    Parameters
+    ----------
+    start : Pose
+        Where it hovers until it is commanded.
+    flavour : {"px4", "ardupilot"}
+    sticks : bool
+        A remote control is switched on.
+    path : Path, optional
+        File in which it leaves where it was (`uavrt.simulation.flown_path`).
+    on_ground : bool
+        It stands below its start, disarmed, instead.
+    """
+
+    def __init__(
+        self,
+        start: Pose,
+        flavour: Flavour,
+        sticks: bool,
+        path: Path | None = None,
+        *,
+        on_ground: bool = False,
+    ) -> None:
+        home_amsl = start.altitude_amsl_m - start.altitude_relative_m
+        plane = TangentPlane(
+            latitude_deg=start.latitude_deg,
+            longitude_deg=start.longitude_deg,
+            altitude_amsl_m=home_amsl,
+        )
+        self.vehicle = FlyingVehicle(
+            flavour,
+            plane,
+            height_m=0.0 if on_ground else start.altitude_relative_m,
+            armed=not on_ground,
+        )
+        self.channels_us = (CENTRE_US,) * 4 if sticks else ()
+        self._time_ns = start.time_ns
+        self._mode_told = self.vehicle.mode
+        self._writer = None if path is None else PathWriter(path)
+
+    def advance(self, now_ns: int) -> bool:
+        """Fly until now; True when the mode has changed."""
+        mode = self.vehicle.mode
+        changed = mode != self._mode_told
+        self._mode_told = mode
+        gone: list[tuple[Pose, float]] = []
+        while self._time_ns + STEP_NS <= now_ns:
+            self._time_ns += STEP_NS
+            self.vehicle.advance(s_from_ns(STEP_NS))
+            gone.append((self.pose(self._time_ns), self.vehicle.yaw_deg))
+        if self._writer is not None and gone:
+            self._writer.add(gone)
+        return changed
+
+    def pose(self, time_ns: int) -> Pose:
+        """Pose of the newest step, with the time asked for."""
+        vehicle = self.vehicle
+        latitude, longitude = vehicle.latitude_longitude()
+        height = vehicle.shown_height_m
+        return Pose(
+            time_ns=time_ns,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl_m=vehicle.plane.altitude_amsl_m + height,
+            altitude_relative_m=height,
+            quaternion_wxyz=from_euler_deg(vehicle.yaw_deg, 0.0, 0.0),
+        )
+
+    def message(self, message_id: int, boot_ms: int) -> Message | None:
+        """Write one message; None where there is nothing to tell."""
+        match message_id:
+            case dialect.GlobalPositionInt.ID:
+                return self._position(boot_ms)
+            case dialect.PositionTargetGlobalInt.ID:
+                return self.vehicle.position_target(boot_ms & 0xFFFFFFFF)
+            case dialect.HomePosition.ID:
+                return self.home()
+            case dialect.CurrentMode.ID:
+                mode = self.vehicle.mode
+                return dialect.CurrentMode(
+                    standard_mode=0, custom_mode=mode, intended_custom_mode=mode
+                )
+            case dialect.RcChannels.ID:
+                return self._sticks(boot_ms)
+            case dialect.ExtendedSysState.ID:
+                return self.vehicle.landed_state()
+        return self.status()
+
+    def home(self) -> dialect.HomePosition:
+        """Where it started."""
+        plane = self.vehicle.plane
+        return dialect.HomePosition(
+            latitude=round(plane.latitude_deg * 1e7),
+            longitude=round(plane.longitude_deg * 1e7),
+            altitude=round(plane.altitude_amsl_m * 1e3),
+            x=0.0,
+            y=0.0,
+            z=0.0,
+            q=(1.0, 0.0, 0.0, 0.0),
+            approach_x=0.0,
+            approach_y=0.0,
+            approach_z=0.0,
+        )
+
+    def _position(self, boot_ms: int) -> dialect.GlobalPositionInt:
+        vehicle = self.vehicle
+        latitude, longitude = vehicle.latitude_longitude()
+        north, east, up = vehicle.velocity_m_s
+        height = vehicle.shown_height_m
+        return dialect.GlobalPositionInt(
+            time_boot_ms=boot_ms & 0xFFFFFFFF,
+            lat=round(latitude * 1e7),
+            lon=round(longitude * 1e7),
+            alt=round((vehicle.plane.altitude_amsl_m + height) * 1e3),
+            relative_alt=round(height * 1e3),
+            vx=round(north * 100),
+            vy=round(east * 100),
+            vz=round(-up * 100),
+            hdg=math.floor(vehicle.yaw_deg * 100),
+        )
+
+    def _sticks(self, boot_ms: int) -> dialect.RcChannels | None:
+        if not self.channels_us:
+            return None
+        channels = dict.fromkeys((f"chan{n}_raw" for n in range(5, 19)), 65_535)
+        channels |= {f"chan{n + 1}_raw": one for n, one in enumerate(self.channels_us)}
+        return dialect.RcChannels(
+            time_boot_ms=boot_ms & 0xFFFFFFFF, chancount=8, rssi=200, **channels
+        )
+
+    def status(self) -> dialect.SysStatus:
+        """What is left in the battery."""
+        return dialect.SysStatus(
+            onboard_control_sensors_present=0,
+            onboard_control_sensors_enabled=0,
+            onboard_control_sensors_health=0,
+            load=300,
+            voltage_battery=16_200,
+            current_battery=-1,
+            battery_remaining=round(self.vehicle.battery_percent),
+            drop_rate_comm=0,
+            errors_comm=0,
+            errors_count1=0,
+            errors_count2=0,
+            errors_count3=0,
+            errors_count4=0,
+        )

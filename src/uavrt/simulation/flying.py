@@ -1,0 +1,430 @@
+"""A drone that flies as it is told, in the manners of PX4 1.17 or ArduCopter 4.7. Pure.
+
+Accelerates, turns at its yaw rate, is pushed by gusts and slowed by wind, drains its battery.
+It accepts, refuses and disobeys as the real ones were seen to: PX4 takes any z for one above
+mean sea level and answers UNSUPPORTED to a DO_REPOSITION without change of mode that it flies
+all the same.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+from uavrt.mavlink import Message, dialect
+from uavrt.mavlink.dialect import MavCmd, MavResult
+from uavrt.simulation import geometry
+
+Flavour = Literal["px4", "ardupilot"]
+MODES: dict[Flavour, dict[str, int]] = {
+    "px4": {
+        "position": 3 << 16,
+        "hold": 4 << 16 | 3 << 24,
+        "return": 4 << 16 | 5 << 24,
+        "land": 4 << 16 | 6 << 24,
+        "takeoff": 4 << 16 | 2 << 24,
+    },
+    "ardupilot": {"position": 5, "hold": 4, "return": 6, "land": 9, "brake": 17},
+}
+"""``hold`` is the mode in which DO_REPOSITION is flown: AUTO.LOITER and GUIDED."""
+PX4_YAW_DEG_S = 53.0
+ARDUPILOT_YAW_DEG_S = 60.0
+RETURN_HEIGHT_M = 30.0
+FULL_SCALE_DEG = 1e7
+SPOOL_S = 1.5
+"""From the command until it leaves the ground."""
+IDLE_S = 10.0
+"""Armed on the ground: then it disarms (COM_DISARM_PRFLT, DISARM_DELAY)."""
+NOWHERE = 2**31 - 1
+"""INT32_MAX: no latitude or longitude, as NaN is in a COMMAND_LONG."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """How a vehicle moves."""
+
+    speed_m_s: float = 8.0
+    climb_m_s: float = 3.0
+    acceleration_m_s2: float = 3.0
+    gust_m: float = 0.2
+    """Standard deviation of the place by gusts."""
+    hover_w: float = 400.0
+    battery_wh: float = 120.0
+    fence_m: float = 5_000.0
+    """Radius around home."""
+    wind_m_s: tuple[float, float] = (0.0, 0.0)
+    """Where the air goes: north, east."""
+    airspeed_m_s: float = 12.0
+    """Greatest: against the wind it comes forward the slower."""
+    drag_share: float = 0.1
+    """Of the power of hovering, on top at an airspeed of 10 m/s; it grows with the cube."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """What it flies to."""
+
+    north_m: float
+    east_m: float
+    height_m: float
+    """Above home."""
+
+
+@dataclass(slots=True)
+class FlyingVehicle:
+    """The vehicle; `advance` lets time pass, `command` takes a command of whoever sends one.
+
+    Parameters
+    ----------
+    flavour : {"px4", "ardupilot"}
+    plane : geometry.TangentPlane
+        Around home.
+    """
+
+    flavour: Flavour
+    plane: geometry.TangentPlane
+    frame: Frame = field(default_factory=Frame)
+    north_m: float = 0.0
+    east_m: float = 0.0
+    height_m: float = 40.0
+    yaw_deg: float = 0.0
+    velocity_m_s: geometry.Vector = (0.0, 0.0, 0.0)
+    """North, east, up."""
+    mode: int = -1
+    armed: bool = True
+    target: Target | None = None
+    wanted_yaw_deg: float | None = None
+    turn_left_deg: float = 0.0
+    """Of a CONDITION_YAW, signed."""
+    turn_rate_deg_s: float = 20.0
+    used_wh: float = 0.0
+    elapsed_s: float = 0.0
+    landed: bool = False
+    taking_off: bool = False
+    """Until somebody commands something else; ArduPilot shows no target then."""
+    takeoff_height_m: float = 2.5
+    """Where the command tells none: MIS_TAKEOFF_ALT."""
+    idle_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.landed = self.landed or self.height_m <= 0.0
+        if self.mode < 0:
+            self.mode = MODES[self.flavour]["position"]
+
+    # ------------------------------------------------------------------- what it shows
+
+    @property
+    def commanded(self) -> bool:
+        """Whether it is in the mode that flies what it is told."""
+        return self.mode == MODES[self.flavour]["hold"]
+
+    @property
+    def battery_percent(self) -> float:
+        """What is left."""
+        return max(0.0, 100.0 * (1.0 - self.used_wh / self.frame.battery_wh))
+
+    @property
+    def power_w(self) -> float:
+        """What it takes now, at the airspeed that it has."""
+        north, east = self.frame.wind_m_s
+        airspeed = math.hypot(self.velocity_m_s[0] - north, self.velocity_m_s[1] - east)
+        return self.frame.hover_w * (1.0 + self.frame.drag_share * (airspeed / 10.0) ** 3)
+
+    @property
+    def place_m(self) -> tuple[float, float]:
+        """North and east, gusts included."""
+        push = self.frame.gust_m * math.sqrt(2.0) * min(1.0, self.height_m / 2.0)
+        return (
+            self.north_m + push * math.sin(0.9 * self.elapsed_s),
+            self.east_m + push * math.sin(0.7 * self.elapsed_s + 1.0),
+        )
+
+    @property
+    def shown_height_m(self) -> float:
+        """Height above home, gusts included."""
+        push = 0.5 * self.frame.gust_m * math.sqrt(2.0) * min(1.0, self.height_m / 2.0)
+        return self.height_m + push * math.sin(1.1 * self.elapsed_s + 2.0)
+
+    def latitude_longitude(self) -> tuple[float, float]:
+        """Where it is [deg]."""
+        return self.plane.to_geodetic(*self.place_m)
+
+    def position_target(self, boot_ms: int) -> dialect.PositionTargetGlobalInt | None:
+        """What it flies to; None while there is no target."""
+        if self.target is None or (self.taking_off and self.flavour == "ardupilot"):
+            return None
+        latitude, longitude = self.plane.to_geodetic(self.target.north_m, self.target.east_m)
+        px4 = self.flavour == "px4"
+        return dialect.PositionTargetGlobalInt(
+            time_boot_ms=boot_ms,
+            coordinate_frame=dialect.MavFrame.GLOBAL_INT,
+            type_mask=0 if px4 else dialect.PositionTargetTypemask.YAW_IGNORE,
+            lat_int=round(latitude * FULL_SCALE_DEG),
+            lon_int=round(longitude * FULL_SCALE_DEG),
+            alt=self.plane.altitude_amsl_m + self.target.height_m,
+            vx=0.0,
+            vy=0.0,
+            vz=0.0,
+            afx=0.0,
+            afy=0.0,
+            afz=0.0,
+            yaw=math.radians(self.yaw_deg),
+            yaw_rate=0.0,
+        )
+
+    def landed_state(self) -> dialect.ExtendedSysState:
+        """Whether it stands on the ground."""
+        state = dialect.MavLandedState
+        return dialect.ExtendedSysState(
+            vtol_state=0, landed_state=state.ON_GROUND if self.landed else state.IN_AIR
+        )
+
+    # ------------------------------------------------------------------- what it is told
+
+    def set_mode(self, mode: int) -> None:
+        """Change the mode, as a switch on the remote control does."""
+        if mode == self.mode:
+            return
+        self.mode, self.taking_off = mode, False
+        self.wanted_yaw_deg, self.turn_left_deg = None, 0.0
+        names = MODES[self.flavour]
+        if self.landed:
+            self.target = None
+        elif mode == names["return"]:
+            height = max(self.height_m, RETURN_HEIGHT_M)
+            self.target = Target(north_m=0.0, east_m=0.0, height_m=height)
+        elif mode == names["land"]:
+            self.target = Target(north_m=self.north_m, east_m=self.east_m, height_m=0.0)
+        elif mode in (names["hold"], names.get("takeoff")):
+            self.target = self._here()
+        else:
+            self.target = None
+
+    def command(self, message: dialect.CommandInt | dialect.CommandLong) -> int | None:
+        """Handle a command of motion; None for those that are none."""
+        match message.command:
+            case MavCmd.DO_REPOSITION:
+                return self._reposition(message)
+            case MavCmd.CONDITION_YAW:
+                return self._turn(message)
+            case MavCmd.NAV_RETURN_TO_LAUNCH:
+                self.set_mode(MODES[self.flavour]["return"])
+                return MavResult.ACCEPTED
+            case MavCmd.DO_SET_MODE:
+                return self._ask_mode(message)
+            case MavCmd.NAV_TAKEOFF:
+                return self._take_off(message)
+            case MavCmd.COMPONENT_ARM_DISARM:
+                return self._arm(on=message.param1 == 1.0)
+        return None
+
+    def _arm(self, *, on: bool) -> int:
+        """As a pilot does; ArduPilot not in the modes that end on the ground."""
+        names = MODES[self.flavour]
+        ending = self.flavour == "ardupilot" and self.mode in (names["return"], names["land"])
+        if not self.landed or (on and ending):
+            return MavResult.DENIED
+        self.armed, self.idle_s = on, 0.0
+        return MavResult.ACCEPTED
+
+    def _take_off(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
+        """PX4 takes it disarmed, too, and climbs once somebody arms; ArduPilot does not."""
+        z = message.z if isinstance(message, dialect.CommandInt) else message.param7
+        px4 = self.flavour == "px4"
+        if not px4 and not (self.armed and self.landed and self.commanded and z > 0.0):
+            return MavResult.FAILED
+        if not self.landed:
+            return MavResult.DENIED
+        height = z - self.plane.altitude_amsl_m if px4 else z
+        if not math.isfinite(height):
+            height = self.height_m + self.takeoff_height_m
+        if px4:
+            self.set_mode(MODES["px4"]["takeoff"])
+        north, east = self.place_m
+        self.target = Target(north_m=north, east_m=east, height_m=height)
+        self.taking_off, self.idle_s = True, 0.0
+        return MavResult.ACCEPTED
+
+    def _ask_mode(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
+        if self.flavour == "px4":
+            mode = int(message.param2) << 16 | int(message.param3) << 24
+        else:
+            mode = int(message.param2)
+        if mode not in MODES[self.flavour].values():
+            return MavResult.DENIED
+        self.set_mode(mode)
+        return MavResult.ACCEPTED
+
+    def _turn(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
+        if self.flavour == "px4":
+            return MavResult.UNSUPPORTED
+        if not self.commanded:
+            return MavResult.FAILED
+        way = -1.0 if message.param3 < 0.0 else 1.0
+        if message.param4:
+            self.turn_left_deg = way * message.param1
+        else:
+            off = (message.param1 - self.yaw_deg + 180.0) % 360.0 - 180.0
+            self.turn_left_deg = off
+        self.turn_rate_deg_s = message.param2 or 20.0
+        return MavResult.ACCEPTED
+
+    def _reposition(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
+        """Fly there, with what each of the autopilots makes of it."""
+        px4, whole = self.flavour == "px4", isinstance(message, dialect.CommandInt)
+        if not px4 and not whole:
+            return MavResult.UNSUPPORTED
+        changes = bool(int(message.param2) & 1)
+        if not changes and not self.commanded:
+            return MavResult.UNSUPPORTED if px4 else MavResult.DENIED
+        target = self._asked_place(message)
+        if target is None:
+            return MavResult.DENIED
+        if math.hypot(target.north_m, target.east_m) > self.frame.fence_m:
+            return MavResult.ACCEPTED if px4 else MavResult.FAILED
+        self.taking_off = False
+        if changes:
+            self.set_mode(MODES[self.flavour]["hold"])
+        self.target = target
+        self.wanted_yaw_deg, self.turn_left_deg = None, 0.0
+        if px4 and math.isfinite(message.param4):
+            self.wanted_yaw_deg = math.degrees(message.param4) % 360.0
+        return MavResult.ACCEPTED if changes or not px4 else MavResult.UNSUPPORTED
+
+    def _asked_place(self, message: dialect.CommandInt | dialect.CommandLong) -> Target | None:
+        here = self._here()
+        if isinstance(message, dialect.CommandInt):
+            nowhere = NOWHERE in (message.x, message.y)
+            latitude, longitude = message.x / FULL_SCALE_DEG, message.y / FULL_SCALE_DEG
+            z, relative = message.z, message.frame in (3, 6)
+        else:
+            nowhere = not math.isfinite(message.param5 + message.param6)
+            latitude, longitude = message.param5, message.param6
+            z, relative = message.param7, False
+        if nowhere and self.flavour == "ardupilot":
+            return None
+        height = here.height_m
+        if math.isfinite(z):
+            absolute = self.flavour == "px4" or not relative
+            height = z - self.plane.altitude_amsl_m if absolute else z
+        north, east = (
+            (here.north_m, here.east_m) if nowhere else self.plane.to_local(latitude, longitude)
+        )
+        return Target(north_m=north, east_m=east, height_m=height)
+
+    def _here(self) -> Target:
+        north, east = self.place_m
+        return Target(north_m=north, east_m=east, height_m=self.shown_height_m)
+
+    # ------------------------------------------------------------------- how it moves
+
+    def advance(self, step_s: float) -> None:
+        """Let a short time pass."""
+        self.elapsed_s += step_s
+        if not self.armed:
+            return
+        self.used_wh += self.power_w * step_s / 3600.0
+        if self.landed:
+            self._stand(step_s)
+            return
+        target = self.target or Target(
+            north_m=self.north_m, east_m=self.east_m, height_m=self.height_m
+        )
+        self._move(target, step_s)
+        self._look(target, step_s)
+        self._land()
+
+    def _stand(self, step_s: float) -> None:
+        """Armed on the ground: leave it when told to, or disarm."""
+        self.idle_s += step_s
+        if self.taking_off:
+            self.landed = self.idle_s < SPOOL_S
+        elif self.idle_s > IDLE_S:
+            self.armed = False
+
+    def _move(self, target: Target, step_s: float) -> None:
+        off = (target.north_m - self.north_m, target.east_m - self.east_m, 0.0)
+        level = self._towards(off, (self.velocity_m_s[0], self.velocity_m_s[1], 0.0), step_s)
+        climb = max(
+            -self.frame.climb_m_s, min(self.frame.climb_m_s, target.height_m - self.height_m)
+        )
+        if self.target is None:
+            climb = 0.0
+        self.velocity_m_s = (level[0], level[1], climb)
+        self.north_m += level[0] * step_s
+        self.east_m += level[1] * step_s
+        self.height_m = max(0.0, self.height_m + climb * step_s)
+
+    def _towards(
+        self, off_m: geometry.Vector, velocity: geometry.Vector, step_s: float
+    ) -> geometry.Vector:
+        """New velocity: as fast as can be braked from, changed by the acceleration at most."""
+        left, pull = geometry.length(off_m), self.frame.acceleration_m_s2
+        speed = min(self.frame.speed_m_s, math.sqrt(pull * left), 0.8 * left)
+        if left > 1e-6:
+            speed = min(speed, self._against_wind_m_s(off_m[0] / left, off_m[1] / left))
+        wanted = geometry.scale(off_m, speed / left) if left > 1e-6 else (0.0, 0.0, 0.0)
+        change = geometry.subtract(wanted, velocity)
+        most, size = pull * step_s, geometry.length(change)
+        return (
+            wanted
+            if size <= most
+            else geometry.add(velocity, geometry.scale(change, most / size))
+        )
+
+    def _against_wind_m_s(self, north: float, east: float) -> float:
+        """Greatest speed over ground in a direction."""
+        wind_north, wind_east = self.frame.wind_m_s
+        along = wind_north * north + wind_east * east
+        across = wind_east * north - wind_north * east
+        return max(0.0, along + math.sqrt(max(0.0, self.frame.airspeed_m_s**2 - across**2)))
+
+    def _look(self, target: Target, step_s: float) -> None:
+        """Turn to what was asked for, or where it flies to."""
+        if self.turn_left_deg:
+            most = self.turn_rate_deg_s * step_s
+            step = max(-most, min(most, self.turn_left_deg))
+            self.turn_left_deg -= step
+            self.yaw_deg = (self.yaw_deg + step) % 360.0
+            return
+        wanted = self.wanted_yaw_deg
+        north, east = target.north_m - self.north_m, target.east_m - self.east_m
+        if wanted is None and self.commanded and math.hypot(north, east) > 3.0:
+            wanted = math.degrees(math.atan2(east, north))
+        if wanted is None:
+            return
+        rate = PX4_YAW_DEG_S if self.flavour == "px4" else ARDUPILOT_YAW_DEG_S
+        off = (wanted - self.yaw_deg + 180.0) % 360.0 - 180.0
+        most = rate * step_s
+        self.yaw_deg = (self.yaw_deg + max(-most, min(most, off))) % 360.0
+
+    def _land(self) -> None:
+        """Come down at home, and disarm on the ground."""
+        names, target = MODES[self.flavour], self.target
+        if self.mode == names.get("takeoff") and target is not None:
+            if self.height_m > target.height_m - 0.5:
+                self.set_mode(names["hold"])
+                self.target = target
+            return
+        if target is None or self.mode not in (names["return"], names["land"]):
+            return
+        if self.mode == names["return"] and target.height_m > 0.0:
+            at_home = math.hypot(self.north_m, self.east_m) < 1.0
+            if at_home and abs(self.height_m - target.height_m) < 1.0:
+                self.target = Target(north_m=0.0, east_m=0.0, height_m=0.0)
+        elif self.height_m < 0.1:
+            self.armed, self.landed, self.target = False, True, None
+
+
+def is_motion(message: Message) -> bool:
+    """Whether a message asks a vehicle to move, turn or change its mode."""
+    return isinstance(message, dialect.CommandInt | dialect.CommandLong) and (
+        message.command
+        in (
+            MavCmd.DO_REPOSITION,
+            MavCmd.CONDITION_YAW,
+            MavCmd.NAV_RETURN_TO_LAUNCH,
+            MavCmd.DO_SET_MODE,
+            MavCmd.NAV_TAKEOFF,
+            MavCmd.COMPONENT_ARM_DISARM,
+        )
+    )

@@ -1,0 +1,107 @@
+"""Copy flights to a drive and remove them; either can be stopped at any moment."""
+
+import os
+import shutil
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from uavrt.errors import RecordingError
+from uavrt.log import get_logger
+
+log = get_logger()
+
+Step = Callable[[int, int, str], None]
+Wanted = Callable[[], bool]
+
+CHUNK_BYTES = 1 << 20
+SYNC_BYTES = 8 * CHUNK_BYTES
+"""No more than this waits to be written to the drive: a process that ends while the kernel
+writes is kept until it has done so, and a slow flash drive takes 5 MB a second."""
+
+
+def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) -> None:
+    """Copy flights; what is there already with the same size is left.
+
+    Parameters
+    ----------
+    flights : list of Path
+        Their directories.
+    target : Path
+        Directory on the drive.
+    step : callable
+        Gets how many are done, of how many, and what comes now.
+    wanted : callable
+        Asked again and again; the work is broken off when it says no.
+
+    Raises
+    ------
+    OSError
+        The drive cannot be written.
+    RecordingError
+        It is not wanted any more; what was copied whole stays there.
+    """
+    for done, flight in enumerate(flights):
+        step(done, len(flights), flight.name)
+        for source in sorted(flight.rglob("*")):
+            place = target / flight.name / source.relative_to(flight)
+            if source.is_dir():
+                place.mkdir(parents=True, exist_ok=True)
+            elif source.is_file() and not _is_there(source, place):
+                place.parent.mkdir(parents=True, exist_ok=True)
+                _copy(source, place, wanted)
+    step(len(flights), len(flights), "writing to the drive")
+    os.sync()  # so that the drive may be pulled out
+
+
+def remove_flights(flights: list[Path], step: Step, wanted: Wanted) -> None:
+    """Remove flights, each whole; raises `OSError`, and `RecordingError` between
+    two of them when it is not wanted any more.
+    """
+    for done, flight in enumerate(flights):
+        _check(wanted)
+        step(done, len(flights), flight.name)
+        shutil.rmtree(flight)
+        log.info("flight removed", flight=flight.name)
+
+
+def _check(wanted: Wanted) -> None:
+    if not wanted():
+        raise RecordingError("stopped: the system ends", remedy="Send the command again")
+
+
+def _is_there(source: Path, place: Path) -> bool:
+    with suppress(FileNotFoundError):
+        before, after = source.stat(), place.stat()
+        # FAT keeps times to 2 s.
+        return before.st_size == after.st_size and before.st_mtime - after.st_mtime < 2.0
+    return False
+
+
+def _copy(source: Path, place: Path, wanted: Wanted) -> None:
+    """Copy a file under another name first: a drive pulled out leaves no half file."""
+    part = place.with_name(place.name + ".part")
+    try:
+        _copy_content(source, part, wanted)
+        shutil.copystat(source, part)
+        part.replace(place)
+    except BaseException:
+        with suppress(OSError):  # the drive may be gone
+            part.unlink()
+        raise
+
+
+def _copy_content(source: Path, part: Path, wanted: Wanted) -> None:
+    unwritten = 0
+    with source.open("rb") as reader, part.open("wb") as writer:
+        while True:
+            _check(wanted)
+            chunk = reader.read(CHUNK_BYTES)
+            if not chunk:
+                return
+            writer.write(chunk)
+            unwritten += len(chunk)
+            if unwritten >= SYNC_BYTES:
+                writer.flush()
+                os.fdatasync(writer.fileno())
+                unwritten = 0

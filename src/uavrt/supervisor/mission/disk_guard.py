@@ -1,0 +1,106 @@
+"""The disk guard: warns when space runs out, and frees space if configured to.
+
+A full disk never stops detection: the recorder keeps what it cannot write and tries again, the
+processes' output is dropped and counted.
+"""
+
+import os
+import shutil
+from pathlib import Path
+
+from uavrt.config import RecordingSettings
+from uavrt.log import get_logger
+from uavrt.recording import FlightLayout
+
+log = get_logger()
+
+FLIGHT_PREFIX = "flight_log_"
+
+
+class DiskGuard:
+    """Watches the free space where flights are kept.
+
+    Parameters
+    ----------
+    directory : Path
+        Where flight directories are made.
+    settings : RecordingSettings
+        The limit, and whether old flights may be removed.
+    """
+
+    def __init__(self, directory: Path, settings: RecordingSettings) -> None:
+        self._directory = directory
+        self._limit_mb = settings.minimum_free_mb
+        self._may_prune = settings.remove_oldest_flights
+        self._flight: Path | None = None
+        self._warned = False
+        self.free_mb: float | None = None
+        """Free space [MB]; None before the first look and where it cannot be measured."""
+
+    def flying(self, flight: Path | None) -> None:
+        """Report which flight is being written; it is never removed."""
+        self._flight = flight
+
+    def check(self) -> list[tuple[int, str]]:
+        """Measure; get texts (severity, text) for the operator. Runs in a thread of its own."""
+        self.free_mb = self._measure()
+        texts: list[tuple[int, str]] = []
+        while self._is_short(self.free_mb) and self._may_prune:
+            samples = self._remove_oldest_samples()
+            removed = samples or self._remove_oldest()
+            if removed is None:
+                break
+            self.free_mb = self._measure()
+            what = "samples of " if samples else ""
+            texts.append((4, f"Disk nearly full: removed {what}{removed.name}"))
+        if self.free_mb is None or not self._is_short(self.free_mb):
+            self._warned = False
+        elif not self._warned:
+            self._warned = True
+            texts.append(
+                (4, f"Disk nearly full: {self.free_mb:.0f} MB free. Detection goes on")
+            )
+        return texts
+
+    def _is_short(self, free_mb: float | None) -> bool:
+        return free_mb is not None and free_mb < self._limit_mb
+
+    def _measure(self) -> float | None:
+        try:
+            usage = os.statvfs(self._directory)
+        except OSError:
+            return None
+        return usage.f_bavail * usage.f_frsize / 1e6
+
+    def _remove_oldest(self) -> Path | None:
+        """Remove the oldest flight but the present one; None when there is no other."""
+        return next((path for path in self._may_go() if _removed(path)), None)
+
+    def _remove_oldest_samples(self) -> Path | None:
+        """Remove the kept channels of the oldest flight that has some: they go first."""
+        for path in self._may_go():
+            channels = FlightLayout(path).channels_directory
+            if channels.is_dir() and not channels.is_symlink() and _removed(channels):
+                return path
+        return None
+
+    def _may_go(self) -> list[Path]:
+        """Flights that may be removed, oldest first: neither starred nor the present one."""
+        return sorted(
+            path
+            for path in self._directory.glob(f"{FLIGHT_PREFIX}*")
+            if path.is_dir()
+            and not path.is_symlink()
+            and not FlightLayout(path).star.exists()
+            and (self._flight is None or path.resolve() != self._flight.resolve())
+        )
+
+
+def _removed(directory: Path) -> bool:
+    """Remove a directory; False if that fails."""
+    try:
+        shutil.rmtree(directory)
+    except OSError as error:
+        log.warning("not removed", directory=str(directory), reason=str(error))
+        return False
+    return True

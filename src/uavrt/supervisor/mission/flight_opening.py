@@ -1,0 +1,122 @@
+"""Open a flight: create its directory and assign tags to workers."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from uavrt.clock import Clock, flight_stamp
+from uavrt.config import Receiver, Settings, tags_by_band
+from uavrt.errors import RecordingError
+from uavrt.messages import FlightInfo, Tag
+
+_AT_EASE = 16
+"""Tags that one worker has beside others with none and nobody is the poorer: some 2 % of a
+core."""
+
+
+def share_tags(
+    tags: Sequence[Tag], workers: int, *, window_hz: float, receiver: Receiver | None = None
+) -> tuple[tuple[Tag, ...], ...]:
+    """Deal the tags out to workers.
+
+    Tags whose bands overlap hear the same pulses, and must be judged together: they go to one
+    worker, each time to the one with the fewest tags. So do those at whose place the receiver
+    may show a ghost of each other, the mirror before multiples, as long as no worker has more
+    than its part of the tags, or 16.
+
+    Parameters
+    ----------
+    tags : sequence of Tag
+    workers : int
+        At most.
+    window_hz : float
+        Half-width of the search around each tag.
+    receiver : Receiver, optional
+        What makes the ghosts.
+
+    Returns
+    -------
+    tuple of tuple of Tag
+        At least one, which may be empty when there are no tags; else none is.
+    """
+    together = tags_by_band(tags, window_hz)
+    if receiver is not None and workers > 1:
+        most = max(_AT_EASE, math.ceil(len(tags) / workers))
+        together = _with_ghosts(together, receiver, window_hz, most)
+    shares: list[list[Tag]] = [[] for _ in range(max(1, min(workers, len(together))))]
+    for some in together:
+        min(shares, key=len).extend(some)
+    return tuple(tuple(share) for share in shares)
+
+
+def _with_ghosts(
+    together: list[list[Tag]], receiver: Receiver, window_hz: float, most: int
+) -> list[list[Tag]]:
+    """Group those, too, that may show as ghosts of each other, up to so many tags."""
+    group_of = {tag.tag_id: group for group in together for tag in group}
+    multiples = (
+        (receiver.multiple(ghost.frequency_hz, tag.frequency_hz, window_hz), tag, ghost)
+        for tag in itertools.chain(*together)
+        for ghost in itertools.chain(*together)
+        if group_of[tag.tag_id] is not group_of[ghost.tag_id]
+    )
+    pairs = [(abs(multiple), tag, ghost) for multiple, tag, ghost in multiples if multiple]
+    for _, tag, ghost in sorted(pairs, key=lambda pair: pair[0]):
+        one, other = group_of[tag.tag_id], group_of[ghost.tag_id]
+        if one is not other and len(one) + len(other) <= most:
+            joined = [*one, *other]
+            group_of |= {each.tag_id: joined for each in joined}
+    found = {id(group): group for group in group_of.values()}
+    return sorted(found.values(), key=lambda group: -len(group))
+
+
+def new_flight(
+    settings: Settings,
+    tags: tuple[Tag, ...],
+    clock: Clock,
+    *,
+    center_frequency_hz: float,
+    capture_s: float | None = None,
+) -> FlightInfo:
+    """Make the flight's directory; with `capture_s` it is a raw capture.
+
+    Raises
+    ------
+    RecordingError
+        The directory cannot be made.
+    """
+    start_ns = clock.now_ns()
+    return FlightInfo(
+        directory=str(_make_directory(Path(settings.recording.directory), start_ns)),
+        start_time_ns=start_ns,
+        clock_offset_ns=clock.offset_ns,
+        center_frequency_hz=center_frequency_hz,
+        sample_rate_hz=settings.radio.sample_rate_hz,
+        tags=tags,
+        capture_s=capture_s,
+    )
+
+
+def last_written_ns(directory: Path) -> int | None:
+    """Get when a flight was written to last [ns, wall clock], None without one."""
+    times = [path.stat().st_mtime_ns for path in directory.glob("*") if path.is_file()]
+    return max(times, default=None)
+
+
+def _make_directory(parent: Path, start_ns: int) -> Path:
+    """Make ``flight_log_<UTC>``; two flights in one second get a number."""
+    for attempt in range(1, 100):
+        suffix = "" if attempt == 1 else f"_{attempt}"
+        directory = parent.resolve() / f"flight_log_{flight_stamp(start_ns)}{suffix}"
+        try:
+            directory.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise RecordingError(
+                f"cannot make {directory}: {error.strerror}",
+                remedy="Free some space, or set recording.directory to a writable place",
+            ) from error
+        return directory
+    raise RecordingError(f"cannot make a new flight directory in {parent}")

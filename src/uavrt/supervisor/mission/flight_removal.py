@@ -1,0 +1,65 @@
+"""Which flights a ground station may remove, with confirmation. Pure except for disk reads.
+
+Two steps: the first command says what would go, the second, later than any repetition of the
+first, lets it go. The newest flight and those that are starred stay.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from uavrt.clock import monotonic_s
+from uavrt.recording import FlightLayout
+
+REPEATED_S = 10.0
+"""A ground station repeats what is not acknowledged four times in 8 s: within this after the
+last one it is the same wish."""
+FORGOTTEN_S = 120.0
+"""Later than this the second step is a first one."""
+
+
+def removable(flights: Sequence[Path]) -> list[Path]:
+    """Get the flights that may go: neither the newest, by name or by change, nor starred."""
+    if not flights:
+        return []
+    newest = {max(flights), max(flights, key=_changed_ns)}
+    return [
+        flight
+        for flight in flights
+        if flight not in newest and not FlightLayout(flight).star.exists()
+    ]
+
+
+def _changed_ns(flight: Path) -> int:
+    layout = FlightLayout(flight)
+    times = [0]
+    for path in (flight, layout.database):
+        try:
+            times.append(path.stat().st_mtime_ns)
+        except OSError:
+            continue
+    return max(times)
+
+
+class SecondStep:
+    """Tells the second step of a request from the first and its repetitions.
+
+    Parameters
+    ----------
+    clock_s : callable
+        Monotonic time [s].
+    """
+
+    def __init__(self, clock_s: Callable[[], float] = monotonic_s) -> None:
+        self._clock_s = clock_s
+        self._asked: tuple[str, float] | None = None
+
+    def is_meant(self, source: str) -> bool:
+        """Handle a wish; True when it is the second step of the one who took the first."""
+        now_s = self._clock_s()
+        asked, self._asked = self._asked, (source, now_s)
+        if asked is None or asked[0] != source:
+            return False
+        meant = REPEATED_S <= now_s - asked[1] <= FORGOTTEN_S
+        if meant:
+            self._asked = None
+        return meant

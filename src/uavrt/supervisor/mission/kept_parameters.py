@@ -1,0 +1,77 @@
+"""Parameters set by an operator: a file beside the flights that survives every restart.
+
+Each is stored with the value that the settings file had at the time. If that has changed since,
+the settings file wins and the stored value is dropped.
+"""
+
+from pathlib import Path
+
+import msgspec
+
+from uavrt.config import Settings, parameter_values, with_parameter, write_text_atomically
+from uavrt.errors import ConfigError
+from uavrt.log import get_logger
+
+log = get_logger()
+
+PARAMETERS_NAME = "parameters.json"
+
+
+class KeptValue(msgspec.Struct, frozen=True):
+    """One parameter."""
+
+    value: float
+    instead_of: float
+    """Value in the settings file when this was set."""
+
+
+class KeptParameters:
+    """The file and its contents.
+
+    Parameters
+    ----------
+    directory : Path
+        Where flight directories are made.
+    settings : Settings
+        As the settings file says.
+    """
+
+    def __init__(self, directory: Path, settings: Settings) -> None:
+        self._path = directory / PARAMETERS_NAME
+        self._file = parameter_values(settings)
+        self._kept = {
+            name: kept
+            for name, kept in self._read().items()
+            if self._file.get(name) == kept.instead_of
+        }
+
+    def applied_to(self, settings: Settings) -> Settings:
+        """Get the settings with what is kept; what they cannot have any more is left out."""
+        for name, kept in self._kept.items():
+            try:
+                settings = with_parameter(settings, name, kept.value)
+            except ConfigError as error:
+                log.warning("kept parameter not used", reason=error.message)
+        return settings
+
+    def keep(self, name: str, value: float) -> None:
+        """Keep a value that is in force now; a disk that cannot be written costs only that."""
+        if self._file[name] == value:
+            self._kept.pop(name, None)
+        else:
+            self._kept[name] = KeptValue(value, self._file[name])
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            text = msgspec.json.format(msgspec.json.encode(self._kept)).decode()
+            write_text_atomically(self._path, text + "\n")
+        except OSError as error:
+            log.warning("parameter not kept over a restart", reason=str(error.strerror))
+
+    def _read(self) -> dict[str, KeptValue]:
+        try:
+            return msgspec.json.decode(self._path.read_bytes(), type=dict[str, KeptValue])
+        except FileNotFoundError:
+            return {}
+        except (OSError, msgspec.MsgspecError) as error:
+            log.warning("kept parameters not read", reason=str(error))
+            return {}

@@ -1,0 +1,189 @@
+"""Jobs that outlast a command: copying flights to a drive, removing them.
+
+They run one at a time, in a thread, and report progress as `Operation` records and as texts.
+The original's ground station speaks a text that begins with ``#`` aloud.
+"""
+
+import asyncio
+import re
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from uavrt.clock import monotonic_s
+from uavrt.config import RecordingSettings
+from uavrt.errors import RecordingError, UavrtError
+from uavrt.log import get_logger
+from uavrt.messages import CommandName, Operation
+from uavrt.supervisor.mission.background import in_background
+from uavrt.supervisor.mission.copying import Step, remove_flights, save_flights
+from uavrt.supervisor.mission.disk_guard import FLIGHT_PREFIX
+from uavrt.supervisor.mission.flight_removal import REPEATED_S, SecondStep, removable
+
+log = get_logger()
+
+MOUNTS = Path("/proc/self/mounts")
+REMOVABLE = ("/media/", "/run/media/")
+"""Where desktops and udiskie mount what is plugged in (udisks2)."""
+
+END_S = 1.5
+"""So long the end of the system waits for what goes on: a megabyte and what is being written
+to the drive, 8 MB at most. The whole stop may take 3 s."""
+
+_ESCAPED = re.compile(r"\\([0-7]{3})")
+
+
+class Operations:
+    """Runs one operation at a time.
+
+    Parameters
+    ----------
+    settings : RecordingSettings
+        Where flights are, and where they are copied to.
+    publish : callable
+        Gets each step.
+    tell : callable
+        Sends a text (severity, text) to the operator.
+    clock_s : callable
+        Monotonic time [s].
+    """
+
+    def __init__(
+        self,
+        settings: RecordingSettings,
+        publish: Callable[[Operation], None],
+        tell: Callable[[int, str], None],
+        clock_s: Callable[[], float] = monotonic_s,
+    ) -> None:
+        self._settings = settings
+        self._publish, self._tell = publish, tell
+        self._task: asyncio.Task[None] | None = None
+        self._ending = threading.Event()
+        self._second_step = SecondStep(clock_s)
+        self.running: Operation | None = None
+
+    def _wanted(self) -> bool:
+        return not self._ending.is_set()
+
+    async def end(self) -> None:
+        """Break off what goes on, because the system ends; a drive that hangs is left."""
+        self._ending.set()
+        if self._task is not None:
+            await asyncio.wait([self._task], timeout=END_S)
+
+    def check_free(self) -> None:
+        """Raise `UavrtError` while an operation goes on."""
+        if self.running is not None:
+            raise UavrtError(f"busy: {words(self.running.name)} in progress")
+
+    def begin(self, name: CommandName, source: str = "") -> str:
+        """Begin to save or clean; return what to answer.
+
+        Parameters
+        ----------
+        name : {"save_logs", "clean_logs"}
+            Which.
+        source : str
+            Who asks: to clean needs two steps of the same one.
+
+        Raises
+        ------
+        UavrtError
+            Another one goes on, there is nowhere to save to, or it was the first step only.
+        """
+        self.check_free()
+        root = Path(self._settings.directory)
+        flights = sorted(path for path in root.glob(f"{FLIGHT_PREFIX}*") if path.is_dir())
+        if name == "save_logs":
+            target = save_directory(self._settings)
+            start, end = "#Saving logs", "#Log save complete"
+            work: Callable[[Step], None] = lambda step: save_flights(  # noqa: E731
+                flights, target, step, self._wanted
+            )
+            answer = f"{len(flights)} flights to {target}"
+        else:
+            whole = len(flights)
+            flights = removable(flights)
+            stay = f"the newest and the starred stay, {whole - len(flights)} of {whole}"
+            if not flights:
+                raise UavrtError(f"nothing to delete: {stay}")
+            if not self._second_step.is_meant(source):
+                raise UavrtError(
+                    f"send it again after {REPEATED_S:.0f} s to delete {len(flights)} flights: "
+                    f"{stay}"
+                )
+            start, end = "#Deleting logs", "#Logs deleted"
+            work = lambda step: remove_flights(flights, step, self._wanted)  # noqa: E731
+            answer = f"{len(flights)} flights; {stay}"
+        self._show(Operation(name=name, state="running", step_count=len(flights)))
+        self._tell(6, start)
+        self._task = asyncio.get_running_loop().create_task(self._run(work, end))
+        return answer
+
+    async def _run(self, work: Callable[[Step], None], end: str) -> None:
+        loop = asyncio.get_running_loop()
+
+        def step(done: int, whole: int, text: str) -> None:
+            loop.call_soon_threadsafe(self._step, done, whole, text)
+
+        try:
+            await in_background(lambda: work(step))
+        except (OSError, UavrtError) as error:
+            reason = error.message if isinstance(error, UavrtError) else str(error)
+            self._finish("failed", reason)
+            self._tell(3, reason)
+        else:
+            self._finish("complete", end.lstrip("#"))
+            self._tell(6, end)
+
+    def _step(self, done: int, whole: int, text: str) -> None:
+        if self.running is not None:
+            changes = {"step": done, "step_count": whole, "message": text}
+            self._show(replace(self.running, **changes))  # type: ignore[arg-type]
+
+    def _finish(self, state: str, text: str) -> None:
+        assert self.running is not None
+        ended, self.running = self.running, None
+        self._publish(replace(ended, state=state, message=text))  # type: ignore[arg-type]
+
+    def _show(self, operation: Operation) -> None:
+        self.running = operation
+        self._publish(operation)
+
+
+def words(name: CommandName) -> str:
+    """Write a command for people."""
+    return name.replace("_", " ")
+
+
+def save_directory(settings: RecordingSettings) -> Path:
+    """Get where flights are copied to: as set, or the only drive that is plugged in.
+
+    Raises
+    ------
+    RecordingError
+        There is none, or several.
+    """
+    if settings.save_directory is not None:
+        path = Path(settings.save_directory)
+        if not path.is_dir():
+            raise RecordingError(
+                f"{path} is not there",
+                remedy="Plug the drive in, or set recording.save_directory",
+            )
+        return path
+    drives = removable_drives(MOUNTS.read_text(encoding="utf-8", errors="replace").splitlines())
+    if len(drives) != 1:
+        raise RecordingError(
+            "flash drive not found" if not drives else f"{len(drives)} drives are plugged in",
+            remedy="Plug one drive in, or set recording.save_directory",
+        )
+    return drives[0]
+
+
+def removable_drives(mounts: Iterable[str]) -> list[Path]:
+    """Get the mount points of drives that were plugged in (proc(5), which escapes spaces)."""
+    points = [line.split(" ")[1] for line in mounts if line.count(" ") >= 3]
+    names = (_ESCAPED.sub(lambda octal: chr(int(octal[1], 8)), point) for point in points)
+    return [Path(name) for name in names if name.startswith(REMOVABLE)]

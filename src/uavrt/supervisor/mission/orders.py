@@ -1,0 +1,460 @@
+"""What the operator asked for: state, tags, flight. It knows no processes."""
+
+import math
+import shutil
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from uavrt.clock import Clock, wall_ns
+from uavrt.commands import COMMANDS, Refused, Repeated, outcome
+from uavrt.config import (
+    PARAMETERS,
+    RUN,
+    Settings,
+    faults_of_tags,
+    run_wanted,
+    tags_with_overrides,
+    with_parameter,
+)
+from uavrt.errors import UavrtError
+from uavrt.log import get_logger
+from uavrt.messages import Command, CommandName, CommandReply, FlightInfo, SystemState, Tag
+from uavrt.supervisor.mission.flight_opening import last_written_ns, new_flight
+from uavrt.supervisor.mission.kept_parameters import KeptParameters
+from uavrt.supervisor.mission.last_tags import LastTags
+from uavrt.supervisor.mission.operations import Operations
+from uavrt.supervisor.mission.saved_state import SavedState, StateStore, boot_id
+from uavrt.supervisor.mission.tuning import Tuning, ask_tuner
+from uavrt.supervisor.mission.who_commands import Commander
+from uavrt.tunnel import searched_text
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+log = get_logger()
+
+REPLIES_KEPT = 64
+LAST_FLIGHTS = 3
+"""As many as the connection and the recorder look after besides the present one."""
+RESUME_WITHIN_S = 900.0
+"""After a restart of the computer, detection goes on by itself only if the flight was written
+to so lately: a battery change or a brown-out in the air, but not last week's flight."""
+
+Tell = Callable[[int, str], None]
+Tuner = Callable[[Sequence[float], float], Tuning]
+
+
+class Mission:
+    """State, tags and flight; every change is saved before it is acknowledged.
+
+    Parameters
+    ----------
+    settings : Settings
+        The drone side's settings.
+    store : StateStore
+        Where the state is kept over an unclean end.
+    tell : callable
+        Sends a text (severity, text) to the operator.
+    on_start, on_stop : callable
+        Called when a flight begins, and when its end was asked for.
+    on_settings : callable
+        Called when an operator has changed a setting.
+    tuner : callable
+        Finds the radio's frequency for the tags'.
+    operations : Operations, optional
+        Saves and removes flights.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        store: StateStore,
+        *,
+        tell: Tell,
+        on_start: Callable[[FlightInfo], None],
+        on_stop: Callable[[], None],
+        on_settings: Callable[[Settings], None] = lambda _settings: None,
+        tuner: Tuner = ask_tuner,
+        operations: Operations | None = None,
+    ) -> None:
+        self._operations = operations
+        self._kept = KeptParameters(Path(settings.recording.directory), settings)
+        self._last_tags = LastTags(Path(settings.recording.directory))
+        self.settings = self._kept.applied_to(settings)
+        self.clock = Clock.start()
+        self.state = SystemState.IDLE
+        self._ask_tuner = tuner
+        self.tags: dict[int, Tag] = {}
+        self.flight: FlightInfo | None = None
+        self.last_flights: deque[str] = deque(maxlen=LAST_FLIGHTS)
+        """Directories of flights that have ended, the newest last."""
+        self.ending = False
+        """The flight's last pulses are on their way; a new one cannot begin yet."""
+        self._gain: int | None = None
+        self._store = store
+        self._tell, self._on_start, self._on_stop = tell, on_start, on_stop
+        self._on_settings = on_settings
+        self._replies: dict[tuple[str, int], CommandReply] = {}
+        self.refused = 0
+        """Commands that were refused."""
+        self.commander = Commander(pinned=settings.mavlink.first_commands)
+
+    # ------------------------------------------------------------------ memory
+
+    def resume(self) -> bool:
+        """Continue where a supervisor that did not stop in good order was; True if detecting.
+
+        Within the same boot the flight goes on with its clock. After a restart of the computer
+        the clock is a new one, and so must the flight be; see `RESUME_WITHIN_S`.
+        """
+        saved = self._store.load()
+        if saved is None:
+            return False
+        self.tags = {tag.tag_id: tag for tag in saved.tags}
+        self.commander.name = saved.commander
+        with suppress(UavrtError):
+            self._use_gain(saved.gain)
+        self.state = SystemState.HAS_TAGS if self.tags else SystemState.IDLE
+        flight = saved.flight
+        same_boot = saved.boot_id == boot_id()
+        self.last_flights.extend(d for d in saved.last_flights if same_boot or _recent(d))
+        if saved.state is SystemState.DETECTING and flight is not None:
+            if same_boot:
+                self.clock = Clock(saved.clock_offset_ns)
+                self._continue(flight)
+            elif _recent(flight.directory):
+                self._try_new_flight(flight.center_frequency_hz)
+        if flight is not None and flight != self.flight and _recent(flight.directory):
+            self.last_flights.append(flight.directory)
+        self._save()
+        log.info("resumed", state=self.state.value, tags=len(self.tags))
+        return self.state is SystemState.DETECTING
+
+    def _continue(self, flight: FlightInfo) -> None:
+        if not Path(flight.directory).is_dir():
+            self._try_new_flight(flight.center_frequency_hz)
+            return
+        self.flight, self.state = flight, SystemState.DETECTING
+        self._on_start(flight)
+        self._tell(4, f"Supervisor restarted: detecting {len(self.tags)} tags again")
+
+    def _try_new_flight(self, center_frequency_hz: float) -> None:
+        try:
+            self.begin_flight(center_frequency_hz)
+        except UavrtError as error:
+            self._tell(3, f"Supervisor restarted, but cannot detect: {error}")
+            return
+        self.state = SystemState.DETECTING
+        self._tell(4, f"Computer restarted: detecting {len(self.tags)} tags again")
+
+    def forget(self) -> None:
+        """Forget everything: the end is in good order."""
+        self._store.forget()
+
+    def _save(self) -> None:
+        self._store.save(
+            SavedState(
+                boot_id=boot_id(),
+                clock_offset_ns=self.clock.offset_ns,
+                state=self.state,
+                tags=(*self.tags.values(),),
+                flight=self.flight,
+                last_flights=(*self.last_flights,),
+                gain=self._gain,
+                commander=self.commander.name,
+            )
+        )
+
+    # ---------------------------------------------------------------- commands
+
+    def command(self, command: Command) -> CommandReply:
+        """Carry out a command, or say why not; a repeated one gets the same reply."""
+        key = (command.source, command.request_id)
+        if key not in self._replies:
+            self._replies[key] = reply = self._decide(command)
+            if not reply.accepted:
+                self.refused += 1
+                log.seldom(
+                    self.refused, "command refused", command=command.name, reason=reply.message
+                )
+            while len(self._replies) > REPLIES_KEPT:
+                del self._replies[next(iter(self._replies))]
+        return self._replies[key]
+
+    def forget_replies(self) -> None:
+        """Take no command for a repeated one: a new process numbers its requests again."""
+        self._replies.clear()
+
+    def _decide(self, command: Command) -> CommandReply:
+        if command.name == "set_parameter" and command.parameter == RUN.name:
+            return self._decide_run(command)
+        return self._decide_order(command)
+
+    def _decide_run(self, command: Command) -> CommandReply:
+        """Start with the last tags, or stop: by the rules of those commands."""
+        try:
+            start = run_wanted(math.nan if command.value is None else command.value)
+        except UavrtError as error:
+            return _reply(command, False, str(error))
+        order: CommandName = "start_detection" if start else "stop_detection"
+        reply = self._decide_order(replace(command, name=order), with_last_tags=start)
+        return replace(reply, name=command.name)
+
+    def _decide_order(self, command: Command, *, with_last_tags: bool = False) -> CommandReply:
+        refusal = self._refusal(command)
+        if refusal is not None:
+            return _reply(command, False, refusal)
+        if self.ending and not COMMANDS[command.name].while_ending:
+            return _reply(command, False, "stopping: try again in a moment")
+        if with_last_tags and self._has_no_list(command):
+            try:
+                self._take_last_tags()
+            except UavrtError as error:
+                return _reply(command, False, str(error))
+        result = outcome(self.state, command.name)
+        if isinstance(result, Refused):
+            reason = result.reason
+            if self.state is SystemState.DETECTING and command.name == "start_tags":
+                reason = f"detecting {searched_text(self.tags.values())}: send stop first"
+            return _reply(command, False, reason)
+        if isinstance(result, Repeated):
+            return _reply(command, True, result.message)
+        try:
+            message = self._carry_out(command)
+        except UavrtError as error:
+            return _reply(command, False, str(error))
+        after = result.state
+        if after is SystemState.HAS_TAGS and not self.tags:
+            after = SystemState.IDLE  # a capture needs no tags
+        changed, self.state = self.state is not after, after
+        self._note_commander(command)
+        if changed:
+            log.info(
+                "state", state=self.state.value, command=command.name, source=command.source
+            )
+            self._save()
+        return _reply(command, True, message)
+
+    def _refusal(self, command: Command) -> str | None:
+        """Explain why a command does not count for whose it is; the same for every wire."""
+        mavlink = self.settings.mavlink
+        locked = mavlink.key_file is not None and mavlink.key_required
+        if locked and not command.sealed and command.source == "ros2":
+            return "only sealed commands, and ROS 2 has no seal: this drone has a key"
+        return self.commander.refusal(command)
+
+    def _note_commander(self, command: Command) -> None:
+        if self.commander.accepted(command):
+            log.info("commander", source=command.source, sealed=command.sealed)
+            self._save()
+
+    def _carry_out(self, command: Command) -> str:
+        match command.name:
+            case "start_tags":
+                self.tags.clear()
+            case "add_tag":
+                self._add_tag(command.tag)
+            case "end_tags":
+                if not self.tags:
+                    raise UavrtError("no tag was sent: send TAG before END_TAGS")
+                self._last_tags.keep(self.tags.values())
+                return f"{len(self.tags)} tags"
+            case "start_detection":
+                self._check_complete(command.tag_count)
+                if command.gain is not None:
+                    self._use_gain(command.gain)
+                return self.begin_flight(command.center_frequency_hz).directory
+            case "stop_detection":
+                self.ending = True
+                self._on_stop()
+                return self.flight.directory if self.flight else ""
+            case "set_parameter":
+                return self._set_parameter(command.parameter, command.value)
+            case "raw_capture":
+                if command.gain is not None:
+                    self._use_gain(command.gain)
+                return self.begin_capture(command.center_frequency_hz).directory
+            case "save_logs" | "clean_logs":
+                if self._operations is None:
+                    raise UavrtError("not here: only a running supervisor does that")
+                return self._operations.begin(command.name, command.source)
+        return ""
+
+    def _add_tag(self, tag: Tag | None) -> None:
+        if tag is None:
+            raise UavrtError("the tag is missing")
+        if self.tags.get(tag.tag_id, tag) != tag:
+            raise UavrtError(f"tag {tag.tag_id} was already sent with other values")
+        _check_tag(tag)
+        most = self.settings.detection.maximum_tags
+        if tag.tag_id not in self.tags and len(self.tags) >= most:
+            raise UavrtError(f"{most} tags are the most: see detection.maximum_tags")
+        self.tags[tag.tag_id] = tag
+
+    def _check_complete(self, sent: int | None) -> None:
+        if sent is not None and len(self.tags) < sent:
+            raise UavrtError(f"only {len(self.tags)} of {sent} tags came: send them all again")
+
+    def _has_no_list(self, command: Command) -> bool:
+        """Whether no tags are loaded, or only the beginning of somebody else's list.
+
+        Who may command while another's list is being sent comes after that one has been silent
+        for a minute, or with a seal: the rest of the list is not coming.
+        """
+        if self.state is SystemState.RECEIVING_TAGS:
+            alone = self.settings.mavlink.first_commands
+            return alone and self.commander.name != command.source
+        return self.state is SystemState.IDLE
+
+    def _take_last_tags(self) -> None:
+        """Load the tags that were sent last, also before a restart, as if sent again.
+
+        Raises
+        ------
+        UavrtError
+            There are none, or one of them is not taken any more.
+        """
+        tags = self._last_tags.read()
+        if not tags:
+            raise UavrtError("no tags are known: send them once, by uavrt ground")
+        self.tags.clear()
+        try:
+            for tag in tags:
+                self._add_tag(tag)
+        except UavrtError:
+            self.tags.clear()
+            raise
+        self.state = SystemState.HAS_TAGS
+        self._save()
+        log.info("last tags", tags=len(self.tags))
+
+    def _set_parameter(self, name: str | None, value: float | None) -> str:
+        """Change a setting, now and for later starts; say from when on it is in force."""
+        if name is None or value is None:
+            raise UavrtError("the parameter or its value is missing")
+        self._use(with_parameter(self.settings, name, value))
+        self._kept.keep(name, value)
+        if name == "RADIO_GAIN" and self._gain is not None:
+            self._gain = None
+            self._save()
+        waits = self.state is SystemState.DETECTING and not PARAMETERS[name].live
+        return f"{name} = {value:.7g}{', from the next start' if waits else ''}"
+
+    def _use_gain(self, gain: int | None) -> None:
+        """Use a gain that came with a start, until another is set or uavrt is stopped."""
+        if gain is not None:
+            self._use(with_parameter(self.settings, "RADIO_GAIN", gain))
+            self._gain = gain
+
+    def _use(self, settings: Settings) -> None:
+        if settings != self.settings:
+            self.settings = settings
+            self._on_settings(settings)
+
+    # ------------------------------------------------------------------ flight
+
+    def begin_flight(self, center_frequency_hz: float | None) -> FlightInfo:
+        """Choose the radio's frequency (the operator's, the settings', the tuner's); begin.
+
+        Raises
+        ------
+        TunerError
+            No radio frequency serves all the tags.
+        RecordingError
+            The flight's directory cannot be made.
+        """
+        self._check_free()
+        tags = tags_with_overrides(self.settings, self.tags.values())
+        for tag in tags:
+            _check_tag(tag)
+        radio = self.settings.radio
+        warnings: tuple[str, ...] = ()
+        center_hz = center_frequency_hz or radio.center_frequency_hz
+        if center_hz is None:
+            tuning = self._ask_tuner(
+                [tag.frequency_hz for tag in self.tags.values()], radio.sample_rate_hz
+            )
+            center_hz, warnings = tuning.center_frequency_hz, tuning.warnings
+        self.clock = Clock.start()
+        self.flight = new_flight(
+            self.settings,
+            tags,
+            self.clock,
+            center_frequency_hz=center_hz,
+        )
+        self._on_start(self.flight)
+        count = len(self.tags)
+        words = "1 tag" if count == 1 else f"{count} tags"
+        self._tell(6, f"Detecting {words} at {center_hz:.0f} Hz")
+        for warning in warnings:
+            self._tell(5, warning)
+        return self.flight
+
+    def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:
+        """Begin to record the band; the frequency is the operator's, or as in a flight.
+
+        Raises
+        ------
+        UavrtError
+            No frequency is known, the disk is nearly full, or flights are being copied.
+        """
+        self._check_free()
+        radio, recording = self.settings.radio, self.settings.recording
+        center_hz = center_frequency_hz or radio.center_frequency_hz
+        if center_hz is None and not self.tags:
+            raise UavrtError("no frequency: send tags first, or set RADIO_FREQ_KHZ")
+        if center_hz is None:
+            frequencies = [tag.frequency_hz for tag in self.tags.values()]
+            center_hz = self._ask_tuner(frequencies, radio.sample_rate_hz).center_frequency_hz
+        with suppress(OSError):
+            free_mb = shutil.disk_usage(recording.directory).free / 1e6
+            if free_mb < recording.minimum_free_mb:
+                raise UavrtError(f"disk nearly full: {free_mb:.0f} MB free; clean the logs")
+        self.clock = Clock.start()
+        self.flight = new_flight(
+            self.settings,
+            (),
+            self.clock,
+            center_frequency_hz=center_hz,
+            capture_s=recording.capture_s,
+        )
+        self._on_start(self.flight)
+        self._tell(6, f"Capturing {recording.capture_s:g} s at {center_hz:.0f} Hz")
+        return self.flight
+
+    def _check_free(self) -> None:
+        if self._operations is not None:
+            self._operations.check_free()
+
+    def flight_ended(self) -> FlightInfo | None:
+        """Note that the last pulse is on its way; get the flight that was."""
+        flight, self.flight = self.flight, None
+        if flight is not None:
+            self.last_flights.append(flight.directory)
+        self.ending = False
+        self.commander.flight_ended()
+        self._save()
+        return flight
+
+
+def _check_tag(tag: Tag) -> None:
+    """Refuse by any wire what the tag files refuse."""
+    faults = faults_of_tags([tag])
+    if faults:
+        raise UavrtError(faults[0])
+
+
+def _recent(directory: str) -> bool:
+    written_ns = last_written_ns(Path(directory))
+    # A computer without a battery-backed clock may wake up in the past: that is recent too.
+    return (
+        written_ns is not None
+        and wall_ns() - written_ns < RESUME_WITHIN_S * NANOSECONDS_PER_SECOND
+    )
+
+
+def _reply(command: Command, accepted: bool, message: str) -> CommandReply:
+    return CommandReply(
+        request_id=command.request_id, name=command.name, accepted=accepted, message=message
+    )

@@ -1,0 +1,84 @@
+"""Progress of starting and ending a flight, as `Operation` records for the ground. Pure.
+
+The acknowledgement of a start says that it was accepted; that samples flow is another matter.
+"""
+
+import time
+from collections.abc import Callable
+
+from uavrt.messages import CommandName, FlightInfo, Health, Operation
+
+CAPTURED, NOT_CAPTURED = "captured", "not captured"
+"""The receiver's words for a capture that is over."""
+PATIENCE_S = 30.0
+"""A capture that takes so much longer than it should has failed: the radio gives nothing."""
+
+
+class FlightProgress:
+    """Watches one flight after the other.
+
+    Parameters
+    ----------
+    publish : callable
+        Gets each step.
+    """
+
+    def __init__(self, publish: Callable[[Operation], None]) -> None:
+        self._publish = publish
+        self._name: CommandName | None = None
+        self._capture_s: float | None = None
+        self._deadline_s = float("inf")
+        self._over = False
+        self._fault = ""
+
+    def started(self, flight: FlightInfo) -> None:
+        """A flight or a capture has begun."""
+        self._capture_s, self._over, self._fault = flight.capture_s, False, ""
+        self._name = "start_detection" if flight.capture_s is None else "raw_capture"
+        self._deadline_s = float("inf")
+        if flight.capture_s is not None:
+            self._deadline_s = time.monotonic() + flight.capture_s + PATIENCE_S
+        self._say("running", "waiting for samples")
+
+    def heard(self, health: Health) -> None:
+        """Take the health of a process."""
+        if not health.process.startswith("receiver") or self._over:
+            return
+        if self._name == "start_detection" and health.status == "receiving":
+            self._say("complete", "samples flow")
+            self._name = None
+        elif self._name == "raw_capture" and health.status in (CAPTURED, NOT_CAPTURED):
+            self._over = True
+            self._fault = "" if health.status == CAPTURED else "the samples were not recorded"
+
+    def capture_over(self) -> bool:
+        """Whether the capture has ended by itself, or will never begin."""
+        if self._capture_s is None:
+            return False
+        if time.monotonic() > self._deadline_s and not self._over:
+            self._over, self._fault = True, "the radio gives no samples"
+        return self._over
+
+    def stopping(self) -> None:
+        """The end was asked for."""
+        if self._capture_s is None:
+            self._name = "stop_detection"
+            self._say("running", "waiting for the last pulses")
+
+    def ended(self, directory: str) -> str:
+        """The flight is closed; return the text for the operator."""
+        captured = self._capture_s is not None
+        if captured and self._fault:
+            text = f"Raw capture failed: {self._fault}"
+        elif captured:
+            text = f"Raw capture in {directory}"
+        else:
+            text = "Detection stopped"
+        self._say("failed" if captured and self._fault else "complete", text)
+        self._name = self._capture_s = None
+        self._deadline_s = float("inf")
+        return text
+
+    def _say(self, state: str, message: str) -> None:
+        if self._name is not None:
+            self._publish(Operation(name=self._name, state=state, message=message))  # type: ignore[arg-type]

@@ -1,0 +1,85 @@
+"""Is the radio there? ``python -m uavrt.supervisor.mission.radio_check``, a short-lived
+process.
+
+The module of the radios needs NumPy, and the radio's information program may hang.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+
+import msgspec
+
+from uavrt.config import RadioSettings
+from uavrt.errors import UavrtError
+from uavrt.ipc import PARENT_VARIABLE, die_with_parent
+
+TIMEOUT_S = 6.0
+"""The ground station waits 8 s for an answer; radios give theirs within a second or two."""
+
+
+class RadioQuestion:
+    """A query in progress.
+
+    Ask it where children are looked after, so that nobody takes it for an orphan, and wait for
+    its answer in a thread.
+
+    Raises
+    ------
+    OSError
+        The system has no room for another process.
+    """
+
+    def __init__(self, settings: RadioSettings) -> None:
+        question = msgspec.json.encode(settings).decode()
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", __name__, question],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | {PARENT_VARIABLE: str(os.getpid())},
+            process_group=0,
+        )
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    def answer(self) -> tuple[bool, str]:
+        """Get whether the radio is there, and what to say of it; takes up to six seconds."""
+        try:
+            output, _ = self._process.communicate(timeout=TIMEOUT_S)
+            answer = json.loads(output)
+        except (OSError, subprocess.TimeoutExpired, ValueError) as error:
+            return False, f"the radio was not asked ({type(error).__name__}): try again"
+        finally:
+            # The radio's program with it: it would keep the radio from the flight.
+            with suppress(ProcessLookupError):
+                os.killpg(self.pid, signal.SIGKILL)
+            self._process.wait()
+            if self._process.stdout is not None:
+                self._process.stdout.close()
+        return bool(answer["found"]), str(answer["text"])
+
+
+def main() -> None:
+    """Answer the question of the command line on standard output."""
+    from uavrt.radio import check_device
+
+    die_with_parent()
+    settings = msgspec.json.decode(sys.argv[1], type=RadioSettings)
+    try:
+        said = check_device(settings)
+        text = f"{settings.kind}: shows itself only in a flight"
+        answer = {"found": True, "text": said.splitlines()[0] if said else text}
+    except UavrtError as error:
+        answer = {"found": False, "text": str(error)}
+    sys.stdout.write(json.dumps(answer))
+
+
+if __name__ == "__main__":
+    main()

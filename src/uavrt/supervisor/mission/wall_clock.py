@@ -1,0 +1,29 @@
+"""Note wall clock corrections during a flight; the flight keeps its own time."""
+
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+NOTED_S = 0.5
+"""NTP slews by 500 ppm at most, half a second in 17 minutes; a step is usually more."""
+
+
+class WallClockWatch:
+    """Compares the wall clock with a flight's."""
+
+    def __init__(self) -> None:
+        self._noted_s = 0.0
+
+    def flight_started(self) -> None:
+        """From here on the two agree."""
+        self._noted_s = 0.0
+
+    def check(self, correction_ns: int) -> str | None:
+        """Compare the wall clock with the flight's; return a text if a change is new."""
+        correction_s = correction_ns / NANOSECONDS_PER_SECOND
+        moved_s = correction_s - self._noted_s
+        if abs(moved_s) < NOTED_S:
+            return None
+        self._noted_s = correction_s
+        return (
+            f"Wall clock corrected by {moved_s:+.3f} s; the flight keeps its time, "
+            f"{correction_s:+.3f} s from it"
+        )

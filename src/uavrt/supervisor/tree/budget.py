@@ -1,0 +1,57 @@
+"""Check a process against its row's CPU and memory budget."""
+
+from collections import deque
+
+WINDOW_S = 20.0
+"""CPU is judged by the mean over this long: an import or a slow disk is no fault."""
+SLOWER = 4.0
+"""The rows hold for the reference machine with 100 tags; a Raspberry Pi 5 core is allowed this
+many times as much before the operator hears of it."""
+REPEAT_S = 300.0
+
+
+class BudgetWatch:
+    """Compares a process's usage with its row's budget.
+
+    Parameters
+    ----------
+    name : str
+        Name of the instance, for the text.
+    cpu_percent, memory_mb : float
+        The row's budget.
+    """
+
+    def __init__(self, name: str, *, cpu_percent: float, memory_mb: float) -> None:
+        self._name = name
+        self._cpu_percent = cpu_percent * SLOWER
+        self._memory_mb = memory_mb
+        self._past: deque[tuple[float, float]] = deque()
+        self._quiet_until_s = 0.0
+
+    def check(self, now_s: float, cpu_s: float, memory_mb: float) -> str | None:
+        """Add a measurement; get a warning when it is too much, at most every five minutes.
+
+        Parameters
+        ----------
+        now_s : float
+            Monotonic time [s].
+        cpu_s : float
+            CPU time since the start [s].
+        memory_mb : float
+            Resident memory [MB].
+        """
+        self._past.append((now_s, cpu_s))
+        while len(self._past) > 2 and self._past[1][0] <= now_s - WINDOW_S:
+            self._past.popleft()
+        faults = []
+        span_s = now_s - self._past[0][0]
+        if span_s >= WINDOW_S:
+            percent = 100.0 * (cpu_s - self._past[0][1]) / span_s
+            if percent > self._cpu_percent:
+                faults.append(f"uses {percent:.0f} % of a core ({self._cpu_percent:.0f} %)")
+        if memory_mb > self._memory_mb:
+            faults.append(f"uses {memory_mb:.0f} MB ({self._memory_mb:.0f} MB)")
+        if not faults or now_s < self._quiet_until_s:
+            return None
+        self._quiet_until_s = now_s + REPEAT_S
+        return f"{self._name} {' and '.join(faults)}: more than its budget"

@@ -1,0 +1,204 @@
+"""One supervised child process: started, listened to, stopped, reaped."""
+
+import asyncio
+import os
+import select
+import signal
+import socket
+import time
+from collections.abc import Callable, Sequence
+
+from uavrt.ipc import LINK_VARIABLE, PARENT_VARIABLE, LineBuffer
+from uavrt.log import get_logger
+from uavrt.supervisor.tree.child_records import Intake
+from uavrt.supervisor.tree.launcher import Launcher
+from uavrt.supervisor.tree.usage import measure
+from uavrt.supervisor.tree.waiting_records import Outbox
+
+log = get_logger()
+
+LineHandler = Callable[[bytes], None]
+READ_BYTES = 65_536
+"""At a time. From 128 KiB on glibc would map and unmap memory for each reading, which then
+costs more than what is read."""
+
+
+class Child:
+    """A running process of the table.
+
+    The child gets its own process group, a stream socket to us, and a pipe for what it prints.
+
+    Parameters
+    ----------
+    name : str
+        Instance name, for example ``detector-1``.
+    module : str
+        Python module to run.
+    launcher : Launcher
+        Starts it.
+    intake : Intake
+        Says when there are records to read.
+    outbox : Outbox
+        What is to be sent to it; outlives the child.
+    pass_fds : sequence of int
+        Sample sockets it inherits.
+    on_line : callable
+        Called with each record line it sends.
+    on_output : callable
+        Called with each line it prints.
+    on_exit : callable
+        Called with the exit code, once.
+
+    Raises
+    ------
+    OSError
+        The system has no room for another process. One that could not be watched is left to
+        `Fleet`, as an orphan.
+    """
+
+    def __init__(
+        self,
+        *,
+        name: str,
+        module: str,
+        launcher: Launcher,
+        intake: Intake,
+        outbox: Outbox,
+        pass_fds: Sequence[int],
+        on_line: LineHandler,
+        on_output: LineHandler,
+        on_exit: Callable[[int], None],
+    ) -> None:
+        self.name = name
+        self.exit_code: int | None = None
+        self.heard = False
+        """It has said something: it is past its imports."""
+        self.killed = False
+        self.last_heard_s = time.monotonic()
+        self.cpu_s = self.own_cpu_s = 0.0
+        self.own_memory_mb = 0.0
+        self._loop = asyncio.get_running_loop()
+        self._intake = intake
+        self._outbox = outbox
+        self._on_line, self._on_output, self._on_exit = on_line, on_output, on_exit
+        self._lines, self._output = LineBuffer(), LineBuffer()
+        self._writing = False
+        self._sock, theirs = socket.socketpair()
+        self._sock.setblocking(False)
+        self._stdout, output = os.pipe()
+        try:
+            self.pid = launcher.start(
+                module,
+                name=name,
+                output=output,
+                fds=(theirs.fileno(), *pass_fds),
+                environment={
+                    LINK_VARIABLE: str(theirs.fileno()),
+                    PARENT_VARIABLE: str(os.getpid()),
+                },
+            )
+            self._pidfd = os.pidfd_open(self.pid)
+        except OSError:
+            self._sock.close()
+            os.close(self._stdout)
+            raise
+        finally:
+            theirs.close()
+            os.close(output)
+        os.set_blocking(self._stdout, False)
+        self._intake.add(self._sock.fileno(), self._read_records)
+        self._loop.add_reader(self._stdout, self._read_output)
+        self._loop.add_reader(self._pidfd, self._reap)
+        self.pump()
+
+    def pump(self) -> None:
+        """Send what waits in the outbox, as far as the socket takes it."""
+        if self.exit_code is not None:
+            return
+        try:
+            done = self._outbox.write_to(self._sock)
+        except OSError:
+            return  # it is ending; the pidfd will say so
+        if not done and not self._writing:
+            self._loop.add_writer(self._sock, self.pump)
+        elif done and self._writing:
+            self._loop.remove_writer(self._sock)
+        self._writing = not done
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self._signal_group(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it and everything in its process group now."""
+        self.killed = True
+        self._signal_group(signal.SIGKILL)
+
+    def measure(self) -> float:
+        """Measure it; get the resident memory [MB], with that of its children."""
+        if self.exit_code is not None:
+            return 0.0
+        own, usage = measure(self.pid)
+        self.own_cpu_s = max(self.own_cpu_s, own.cpu_s)
+        self.own_memory_mb = own.memory_mb
+        self.cpu_s = max(self.cpu_s, usage.cpu_s)
+        return usage.memory_mb
+
+    def _signal_group(self, number: signal.Signals) -> None:
+        try:
+            os.killpg(self.pid, number)
+        except ProcessLookupError:
+            log.debug("already gone", child=self.name)
+
+    def _read_records(self) -> bool:
+        """Read records; False at the end of the stream."""
+        try:
+            data = self._sock.recv(READ_BYTES)
+        except BlockingIOError:
+            return True
+        except ConnectionResetError:
+            data = b""
+        if not data:
+            self._intake.remove(self._sock.fileno())
+            return False
+        self.heard = True
+        self.last_heard_s = time.monotonic()
+        for line in self._lines.feed(data):
+            self._on_line(line)
+        return True
+
+    def _read_output(self) -> bool:
+        """Read printed lines; False at the end of the stream."""
+        try:
+            data = os.read(self._stdout, READ_BYTES)
+        except BlockingIOError:
+            return True
+        if not data:
+            self._loop.remove_reader(self._stdout)
+            return False
+        for line in self._output.feed(data):
+            self._on_output(line)
+        return True
+
+    def _reap(self) -> None:
+        self._loop.remove_reader(self._pidfd)
+        os.close(self._pidfd)
+        _, status, usage = os.wait4(self.pid, 0)
+        self.cpu_s = max(self.cpu_s, usage.ru_utime + usage.ru_stime)
+        # A radio program that the child left behind must not keep the radio.
+        self._signal_group(signal.SIGKILL)
+        self._drain()
+        self.exit_code = os.waitstatus_to_exitcode(status)
+        self._on_exit(self.exit_code)
+
+    def _drain(self) -> None:
+        """Read everything it still said before it ended, and close our ends."""
+        self._loop.remove_writer(self._sock)
+        while select.select([self._sock], [], [], 0)[0] and self._read_records():
+            pass
+        while select.select([self._stdout], [], [], 0)[0] and self._read_output():
+            pass
+        self._intake.remove(self._sock.fileno())
+        self._loop.remove_reader(self._stdout)
+        self._sock.close()
+        os.close(self._stdout)

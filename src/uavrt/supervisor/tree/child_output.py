@@ -1,0 +1,71 @@
+"""Everything the children print is kept, each line with its time.
+
+During a flight the files stand in the flight directory, in the thesis's layout
+(`uavrt.recording.layout`); the radio program's own words are told from the receiver's.
+Otherwise they stand in ``system_log/`` beside the flights.
+"""
+
+import json
+import time
+from pathlib import Path
+
+from uavrt.messages import StatusText
+from uavrt.recording import FlightLayout, ProcessLog
+
+RADIO_EVENTS = (b'"event": "radio says"', b'"event": "starting radio"')
+"""How the receiver marks a line of the radio program, and its command."""
+
+_SEVERITY = {"warning": 4, "error": 3, "critical": 2}
+"""Log level to MAVLink severity."""
+_PLAIN_KEYS = {"event", "level", "timestamp", "process"}
+
+
+def warning_text(process: str, line: bytes) -> StatusText | None:
+    """Make an operator's text of a printed line, when it is a warning or worse."""
+    try:
+        event = json.loads(line)
+        severity = _SEVERITY[event["level"]]
+    except (ValueError, KeyError, TypeError):
+        return None
+    details = " ".join(f"{k}={v}" for k, v in event.items() if k not in _PLAIN_KEYS)
+    text = f"{process}: {event.get('event', '')} {details}"
+    return StatusText(severity=severity, text=text[:200])
+
+
+class OutputLog:
+    """Files for the lines that the processes print.
+
+    A file that cannot be written (full disk) loses lines and counts them; it never stops a
+    process.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._flight: FlightLayout | None = None
+        self._logs: dict[Path, ProcessLog] = {}
+
+    def open_flight(self, directory: Path) -> None:
+        """Write to a flight's directory from now on."""
+        self._flight = FlightLayout(directory)
+
+    def close_flight(self) -> None:
+        """Write beside the flights again."""
+        self._flight = None
+        self._logs.clear()
+
+    @property
+    def lost_lines(self) -> int:
+        """Lines that could not be written to the files now open."""
+        return sum(log.lost_lines for log in self._logs.values())
+
+    def write(self, process: str, line: bytes) -> None:
+        """Keep a line with the time it was printed."""
+        path = self._path("radio" if any(e in line for e in RADIO_EVENTS) else process)
+        log = self._logs.setdefault(path, ProcessLog(path))
+        stamp = time.strftime("%Y-%m-%dT%H:%M:%SZ ", time.gmtime())
+        log.write(stamp + line.decode("utf-8", "replace"))
+
+    def _path(self, process: str) -> Path:
+        if self._flight is None:
+            return self._directory / "system_log" / f"{process}.log"
+        return self._flight.process_log(process)

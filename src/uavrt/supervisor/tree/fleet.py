@@ -1,0 +1,346 @@
+"""The processes that should run: started, watched, restarted, stopped, by the table's rows."""
+
+import asyncio
+import contextlib
+import math
+import os
+import signal
+import socket
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+from uavrt.config import Receiver, Settings
+from uavrt.ipc import Assignment, encode_record, make_sample_sockets
+from uavrt.log import get_logger
+from uavrt.messages import FlightInfo, SystemState, Tag
+from uavrt.supervisor.mission import Mission, Tell, share_tags
+from uavrt.supervisor.tree.child import Child
+from uavrt.supervisor.tree.child_records import Intake
+from uavrt.supervisor.tree.instance import Instance
+from uavrt.supervisor.tree.launcher import Launcher
+from uavrt.supervisor.tree.table import ProcessRow
+from uavrt.supervisor.tree.usage import children_of
+
+log = get_logger()
+
+LineHandler = Callable[[Instance, bytes], None]
+
+
+class Fleet:
+    """All instances of the table's rows.
+
+    Parameters
+    ----------
+    rows : sequence of ProcessRow
+        In start order.
+    mission : Mission
+        Says what is to be done; state, tags, flight, settings and clock are read from it.
+    launcher : Launcher
+        Starts them; its nursery is looked after here.
+    workers : int
+        Detector processes at most.
+    tell : callable
+        Sends a text (severity, text) to the operator.
+    on_line, on_output : callable
+        Get each record and each printed line of an instance.
+    wake : callable
+        Called when something has ended, so that `ensure` comes soon.
+    """
+
+    def __init__(
+        self,
+        rows: Sequence[ProcessRow],
+        mission: Mission,
+        *,
+        launcher: Launcher,
+        workers: int,
+        tell: Tell,
+        on_line: LineHandler,
+        on_output: LineHandler,
+        wake: Callable[[], None],
+    ) -> None:
+        self._rows = tuple(rows)
+        self._mission = mission
+        self._launcher = launcher
+        self._nursery_fd: int | None = None
+        self._workers = workers
+        self._tell = tell
+        self._on_line, self._on_output, self._wake = on_line, on_output, wake
+        self._intake = Intake()
+        self._instances: dict[str, Instance] = {}
+        self._strangers = set(children_of(os.getpid()))
+        """Children of this program that were here before; they are no orphans of ours."""
+        self._spared: set[int] = set()
+        self._ending: set[int] = set()
+        """Orphans that were killed and have not gone yet."""
+        self._roads: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
+        self._window_hz = mission.settings.detection.frequency_window_hz
+        """As the tags were shared out by: the settings may change before the flight ends."""
+        self._receiver: Receiver | None = None
+        """Likewise, what the radio is set to."""
+
+    @property
+    def instances(self) -> Iterable[Instance]:
+        """Every instance that ever ran or was sent something."""
+        return self._instances.values()
+
+    def instance_of(self, row: ProcessRow) -> Instance:
+        """Get the only instance of a row, running or not."""
+        return self._instance(row.name, row, 0)
+
+    def _instance(self, name: str, row: ProcessRow, worker: int) -> Instance:
+        instance = self._instances.get(name)
+        if instance is None:
+            instance = self._instances[name] = Instance(name, row, worker)
+        return instance
+
+    # ------------------------------------------------------------------ running
+
+    def ensure(self) -> None:
+        """Start what should run and does not; kill silent or orphaned processes."""
+        self._tend_nursery()
+        self._end_orphans()
+        if self._launcher.worth_waiting:
+            return
+        now_s = time.monotonic()
+        for instance in self._wanted():
+            if instance.child is None and now_s >= instance.restarts.not_before_s:
+                self._start(instance)
+            elif instance.child is not None:
+                self._watch(instance, instance.child, now_s)
+
+    def _tend_nursery(self) -> None:
+        """Look after the helper; nothing that runs depends on it."""
+        reason = self._launcher.tend()
+        if reason is not None:
+            self._tell(4, f"nursery {reason}: restarting it")
+        nursery_fd = self._launcher.fileno()
+        if nursery_fd != self._nursery_fd:
+            loop = asyncio.get_running_loop()
+            if self._nursery_fd is not None:
+                # It is closed: its number must not be taken for watched when it is used again.
+                loop.remove_reader(self._nursery_fd)
+            self._nursery_fd = nursery_fd
+            if nursery_fd is not None and self._launcher.worth_waiting:
+                loop.add_reader(nursery_fd, self._nursery_spoke, nursery_fd)
+
+    def _nursery_spoke(self, nursery_fd: int) -> None:
+        """React at once when its imports are done or it has ended."""
+        asyncio.get_running_loop().remove_reader(nursery_fd)
+        self._wake()
+
+    def _wanted(self) -> Iterable[Instance]:
+        for row in self._rows:
+            if not row.runs(self._mission.state):
+                continue
+            for worker in range(self._worker_count() if row.per_worker else 1):
+                name = f"{row.name}-{worker + 1}" if row.per_worker else row.name
+                yield self._instance(name, row, worker)
+
+    def _worker_count(self) -> int:
+        if not any(row.per_worker for row in self._rows):
+            return 1
+        return len(self._shares((*self._mission.tags.values(),)))
+
+    def _shares(self, tags: tuple[Tag, ...]) -> tuple[tuple[Tag, ...], ...]:
+        """Which detector worker has which tags."""
+        return share_tags(
+            tags, self._workers, window_hz=self._window_hz, receiver=self._receiver
+        )
+
+    def _start(self, instance: Instance) -> None:
+        instance.outbox.forget("assignment")
+        instance.outbox.forget("settings")  # older than those of the assignment
+        assignment = self._assignment(instance)
+        instance.outbox.put_first(encode_record("assignment", assignment))
+        instance.pace.started(len(assignment.tags))
+        instance.stop_asked_s = None
+        instance.health = None
+        if "command" in instance.row.produces:
+            self._mission.forget_replies()
+        instance.restarts.started(time.monotonic())
+        try:
+            instance.child = Child(
+                name=instance.name,
+                module=instance.row.module,
+                launcher=self._launcher,
+                intake=self._intake,
+                outbox=instance.outbox,
+                pass_fds=self._fds_of(instance),
+                on_line=lambda line: self._on_line(instance, line),
+                on_output=lambda line: self._on_output(instance, line),
+                on_exit=lambda code: self._on_exit(instance, code),
+            )
+        except OSError as error:
+            # No memory or no process ids left: that may pass, and is no reason to end.
+            self._report_restart(instance, f"could not be started ({error.strerror})")
+            return
+        log.info("started", child=instance.name, pid=instance.child.pid)
+
+    def _watch(self, instance: Instance, child: Child, now_s: float) -> None:
+        """Kill a child that has said nothing for too long."""
+        if instance.stop_asked_s is not None or child.killed:
+            return
+        limit_s = instance.row.silence_limit_s if child.heard else instance.row.start_limit_s
+        silent_s = now_s - child.last_heard_s
+        if silent_s > limit_s:
+            instance.last_words = f"silent for {silent_s:.0f} s"
+            child.kill()
+
+    def _on_exit(self, instance: Instance, exit_code: int) -> None:
+        child, instance.child = instance.child, None
+        instance.outbox.process_ended(by_itself=exit_code != -signal.SIGKILL)
+        if child is not None:
+            instance.cpu_s_before += child.cpu_s
+            instance.own_cpu_s_before += child.own_cpu_s
+        self._end_orphans()
+        instance.memory_mb = 0.0
+        if instance.stop_asked_s is not None:
+            log.info("stopped", child=instance.name, exit_code=exit_code)
+            return
+        reason = f"{how_it_ended(exit_code)}{instance.last_words and ': '}{instance.last_words}"
+        self._report_restart(instance, reason)
+        instance.last_words = ""
+        self._wake()
+
+    def _report_restart(self, instance: Instance, reason: str) -> None:
+        restarts = instance.restarts
+        delay_s = restarts.ended(time.monotonic(), reason)
+        if restarts.in_a_row < restarts.policy.degraded_after:
+            self._tell(4, f"{instance.name} {reason}: restarting it")
+        elif restarts.in_a_row == restarts.policy.degraded_after:
+            self._tell(
+                3,
+                f"{instance.name} degraded: ended {restarts.in_a_row} times in a row, "
+                f"now tried every {delay_s:.0f} s. Last: {reason}",
+            )
+
+    @contextlib.contextmanager
+    def sparing(self, pid: int) -> Iterator[None]:
+        """Leave a child of this program in peace that is in no row and not the nursery."""
+        self._spared.add(pid)
+        try:
+            yield
+        finally:
+            self._spared.discard(pid)
+
+    def _end_orphans(self) -> None:
+        """End what a killed child has left behind, above all a radio program.
+
+        One that hangs in the kernel, as over a USB device, ends later: it is not waited for.
+        """
+        known = {i.child.pid for i in self._instances.values() if i.child is not None}
+        if self._launcher.pid is not None:
+            known.add(self._launcher.pid)
+        orphans = set(children_of(os.getpid())) - known - self._strangers - self._spared
+        for pid in orphans:
+            with contextlib.suppress(ProcessLookupError, ChildProcessError, PermissionError):
+                if pid not in self._ending:
+                    log.warning("ending an orphan", pid=pid)
+                    os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, os.WNOHANG)
+        self._ending = orphans
+
+    # ----------------------------------------------------------------- stopping
+
+    async def stop_flight(self) -> None:
+        """Stop what runs only while detecting: the receiver first, then the detectors."""
+        for row in reversed(self._rows):
+            if not row.runs(SystemState.HAS_TAGS):
+                await self._stop_row(row)
+        for road in self._roads.values():
+            for sockets in road:
+                for sock in sockets:
+                    sock.close()
+        self._roads = {}
+
+    async def stop_all(self) -> None:
+        """Stop everything, in reverse order."""
+        for row in reversed(self._rows):
+            await self._stop_row(row)
+
+    async def _stop_row(self, row: ProcessRow) -> None:
+        """Stop all instances of a row: SIGTERM, then SIGKILL."""
+        running = [i for i in self._instances.values() if i.row is row and i.child is not None]
+        for instance in running:
+            instance.stop_asked_s = time.monotonic()
+            if instance.child is not None:
+                instance.child.terminate()
+        deadline_s = time.monotonic() + row.stop_timeout_s
+        while any(i.child is not None for i in running):
+            if time.monotonic() > deadline_s:
+                for instance in running:
+                    if instance.child is not None:
+                        self._tell(4, f"{instance.name} did not stop: killed")
+                        instance.child.kill()
+                deadline_s = time.monotonic() + row.stop_timeout_s
+            await asyncio.sleep(0.02)
+
+    # --------------------------------------------------------------- assignment
+
+    def make_sample_roads(self) -> None:
+        """Make the sockets of a new flight, to each instance of a row that gets samples."""
+        self._window_hz = self._mission.settings.detection.frequency_window_hz
+        flight = self._mission.flight
+        if flight is not None and math.isfinite(flight.center_frequency_hz):
+            self._receiver = Receiver(flight.center_frequency_hz, flight.sample_rate_hz)
+        targets = {row.samples_to for row in self._rows}
+        self._roads = {
+            row.name: [
+                make_sample_sockets()
+                for _ in range(self._worker_count() if row.per_worker else 1)
+            ]
+            for row in self._rows
+            if row.name in targets
+        }
+
+    def _fds_of(self, instance: Instance) -> tuple[int, ...]:
+        """Get the end where it receives, if it does, then those by which it sends."""
+        row = instance.row
+        fds = []
+        if row.name in self._roads:
+            fds.append(self._roads[row.name][instance.worker][1].fileno())
+        if row.samples_to is not None:
+            fds += [sender.fileno() for sender, _ in self._roads.get(row.samples_to, ())]
+        return tuple(fds)
+
+    async def taken(self, topic: str, limit_s: float) -> bool:
+        """Wait until every process that says so has taken all records of a topic."""
+        deadline_s = time.monotonic() + limit_s
+        takers = [i for i in self._instances.values() if i.row.says_taken]
+        while any(instance.outbox.holds(topic) for instance in takers):
+            if time.monotonic() > deadline_s:
+                return False
+            await asyncio.sleep(0.02)
+        return True
+
+    def _assignment(self, instance: Instance) -> Assignment:
+        mission = self._mission
+        settings: Settings = mission.settings
+        # What a process has not taken of an earlier flight comes before the present one.
+        taken = instance.outbox.flight
+        flight: FlightInfo | None = taken if instance.row.says_taken else mission.flight
+        tags: tuple[Tag, ...] = flight.tags if flight else (*mission.tags.values(),)
+        shares = self._shares(tags)
+        return Assignment(
+            process=instance.name,
+            settings=settings,
+            clock_offset_ns=mission.clock.offset_ns,
+            flight=flight,
+            last_flights=(*mission.last_flights,),
+            tags=shares[instance.worker] if instance.row.per_worker else tags,
+            worker_of_tag={
+                tag.tag_id: worker for worker, share in enumerate(shares) for tag in share
+            },
+            sample_fds=self._fds_of(instance),
+        )
+
+
+def how_it_ended(exit_code: int) -> str:
+    """Describe how a process ended, from its exit code (negative: the signal)."""
+    if exit_code >= 0:
+        return f"ended (exit {exit_code})"
+    try:
+        return f"was killed ({signal.Signals(-exit_code).name})"
+    except ValueError:
+        return f"was killed (signal {-exit_code})"

@@ -1,0 +1,104 @@
+"""One process of the table, running or not; outlives its child."""
+
+import os
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from uavrt.messages import Health, ProcessStatus, SystemState
+from uavrt.supervisor.pace import PaceWatch
+from uavrt.supervisor.tree.budget import BudgetWatch
+from uavrt.supervisor.tree.child import Child
+from uavrt.supervisor.tree.restarts import Restarts
+from uavrt.supervisor.tree.table import ProcessRow
+from uavrt.supervisor.tree.usage import Usage
+from uavrt.supervisor.tree.waiting_records import Outbox
+
+
+@dataclass(slots=True)
+class Instance:
+    """One process of the table, running or not; outlives its child."""
+
+    name: str
+    row: ProcessRow
+    worker: int
+    outbox: Outbox = field(init=False)
+    budget: BudgetWatch = field(init=False)
+    pace: PaceWatch = field(init=False)
+    restarts: Restarts = field(init=False)
+    child: Child | None = None
+    health: Health | None = None
+    stop_asked_s: float | None = None
+    cpu_s_before: float = 0.0
+    """CPU time of its earlier children, with their own children."""
+    own_cpu_s_before: float = 0.0
+    """CPU time of its earlier children alone."""
+    memory_mb: float = 0.0
+    last_words: str = ""
+    """The last warning or error it printed, for the operator if it ends."""
+
+    def __post_init__(self) -> None:
+        self.outbox = Outbox(self.row.backlog, keeps=self.row.says_taken)
+        self.restarts = Restarts(self.row.restart)
+        self.pace = PaceWatch(self.name, self.row.produces)
+        self.budget = BudgetWatch(
+            self.name,
+            cpu_percent=self.row.cpu_budget_percent,
+            memory_mb=self.row.memory_limit_mb,
+        )
+
+    def status(self) -> ProcessStatus:
+        """Describe it now; measures the child."""
+        child, health = self.child, self.health
+        if child is not None:
+            self.memory_mb = child.measure()
+        degraded = self.restarts.degraded(time.monotonic())
+        word = health.status if health else ("starting" if child else "stopped")
+        if child is not None and self.pace.slow:
+            word = f"{word}, too slow"
+        return ProcessStatus(
+            process=self.name,
+            running=child is not None,
+            pid=child.pid if child is not None else None,
+            status=f"degraded: {self.restarts.last_reason}" if degraded else word,
+            ok=not degraded
+            and (health.ok if health else child is not None or self.stop_asked_s is not None),
+            restarts=self.restarts.total,
+            cpu_s=self.cpu_s_before + (child.cpu_s if child is not None else 0.0),
+            memory_mb=self.memory_mb,
+            counters=health.counters if health else {},
+        )
+
+    def over_budget(self, now_s: float) -> str | None:
+        """Compare what it used lately with its row; a text when it is too much."""
+        child = self.child
+        if child is None:
+            return None
+        return self.budget.check(
+            now_s, self.own_cpu_s_before + child.own_cpu_s, child.own_memory_mb
+        )
+
+
+def self_status(
+    state: SystemState,
+    instances: Iterable[Instance],
+    usage: Usage,
+    counters: dict[str, float],
+) -> ProcessStatus:
+    """Describe the supervisor itself, with what its outboxes had to drop."""
+    return ProcessStatus(
+        process="supervisor",
+        running=True,
+        pid=os.getpid(),
+        status=state.value,
+        ok=True,
+        restarts=0,
+        cpu_s=usage.cpu_s,
+        memory_mb=usage.memory_mb,
+        counters=counters
+        | {
+            f"dropped_{instance.name}_{topic}": float(count)
+            for instance in instances
+            for topic, count in instance.outbox.dropped.items()
+        },
+    )

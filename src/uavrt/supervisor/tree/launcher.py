@@ -1,0 +1,288 @@
+"""Start processes: fork from the nursery when it is ready, else exec.
+
+Imports little: the supervisor's program starts the nursery before it imports the rest, so that
+both import at the same time.
+"""
+
+import json
+import os
+import select
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+
+from uavrt.blas import blas_environment
+from uavrt.log import get_logger
+from uavrt.supervisor.tree.nursery import NURSERY_VARIABLE
+from uavrt.supervisor.tree.restarts import Restarts
+
+log = get_logger()
+
+ANSWER_S = 1.0
+"""A fork takes 5 ms; a nursery that does not answer for so long is given up."""
+PING_S = 2.0
+SILENCE_S = 3.0
+"""It is asked for a sign of life this often, and killed when none has come for so long."""
+IMPORT_S = 20.0
+"""The same for its imports, which take 0.6 s of CPU."""
+FIRST_WAIT_S = 10.0
+"""At the start of the system so long is waited for the nursery's imports (0.6 s of CPU)."""
+ENVIRONMENT = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "PYTHONUNBUFFERED": "1",
+}
+"""BLAS is held to one thread, whatever the caller's environment says: several detectors with
+several threads each on a few cores fight."""
+
+
+class Launcher:
+    """The nursery, as the supervisor sees it, and the way without it.
+
+    Whatever happens to the nursery, `start` starts a process, if the system can.
+    """
+
+    def __init__(self) -> None:
+        self._environment = blas_environment() | ENVIRONMENT
+        self._process: subprocess.Popen[bytes] | None = None
+        self._sock: socket.socket | None = None
+        self._ready = False
+        self._ever_ready = False
+        self._born_s = time.monotonic()
+        self._heard_s = 0.0
+        self._asked_s: float | None = None
+        """Since when a sign of life is awaited."""
+        self._fault = ""
+        self._restarts = Restarts()
+
+    # ------------------------------------------------------------------ nursery
+
+    @property
+    def pid(self) -> int | None:
+        """Process id of the nursery, if it runs."""
+        return self._process.pid if self._process is not None else None
+
+    @property
+    def restarts(self) -> int:
+        """How often the nursery was started again."""
+        return self._restarts.total
+
+    @property
+    def worth_waiting(self) -> bool:
+        """Whether the nursery is about to be ready for the first time."""
+        return (
+            self._process is not None
+            and not self._ever_ready
+            and time.monotonic() - self._born_s < FIRST_WAIT_S
+        )
+
+    def fileno(self) -> int | None:
+        """Get the descriptor that can be read when the nursery says something, or ends."""
+        return self._sock.fileno() if self._sock is not None else None
+
+    def warm_up(self) -> None:
+        """Start the nursery."""
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            environment = {NURSERY_VARIABLE: str(theirs.fileno())}
+            try:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", "uavrt.supervisor.tree.nursery"],
+                    stdin=subprocess.DEVNULL,
+                    pass_fds=(theirs.fileno(),),
+                    env=os.environ | self._environment | environment,
+                    process_group=0,
+                )
+            except OSError as error:
+                ours.close()
+                self._restarts.ended(time.monotonic(), str(error.strerror))
+                return
+        self._sock = ours
+        self._asked_s = time.monotonic()
+        self._restarts.started(self._asked_s)
+
+    def tend(self) -> str | None:
+        """Note its readiness or end, and start it again when that is due.
+
+        Returns
+        -------
+        str or None
+            How it ended, if it has.
+        """
+        now_s = time.monotonic()
+        if self._process is None:
+            if now_s >= self._restarts.not_before_s:
+                self.warm_up()
+            return None
+        self._listen(now_s)
+        code = self._process.poll()
+        if code is None:
+            return None
+        reason = self._fault or (
+            f"ended (exit {code})" if code >= 0 else f"was killed (signal {-code})"
+        )
+        self._forget()
+        self._restarts.ended(now_s, reason)
+        return reason
+
+    def _listen(self, now_s: float) -> None:
+        """Take its signs of life, and ask for more."""
+        while self._sock is not None and self._readable(0.0):
+            if self._receive() is None:
+                return
+            self._heard_s, self._asked_s = now_s, None
+            self._ready = self._ever_ready = True
+        if self._asked_s is not None:
+            if now_s - self._asked_s > (SILENCE_S if self._ready else IMPORT_S):
+                self._give_up("fell silent")
+        elif now_s - self._heard_s > PING_S:
+            self._asked_s = now_s
+            self._send(b"{}", [])
+
+    def close(self) -> None:
+        """End the nursery; nobody else is touched."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+        self._forget()
+
+    def _forget(self) -> None:
+        if self._sock is not None:
+            self._sock.close()
+        self._process = self._sock = None
+        self._ready = False
+        self._fault = ""
+
+    # ------------------------------------------------------------------ starting
+
+    def start(
+        self,
+        module: str,
+        *,
+        name: str,
+        output: int,
+        fds: Sequence[int],
+        environment: Mapping[str, str],
+        arguments: Sequence[str] = (),
+    ) -> int:
+        """Start ``python -m MODULE`` in a process group of its own; get its process id.
+
+        It is our child; waiting for it is the caller's.
+
+        Parameters
+        ----------
+        module : str
+            With a function ``main``.
+        name : str
+            As ``top`` shall show it.
+        output : int
+            Descriptor for what it prints.
+        fds : sequence of int
+            Descriptors that it inherits, under the same numbers.
+        environment : mapping of str to str
+            On top of ours.
+        arguments : sequence of str
+            After the module.
+        """
+        environment = {**self._environment, **environment}
+        pid = self._fork(module, name, output, fds, environment, arguments)
+        if pid is not None:
+            return pid
+        process = subprocess.Popen(
+            [sys.executable, "-m", module, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            pass_fds=tuple(fds),
+            env=os.environ | environment,
+            process_group=0,
+        )
+        process.returncode = 0  # the caller waits for it, not subprocess
+        return process.pid
+
+    def _fork(
+        self,
+        module: str,
+        name: str,
+        output: int,
+        fds: Sequence[int],
+        environment: Mapping[str, str],
+        arguments: Sequence[str],
+    ) -> int | None:
+        """Ask the nursery; None when it cannot."""
+        if not self._ready or self._sock is None:
+            return None
+        request = {
+            "module": module,
+            "name": name,
+            "arguments": list(arguments),
+            "environment": dict(environment),
+            "parent": os.getpid(),
+            "places": [1, *fds],
+        }
+        # What is forked waits for a word on this pipe: an answer that comes too late must not
+        # leave a second process with the same sockets.
+        go, give = os.pipe()
+        try:
+            if not self._send(json.dumps(request).encode(), [output, *fds, go]):
+                return None
+            answer = self._answer()
+            if answer is None:
+                if self._ready:
+                    self._give_up("did not answer")
+                return None
+            if "pid" not in answer:
+                log.warning("the nursery cannot fork", reason=answer["error"])
+                return None
+            os.write(give, b"!")
+        finally:
+            os.close(go)
+            os.close(give)
+        return int(answer["pid"])
+
+    def _answer(self) -> dict[str, int | str] | None:
+        """Wait for the answer to a request; signs of life may come before it."""
+        deadline_s = time.monotonic() + ANSWER_S
+        answer: dict[str, int | str] | None = {}
+        while answer == {} and self._readable(max(0.0, deadline_s - time.monotonic())):
+            answer = self._receive()
+        return answer or None
+
+    def _give_up(self, fault: str) -> None:
+        """Use it no more; `tend` will find it dead."""
+        log.warning("nursery killed", reason=fault)
+        self._ready = False
+        self._fault = fault
+        if self._process is not None:
+            self._process.kill()
+
+    def _send(self, data: bytes, fds: Sequence[int]) -> bool:
+        """Send a datagram; False when it has ended."""
+        assert self._sock is not None
+        try:
+            socket.send_fds(self._sock, [data], fds, socket.MSG_DONTWAIT)
+        except BlockingIOError:  # a stopped one: it will be found silent
+            return True
+        except OSError:
+            self._ready = False
+            return False
+        return True
+
+    def _readable(self, timeout_s: float) -> bool:
+        assert self._sock is not None
+        return bool(select.select([self._sock], [], [], timeout_s)[0])
+
+    def _receive(self) -> dict[str, int | str] | None:
+        """Get a datagram of the nursery; None at its end."""
+        assert self._sock is not None
+        try:
+            data = self._sock.recv(4096)
+        except OSError:
+            data = b""
+        if not data:
+            self._ready = False
+            return None
+        answer: dict[str, int | str] = json.loads(data)
+        return answer

@@ -1,0 +1,188 @@
+"""The helper that forks the processes, with their imports already done.
+
+``python -m uavrt.supervisor.tree.nursery``, started by `uavrt.supervisor.tree.launcher`.
+Importing NumPy and the rest takes each process 0.1 to 0.4 s of CPU and 13 to 40 MB; here it is
+done once, before it is needed, and the pages are shared.
+
+A process is forked twice, so that it becomes the supervisor's own child at once (the supervisor
+adopts orphans): the supervisor waits for it, and the death of the nursery ends nobody.
+
+A request is one datagram, JSON with file descriptors (``SCM_RIGHTS``), answered by the process
+id; an empty one is answered by an empty one, as a sign of life. The first datagram, empty too,
+says that the imports are done.
+"""
+
+import ctypes
+import fcntl
+import gc
+import importlib
+import json
+import os
+import random
+import signal
+import socket
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+NURSERY_VARIABLE = "UAVRT_NURSERY_FD"
+"""Environment variable with the number of the inherited socket."""
+MODULES = (
+    "uavrt.processes.receiver",
+    "uavrt.processes.detector",
+    "uavrt.processes.connection",
+    "uavrt.processes.recorder",
+)
+"""What is imported beforehand: what every drone runs. Others import after the fork."""
+MAX_REQUEST_BYTES = 65_536
+MAX_FDS = 200
+FREE_FD = 500
+"""Descriptors move above this number before they take their places; places are below."""
+_PR_SET_NAME = 15
+"""prctl(2): the name that ``top`` shows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Birth:
+    """What a forked process is to become."""
+
+    request: dict[str, Any]
+    """Of `Launcher`: module, name, arguments, environment, parent, places."""
+    fds: list[int]
+    """One for each place, then one by which the supervisor says that it is wanted."""
+    midwife: int
+    """Process id of the short-lived parent between the nursery and this process."""
+
+
+def serve(sock: socket.socket) -> Birth | None:
+    """Fork on request; returns in each forked process, and with None when nobody asks more."""
+    while True:
+        data, fds, _, _ = socket.recv_fds(sock, MAX_REQUEST_BYTES, MAX_FDS)
+        if not data:
+            return None
+        request = json.loads(data)
+        if not request:
+            sock.send(data)
+            continue
+        try:
+            birth = fork_twice(request, fds)
+        except OSError as error:
+            answer: dict[str, object] = {"error": str(error.strerror)}
+        else:
+            if isinstance(birth, Birth):
+                return birth
+            answer = {"pid": birth}
+        for fd in fds:
+            os.close(fd)
+        sock.send(json.dumps(answer).encode())
+
+
+def fork_twice(request: dict[str, Any], fds: list[int]) -> Birth | int:
+    """Fork a process that is not our child; get its id here, its task there."""
+    reader, writer = os.pipe()
+    try:
+        midwife = os.fork()
+    except OSError:
+        os.close(reader)
+        os.close(writer)
+        raise
+    if midwife == 0:
+        own_id = os.getpid()
+        code = 1
+        try:
+            child = os.fork()
+            if child == 0:
+                os.close(reader)
+                os.close(writer)
+                return Birth(request, fds, own_id)
+            # Before the supervisor hears of it: it may want to kill the group at once.
+            os.setpgid(child, child)
+            os.write(writer, str(child).encode())
+            code = 0
+        finally:
+            if os.getpid() == own_id:
+                os._exit(code)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as pipe:
+        text = pipe.read()
+    os.waitpid(midwife, 0)
+    if not text:
+        raise OSError(0, "the process could not be forked")
+    return int(text)
+
+
+def become(birth: Birth) -> None:
+    """Turn into the process that was asked for, as if it had been executed."""
+    request = birth.request
+    # The kernel is told below to end us with our parent: it must be the right one by then.
+    while (parent := os.getppid()) == birth.midwife:
+        time.sleep(0.0005)
+    if parent != request["parent"]:
+        os._exit(1)
+    *fds, go = birth.fds
+    if not os.read(go, 1):
+        os._exit(1)  # the supervisor has not waited for us
+    os.close(go)
+    take_places(fds, request["places"])
+    os.environ.update(request["environment"])
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    random.seed()
+    sys.argv = [request["module"], *request["arguments"]]
+    show_as(request["name"], request["module"])
+
+
+def take_places(fds: list[int], places: list[int]) -> None:
+    """Give each descriptor the number that it had in the supervisor; 1 is also 2."""
+    raised = [fcntl.fcntl(fd, fcntl.F_DUPFD_CLOEXEC, FREE_FD) for fd in fds]
+    for fd in fds:
+        os.close(fd)
+    for fd, place in zip(raised, places, strict=True):
+        os.dup2(fd, place, inheritable=place <= 2)
+        if place == 1:
+            os.dup2(fd, 2)
+        os.close(fd)
+
+
+def show_as(name: str, module: str) -> None:
+    """Let ``top`` show the name, and ``ps`` the module, in place of the nursery's own.
+
+    The arguments of a process stand in its own memory (arg_start and arg_end of proc(5));
+    Python has copied them long ago.
+    """
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_NAME, name.encode()[:15], 0, 0, 0)
+    with suppress(OSError, ValueError, IndexError):
+        with open("/proc/self/stat", encoding="utf-8", errors="replace") as file:
+            fields = file.read().rpartition(") ")[2].split()
+        start, end = int(fields[45]), int(fields[46])
+        title = f"{sys.executable}\0-m\0{module}\0".encode()
+        if 0 < start < end:
+            ctypes.memmove(start, title.ljust(end - start, b"\0"), end - start)
+
+
+def main() -> None:
+    """Import, serve, and in a forked process run its main."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sock = socket.socket(fileno=int(os.environ.pop(NURSERY_VARIABLE)))
+    from uavrt.heap import fill_pools
+    from uavrt.ipc import die_with_parent
+
+    die_with_parent()
+    for module in MODULES:
+        with suppress(Exception):  # the process itself will say what is wrong
+            importlib.import_module(module)
+    gc.collect()
+    filling = fill_pools()
+    gc.freeze()
+    sock.send(b"{}")
+    birth = serve(sock)
+    sock.close()
+    if birth is not None:
+        become(birth)
+        importlib.import_module(birth.request["module"]).main()
+    del filling  # until now: what it fills must not become free
+
+
+if __name__ == "__main__":
+    main()

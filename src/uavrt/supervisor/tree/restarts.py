@@ -1,0 +1,59 @@
+"""When to restart a process that ended: at once, then with growing delays, then "degraded"."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestartPolicy:
+    """The rule for one row of the table of processes."""
+
+    delays_s: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 5.0)
+    """Wait before the first, second, … restart in a row; the last repeats."""
+    settled_s: float = 10.0
+    """Alive for this long: restarts in a row are counted from the beginning."""
+    degraded_after: int = 4
+    """Ends in a row after which it is reported degraded; restarts continue: a radio may be
+    plugged in again, a disk may get room."""
+
+    def words(self) -> str:
+        """Describe it: ``after 0, 0.5 s …; degraded after 4``."""
+        delays = ", ".join(f"{delay_s:g}" for delay_s in self.delays_s)
+        return f"after {delays} s …; degraded after {self.degraded_after}"
+
+
+SOON = RestartPolicy()
+"""At once; what a flight cannot do without."""
+
+
+@dataclass(slots=True)
+class Restarts:
+    """The history of one process's exits."""
+
+    policy: RestartPolicy = SOON
+    total: int = 0
+    in_a_row: int = 0
+    not_before_s: float = 0.0
+    """Monotonic time before which it is not started again."""
+    last_reason: str = ""
+    _started_s: float = 0.0
+
+    def started(self, now_s: float) -> None:
+        """Note a start."""
+        self._started_s = now_s
+
+    def ended(self, now_s: float, reason: str) -> float:
+        """Note an end that was not asked for; get the wait before the restart [s]."""
+        delays_s = self.policy.delays_s
+        if now_s - self._started_s > self.policy.settled_s:
+            self.in_a_row = 0
+        delay_s = delays_s[min(self.in_a_row, len(delays_s) - 1)]
+        self.in_a_row += 1
+        self.total += 1
+        self.last_reason = reason
+        self.not_before_s = now_s + delay_s
+        return delay_s
+
+    def degraded(self, now_s: float) -> bool:
+        """Whether it keeps ending."""
+        often = self.in_a_row >= self.policy.degraded_after
+        return often and now_s - self._started_s <= self.policy.settled_s

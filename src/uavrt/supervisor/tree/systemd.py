@@ -1,0 +1,48 @@
+"""Tell systemd that the system is ready and alive (sd_notify(3)); nothing without systemd."""
+
+import contextlib
+import os
+import socket
+
+
+class SystemdNotifier:
+    """Sends states to the socket that systemd names in the environment."""
+
+    def __init__(self) -> None:
+        address = os.environ.get("NOTIFY_SOCKET", "")
+        self._address = "\0" + address[1:] if address.startswith("@") else address
+        self._sock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) if address else None
+        self.watchdog_s = _watchdog_s()
+        """How often to call `alive` at least; None when systemd does not watch."""
+
+    def ready(self) -> None:
+        """Report that start-up is over."""
+        self._send("READY=1")
+
+    def alive(self, status: str) -> None:
+        """Report that the main loop turns, and what the system does."""
+        self._send(f"WATCHDOG=1\nSTATUS={status}")
+
+    def stopping(self) -> None:
+        """Report that the end was asked for."""
+        self._send("STOPPING=1")
+
+    def close(self) -> None:
+        """Close the socket."""
+        if self._sock is not None:
+            self._sock.close()
+
+    def _send(self, state: str) -> None:
+        """Send, or leave it: a manager that is gone or busy never stops a flight."""
+        if self._sock is not None:
+            with contextlib.suppress(OSError):
+                self._sock.sendto(state.encode(), socket.MSG_DONTWAIT, self._address)
+
+
+def _watchdog_s() -> float | None:
+    """Half of systemd's watchdog time, when it is meant for this process."""
+    microseconds = os.environ.get("WATCHDOG_USEC", "")
+    pid = os.environ.get("WATCHDOG_PID", str(os.getpid()))
+    if not microseconds.isdigit() or pid != str(os.getpid()):
+        return None
+    return int(microseconds) / 2e6

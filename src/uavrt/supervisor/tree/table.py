@@ -1,0 +1,239 @@
+"""The table of processes: the shape of the drone side.
+
+One row a process. Start order, stop order (reverse), routing of records, silence limits and
+budgets derive from here; rows stand in start order, consumers before their producers, so that
+nothing is sent to nobody. Modules are named by string: the table imports none of them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from uavrt.config import Settings
+from uavrt.messages import SystemState
+from uavrt.supervisor.tree.restarts import SOON, RestartPolicy
+
+Predicate = Callable[[SystemState], bool]
+
+
+def always(state: SystemState) -> bool:
+    """Run in every state."""
+    return state in SystemState
+
+
+def while_detecting(state: SystemState) -> bool:
+    """Run between start and stop of detection."""
+    return state is SystemState.DETECTING
+
+
+def while_receiving(state: SystemState) -> bool:
+    """Run while the radio is wanted: for detection or for a raw capture."""
+    return state in (SystemState.DETECTING, SystemState.CAPTURING)
+
+
+def on_every_drone(settings: Settings) -> bool:
+    """Run whatever the settings."""
+    return isinstance(settings, Settings)
+
+
+def with_bearings_on_drone(settings: Settings) -> bool:
+    """Run where bearings are wanted on the drone."""
+    return settings.bearings.on_drone
+
+
+def with_ros2(settings: Settings) -> bool:
+    """Run where the gateway to ROS 2 is asked for."""
+    return settings.ros2.enabled
+
+
+def with_guide(settings: Settings) -> bool:
+    """Run where orders of motion are allowed."""
+    return settings.guidance.enabled
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessRow:
+    """One row of the table."""
+
+    name: str
+    module: str
+    meaning: str
+    runs: Predicate
+    consumes: tuple[str, ...]
+    """Topics that the supervisor passes on to it."""
+    produces: tuple[str, ...]
+    configured: Callable[[Settings], bool] = on_every_drone
+    """Whether these settings ask for it at all."""
+    backlog: int | None = None
+    """Keep at most so many records of a topic for it while it is away, even of those that are
+    lossless for others; for a mere onlooker."""
+    says_taken: bool = False
+    """Says by `taken` how far it is; what it has not taken goes to its successor again."""
+    per_worker: bool = False
+    """One instance for each detector worker."""
+    samples_to: str | None = None
+    """Row that gets samples from it, each instance by a socket of its own."""
+    silence_limit_s: float = 5.0
+    """Alive but silent for longer counts as dead. Every process speaks once a second."""
+    start_limit_s: float = 20.0
+    """The same for the first word, which comes after the imports."""
+    restart: RestartPolicy = SOON
+    """When it is started again after it has ended by itself."""
+    cpu_budget_percent: float
+    """Of one core of the reference machine, with 100 tags."""
+    memory_limit_mb: float
+    stop_timeout_s: float = 5.0
+    """From SIGTERM to SIGKILL."""
+
+
+PROCESSES: tuple[ProcessRow, ...] = (
+    ProcessRow(
+        name="recorder",
+        module="uavrt.processes.recorder",
+        meaning="writes the flight directory; makes up for poses that never come",
+        runs=always,
+        consumes=(
+            "pulse",
+            "search_report",
+            "search_note",
+            "pulse_pose",
+            "delivered",
+            "poses",
+            "flight",
+            "flight_end",
+            "command",
+            "command_reply",
+            "status_text",
+            "health",
+        ),
+        produces=("pulse_pose", "recorded", "taken", "health", "status_text"),
+        says_taken=True,
+        cpu_budget_percent=2.0,
+        memory_limit_mb=60.0,
+        # A memory card may take seconds over an fsync; killing the writer would not hurry it.
+        silence_limit_s=8.0,
+    ),
+    ProcessRow(
+        name="connection",
+        module="uavrt.processes.connection",
+        meaning="MAVLink to the autopilot and the ground; gives each pulse its pose",
+        runs=always,
+        consumes=(
+            "pulse",
+            "pulse_pose",
+            "recorded",
+            "bearing",
+            "search_report",
+            "command_reply",
+            "operation",
+            "settings",
+            "status_text",
+            "system_status",
+            "flight",
+            "flight_end",
+            "motion_offer",
+            "wish",
+        ),
+        produces=(
+            "pulse_pose",
+            "delivered",
+            "poses",
+            "command",
+            "motion",
+            "vehicle",
+            "vehicle_fence",
+            "health",
+            "status_text",
+        ),
+        cpu_budget_percent=6.0,
+        memory_limit_mb=60.0,
+    ),
+    ProcessRow(
+        name="estimator",
+        module="uavrt.processes.estimator",
+        meaning="bearings on the drone; without it the ground alone makes them",
+        runs=always,
+        configured=with_bearings_on_drone,
+        consumes=("pulse_pose", "poses", "flight"),
+        produces=("bearing", "health", "status_text"),
+        backlog=500,
+        cpu_budget_percent=10.0,
+        memory_limit_mb=120.0,
+    ),
+    ProcessRow(
+        name="guide",
+        module="uavrt.processes.guide",
+        meaning="flies what an operator has confirmed; without it nothing moves",
+        runs=always,
+        configured=with_guide,
+        consumes=(
+            "motion",
+            "vehicle",
+            "vehicle_fence",
+            "flight",
+            "flight_end",
+            "pulse_pose",
+            "search_report",
+        ),
+        produces=("motion_offer", "wish", "search_note", "health", "status_text"),
+        backlog=1,
+        cpu_budget_percent=5.0,
+        memory_limit_mb=80.0,
+    ),
+    ProcessRow(
+        name="ros2",
+        module="uavrt.processes.ros2_gateway",
+        meaning="shows everything as ROS 2 nodes and topics; takes commands from there",
+        runs=always,
+        configured=with_ros2,
+        consumes=(
+            "pulse",
+            "pulse_pose",
+            "poses",
+            "flight",
+            "flight_end",
+            "command",
+            "command_reply",
+            "status_text",
+            "system_status",
+            "settings",
+        ),
+        produces=("pulse", "command", "health", "status_text"),
+        backlog=200,
+        cpu_budget_percent=3.0,
+        memory_limit_mb=80.0,
+    ),
+    ProcessRow(
+        name="detector",
+        module="uavrt.processes.detector",
+        meaning="finds the pulses of several tags",
+        runs=while_detecting,
+        consumes=(),
+        produces=("pulse", "search_report", "health", "status_text"),
+        per_worker=True,
+        cpu_budget_percent=5.5,
+        memory_limit_mb=100.0,
+    ),
+    ProcessRow(
+        name="receiver",
+        module="uavrt.processes.receiver",
+        meaning="radio samples to channels; also records the band",
+        runs=while_receiving,
+        samples_to="detector",
+        consumes=("settings",),
+        produces=("health", "status_text"),
+        cpu_budget_percent=3.5,
+        memory_limit_mb=120.0,
+        # A radio program that ignores SIGTERM is waited for 2 s before it is killed.
+        silence_limit_s=5.0,
+    ),
+)
+
+SUPERVISOR_TOPICS = ("command", "health", "status_text", "taken")
+"""Topics that the supervisor itself reads."""
+
+
+def consumers_of(
+    topic: str, rows: tuple[ProcessRow, ...] = PROCESSES
+) -> tuple[ProcessRow, ...]:
+    """Get the rows that consume a topic."""
+    return tuple(row for row in rows if topic in row.consumes)

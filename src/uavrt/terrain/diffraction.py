@@ -1,0 +1,147 @@
+"""Loss over hills, on one profile or many: Recommendation ITU-R P.526-15.
+
+The single edge is its equation 31, the edge that stands for all of a profile is Bullington's of
+its §4.5.1, with the earth's radius at 4/3. Level ground hides a low tag a little, too, and that
+is part of what the reflected ray takes away (`uavrt.planning.GroundReflection`); so the loss of
+terrain is what its profile costs beyond a level one, as in §4.5.2 of the recommendation:
+
+    terrain loss = max(0, Bullington(profile) - Bullington(level ground))
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Floats = NDArray[np.floating]
+EARTH_M = 8_500_000.0
+"""Radius over which rays are straight (P.526-15, §4.5)."""
+LIGHT_M_S = 299_792_458.0
+_LEAST = -1e12
+
+
+def knife_edge_db(nu: _Floats) -> _Floats:
+    """Loss [dB] of one edge by its parameter ν: 6 dB at grazing (P.526-15, equation 31)."""
+    above = np.maximum(nu, -0.78) - 0.1
+    loss = 6.9 + 20.0 * np.log10(np.sqrt(above * above + 1.0) + above)
+    return np.asarray(np.where(nu > -0.78, loss, 0.0))
+
+
+def bullington_db(nu: _Floats, distance_m: _Floats) -> _Floats:
+    """Loss [dB] of a profile by the parameter of its one edge (P.526-15, equation 58)."""
+    edge = knife_edge_db(nu)
+    return np.asarray(edge - np.expm1(-edge / 6.0) * (10.0 + 2e-5 * distance_m))
+
+
+def beyond_level_db(
+    nu: _Floats, distance_m: _Floats, *, antenna_m: float, tag_m: float, wavelength_m: float
+) -> _Floats:
+    """Loss [dB] of a profile beyond that of level ground.
+
+    Over level ground the ray to the mirrored antenna touches it where ν is greatest:
+    -2 √(2 a b / (λ d)) for heights a and b.
+
+    Parameters
+    ----------
+    nu, distance_m : arrays
+        Of the profile's edge, and between the antennas.
+    antenna_m, tag_m : float
+        Heights above the ground at either end.
+    wavelength_m : float
+    """
+    height = np.sqrt(2.0 * antenna_m * tag_m / wavelength_m)
+    level = -2.0 * height / np.sqrt(np.maximum(distance_m, 1.0))
+    loss = bullington_db(nu, distance_m) - bullington_db(level, distance_m)
+    return np.asarray(np.maximum(loss, 0.0))
+
+
+def terrain_loss_db(
+    distance_m: _Floats,
+    height_m: _Floats,
+    *,
+    antenna_m: float,
+    tag_m: float,
+    frequency_hz: float,
+) -> float:
+    """Loss [dB] of one profile beyond that of level ground.
+
+    Parameters
+    ----------
+    distance_m : (n,) array
+        From the drone, 0 at the first point and rising; the tag is at the last.
+    height_m : (n,) array
+        Of the ground, of any datum.
+    antenna_m, tag_m : float
+        Heights above the ground at either end.
+    frequency_hz : float
+    """
+    wavelength = LIGHT_M_S / frequency_hz
+    x = np.asarray(distance_m, np.float64)
+    ground = np.asarray(height_m, np.float64) - x * x / (2.0 * EARTH_M)
+    nu = edge_parameters(
+        x[np.newaxis, 1:-1],
+        ground[np.newaxis, 1:-1],
+        x[-1:],
+        np.asarray(ground[:1] + antenna_m),
+        ground[-1:] + tag_m,
+        wavelength,
+    )
+    return float(
+        beyond_level_db(nu, x[-1:], antenna_m=antenna_m, tag_m=tag_m, wavelength_m=wavelength)[
+            0
+        ]
+    )
+
+
+def edge_parameters(
+    x: _Floats,
+    ground: _Floats,
+    far: _Floats,
+    antenna: _Floats,
+    tag: _Floats,
+    wavelength_m: float,
+) -> _Floats:
+    """ν of the one edge that stands for each profile (P.526-15, equations 53 to 57).
+
+    Parameters
+    ----------
+    x : (paths, points) array
+        From the drone [m]; points at or beyond `far` do not count.
+    ground : (paths, points) array
+        Heights, with the earth's bulge taken off: x² / (2 · 8500 km).
+    far, antenna, tag : (paths,) arrays
+        Distance to the tag, and heights of both antennas, with the bulge taken off.
+    wavelength_m : float
+
+    Returns
+    -------
+    (paths,) array
+        -10 where nothing lies between.
+    """
+    if not x.shape[1]:
+        return np.full(far.shape, -10.0)
+    far2, antenna2, tag2 = far[:, np.newaxis], antenna[:, np.newaxis], tag[:, np.newaxis]
+    inside = x < far2 - 1e-3
+    left = np.where(inside, far2 - x, 1.0)
+    from_drone = np.where(inside, (ground - antenna2) / x, _LEAST).max(axis=1)
+    from_tag = np.where(inside, (ground - tag2) / left, _LEAST).max(axis=1)
+    straight = (tag - antenna) / far
+    ray = antenna2 + straight[:, np.newaxis] * x
+    seen = np.where(
+        inside, (ground - ray) * np.sqrt(2.0 * far2 / (wavelength_m * x * left)), -10.0
+    ).max(axis=1)
+    hidden = hidden_parameter(from_drone, from_tag, far, antenna, tag, wavelength_m)
+    return np.asarray(np.where(from_drone < straight, seen, hidden))
+
+
+def hidden_parameter(
+    from_drone: _Floats,
+    from_tag: _Floats,
+    far: _Floats,
+    antenna: _Floats,
+    tag: _Floats,
+    wavelength_m: float,
+) -> _Floats:
+    """ν of the edge where both horizons' rays meet, for tags out of sight."""
+    both = np.maximum(from_drone + from_tag, 1e-9)
+    at = np.clip((tag - antenna + from_tag * far) / both, 1e-3 * far, 0.999 * far)
+    above = antenna + from_drone * at - (antenna * (far - at) + tag * at) / far
+    return np.asarray(above * np.sqrt(2.0 * far / (wavelength_m * at * (far - at))))

@@ -1,0 +1,48 @@
+"""Files of heights: one, or a folder of tiles."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from uavrt.errors import FormatError
+from uavrt.terrain import geotiff, srtm
+from uavrt.terrain.elevation import Elevation, Raster
+
+_REMEDY = "Name a tile (N47E008.hgt), a GeoTIFF of heights (.tif), or a folder of these"
+
+
+def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
+    """Open a file of heights, or all of a folder.
+
+    Parameters
+    ----------
+    path : Path
+        ``.hgt``, ``.hgt.zip``, ``.tif``, ``.tiff``, or a folder.
+    sea : bool
+        Take what no file covers for water at height 0: there are no tiles of the open sea.
+
+    Raises
+    ------
+    FormatError
+        There are none, or one of them is cut off, damaged, or of a kind that is not read.
+    """
+    if not path.exists():
+        raise FormatError(f"there is no {path}", remedy=_REMEDY)
+    return Elevation(rasters=tuple(_rasters(path)), sea=sea)
+
+
+def _rasters(path: Path) -> Iterator[Raster]:
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    found = 0
+    for file in files:
+        name = file.name.lower()
+        if name.startswith(".") or not file.is_file():
+            continue
+        if name.endswith(srtm.SUFFIXES):
+            yield srtm.srtm_raster(file)
+        elif name.endswith(geotiff.SUFFIXES):
+            yield geotiff.geotiff_raster(file)
+        else:
+            continue
+        found += 1
+    if not found:
+        raise FormatError(f"{path} holds no heights of the ground", remedy=_REMEDY)

@@ -1,0 +1,316 @@
+"""What the ground around a flight costs, from its places to those of tags, remembered.
+
+The loss from one place of a drone to all squares of the ground is computed once
+(`uavrt.terrain.viewshed`) and kept: a belief that asks for ten thousand places with every pulse
+reads them from there. Drone places lie on a lattice as fine as the squares, coarser where a
+flight has too many of them, so that a flight's cost is bounded.
+"""
+
+from collections import OrderedDict
+from copy import copy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uavrt.tangent_plane import TangentPlane
+from uavrt.terrain.elevation import Elevation
+from uavrt.terrain.squares import GroundGrid, ground_grid
+from uavrt.terrain.viewshed import terrain_loss_map
+
+_Floats = NDArray[np.floating[Any]]
+TAG_M = 0.5
+"""Height of a tag above the ground, unless told."""
+_LEAST_REACH_M = 500.0
+_MOST_SIDE = 200
+"""Squares along each side of the ground that is laid around the take-off."""
+_ROUGH_SIDE = 64
+"""The same where ways are weighed: a thirtieth of the cost."""
+_FINEST_M = 15.0
+_HEIGHT_STEP_M = 4.0
+_LEAST_ABOVE_M = 1.0
+_MOST_PLACES = 100
+"""Of the drone, for one question: 1.5 s of a core at the most."""
+_MOST_BYTES = 64_000_000
+"""Of remembered losses."""
+
+_Node = tuple[int, int, int]
+"""Of the lattice: metres east, north, and above the take-off's ground."""
+
+
+class HillLosses:
+    """The ground around a take-off, and what it takes from pulses.
+
+    Heights of the drone count from the ground at the take-off, as autopilots tell them; metres
+    from there too, or from the origin of another plane (`in_plane`).
+
+    Parameters
+    ----------
+    elevation : Elevation
+    latitude_deg, longitude_deg : float
+        Of the take-off.
+    frequency_hz : float
+        Of the tags.
+    tag_m : float
+        Height of the tags above the ground beneath them.
+    limitations : tuple of str
+        What the losses do not hold for, in words; `told` adds what the files do not know.
+    """
+
+    def __init__(
+        self,
+        elevation: Elevation,
+        *,
+        latitude_deg: float,
+        longitude_deg: float,
+        frequency_hz: float = 150e6,
+        tag_m: float = TAG_M,
+        limitations: tuple[str, ...] = (),
+    ) -> None:
+        plane = TangentPlane(latitude_deg=latitude_deg, longitude_deg=longitude_deg)
+        self._squares = _Squares(elevation, plane)
+        self._rough = _Squares(elevation, plane, most_side=_ROUGH_SIDE)
+        self.frequency_hz, self.tag_m = frequency_hz, tag_m
+        self.limitations = limitations
+        self.origin_m = (0.0, 0.0)
+
+    @property
+    def start_amsl_m(self) -> float:
+        """Height of the ground at the take-off; NaN where the files do not know it."""
+        return self._squares.start_m
+
+    @property
+    def name(self) -> tuple[float, ...]:
+        """What tells it from another ground, with all that its losses depend on."""
+        plane = self._squares.plane
+        return (plane.latitude_deg, plane.longitude_deg, self.frequency_hz, self.tag_m)
+
+    @property
+    def level(self) -> bool:
+        """Whether nothing can be told: the files do not know the take-off."""
+        return not np.isfinite(self._squares.start_m)
+
+    def at(self, frequency_hz: float) -> "HillLosses":
+        """Get the same for another tag; what is remembered is shared."""
+        other = copy(self)
+        other.frequency_hz = frequency_hz
+        return other
+
+    def in_plane(self, plane: TangentPlane) -> "HillLosses":
+        """Get the same with metres from another origin near by; what is remembered is shared.
+
+        Both planes' axes are taken as parallel: 5 km apart they turn by .05°.
+        """
+        other = copy(self)
+        east, north = self._squares.plane.to_local(plane.latitude_deg, plane.longitude_deg)
+        other.origin_m = (float(east), float(north))
+        return other
+
+    def rough(self) -> "HillLosses":
+        """Get the same on squares three times as large, for the many places of a decision."""
+        other = copy(self)
+        other._squares = self._rough  # noqa: SLF001 - of a copy of its own
+        return other
+
+    def noting(self, *limitations: str) -> "HillLosses":
+        """Get the same with more that an operator must know."""
+        other = copy(self)
+        other.limitations = (*self.limitations, *limitations)
+        return other
+
+    def cover(self, east_m: ArrayLike, north_m: ArrayLike) -> None:
+        """Lay the ground as far as some places; what is beyond counts as its edge.
+
+        Raises
+        ------
+        FormatError
+            A file of heights is damaged.
+        """
+        here = self.origin_m
+        self._squares.reach(
+            float(np.max(np.abs(np.asarray(east_m) + here[0]))),
+            float(np.max(np.abs(np.asarray(north_m) + here[1]))),
+        )
+
+    def told(self) -> tuple[str, ...]:
+        """What an operator must know of the ground as it was laid."""
+        if self.level:
+            return (
+                *self.limitations,
+                "the elevation files do not cover the flight: the ground is taken as level",
+            )
+        unknown = self._squares.unknown_share
+        if not unknown:
+            return self.limitations
+        return (
+            *self.limitations,
+            f"the elevation files do not tell {max(unknown, 0.001):.1%} of the ground around "
+            "the flight: there it is taken as high as the nearest place that they tell",
+        )
+
+    def rise_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """Ground at places over that at the take-off, of any shape."""
+        if self.level:
+            return np.zeros(np.shape(east_m))
+        squares = self._squares
+        there = squares.grid(
+            np.asarray(east_m + self.origin_m[0], np.float64),
+            np.asarray(north_m + self.origin_m[1], np.float64),
+        )
+        return np.asarray(there - squares.start_m)
+
+    def seen_from(
+        self, drone_east_m: _Floats, drone_north_m: _Floats, drone_up_m: _Floats
+    ) -> "LossesFrom":
+        """Losses from some places of the drone (n,), heights above the take-off's ground."""
+        if self.level:
+            none = np.zeros((1, 2, 2), np.float32)
+            which = np.zeros(np.size(drone_east_m), np.intp)
+            return LossesFrom(maps=none, which=which, west_m=0.0, south_m=0.0, cell_m=1.0)
+        nodes, which = self._nodes(drone_east_m, drone_north_m, drone_up_m)
+        maps = [self._squares.map(node, self.frequency_hz, self.tag_m) for node in nodes]
+        grid = self._squares.grid
+        return LossesFrom(
+            maps=maps[0][np.newaxis] if len(maps) == 1 else np.stack(maps),
+            which=which,
+            west_m=grid.west_m - self.origin_m[0],
+            south_m=grid.south_m - self.origin_m[1],
+            cell_m=grid.cell_m,
+        )
+
+    def loss_db(
+        self, drone: tuple[float, float, float], east_m: _Floats, north_m: _Floats
+    ) -> NDArray[np.float32]:
+        """Loss beyond that of level ground, from one place of the drone to places of any shape.
+
+        Parameters
+        ----------
+        drone : (east, north, up)
+            The last above the ground at the take-off.
+        east_m, north_m : array
+            Of the tag.
+        """
+        seen = self.seen_from(*(np.array([one]) for one in drone))
+        return seen.between(np.intp(0), east_m, north_m)
+
+    def _nodes(
+        self, east_m: _Floats, north_m: _Floats, up_m: _Floats
+    ) -> tuple[list[_Node], NDArray[np.intp]]:
+        """Places of the lattice, and which of them stands for each of the drone's."""
+        east, north = east_m + self.origin_m[0], north_m + self.origin_m[1]
+        self._squares.reach(float(np.max(np.abs(east))), float(np.max(np.abs(north))))
+        reach, coarser = self._squares.reach_m, 1.0
+        while True:
+            steps = coarser * np.array([self._squares.grid.cell_m] * 2 + [_HEIGHT_STEP_M])
+            lattice = np.rint(np.stack((east, north, up_m), axis=1) / steps) * steps
+            lattice[:, :2] = np.clip(lattice[:, :2], -reach, reach)
+            whole = np.rint(lattice).astype(np.int64)
+            nodes, which = np.unique(whole, axis=0, return_inverse=True)
+            if len(nodes) <= _MOST_PLACES:
+                found = [(int(e), int(n), int(u)) for e, n, u in nodes]
+                return found, np.asarray(which, np.intp).ravel()
+            coarser *= 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LossesFrom:
+    """Losses from some places of a drone to any place."""
+
+    maps: NDArray[np.float32]
+    """(lattice, rows, columns) [dB]."""
+    which: NDArray[np.intp]
+    """(n,) place of the lattice that stands for each of the drone's."""
+    west_m: float
+    south_m: float
+    cell_m: float
+
+    def __call__(self, east_m: _Floats, north_m: _Floats) -> NDArray[np.float32]:
+        """(places, n) losses [dB] to places (places,)."""
+        lattice = np.arange(len(self.maps))[np.newaxis]
+        each = self.between(lattice, east_m[:, np.newaxis], north_m[:, np.newaxis])
+        return np.asarray(each[:, self.which])
+
+    def between(
+        self, lattice: NDArray[np.intp] | np.intp, east_m: _Floats, north_m: _Floats
+    ) -> NDArray[np.float32]:
+        """Losses [dB] from places of the lattice to places, of shapes that go together."""
+        _, rows, columns = self.maps.shape
+        single = np.float32
+        c = np.asarray((east_m - self.west_m) / self.cell_m, single)
+        r = np.asarray((north_m - self.south_m) / self.cell_m, single)
+        c = np.clip(c, single(0.0), single(columns - 1))
+        r = np.clip(r, single(0.0), single(rows - 1))
+        left = np.minimum(c.astype(np.int32), columns - 2)
+        low = np.minimum(r.astype(np.int32), rows - 2)
+        flat = self.maps.ravel()
+        first = lattice * (rows * columns) + low * columns + left
+        c, r = c - left, r - low
+        south = flat[first] * (1 - c) + flat[first + 1] * c
+        north = flat[first + columns] * (1 - c) + flat[first + columns + 1] * c
+        return np.asarray(south * (1 - r) + north * r, single)
+
+
+class _Squares:
+    """The ground as it is laid, and the losses that were computed over it."""
+
+    def __init__(
+        self, elevation: Elevation, plane: TangentPlane, *, most_side: int = _MOST_SIDE
+    ) -> None:
+        self._elevation, self.plane, self._most_side = elevation, plane, most_side
+        at = elevation.heights_m([plane.latitude_deg], [plane.longitude_deg])
+        self.start_m = float(at[0])
+        self.reach_m = 0.0
+        self._grid: GroundGrid | None = None
+        self._maps: OrderedDict[tuple[int, ...], NDArray[np.float32]] = OrderedDict()
+
+    @property
+    def grid(self) -> GroundGrid:
+        if self._grid is None:
+            self.reach(0.0, 0.0)
+        assert self._grid is not None
+        return self._grid
+
+    @property
+    def unknown_share(self) -> float:
+        return 0.0 if self._grid is None else self._grid.unknown_share
+
+    def reach(self, east_m: float, north_m: float) -> None:
+        """Lay the ground so far to all sides; as it is, where that is enough."""
+        needed = max(max(east_m, north_m) + _FINEST_M, _LEAST_REACH_M)
+        if needed <= self.reach_m or not np.isfinite(self.start_m):
+            return
+        # In steps of the root of two: a flight that goes on is not laid anew with each pulse.
+        steps = np.ceil(2.0 * np.log2(needed / _LEAST_REACH_M))
+        self.reach_m = reach = float(_LEAST_REACH_M * 2.0 ** (0.5 * steps))
+        self._grid = ground_grid(
+            self._elevation,
+            self.plane,
+            west_m=-reach,
+            east_m=reach,
+            south_m=-reach,
+            north_m=reach,
+            cell_m=max(2.0 * reach / self._most_side, _FINEST_M),
+        )
+        self._maps.clear()
+
+    def map(self, node: _Node, frequency_hz: float, tag_m: float) -> NDArray[np.float32]:
+        key = (*node, round(frequency_hz / 2e6), round(tag_m * 10.0))
+        known = self._maps.get(key)
+        if known is not None:
+            self._maps.move_to_end(key)
+            return known
+        east, north, up = (float(one) for one in node)
+        beneath = float(self.grid(np.array([east]), np.array([north]))[0]) - self.start_m
+        losses = terrain_loss_map(
+            self.grid,
+            east_m=east,
+            north_m=north,
+            antenna_m=max(up - beneath, _LEAST_ABOVE_M),
+            tag_m=tag_m,
+            frequency_hz=frequency_hz,
+        )
+        self._maps[key] = losses
+        while len(self._maps) * losses.nbytes > _MOST_BYTES and len(self._maps) > 1:
+            self._maps.popitem(last=False)
+        return losses

@@ -1,0 +1,89 @@
+"""Tiles of the Shuttle Radar Topography Mission, ``N47E008.hgt``, also zipped as they come.
+
+A tile is a degree wide and high, named by its south-western corner: 3601² (one arc second) or
+1201² (three) big-endian int16, the northern row first; its border rows and columns are those of
+its neighbours, too. -32768 is a void. Heights are above the geoid EGM96 ("SRTM Collection User
+Guide", NASA LP DAAC, 2015).
+"""
+
+import os
+import re
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import FormatError
+from uavrt.terrain.elevation import Raster
+
+SUFFIXES = (".hgt", ".hgt.zip")
+_NAME = re.compile(r"([NS])(\d{2})([EW])(\d{3})", re.IGNORECASE)
+_SIDES = {side * side * 2: side for side in (1201, 3601)}
+_VOID = -32768
+_AGAIN = "Download it again"
+
+
+def srtm_raster(path: Path) -> Raster:
+    """Open a tile.
+
+    Raises
+    ------
+    FormatError
+        Its name tells no place, or it is cut off.
+    """
+    named = _NAME.match(path.name)
+    if named is None:
+        raise FormatError(
+            f"{path.name} does not tell where it lies",
+            remedy="Give it back its name: N47E008.hgt is 47 to 48° north, 8 to 9° east",
+        )
+    south = int(named[2]) * (1 if named[1].upper() == "N" else -1)
+    west = int(named[4]) * (1 if named[3].upper() == "E" else -1)
+    try:
+        size = _zipped(path)[1] if path.suffix.lower() == ".zip" else os.stat(path).st_size
+    except (OSError, zipfile.BadZipFile, ValueError) as error:
+        raise FormatError(f"{path} cannot be read: {error}", remedy=_AGAIN) from error
+    side = _SIDES.get(size)
+    if side is None:
+        sizes = " or ".join(f"{known:,}" for known in _SIDES)
+        raise FormatError(
+            f"{path.name} is cut off or no tile: {size:,} bytes, not {sizes}", remedy=_AGAIN
+        )
+    step = 1.0 / (side - 1)
+    return Raster(
+        name=path.name,
+        epsg=4326,
+        x=float(west),
+        y=float(south + 1),
+        step_x=step,
+        step_y=step,
+        rows=side,
+        columns=side,
+        datum="EGM96",
+        read=lambda window: _points(path, side, window),
+    )
+
+
+def _zipped(path: Path) -> tuple[str, int]:
+    """Name and size of the one tile in a zip."""
+    with zipfile.ZipFile(path) as archive:
+        found = [one for one in archive.infolist() if one.filename.lower().endswith(".hgt")]
+        if len(found) != 1:
+            raise ValueError(f"it holds {len(found)} tiles, not one")
+        return found[0].filename, found[0].file_size
+
+
+def _points(path: Path, side: int, window: tuple[int, int, int, int]) -> NDArray[np.float32]:
+    top, bottom, left, right = window
+    try:
+        if path.suffix.lower() == ".zip":
+            with zipfile.ZipFile(path) as archive:
+                tile = np.frombuffer(archive.read(_zipped(path)[0]), ">i2").reshape(side, side)
+        else:
+            tile = np.memmap(path, ">i2", "r", shape=(side, side))
+    except (OSError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+        raise FormatError(f"{path} cannot be read: {error}", remedy=_AGAIN) from error
+    part = np.asarray(tile[top:bottom, left:right])
+    return np.where(part == _VOID, np.float32(np.nan), part.astype(np.float32))

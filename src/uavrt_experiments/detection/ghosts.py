@@ -1,0 +1,257 @@
+"""E22: what a receiver makes of a strong tag, beside tags listed where it appears."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.measure import DetectionChain
+from uavrt.messages import IQBlock, Pulse, Tag
+from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt_experiments.detection.cases import Case, Experiment
+from uavrt_experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    TruePulse,
+    make_samples,
+    pulse_train,
+)
+from uavrt_experiments.detection.tracking import count_row
+from uavrt_experiments.result import Row
+from uavrt_experiments.statistics import share_by_flight
+
+RATE_HZ = 96_000.0
+CENTER_HZ = 148_700_000.0
+_OWN_HZ = 20_300.0
+_COLLISION_S = 0.04
+_BLOCK = 8192
+STRONG, MIRROR, THIRD = (
+    replace(THESIS_TAG, tag_id=tag_id, frequency_hz=CENTER_HZ + multiple * _OWN_HZ)
+    for tag_id, multiple in ((2, 1.0), (4, -1.0), (6, -3.0 + RATE_HZ / _OWN_HZ))
+)
+"""The third is where -3 times the strong one's distance is seen at this rate."""
+_LISTED = STRONG, MIRROR, THIRD
+_CARRIER_HZ = -11_000.0
+_SECOND_HZ = 9_000.0
+WITH_CARRIER, SECOND, WITH_SECOND = (
+    replace(THESIS_TAG, tag_id=tag_id, frequency_hz=CENTER_HZ + offset_hz)
+    for tag_id, offset_hz in (
+        (8, 2.0 * _CARRIER_HZ - _OWN_HZ),
+        (10, _SECOND_HZ),
+        (12, 2.0 * _OWN_HZ - _SECOND_HZ),
+    )
+)
+"""Where a curved receiver shows products: 2 f1 - f2 of the strong one and another signal."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Haunted:
+    """What came of a flight."""
+
+    strong: int
+    """Pulses that the strong tag sent."""
+    strong_confirmed: int
+    true: int
+    """Pulses of the tag at a ghost's place that the strong one's did not hit."""
+    confirmed: int
+    """Of those."""
+    false: int
+    """Confirmed pulses of the other tags that they did not send."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ghosts:
+    """A strong tag through a receiver that is not ideal, as 8 bits hold it."""
+
+    strong_db: float
+    steps: float
+    """Of the converter, in standard deviations of the noise's real part."""
+    image_db: float | None = None
+    curve: float = 0.0
+    """Of the receiver's third order: compression of the strongest signal."""
+    carrier_db: float | None = None
+    """Of a steady carrier, over the noise of a sample."""
+    second_db: float | None = None
+    """Level of another tag whose pulses come together with the strong one's for a minute."""
+    place: Tag = MIRROR
+    """Where a ghost is."""
+    beside_db: float | None = None
+    """Level of a tag there; None: it is silent."""
+    duration_s: float = 60.0
+
+    def fly(self, rng: np.random.Generator, index: int) -> Haunted:
+        """One flight."""
+        strong = self._train(rng, STRONG, 1.254, self.strong_db)
+        beside = (
+            [] if self.beside_db is None else self._train(rng, self.place, 1.28, self.beside_db)
+        )
+        second = [] if self.second_db is None else self._second(rng, strong, self.second_db)
+        samples = make_samples(
+            rng,
+            [*strong, *second, *beside],
+            duration_s=self.duration_s,
+            sample_rate_hz=RATE_HZ,
+        )
+        self._receive(samples)
+        tags = _LISTED if self.place is MIRROR else (STRONG, SECOND, self.place)
+        found = _detect(_digitized(samples, self.steps), tags)
+        pulses = [pulse for pulse in found if pulse.confirmed]
+        told: dict[int, list[float]] = {tag.tag_id: [] for tag in (*_LISTED, *tags)}
+        for pulse in pulses:
+            told[pulse.tag_id].append((pulse.start_time_ns - START_NS) * 1e-9)
+        free = [
+            p.start_s
+            for p in beside
+            if all(abs(p.start_s - q.start_s) > _COLLISION_S for q in strong)
+        ]
+        sent_s = [p.start_s for p in beside]
+        told_s = told[self.place.tag_id]
+        return Haunted(
+            strong=len(strong),
+            strong_confirmed=sum(_near(p.start_s, told[STRONG.tag_id]) for p in strong),
+            true=len(free),
+            confirmed=sum(_near(at_s, told_s) for at_s in free),
+            false=len(told[THIRD.tag_id]) + sum(not _near(at_s, sent_s) for at_s in told_s),
+        )
+
+    def _receive(self, samples: NDArray[np.complex64]) -> None:
+        """Do to the samples what the receiver does."""
+        strongest = 10.0 ** (self.strong_db / 10.0) / (THESIS_TAG.pulse_width_s * RATE_HZ)
+        if self.carrier_db is not None:
+            strongest = 10.0 ** (self.carrier_db / 10.0)
+            turn = 2j * np.pi * _CARRIER_HZ / RATE_HZ * np.arange(len(samples))
+            samples += (math.sqrt(strongest) * np.exp(turn)).astype(np.complex64)
+        if self.curve:
+            power = samples.real**2 + samples.imag**2
+            samples *= 1.0 - np.float32(self.curve / strongest) * power
+        if self.image_db is not None:
+            samples += np.float32(10.0 ** (self.image_db / 20.0)) * np.conj(samples)
+
+    @staticmethod
+    def _second(
+        rng: np.random.Generator, strong: list[TruePulse], enr_db: float
+    ) -> list[TruePulse]:
+        """Pulses that meet another tag's with their middle, a tenth of a millisecond off."""
+        middle = len(strong) / 2
+        return [
+            replace(
+                pulse,
+                start_s=pulse.start_s + 1e-4 * (at - middle) + rng.uniform(-1e-3, 1e-3),
+                offset_hz=_SECOND_HZ,
+                enr_db=enr_db,
+            )
+            for at, pulse in enumerate(strong)
+        ]
+
+    def _train(
+        self, rng: np.random.Generator, tag: Tag, interval_s: float, enr_db: float
+    ) -> list[TruePulse]:
+        return pulse_train(
+            rng,
+            duration_s=self.duration_s,
+            interval_s=interval_s + rng.uniform(-0.002, 0.002),
+            offset_hz=tag.frequency_hz - CENTER_HZ,
+            enr_db=enr_db,
+            jitter_s=0.001,
+        )
+
+
+def _near(at_s: float, times_s: Sequence[float]) -> bool:
+    return any(abs(at_s - time_s) < 0.015 for time_s in times_s)
+
+
+def _digitized(samples: NDArray[np.complex64], steps: float) -> NDArray[np.complex64]:
+    values = np.clip(np.round(samples.view(np.float32) * steps), -128, 127) / 128.0
+    return values.astype(np.float32).view(np.complex64)
+
+
+def _detect(samples: NDArray[np.complex64], tags: Sequence[Tag]) -> list[Pulse]:
+    chain = DetectionChain(tags, sample_rate_hz=RATE_HZ, center_frequency_hz=CENTER_HZ)
+    pulses: list[Pulse] = []
+    for start in range(0, len(samples), _BLOCK):
+        block = IQBlock(
+            samples=samples[start : start + _BLOCK],
+            sample_index=start,
+            time_ns=START_NS + round(start * NANOSECONDS_PER_SECOND / RATE_HZ),
+            sample_rate_hz=RATE_HZ,
+        )
+        pulses += chain.process(block)
+    return pulses + chain.flush()
+
+
+def _case(name: str, scene: Ghosts) -> Case:
+    def rows(flights: Sequence[Haunted]) -> list[Row]:
+        found = [
+            count_row(
+                [f.false for f in flights],
+                experiment="E22",
+                quantity="ghosts confirmed as other tags in a flight",
+                case=name,
+                most=1.0,
+            ),
+            _share_row(
+                "pulses of the strong tag confirmed",
+                name,
+                [f.strong_confirmed for f in flights],
+                [f.strong for f in flights],
+            ),
+        ]
+        if scene.beside_db is not None:
+            found.append(
+                _share_row(
+                    f"pulses of the tag at {_place(scene)} confirmed",
+                    name,
+                    [f.confirmed for f in flights],
+                    [f.true for f in flights],
+                )
+            )
+        return found
+
+    return Case(name=name, trials=24, least=4, seconds=0.6, trial=scene.fly, rows=rows)
+
+
+def _place(scene: Ghosts) -> str:
+    return "the mirror place" if scene.place is MIRROR else "a product's place"
+
+
+def _share_row(quantity: str, name: str, found: list[int], of: list[int]) -> Row:
+    share, (low, high) = share_by_flight(found, of)
+    return Row(
+        experiment="E22",
+        quantity=quantity,
+        case=name,
+        figure=share,
+        low=low,
+        high=high,
+        n=sum(of),
+        least=0.9,
+        note=f"{len(of)} flights",
+    )
+
+
+_BESIDE_A_CARRIER = Ghosts(
+    strong_db=48.0, steps=1.0, curve=0.05, carrier_db=40.0, place=WITH_CARRIER
+)
+_TWO_STRONG = Ghosts(strong_db=48.0, second_db=48.0, steps=3.0, curve=0.05, place=WITH_SECOND)
+
+E22 = Experiment(
+    name="E22",
+    title="Ghosts of a strong tag",
+    cases=(
+        _case("image at −30 dB", Ghosts(strong_db=48.0, steps=3.0, image_db=-30.0)),
+        _case("saturated 8-bit samples", Ghosts(strong_db=68.0, steps=6.0)),
+        _case(
+            "image at −30 dB, a tag at its place",
+            Ghosts(strong_db=48.0, steps=3.0, image_db=-30.0, beside_db=16.0),
+        ),
+        _case("product with a steady carrier", _BESIDE_A_CARRIER),
+        _case(
+            "product with a steady carrier, a tag at its place",
+            replace(_BESIDE_A_CARRIER, beside_db=16.0),
+        ),
+        _case("product of two tags", _TWO_STRONG),
+        _case("product of two tags, a tag at its place", replace(_TWO_STRONG, beside_db=16.0)),
+    ),
+)

@@ -1,0 +1,255 @@
+"""E9: lost, repeated, reordered frames, odd clocks; the first pulses of a stream."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavrt.detection.search import decision_interval_s
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt_experiments.detection import original
+from uavrt_experiments.detection.cases import Case, Experiment
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse
+from uavrt_experiments.detection.tracking import flight_rows
+from uavrt_experiments.detection.trials import (
+    RATE_HZ,
+    Comparison,
+    Flight,
+    Samples,
+    blocks_of,
+    compare,
+    detect,
+    detect_blocks,
+)
+from uavrt_experiments.detection.unsaid import UNSAID_CASES
+from uavrt_experiments.result import Row
+from uavrt_experiments.statistics import quantile, wilson_interval
+
+Frames = list[tuple[Samples, int]]
+Disturb = Callable[[np.random.Generator, Frames], Frames]
+FRAME = 1024
+"""Samples of a datagram of the original's channelizer: 273 ms."""
+FLIGHT_FRAME = 326
+"""Samples of a block of our own channelizer at 3750 S/s: 87 ms."""
+_ENR_DB = 16.0
+_DURATION_S = 180.0
+_HOLE_AT_S = 90.0
+_HOLE_S = 3.0
+_JUMP_S = 1000.0
+_SLEW = 200e-6
+
+
+def lose(share: float) -> Disturb:
+    """Frames that never come."""
+    return lambda rng, frames: [f for f in frames if rng.uniform() >= share]
+
+
+def repeat(share: float) -> Disturb:
+    """Frames that come twice."""
+    return lambda rng, frames: [
+        f for frame in frames for f in (frame,) * (1 + (rng.uniform() < share))
+    ]
+
+
+def reorder(share: float) -> Disturb:
+    """Frames that come after the one that follows them."""
+
+    def disturb(rng: np.random.Generator, frames: Frames) -> Frames:
+        frames = list(frames)
+        at = 0
+        while at + 1 < len(frames):
+            if rng.uniform() < share:
+                frames[at], frames[at + 1] = frames[at + 1], frames[at]
+                at += 1
+            at += 1
+        return frames
+
+    return disturb
+
+
+def hole(rng: np.random.Generator, frames: Frames) -> Frames:
+    """Three seconds missing in the middle."""
+    low = START_NS + ns_from_s(_HOLE_AT_S)
+    return [f for f in frames if not low <= f[1] < low + ns_from_s(_HOLE_S)]
+
+
+def stamp_backwards(rng: np.random.Generator, frames: Frames) -> Frames:
+    """A frame in the middle that says it is half a second older."""
+    at = len(frames) // 2
+    wrong = (frames[at][0], frames[at][1] - 500_000_000)
+    return [*frames[:at], wrong, *frames[at + 1 :]]
+
+
+def stamp_jump(rng: np.random.Generator, frames: Frames) -> Frames:
+    """The clock is set 1000 s forward in the middle."""
+    at = START_NS + ns_from_s(_HOLE_AT_S)
+    return [(s, t + ns_from_s(_JUMP_S) if t >= at else t) for s, t in frames]
+
+
+def slew(rng: np.random.Generator, frames: Frames) -> Frames:
+    """A clock that runs 200 ppm fast."""
+    return [(s, START_NS + round((t - START_NS) * (1.0 + _SLEW))) for s, t in frames]
+
+
+def _jumped(pulse: TruePulse) -> float:
+    edge = math.ceil(_HOLE_AT_S * RATE_HZ / FRAME) * FRAME / RATE_HZ
+    return pulse.start_s + (_JUMP_S if pulse.start_s >= edge else 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disturbed:
+    """A flight whose frames do not come as they should."""
+
+    disturb: Disturb
+    frame: int = FRAME
+    when: Callable[[TruePulse], float] = lambda pulse: pulse.start_s
+    """Time of a pulse as the frames tell it [s]."""
+
+    def fly(self, rng: np.random.Generator) -> Comparison:
+        """Reports against the truth, lost pulses counted."""
+        flight = Flight(enr_db=_ENR_DB, duration_s=_DURATION_S)
+        samples, truth = flight.samples(rng)
+        frames = self.disturb(rng, list(blocks_of(samples, block=self.frame)))
+        pulses, _ = detect_blocks(frames, flight.tag)
+        stamped = [replace(pulse, start_s=self.when(pulse)) for pulse in truth]
+        return compare(pulses, stamped, flight.tag)
+
+
+def _case(name: str, disturbed: Disturbed, *, loss: float, published: float | None) -> Case:
+    return Case(
+        name=name,
+        trials=12,
+        least=3,
+        seconds=0.5,
+        trial=lambda rng, _: disturbed.fly(rng),
+        rows=lambda flights: flight_rows(
+            flights,
+            experiment="E9",
+            case=f"{_ENR_DB:g} dB, {name}",
+            least=1.0 - loss - 0.03,
+            most_false=0.0,
+            original=published,
+        ),
+    )
+
+
+def _after_a_hole() -> Case:
+    """Time from the end of a hole to the first pulse confirmed after it."""
+    tag = THESIS_TAG
+
+    def trial(rng: np.random.Generator, _: int) -> float:
+        flight = Flight(enr_db=_ENR_DB, duration_s=_HOLE_AT_S + 30.0)
+        samples, _truth = flight.samples(rng)
+        frames = hole(rng, list(blocks_of(samples, block=FRAME)))
+        pulses, _detector = detect_blocks(frames, tag)
+        end_ns = START_NS + round((_HOLE_AT_S + _HOLE_S) * NANOSECONDS_PER_SECOND)
+        after = [p.start_time_ns - end_ns for p in pulses if p.confirmed]
+        return min((ns * 1e-9 for ns in after if ns >= 0), default=30.0)
+
+    def rows(times_s: Sequence[float]) -> list[Row]:
+        value, low, high = quantile(times_s, 0.95)
+        return [
+            Row(
+                experiment="E9",
+                quantity="first pulse confirmed after a hole, s (95 % of streams)",
+                case=f"{_ENR_DB:g} dB, hole of 3 s",
+                figure=value,
+                low=low,
+                high=high,
+                n=len(times_s),
+                most=2.0 * decision_interval_s(tag),
+            )
+        ]
+
+    full = Case(name="after a hole", trials=60, least=6, seconds=0.35, trial=trial, rows=rows)
+    # Of one stream alone nothing is known of the time that 95 % keep.
+    return replace(full, short=replace(full, least=2))
+
+
+def _deafness() -> Case:
+    """Whether the very first pulse of a stream is reported, and how late the first one is."""
+
+    def trial(rng: np.random.Generator, _: int) -> float:
+        flight = Flight(enr_db=20.0, duration_s=12.0)
+        samples, truth = flight.samples(rng)
+        pulses, _detector = detect(samples, flight.tag)
+        found = compare(pulses, truth, flight.tag).found
+        heard = [t.start_s for t, seen in zip(truth, found, strict=True) if seen]
+        return min(heard, default=flight.duration_s) - truth[0].start_s
+
+    def rows(deaf_s: Sequence[float]) -> list[Row]:
+        count = len(deaf_s)
+        missed = sum(time > 0.0 for time in deaf_s)
+        low, high = wilson_interval(missed, count)
+        mean = float(np.mean(deaf_s))
+        return [
+            Row(
+                experiment="E9",
+                quantity="streams whose first pulse is missed",
+                case="start-up, 20 dB, whole channel",
+                figure=missed / count,
+                low=low,
+                high=high,
+                n=count,
+                most=0.01,
+                original=1.0,
+                note=f"deaf for {mean:.3f} s on the average; the original 2.6 to 13 s",
+            )
+        ]
+
+    return Case(name="start-up", trials=600, least=10, seconds=0.03, trial=trial, rows=rows)
+
+
+E9 = Experiment(
+    name="E9",
+    title="Data loss, clocks, start-up",
+    cases=(
+        *(
+            _case(
+                f"{percent} % of the frames lost",
+                Disturbed(disturb=lose(percent / 100.0)),
+                loss=percent / 100.0,
+                published=original.RECALL_LOST_FRAMES.get(float(percent)),
+            )
+            for percent in (1, 5, 10)
+        ),
+        _case(
+            "a hole of 3 s",
+            Disturbed(disturb=hole),
+            loss=_HOLE_S / _DURATION_S,
+            published=0.97,
+        ),
+        _case("5 % repeated", Disturbed(disturb=repeat(0.05)), loss=0.0, published=None),
+        _case(
+            "5 % of 273 ms swapped",
+            Disturbed(disturb=reorder(0.05)),
+            loss=0.0,
+            published=None,
+        ),
+        _case(
+            "5 % of 87 ms swapped",
+            Disturbed(disturb=reorder(0.05), frame=FLIGHT_FRAME),
+            loss=0.0,
+            published=None,
+        ),
+        _case(
+            "a stamp of the past", Disturbed(disturb=stamp_backwards), loss=0.0, published=None
+        ),
+        _case(
+            "clock set 1000 s forward",
+            Disturbed(disturb=stamp_jump, when=_jumped),
+            loss=0.0,
+            published=None,
+        ),
+        _case(
+            "clock 200 ppm fast",
+            Disturbed(disturb=slew, when=lambda pulse: pulse.start_s * (1.0 + _SLEW)),
+            loss=0.0,
+            published=None,
+        ),
+        _after_a_hole(),
+        _deafness(),
+        *UNSAID_CASES,
+    ),
+)

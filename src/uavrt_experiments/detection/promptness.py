@@ -1,0 +1,222 @@
+"""E16: how long after a group its record comes, and what a detector costs."""
+
+import statistics
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavrt.detection import PulseDetector
+from uavrt.messages import Tag
+from uavrt.units import ns_from_s
+from uavrt_experiments.detection import original
+from uavrt_experiments.detection.cases import Case, Experiment
+from uavrt_experiments.detection.integration import long_tag
+from uavrt_experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    make_samples,
+    noise,
+    pulse_train,
+)
+from uavrt_experiments.detection.trials import BLOCK_SAMPLES, Emission, emissions
+from uavrt_experiments.result import Row
+from uavrt_experiments.statistics import quantile, wilson_interval
+
+_RATE_HZ = 7500.0
+"""Of a channel in flight."""
+_LIMIT_S = 0.5
+_PERCENT = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Latencies:
+    """From the end of a group's last pulse to its record, by group."""
+
+    first_s: float | None
+    """The first group's; None: none was found."""
+    later_s: tuple[float, ...]
+
+
+def group_latencies(records: Sequence[Emission], tag: Tag) -> Latencies:
+    """Latency of each group: of the record of its last pulse, from the group's end.
+
+    A group ends with its K-th place. One whose last places hold noise alone (a strong pulse
+    may carry two weak terms of the sum) is complete only then.
+    """
+    last: dict[tuple[int, int], Emission] = {}
+    for record in records:
+        if record.pulse.detection_status == "subthreshold":
+            continue
+        key = (record.pulse.rate, record.pulse.group_sequence)
+        if key not in last or record.pulse.end_time_ns > last[key].pulse.end_time_ns:
+            last[key] = record
+    values = []
+    for record in last.values():
+        end_s = (record.pulse.end_time_ns - START_NS) * 1e-9
+        missing = tag.k - record.pulse.group_index
+        values.append(record.at_s - end_s - missing * tag.pulse_intervals_s[0])
+    # Of a group that the stream's end cut off nothing is known.
+    values = [value for value in values if value > 0.0]
+    return Latencies(first_s=values[0] if values else None, later_s=tuple(values[1:]))
+
+
+def _latency_case(name: str, *, enr_db: float, silent_s: float, barred: bool) -> Case:
+    """Streams whose tag sends from the start, or later."""
+
+    def trial(rng: np.random.Generator, _: int) -> Latencies:
+        duration_s = silent_s + 15.0
+        truth = pulse_train(
+            rng,
+            duration_s=duration_s,
+            interval_s=1.254,
+            offset_hz=100.0,
+            enr_db=enr_db,
+            jitter_s=0.005,
+            first_s=silent_s + rng.uniform(0.0, 1.254),
+        )
+        samples = make_samples(rng, truth, duration_s=duration_s, sample_rate_hz=_RATE_HZ)
+        records = emissions(
+            samples, THESIS_TAG, sample_rate_hz=_RATE_HZ, frequency_window_hz=500.0
+        )
+        return group_latencies(records, THESIS_TAG)
+
+    def rows(streams: Sequence[Latencies]) -> list[Row]:
+        first = [s.first_s for s in streams if s.first_s is not None]
+        later = [value for s in streams for value in s.later_s]
+        return [
+            row
+            for values, what in ((first, "first group"), (later, "later groups"))
+            for row in _latency_rows(values, f"{name}, {what}", barred=barred)
+        ]
+
+    return Case(name=name, trials=300, least=10, seconds=0.05, trial=trial, rows=rows)
+
+
+def _latency_rows(values: Sequence[float], case: str, *, barred: bool) -> list[Row]:
+    if not values:
+        return []
+    late = sum(value > _LIMIT_S for value in values)
+    low, high = wilson_interval(late, len(values))
+    middle = quantile(values, 0.5)
+    most = quantile(values, 0.99)
+    return [
+        Row(
+            experiment="E16",
+            quantity="last pulse of a group to its record, s (99 %)",
+            case=case,
+            figure=most[0],
+            low=most[1],
+            high=most[2],
+            n=len(values),
+            most=_LIMIT_S if barred else None,
+            original=original.LATENCY_S,
+            note=f"median {middle[0]:.2f}, longest {max(values):.2f}",
+        ),
+        Row(
+            experiment="E16",
+            quantity="groups later than 0.5 s",
+            case=case,
+            figure=late / len(values),
+            low=low,
+            high=high,
+            n=len(values),
+        ),
+    ]
+
+
+def _cost_case(
+    name: str,
+    tag: Tag,
+    *,
+    most: float | None,
+    count: int = 1,
+    frequency_window_hz: float = 500.0,
+    published: float | None = None,
+    signal_s: float = 20.0,
+    seconds: float = 0.05,
+) -> Case:
+    """CPU time of detectors at the real-time rate, in a process that does nothing else."""
+
+    def trial(rng: np.random.Generator, _: int) -> float:
+        samples = noise(rng, round(2.0 * signal_s * _RATE_HZ))
+        detectors = [
+            PulseDetector(
+                tag,
+                sample_rate_hz=_RATE_HZ,
+                center_frequency_hz=tag.frequency_hz - 30.0 * (i % 10),
+                frequency_window_hz=frequency_window_hz,
+            )
+            for i in range(count)
+        ]
+        half = len(samples) // 2
+        spent = 0.0
+        for first in range(0, len(samples), BLOCK_SAMPLES):
+            block = samples[first : first + BLOCK_SAMPLES]
+            time_ns = START_NS + ns_from_s(first / _RATE_HZ)
+            begun = time.process_time()
+            for detector in detectors:
+                detector.process(block, time_ns)
+            # The first half fills caches and starts the searches.
+            spent += (time.process_time() - begun) * (first >= half)
+        return _PERCENT * spent / signal_s
+
+    def rows(values: Sequence[float]) -> list[Row]:
+        return [
+            Row(
+                experiment="E16",
+                quantity="cost, % of one core",
+                case=name,
+                figure=statistics.median(values),
+                low=min(values),
+                high=max(values),
+                n=len(values),
+                most=most,
+                original=published,
+                note="median, least and most; needs a quiet machine",
+            )
+        ]
+
+    return Case(
+        name=f"cost: {name}",
+        trials=7,
+        least=3,
+        seconds=seconds,
+        trial=trial,
+        rows=rows,
+        alone=True,
+    )
+
+
+E16 = Experiment(
+    name="E16",
+    title="Latency and cost",
+    cases=(
+        _latency_case("20 dB, sending from the start", enr_db=20.0, silent_s=0.0, barred=True),
+        _latency_case("20 dB, silent for 10 s", enr_db=20.0, silent_s=10.0, barred=True),
+        _latency_case("10 dB, silent for 10 s", enr_db=10.0, silent_s=10.0, barred=False),
+        _cost_case(
+            "one tag, K = 3",
+            THESIS_TAG,
+            most=0.08,
+            published=original.COST_ONE_TAG_PERCENT,
+        ),
+        _cost_case("100 tags, K = 3", THESIS_TAG, count=100, most=5.5, seconds=4.0),
+        _cost_case(
+            "K = 40, ± 100 Hz, interval ± 0.125 ms",
+            long_tag(40, 0.002),
+            most=0.5,
+            frequency_window_hz=100.0,
+            signal_s=60.0,
+            seconds=0.6,
+        ),
+        _cost_case(
+            "K = 8, whole channel",
+            replace(THESIS_TAG, k=8),
+            most=None,
+            frequency_window_hz=1e6,
+            seconds=0.6,
+        ),
+    ),
+)

@@ -1,0 +1,277 @@
+"""E2: single decisions by ENR."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from uavrt_experiments.detection import original, theory
+from uavrt_experiments.detection.cases import FULL_TRIALS, Case, Experiment
+from uavrt_experiments.detection.signals import THESIS_TAG, TRACKER_TAG
+from uavrt_experiments.detection.trials import Decision
+from uavrt_experiments.result import Row
+from uavrt_experiments.statistics import level_for, wilson_interval
+
+_CLEARLY_DB = 1.5
+_CLEARLY_PD = 0.8
+Shot = tuple[float, bool]
+"""ENR of a decision [dB], and whether the group was found."""
+
+
+def points_of(shots: Sequence[Shot]) -> list[tuple[float, int, int]]:
+    """Level, hits and trials of each level."""
+    levels = sorted({level for level, _ in shots})
+    return [
+        (
+            level,
+            sum(hit for at, hit in shots if at == level),
+            sum(at == level for at, _ in shots),
+        )
+        for level in levels
+    ]
+
+
+def curve_case(
+    *,
+    name: str,
+    decision: Decision,
+    levels_db: Sequence[float],
+    rows: Callable[[Sequence[Shot]], list[Row]],
+    seconds: float,
+    per_level: int = FULL_TRIALS,
+    short: Case | None = None,
+) -> Case:
+    """Decisions at several levels, which take turns; in short six at each, if nothing else."""
+
+    def trial(rng: np.random.Generator, index: int) -> Shot:
+        level = levels_db[index % len(levels_db)]
+        return level, decision.found(rng, level)
+
+    case = Case(
+        name=name,
+        trials=per_level * len(levels_db),
+        least=8 * len(levels_db),
+        seconds=seconds,
+        trial=trial,
+        rows=rows,
+    )
+    return replace(case, short=short or replace(case, least=6 * len(levels_db)))
+
+
+def clearly_above(
+    *, experiment: str, name: str, decision: Decision, bar_db: float, trials: int
+) -> Case:
+    """Short form of a curve: decisions at 1.5 dB above the ENR that it must reach.
+
+    Where half of them must be found, nine in ten or more are to be expected there. Few trials
+    at the bar itself tell nothing: a curve fitted to misses alone reaches a half anywhere.
+    """
+    level = bar_db + _CLEARLY_DB
+
+    def rows(hits: Sequence[bool]) -> list[Row]:
+        low, high = wilson_interval(sum(hits), len(hits))
+        return [
+            Row(
+                experiment=experiment,
+                quantity="Pd",
+                case=f"{name}, {level:g} dB",
+                figure=sum(hits) / len(hits),
+                low=low,
+                high=high,
+                n=len(hits),
+                least=_CLEARLY_PD,
+            )
+        ]
+
+    return Case(
+        name=f"{name}, in short",
+        trials=trials,
+        least=trials,
+        seconds=0.1,
+        trial=lambda rng, _: decision.found(rng, level),
+        rows=rows,
+    )
+
+
+def pd_rows(
+    shots: Sequence[Shot],
+    *,
+    experiment: str,
+    case: str,
+    reference: dict[float, float],
+    bars: dict[float, float] | None = None,
+    k: int = 3,
+    probability: float = 0.01,
+    cells: float | None = None,
+) -> list[Row]:
+    """Pd at each level: at least the original's."""
+    rows = []
+    for level, hits, trials in points_of(shots):
+        low, high = wilson_interval(hits, trials)
+        rows.append(
+            Row(
+                experiment=experiment,
+                quantity="Pd",
+                case=f"{case}, {level:g} dB",
+                figure=hits / trials,
+                low=low,
+                high=high,
+                n=trials,
+                least=(bars or {}).get(level, reference.get(level)),
+                original=reference.get(level),
+                genie=theory.genie(k, level, probability),
+                union=theory.union_bound(k, level, probability, cells),
+                single=theory.single_pulse(level, probability),
+                at=level,
+            )
+        )
+    return rows
+
+
+def level_row(
+    shots: Sequence[Shot],
+    *,
+    experiment: str,
+    case: str,
+    share: float = 0.5,
+    most: float | None = None,
+    original: float | None = None,
+    genie: float | None = None,
+    union: float | None = None,
+    at: float | None = None,
+    note: str = "",
+) -> Row:
+    """ENR at which a curve reaches a share."""
+    level, low, high, _ = level_for(points_of(shots), share)
+    return Row(
+        experiment=experiment,
+        quantity=f"ENR for Pd {share:g}, dB",
+        case=case,
+        figure=level,
+        low=low,
+        high=high,
+        n=len(shots),
+        most=most,
+        original=original,
+        genie=genie,
+        union=union,
+        at=at,
+        note=note,
+    )
+
+
+def level_of_bound(bound: Callable[[float], float], share: float) -> float:
+    """ENR at which a bound reaches a share [dB]."""
+    low, high = -10.0, 25.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if bound(middle) < share:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _headline(shots: Sequence[Shot]) -> list[Row]:
+    rows = pd_rows(
+        shots,
+        experiment="E2",
+        case="K = 3, pf 1 %",
+        reference=original.PD,
+        bars={8.9: 0.5, 10.5: 0.9},
+    )
+    for share, most, published in (
+        (0.5, 8.9, original.ENR_HALF_DB),
+        (0.9, 10.5, original.ENR_NINE_TENTHS_DB),
+    ):
+        rows.append(
+            level_row(
+                shots,
+                experiment="E2",
+                case="K = 3, pf 1 %",
+                share=share,
+                most=most,
+                original=published,
+                genie=level_of_bound(lambda level: theory.genie(3, level), share),
+                union=level_of_bound(lambda level: theory.union_bound(3, level), share),
+                at=3.0 if share == 0.5 else None,
+            )
+        )
+    return rows
+
+
+def _spread_rows(strength: str) -> Callable[[Sequence[Shot]], list[Row]]:
+    return lambda shots: [level_row(shots, experiment="E2", case=f"K = 3, pf 1 %, {strength}")]
+
+
+def _sensitivity() -> tuple[Case, ...]:
+    five = replace(THESIS_TAG, false_alarm_probability=0.05)
+    tracker = replace(TRACKER_TAG, false_alarm_probability=0.05)
+    return (
+        curve_case(
+            name="pf 1 %",
+            decision=Decision(),
+            levels_db=(*original.PD, 8.5, 8.9, 9.5, 10.5),
+            seconds=0.018,
+            rows=_headline,
+        ),
+        curve_case(
+            name="pf 5 %",
+            decision=Decision(tag=five),
+            levels_db=tuple(original.PD_5_PERCENT),
+            seconds=0.02,
+            rows=lambda shots: pd_rows(
+                shots,
+                experiment="E2",
+                case="K = 3, pf 5 %",
+                reference=original.PD_5_PERCENT,
+                probability=0.05,
+            ),
+        ),
+        curve_case(
+            name="15 ms tag, pf 5 %",
+            decision=Decision(tag=tracker),
+            levels_db=tuple(original.PD_TRACKER_5_PERCENT),
+            seconds=0.03,
+            rows=lambda shots: pd_rows(
+                shots,
+                experiment="E2",
+                case="15 ms tag, pf 5 %",
+                reference=original.PD_TRACKER_5_PERCENT,
+                probability=0.05,
+                cells=theory.EFFECTIVE_CELLS_TRACKER,
+            ),
+        ),
+        curve_case(
+            name="K = 1",
+            decision=Decision(tag=replace(THESIS_TAG, k=1)),
+            levels_db=tuple(original.PD_ONE_PULSE),
+            seconds=0.01,
+            rows=lambda shots: pd_rows(
+                shots,
+                experiment="E2",
+                case="K = 1, pf 1 %",
+                reference=original.PD_ONE_PULSE,
+                k=1,
+            ),
+        ),
+        curve_case(
+            name="fading",
+            decision=Decision(strength="rician"),
+            levels_db=(8.0, 9.0, 10.0),
+            seconds=0.018,
+            per_level=200,
+            rows=_spread_rows("fading of 6 dB"),
+        ),
+        curve_case(
+            name="ramp",
+            decision=Decision(strength="ramp"),
+            levels_db=(8.0, 9.0, 10.0),
+            seconds=0.018,
+            per_level=200,
+            rows=_spread_rows("3 dB from pulse to pulse"),
+        ),
+    )
+
+
+E2 = Experiment(name="E2", title="Pd of single decisions", cases=_sensitivity())

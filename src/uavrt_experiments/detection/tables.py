@@ -1,0 +1,136 @@
+"""Rows as files: JSON to go on with, CSV and Markdown to read."""
+
+import json
+import math
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from uavrt.errors import ConfigError
+from uavrt_experiments.detection.catalogue import EXPERIMENTS
+from uavrt_experiments.result import Row
+from uavrt_experiments.tables import HEADER, bars_kept, cells, write_csv
+
+RESULTS = "results.json"
+FOLDERS = ("detection", "dsp")
+"""Of the package: where the figures come from."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """What rows were measured with."""
+
+    version: str
+    seed: int
+    trials: int
+    """Decisions for each point of a Pd curve."""
+    measured: str = ""
+    """Commit and digest of the code, as `uavrt_experiments.measured` writes and reads them."""
+    notes: tuple[str, ...] = ()
+    """What was entered since of changes to the code."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Results:
+    """All rows at hand, and where each experiment's come from."""
+
+    rows: tuple[Row, ...]
+    origins: dict[str, Origin]
+
+    def merged(self, other: "Results") -> "Results":
+        """These, with the other's experiments in the place of those of the same name."""
+        rows = [row for row in self.rows if row.experiment not in other.origins]
+        order = list(EXPERIMENTS)
+        both = sorted([*rows, *other.rows], key=lambda row: order.index(row.experiment))
+        return Results(rows=tuple(both), origins=self.origins | other.origins)
+
+
+def as_json(results: Results) -> dict[str, Any]:
+    """For `json.dumps`; numbers that JSON has no word for become null."""
+    return {
+        "origins": {name: asdict(origin) for name, origin in sorted(results.origins.items())},
+        "rows": [
+            {key: _plain(value) for key, value in asdict(row).items()}
+            | {"bar": row.bar, "verdict": row.verdict}
+            for row in results.rows
+        ],
+    }
+
+
+def _plain(value: object) -> object:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def read_results(path: Path) -> Results:
+    """Results of earlier runs; none when there is no such file.
+
+    Raises
+    ------
+    ConfigError
+        The file is no file of results.
+    """
+    if not path.exists():
+        return Results(rows=(), origins={})
+    names = {field.name for field in fields(Row)}
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        rows = []
+        for entry in found["rows"]:
+            values = {key: value for key, value in entry.items() if key in names}
+            for end, infinite in (("low", -math.inf), ("high", math.inf), ("figure", math.nan)):
+                values[end] = infinite if values[end] is None else values[end]
+            if values["experiment"] in EXPERIMENTS:
+                rows.append(Row(**values))
+        origins = {
+            name: Origin(**{**origin, "notes": tuple(origin.get("notes", ()))})
+            for name, origin in found["origins"].items()
+        }
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ConfigError(
+            f"{path} holds no results of this experiment ({error})",
+            remedy="Give another --output-dir, or delete the file",
+        ) from error
+    return Results(rows=tuple(rows), origins=origins)
+
+
+def write_results(directory: Path, results: Results) -> list[Path]:
+    """Write JSON, CSV and Markdown; their paths."""
+    directory.mkdir(parents=True, exist_ok=True)
+    paths = [directory / RESULTS, directory / "results.csv", directory / "results.md"]
+    paths[0].write_text(json.dumps(as_json(results), indent=1) + "\n", encoding="utf-8")
+    write_csv(
+        paths[1],
+        ("experiment", "quantity", "case", *HEADER),
+        ((r.experiment, r.quantity, r.case, *cells(r)) for r in results.rows),
+    )
+    paths[2].write_text(markdown(results), encoding="utf-8")
+    return paths
+
+
+def markdown(results: Results) -> str:
+    """The whole table as a page."""
+    parts = [
+        "# What the detector reaches",
+        "Written by `uavrt experiment detection`. The figure decides whether a bar is met; "
+        "where the bar lies inside of the 95 % interval, that is said.",
+        f"{bars_kept(results.rows)}.",
+    ]
+    for name, experiment in EXPERIMENTS.items():
+        rows = [row for row in results.rows if row.experiment == name]
+        if not rows:
+            continue
+        origin = results.origins[name]
+        lines = ["| " + " | ".join(("quantity", "case", *HEADER)) + " |"]
+        lines.append("| --- | --- " + "| ---: " * 4 + "| --- | ---: | --- | --- |")
+        lines += [
+            "| " + " | ".join((row.quantity, row.case, *cells(row))) + " |" for row in rows
+        ]
+        parts += [
+            f"## {name}: {experiment.title}",
+            f"Version {origin.version}, {origin.trials} trials for a point of a Pd curve, "
+            f"seed {origin.seed}.",
+            *([origin.measured] if origin.measured else []),
+            *(["\n".join(origin.notes)] if origin.notes else []),
+            "\n".join(lines),
+        ]
+    return "\n\n".join(parts) + "\n"

@@ -1,0 +1,198 @@
+"""I4: where a tag is, after a whole flight: regions that hold it, and how near."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import integrate, special
+
+from uavrt.integration import HeardTrain, place_belief, train_pulses
+from uavrt.localization import PATTERNS
+from uavrt.units import wrap_degrees_180
+from uavrt_experiments.detection import Case, Experiment
+from uavrt_experiments.figures import measured, median, share
+from uavrt_experiments.integrate.false_alarms import NOMINAL
+from uavrt_experiments.integrate.flights import (
+    Course,
+    Truth,
+    World,
+    add_pulses,
+    looked_at,
+    passing,
+    silence,
+    stops,
+    turning,
+)
+from uavrt_experiments.integrate.sensitivity import best_train, narrow_world
+from uavrt_experiments.localization import disturbed
+from uavrt_experiments.result import Row
+
+_Floats = NDArray[np.float64]
+_MEDIAN_OF_NORMAL = 0.6745
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Placed:
+    """Where a found tag was said to be."""
+
+    held: bool
+    """Whether the region of 90 % holds it."""
+    arc_held: bool
+    off_deg: float
+    bound_deg: float
+    mirror: bool
+    """Whether the region of 95 % also holds the place mirrored at the line flown."""
+
+
+def placed(
+    rng: np.random.Generator, course: Course, enr_db: float, pattern_db: float
+) -> Placed | None:
+    """Fly, search and place; None when it was not found."""
+    world = narrow_world(course)
+    pattern = PATTERNS[course.antenna]
+    if pattern_db:
+        pattern = disturbed(rng, pattern, pattern_db)
+    truth = world.truth(rng)
+    samples = silence(rng, course)
+    add_pulses(rng, samples, world.pulses(rng, truth, enr_db, pattern=pattern))
+    energies = world.energies(samples)
+    train = best_train(world, energies)
+    if train.false_alarm_probability > NOMINAL:
+        return None
+    places, chosen = looked_at(course)
+    pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
+    heard = HeardTrain.among(energies, pulses, places)
+    belief = place_belief([heard])
+    bearing = math.degrees(math.atan2(truth.east_m, truth.north_m))
+    off = abs(float(wrap_degrees_180(belief.bearing_deg - bearing)))
+    return Placed(
+        held=belief.cells.holds(truth.east_m, truth.north_m, 0.9),
+        arc_held=off <= 0.5 * belief.arc_deg(0.9),
+        off_deg=off,
+        bound_deg=bearing_bound_deg(world, truth, enr_db, heard.mean_noise_energy),
+        mirror=belief.cells.holds(-truth.east_m, truth.north_m, 0.95),
+    )
+
+
+def bearing_bound_deg(world: World, truth: Truth, enr_db: float, mean: float) -> float:
+    """Cramér-Rao bound of the bearing with unknown level, as a standard deviation."""
+    course = world.course
+    pattern = PATTERNS[course.antenna]
+    at_s = np.arange(truth.first_s, course.duration_s, truth.interval_s)
+    distance = math.hypot(truth.east_m, truth.north_m)
+    bearing = math.atan2(truth.east_m, truth.north_m)
+    step = math.radians(0.5)
+
+    def gain_db(turned: float) -> _Floats:
+        place = distance * math.sin(bearing + turned), distance * math.cos(bearing + turned)
+        return np.asarray(np.interp(at_s, course.time_s, course.gain_db(*place, pattern)))
+
+    middle = gain_db(0.0)
+    level_db = enr_db + middle - middle.max()
+    slope = (gain_db(step) - gain_db(-step)) / 1.0  # dB per degree
+    each = np.interp(level_db, *_information(round(mean, 1)))
+    about = float(each @ slope) / float(each.sum())
+    return float(1.0 / np.sqrt(each @ (slope - about) ** 2))
+
+
+@lru_cache(maxsize=8)
+def _information(mean: float) -> tuple[_Floats, _Floats]:
+    """Levels [dB], and Fisher's information of a slot's energy on the level [1/dB²]."""
+    many = float(
+        np.interp(
+            mean,
+            special.digamma(np.linspace(2, 13, 1101)) + np.euler_gamma,
+            np.linspace(1, 12, 1101),
+        )
+    )
+    levels = np.arange(-30.0, 31.0, 1.5)
+    energy = np.concatenate((np.linspace(1e-3, 30.0, 600), np.geomspace(30.05, 2500.0, 800)))
+    found = []
+    for level in levels:
+        here, up, down = (
+            _density(energy, 10.0 ** ((level + step) / 10.0), many)
+            for step in (0.0, 0.05, -0.05)
+        )
+        slope = (up - down) / 0.1
+        found.append(float(integrate.trapezoid(slope**2 / np.maximum(here, 1e-300), energy)))
+    return levels, np.array(found)
+
+
+def _density(energy: _Floats, strength: float, many: float) -> _Floats:
+    """Density of the largest of some exponentials and a pulse's energy."""
+    from scipy.stats import ncx2
+
+    x = 2.0 * np.sqrt(energy * strength)
+    pulse = np.exp(x - energy - strength) * special.i0e(x)
+    held = ncx2.cdf(2.0 * energy, 2, 2.0 * strength)
+    below = -np.expm1(-energy)
+    found = below ** (many - 1.0) * pulse
+    if many > 1.0:
+        found = found + (many - 1.0) * below ** (many - 2.0) * np.exp(-energy) * held
+    return np.asarray(found)
+
+
+def _case(course: Course, enr_db: float, *, pattern_db: float = 0.0, kind: str) -> Case:
+    wrong = f", pattern {pattern_db:g} dB wrong" if pattern_db else ""
+    name = f"{course.name}, {enr_db:g} dB{wrong}"
+    return Case(
+        name=name,
+        trials=600,
+        seconds=1.0,
+        trial=lambda rng, _: placed(rng, course, enr_db, pattern_db),
+        rows=_rows(name, kind, barred=not pattern_db),
+        least=4,
+    )
+
+
+def _rows(
+    name: str, kind: str, *, barred: bool
+) -> Callable[[Sequence[Placed | None]], list[Row]]:
+    def make(outcomes: Sequence[Placed | None]) -> list[Row]:
+        found = [one for one in outcomes if one is not None]
+        bar = {"least": 0.86, "most": 0.94}
+        held = [float(one.arc_held if kind == "bearing" else one.held) for one in found]
+        what = "90 % arc holds" if kind == "bearing" else "90 % region holds"
+        rows = [measured("I4", name, what, held, share, **bar)]
+        if kind == "mirror":
+            both = [float(one.mirror) for one in found]
+            rows.append(
+                measured("I4", name, "95 % region holds the mirror", both, share, least=0.9)
+            )
+        else:
+            bound = _MEDIAN_OF_NORMAL * float(
+                np.median([one.bound_deg for one in found] or [math.nan])
+            )
+            errors = [one.off_deg for one in found]
+            most = 1.3 * bound if barred else None
+            rows.append(
+                measured(
+                    "I4",
+                    name,
+                    "median bearing error, °",
+                    errors,
+                    median,
+                    most=most,
+                    bound=bound,
+                )
+            )
+        return rows
+
+    return make
+
+
+I4 = Experiment(
+    name="I4",
+    title="Where it is",
+    cases=(
+        _case(turning(), 6.0, kind="bearing"),
+        _case(turning(), 6.0, pattern_db=1.5, kind="bearing"),
+        _case(turning(50), 12.0, kind="bearing"),
+        _case(stops(), 6.0, kind="region"),
+        _case(stops(), 6.0, pattern_db=1.5, kind="region"),
+        _case(passing(), 5.0, kind="mirror"),
+    ),
+)

@@ -1,0 +1,267 @@
+"""I2, I3: how weak a tag may be; drift, gaps and losses.
+
+The search of a flight of 400 pulses takes ten seconds. For a curve of detection only the cells
+about the true train matter: they are searched, and the chance is that of the whole search.
+"""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavrt.integration import (
+    FoldedTrain,
+    SlotEnergies,
+    chance,
+    hypotheses_of,
+    low_rank_weights,
+    search_drifting,
+)
+from uavrt_experiments.detection import Case, Experiment
+from uavrt_experiments.integrate.false_alarms import NOMINAL
+from uavrt_experiments.integrate.flights import (
+    INTERVAL_S,
+    Course,
+    World,
+    add_pulses,
+    lawnmower,
+    looked_at,
+    passing,
+    silence,
+    stops,
+    turning,
+)
+from uavrt_experiments.result import Row
+from uavrt_experiments.statistics import level_for, wilson_interval
+
+WHOLE = {"slack_s": 0.060, "window_hz": 500.0}
+"""What is asked: ± 60 ms, ± 500 Hz."""
+NARROW = {"slack_s": 0.002, "window_hz": 60.0}
+"""What is folded."""
+_BELOW_DB = (-2.0, -1.25, -0.5, 0.25)
+"""Levels tried, from the bar."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heard:
+    """One flight past a tag."""
+
+    enr_db: float
+    found: bool
+
+
+def narrow_world(course: Course) -> World:
+    """Search about the truth only."""
+    return World(course=course, **NARROW)
+
+
+def best_train(world: World, energies: SlotEnergies, drift: float = 0.0) -> FoldedTrain:
+    """The likeliest train of a narrow search, its chance that of the whole one."""
+    places, chosen = looked_at(world.course)
+    weights = low_rank_weights(places.gain[chosen], places.time_s, energies, INTERVAL_S)
+    train = search_drifting(energies, weights, world.tag, drift)
+    if train.loud:
+        return train
+    here = hypotheses_of(energies, weights, world.tag)
+    whole = hypotheses_of(
+        energies, weights, replace(world.tag, interval_uncertainty_s=WHOLE["slack_s"])
+    )
+    wider = WHOLE["window_hz"] / world.window_hz
+    hypotheses = train.hypotheses * wider * whole / here
+    return replace(
+        train,
+        hypotheses=hypotheses,
+        false_alarm_probability=chance(train.log_probability, hypotheses),
+    )
+
+
+def fly(
+    rng: np.random.Generator,
+    course: Course,
+    enr_db: float,
+    *,
+    drift: float = 0.0,
+    searched_drift: float = 0.0,
+    lost: bool = False,
+) -> Heard:
+    """Fly past a tag whose strongest pulse has a level."""
+    world = narrow_world(course)
+    samples = silence(rng, course)
+    truth = world.truth(rng)
+    drifts = drift * rng.choice((-1.0, 1.0))
+    add_pulses(rng, samples, world.pulses(rng, truth, enr_db, drift=drifts))
+    there = np.ones(len(samples), bool)
+    if lost:
+        for first in rng.integers(0, len(samples) - 375, len(samples) // 7500):
+            there[first : first + 375] = False
+        samples[~there] = 0.0
+    train = best_train(world, world.energies(samples, there), searched_drift)
+    return Heard(enr_db=enr_db, found=train.false_alarm_probability <= NOMINAL)
+
+
+def _curve(
+    course: Course,
+    most_db: float,
+    *,
+    name: str = "",
+    seconds: float = 0.5,
+    **kinds: float | bool,
+) -> Case:
+    levels = [most_db + below for below in _BELOW_DB]
+    case = course.name + name
+
+    def trial(rng: np.random.Generator, index: int) -> Heard:
+        return fly(rng, course, levels[index % len(levels)], **kinds)  # type: ignore[arg-type]
+
+    return Case(
+        name=case,
+        trials=600,
+        seconds=seconds,
+        trial=trial,
+        rows=lambda outcomes: [
+            level_row(
+                "I3" if kinds else "I2",
+                case,
+                most_db,
+                [(one.enr_db, one.found) for one in outcomes],
+            )
+        ],
+        least=8,
+    )
+
+
+def level_row(
+    experiment: str, case: str, most_db: float | None, flown: Sequence[tuple[float, bool]]
+) -> Row:
+    """The level at which half of the flights find a tag, of (level, found)."""
+    points = [
+        (level, sum(found for at, found in flown if at == level), count)
+        for level, count in sorted(Counter(at for at, _ in flown).items())
+    ]
+    figure, low, high, _ = level_for(points, 0.5)
+    told = ", ".join(f"{hits}/{count} at {level:g} dB" for level, hits, count in points)
+    return Row(
+        experiment=experiment,
+        quantity="ENR of the strongest pulse for Pd .5, dB",
+        case=case,
+        figure=figure,
+        low=low,
+        high=high,
+        n=len(flown),
+        most=most_db,
+        note=told,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Both:
+    """Verdicts of the narrow search and of one as wide as asked."""
+
+    narrow: bool
+    whole: bool
+
+
+def _both(rng: np.random.Generator, _: int) -> Both:
+    course = turning(60)
+    world = World(course=course, slack_s=0.06, window_hz=150.0, spread_s=0.0016, spread_hz=48.0)
+    samples = silence(rng, course)
+    add_pulses(rng, samples, world.pulses(rng, world.truth(rng), rng.uniform(5.0, 10.0)))
+    whole = world.judge(world.energies(samples), NOMINAL).train
+    near = narrow_world(course)
+    found = best_train(near, near.energies(samples))
+    log_wider = math.log(WHOLE["window_hz"] / world.window_hz)
+    limit = chance(found.log_probability, found.hypotheses / math.exp(log_wider))
+    return Both(narrow=limit <= NOMINAL, whole=whole.false_alarm_probability <= NOMINAL)
+
+
+def _agreement(outcomes: Sequence[Both]) -> list[Row]:
+    same = sum(one.narrow == one.whole for one in outcomes)
+    low, high = wilson_interval(same, len(outcomes))
+    return [
+        Row(
+            experiment="I2",
+            quantity="same verdict of narrow and whole search",
+            case="turning on the spot, 60 pulses, 5 to 10 dB, ± 150 Hz",
+            figure=same / len(outcomes),
+            low=low,
+            high=high,
+            n=len(outcomes),
+            least=0.9,
+            note=f"{sum(one.whole for one in outcomes)} found",
+        )
+    ]
+
+
+I2 = Experiment(
+    name="I2",
+    title="How weak a tag may be",
+    cases=(
+        _curve(turning(), 3.2),
+        _curve(stops(), 3.3),
+        _curve(passing(exponent=2.0), 1.9),
+        _curve(passing(exponent=4.0), 2.9),
+        _curve(lawnmower(exponent=2.0), 0.9, seconds=0.7),
+        _curve(lawnmower(exponent=4.0), 2.4, seconds=0.7),
+        _curve(lawnmower(exponent=4.0, outside_m=None), 4.6, seconds=0.7),
+        Case(
+            name="narrow and whole search",
+            trials=150,
+            seconds=0.6,
+            trial=_both,
+            rows=_agreement,
+            least=4,
+        ),
+    ),
+)
+
+
+def _ratio(rng: np.random.Generator, _: int) -> float:
+    """CPU time of a search with drift over one without."""
+    course = turning()
+    world = World(course=course, slack_s=0.060, window_hz=250.0)
+    samples = silence(rng, course)
+    took = []
+    places, chosen = looked_at(course)  # 0.4 s that neither of the two is charged with
+    for drift in (0.0, 0.01):
+        began = time.process_time()
+        energies = world.energies(samples)
+        weights = low_rank_weights(places.gain[chosen], places.time_s, energies, INTERVAL_S)
+        search_drifting(energies, weights, world.tag, drift)
+        took.append(time.process_time() - began)
+    return took[1] / took[0]
+
+
+def _ratio_rows(outcomes: Sequence[float]) -> list[Row]:
+    return [
+        Row.counted(
+            "I3",
+            "CPU time over that without drift",
+            "drift of up to 1 %, ± 250 Hz, ± 60 ms, 400 pulses",
+            float(np.median(outcomes)),
+            len(outcomes),
+            most=5.0,
+        )
+    ]
+
+
+I3 = Experiment(
+    name="I3",
+    title="Drift and losses",
+    cases=(
+        _curve(
+            turning(), 4.2, name=", drift 1 %", drift=0.01, searched_drift=0.01, seconds=3.0
+        ),
+        _curve(turning(), 3.5, name=", 5 % lost", lost=True),
+        Case(
+            name="time of drift",
+            trials=3,
+            seconds=40.0,
+            trial=_ratio,
+            rows=_ratio_rows,
+            alone=True,
+        ),
+    ),
+)

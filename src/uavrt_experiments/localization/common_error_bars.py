@@ -1,0 +1,194 @@
+"""Experiment L6: errors that all bearings of a flight share, and whether a position knows."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from uavrt.localization import (
+    PATTERNS,
+    Bearing,
+    Position,
+    Stations,
+    TangentPlane,
+    estimate_bearing,
+    estimate_position,
+)
+from uavrt.localization.position import (
+    WALKING_M_S,
+    WALKING_SHARE,
+    WRONG_COMPASS_DEG,
+    WRONG_COMPASS_SHARE,
+)
+from uavrt_experiments.figures import measured, share
+from uavrt_experiments.localization.rotations import matched_power
+from uavrt_experiments.result import Row
+
+_Floats = NDArray[np.float64]
+_PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
+_TURN_S = 60.0
+_FLIGHT_SPEED_M_S = 8.0
+_OWN_HEADING_DEG = 1.0
+"""Of each turn alone, as `estimate_bearing` is told."""
+_OUTLIER_SHARE = 0.05
+"""Gross bearings, as `estimate_position` expects them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Errors:
+    """What is wrong in a flight."""
+
+    compass_deg: float | None = None
+    """None draws it from the prior."""
+    drawn: bool = False
+    """Wrong compasses, walks and gross bearings are as frequent as the priors say."""
+    walk_m_s: float = 0.0
+    fading_correlation: float = 0.0
+    """Between neighbouring pulses."""
+    foreign_share: float = 0.0
+    """Pulses of someone else, of any strength."""
+    stations: int = 6
+    one_side: bool = False
+
+
+CASES = {
+    "drawn from the priors": Errors(drawn=True),
+    "drawn from the priors, 4 stations": Errors(drawn=True, stations=4),
+    "compass + 5°": Errors(compass_deg=5.0),
+    "compass + 20°": Errors(compass_deg=20.0),
+    "compass + 20°, 4 stations": Errors(compass_deg=20.0, stations=4),
+    "tag walks 0.5 m/s": Errors(walk_m_s=0.5),
+    "fading of correlation 0.9": Errors(fading_correlation=0.9),
+    "5 % foreign pulses": Errors(foreign_share=0.05),
+    "compass + 20°, 3 stations": Errors(compass_deg=20.0, stations=3),
+    "compass + 20°, on one side": Errors(compass_deg=20.0, one_side=True),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """A simulated flight's position and truth."""
+
+    position: Position
+    tag: tuple[float, float]
+    """Where the tag was at the last bearing."""
+
+    @property
+    def miss_m(self) -> float:
+        """Distance of the position from the truth."""
+        east, north = _PLANE.to_local(self.position.latitude_deg, self.position.longitude_deg)
+        return float(np.hypot(east - self.tag[0], north - self.tag[1]))
+
+    @property
+    def held(self) -> bool:
+        """Whether the circle of 95 % holds the tag."""
+        return self.position.radius95_m is not None and self.miss_m <= self.position.radius95_m
+
+    @property
+    def warned(self) -> bool:
+        """Whether a caution names something wrong."""
+        return any(one.name != "unchecked" for one in self.position.cautions)
+
+    @property
+    def unchecked(self) -> bool:
+        """Whether it says that a common error cannot be checked."""
+        return any(one.name == "unchecked" for one in self.position.cautions)
+
+
+def flight(rng: Generator, errors: Errors) -> Flight:
+    """Fly turns past a tag, and find it."""
+    east, north = _places(rng, errors)
+    hops = np.hypot(np.diff(east), np.diff(north)) / _FLIGHT_SPEED_M_S
+    time_s = np.concatenate([[0.0], np.cumsum(hops + _TURN_S)])
+    compass = rng.normal(0.0, 1.5) if errors.compass_deg is None else errors.compass_deg
+    start, towards = rng.normal(0.0, 50.0, 2), rng.uniform(0.0, 2.0 * np.pi)
+    velocity = errors.walk_m_s * np.array([np.sin(towards), np.cos(towards)])
+    if errors.drawn and rng.random() < WALKING_SHARE:
+        velocity = rng.normal(0.0, WALKING_M_S, 2)
+    elif errors.drawn and rng.random() < WRONG_COMPASS_SHARE:
+        compass = rng.normal(0.0, WRONG_COMPASS_DEG)
+    bearings = []
+    for x, y, when in zip(east, north, time_s, strict=True):
+        place = start + velocity * when
+        truth = float(np.degrees(np.arctan2(place[0] - x, place[1] - y)))
+        distance = float(np.hypot(place[0] - x, place[1] - y))
+        heading = truth + compass + rng.normal(0.0, _OWN_HEADING_DEG)
+        if errors.drawn and rng.random() < _OUTLIER_SHARE:
+            heading = rng.uniform(0.0, 360.0)
+        bearings.append(_turn(rng, heading, distance, errors))
+    latitude, longitude = _PLANE.to_geodetic(east, north)
+    stations = Stations.of(latitude, longitude, bearings, time_s)
+    # The levels are of a world of its own here; positions are from bearings.
+    stations = replace(stations, level_db=None, level_sigma_db=None)
+    end = start + velocity * time_s[-1]
+    return Flight(position=estimate_position(stations), tag=(float(end[0]), float(end[1])))
+
+
+def _places(rng: Generator, errors: Errors) -> tuple[_Floats, _Floats]:
+    if errors.one_side:
+        turned = rng.uniform(0.0, 2.0 * np.pi)
+        along = np.linspace(-250.0, 250.0, errors.stations)
+        cosine, sine = np.cos(turned), np.sin(turned)
+        return along * cosine + 400.0 * sine, -along * sine + 400.0 * cosine
+    turns = rng.uniform(0.0, 2.0 * np.pi) + np.arange(errors.stations) * 2.0 * np.pi / (
+        errors.stations
+    )
+    radius = rng.uniform(250.0, 450.0, errors.stations)
+    return radius * np.sin(turns), radius * np.cos(turns)
+
+
+def _turn(rng: Generator, bearing_deg: float, distance_m: float, errors: Errors) -> Bearing:
+    """A turn of 60 pulses, 20 dB at 400 m, fading of 2 dB."""
+    count = 60
+    yaw = rng.uniform(0.0, 360.0) + np.arange(count) * 360.0 / count
+    fading = rng.normal(0.0, 2.0, count)
+    rho = errors.fading_correlation
+    for number in range(1, count):
+        fading[number] = rho * fading[number - 1] + np.sqrt(1.0 - rho**2) * fading[number]
+    level = 20.0 - 25.0 * np.log10(distance_m / 400.0) + fading
+    power = matched_power(rng, level + PATTERNS["RA-23K"].gain_db(bearing_deg - yaw))
+    foreign = rng.random(count) < errors.foreign_share
+    power[foreign] = matched_power(rng, rng.uniform(5.0, 30.0, int(foreign.sum())))
+    return estimate_bearing(yaw, None, matched_power=power, heading_sigma_deg=_OWN_HEADING_DEG)
+
+
+def common_errors(runs: int, seed: int) -> list[Row]:
+    """L6: the circle of 95 % holds the tag, or a caution says by name why it may not."""
+    results = []
+    for name, errors in CASES.items():
+        rng = np.random.default_rng(seed)
+        flights = [flight(rng, errors) for _ in range(runs)]
+        held = [float(one.held) for one in flights]
+        drawn = name.startswith("drawn")
+        unchecked = errors.one_side or errors.stations < 4
+        results.append(
+            measured(
+                "L6",
+                name,
+                "95 % circle holds",
+                held,
+                share,
+                least=0.93 if drawn else None,
+                most=0.97 if drawn else None,
+            )
+        )
+        if unchecked:
+            said = [float(one.unchecked) for one in flights]
+            results.append(measured("L6", name, "cannot be checked", said, share, least=0.9))
+        elif drawn:
+            warned = [float(one.warned) for one in flights]
+            results.append(measured("L6", name, "warned", warned, share))
+        else:
+            results.append(_held_or_warned(name, flights))
+    return results
+
+
+def _held_or_warned(name: str, flights: list[Flight]) -> Row:
+    """How many of the missed are warned of: nine tenths, where fewer than .88 hold."""
+    failed = [one for one in flights if not one.held]
+    enough = len(failed) <= 0.12 * len(flights)
+    warned = [float(one.warned) for one in failed] or [1.0]
+    return measured(
+        "L6", name, "warned, of those missed", warned, share, least=None if enough else 0.9
+    )

@@ -1,0 +1,254 @@
+"""A drone side under a stand-in for systemd, its world and ground station, and what it says."""
+
+import os
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import msgspec
+
+from uavrt.clock import Clock, monotonic_s
+from uavrt.config import DetectionSettings
+from uavrt.demo import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.errors import UavrtError
+from uavrt.messages import (
+    Health,
+    Pulse,
+    PulseKey,
+    PulsePose,
+    Recorded,
+    StatusText,
+    SystemStatus,
+)
+from uavrt.monitor import StatusReader
+from uavrt.recording import read_pulse_file
+from uavrt.simulation import Scenario, write_scenario
+from uavrt.supervisor.tree import descendants_of
+from uavrt.units import ns_from_s
+
+START_LEAD_S = 1.0
+READY_S = 30.0
+POLL_S = 0.02
+NURSERY = "nursery"
+"""The helper from which processes are forked; it has no row and says no health."""
+NURSERY_PID = "nursery_pid"
+
+
+class ServedDrone:
+    """Starts everything; follows the supervisor's records over its lives.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The world.
+    flights : Path
+        Where flight directories are made.
+    workers : int
+        Detector processes.
+    """
+
+    def __init__(self, scenario: Scenario, flights: Path, *, workers: int = 2) -> None:
+        self._stack = ExitStack()
+        self._flights = flights
+        self._workers = workers
+        self.scenario = scenario
+        self.health: dict[str, Health] = {}
+        """The last of each process."""
+        self.status: SystemStatus | None = None
+        self.detected: set[Pulse] = set()
+        """Pulses that a detector has told the supervisor of."""
+        self.unpromised: set[Pulse] = set()
+        """Those that were not yet said to be on disk when everything was killed at once."""
+        self._power_cut = False
+        self._of_this_life: set[Pulse] = set()
+        """Those since the present supervisor was first heard."""
+        self.recorded: set[Pulse] = set()
+        """Pulses that the recorder has said to be on disk."""
+        self._on_their_way: dict[PulseKey, Pulse] = {}
+        """The newest pulse of each name: the recorder says no more than names."""
+        self.texts: list[str] = []
+        self._reader: StatusReader | None = None
+
+    def __enter__(self) -> Self:
+        work = Path(
+            self._stack.enter_context(
+                tempfile.TemporaryDirectory(
+                    prefix="uavrt-recovery-", ignore_cleanup_errors=True
+                )
+            )
+        )
+        paths = DemoPaths(directory=work, flights=self._flights)
+        self.scenario = self.scenario.starting_at(
+            Clock.start().now_ns() + ns_from_s(START_LEAD_S)
+        )
+        write_scenario(self.scenario, paths.scenario)
+        companion_port, ground_port = free_udp_port(), free_udp_port()
+        settings = replace(
+            drone_settings(self.scenario, paths, companion_port),
+            detection=DetectionSettings(workers=self._workers),
+        )
+        self._socket = paths.status_socket
+        self.autopilot = self._program(
+            work,
+            "autopilot",
+            "uavrt.simulation.autopilot",
+            *("--scenario", str(paths.scenario)),
+            *("--companion", f"127.0.0.1:{companion_port}"),
+            *("--ground", f"127.0.0.1:{ground_port}"),
+        )
+        self._ground = work / "ground"
+        self._program(
+            work,
+            "ground",
+            *("uavrt.cli", "ground", "--headless", "--json"),
+            *("--mavlink", f"udpin://127.0.0.1:{ground_port}", "-o", str(self._ground)),
+        )
+        tags = msgspec.json.encode(self.scenario.tags).decode()
+        self.manager = self._program(
+            work,
+            "service manager",
+            "uavrt.simulation.service_manager",
+            "--",
+            *(sys.executable, "-m", "uavrt.supervisor"),
+            *(msgspec.json.encode(settings).decode(), tags),
+        )
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._reader is not None:
+            self._reader.close()
+        self._stack.close()
+
+    def _program(self, work: Path, name: str, *arguments: str) -> Program:
+        program = Program(name, arguments, work / f"{name}.log")
+        self._stack.callback(program.stop)
+        return program
+
+    def stop(self) -> None:
+        """Stop the drone side in good order."""
+        self.manager.stop()
+
+    # --------------------------------------------------------------- listening
+
+    def listen(self, wait_s: float = POLL_S) -> None:
+        """Read what the supervisor says; connect again when it has been restarted."""
+        self.manager.check()
+        if self._reader is None and not self._connect():
+            time.sleep(wait_s)
+            return
+        assert self._reader is not None
+        try:
+            records = self._reader.read(wait_s)
+        except ConnectionError:
+            records = []
+            self._reader.close()
+            self._reader = None
+        for _, record in records:
+            self._take(record)
+        if self._reader is not None and not self._reader.is_open:
+            self._reader.close()
+            self._reader = None
+
+    def _connect(self) -> bool:
+        with suppress(UavrtError):
+            self._reader = StatusReader(self._socket, 0.0, self.manager.check)
+            if self._power_cut:  # what it still said is read by now
+                self.unpromised |= self._of_this_life - self.recorded
+            self._power_cut = False
+            self._of_this_life.clear()
+        return self._reader is not None
+
+    def _take(self, record: object) -> None:
+        match record:
+            case Pulse():
+                self.detected.add(record)
+                self._of_this_life.add(record)
+            case PulsePose():
+                self._on_their_way[record.pulse.key] = record.pulse  # not on disk yet
+            case Recorded():
+                self.recorded |= {
+                    self._on_their_way[key]
+                    for key in record.pulses
+                    if key in self._on_their_way
+                }
+            case Health():
+                self.health[record.process] = record
+            case SystemStatus():
+                self.status = record
+            case StatusText():
+                self.texts.append(record.text)
+
+    def wait(self, condition: Callable[[], bool], timeout_s: float, what: str) -> float:
+        """Listen until a condition holds; get the time that took [s].
+
+        Raises
+        ------
+        UavrtError
+            It did not come true in time.
+        """
+        started_s = monotonic_s()
+        while not condition():
+            if monotonic_s() - started_s > timeout_s:
+                raise UavrtError(f"{what} did not come within {timeout_s:.0f} s")
+            self.listen()
+        return monotonic_s() - started_s
+
+    def pulses_on_ground(self) -> set[tuple[int, int]]:
+        """Get tag and start [ns] of the pulses that the ground station has stored so far."""
+        with suppress(UavrtError):
+            received = read_pulse_file(self._ground / "pulses.jsonl")
+            return {(item.pulse.tag_id, item.pulse.start_time_ns) for item in received}
+        return set()
+
+    # ------------------------------------------------------------------ killing
+
+    @property
+    def flight_directory(self) -> Path | None:
+        """The flight in progress, as last heard."""
+        named = self.status.flight_directory if self.status else None
+        return Path(named) if named else None
+
+    def pid_of(self, process: str) -> int | None:
+        """Get the process id as last heard."""
+        for item in self.status.processes if self.status else ():
+            if item.process == process:
+                return item.pid
+            if process == NURSERY and NURSERY_PID in item.counters:
+                return int(item.counters[NURSERY_PID]) or None
+        return None
+
+    def processes(self) -> list[str]:
+        """Get the names of the supervised processes, the helper among them."""
+        return [p.process for p in self.status.processes] + [NURSERY] if self.status else []
+
+    def signal(self, process: str, number: signal.Signals) -> None:
+        """Send a signal to a process of the drone side."""
+        pid = self.pid_of(process)
+        if pid is None:
+            raise UavrtError(f"{process} does not run")
+        self.health.pop(process, None)
+        with suppress(ProcessLookupError):
+            os.kill(pid, number)
+
+    def cut_power(self) -> None:
+        """SIGKILL everything of the drone side at once."""
+        supervisor = self.pid_of("supervisor")
+        if supervisor is None:
+            raise UavrtError("the supervisor does not run")
+        for pid in (*descendants_of(supervisor), supervisor):
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self.health.clear()
+        self._power_cut = True

@@ -1,0 +1,250 @@
+"""A flight with many tags at 3 MS/s, measured from outside."""
+
+import sys
+import tempfile
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import msgspec
+
+from uavrt.clock import Clock, monotonic_s
+from uavrt.config import DetectionSettings, RadioSettings, Shape
+from uavrt.demo import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.errors import UavrtError
+from uavrt.messages import Command, CommandReply, Health, SystemState, SystemStatus, Tag
+from uavrt.monitor import StatusReader
+from uavrt.simulation import Scenario, demo_scenario, steady_tags, write_scenario
+from uavrt.supervisor.tree import children_of, descendants_of, own_cpu_s, pss_mb, written_mb
+
+CENTER_HZ = 148_700_000.0
+TIMEOUT_S = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """One process at one moment, its children apart."""
+
+    process: str
+    cpu_s: float
+    """CPU time since its start."""
+    pss_mb: float
+    """Proportional set size: what it takes of the memory, shared pages in parts."""
+    written_mb: float
+    """Written to disks since its start; NaN where the kernel does not count it."""
+
+
+class SteadyFlight:
+    """The real drone side on this machine and a ground station, with a simulated radio and
+    autopilot.
+
+    Parameters
+    ----------
+    tags : int
+        How many.
+    workers : int
+        Detector processes; 0: as many as the settings' default gives.
+    flights : Path, optional
+        Where flight directories are made; else beside the rest, and removed.
+    shape : str
+        Which stage runs in which process; see `uavrt.supervisor.tree.shapes`.
+    """
+
+    def __init__(
+        self,
+        tags: int,
+        *,
+        workers: int = 0,
+        flights: Path | None = None,
+        shape: Shape = "workers",
+    ) -> None:
+        self.tags = steady_tags(tags, CENTER_HZ)
+        self._detection = DetectionSettings(workers=workers, shape=shape)
+        self._flights = flights
+        self._stack = ExitStack()
+        self._requests = 0
+        self.health: dict[str, Health] = {}
+        self.status: SystemStatus | None = None
+        self._replies: dict[int, CommandReply] = {}
+
+    def __enter__(self) -> Self:
+        work = Path(
+            self._stack.enter_context(
+                tempfile.TemporaryDirectory(prefix="uavrt-flight-", ignore_cleanup_errors=True)
+            )
+        )
+        paths = DemoPaths(directory=work, flights=self._flights or work / "flights")
+        scenario: Scenario = demo_scenario(7200.0).starting_at(Clock.start().now_ns())
+        write_scenario(scenario, paths.scenario)
+        companion_port, ground_port = free_udp_port(), free_udp_port()
+        settings = replace(
+            drone_settings(scenario, paths, companion_port),
+            radio=RadioSettings(
+                program=(
+                    *(sys.executable, "-m", "uavrt.simulation.steady_radio"),
+                    *("--tags", str(len(self.tags))),
+                    *("--center-frequency-hz", str(CENTER_HZ)),
+                ),
+                center_frequency_hz=CENTER_HZ,
+            ),
+            detection=self._detection,
+        )
+        self._program(
+            work,
+            "autopilot",
+            "uavrt.simulation.autopilot",
+            *("--scenario", str(paths.scenario)),
+            *("--companion", f"127.0.0.1:{companion_port}"),
+            *("--ground", f"127.0.0.1:{ground_port}"),
+        )
+        # It takes the pulses, as in the field; without it they would gather in memory.
+        self._program(
+            work,
+            "ground",
+            *("uavrt.cli", "ground", "--headless", "--json"),
+            *("--mavlink", f"udpin://127.0.0.1:{ground_port}", "-o", str(work / "ground")),
+        )
+        encoded = msgspec.json.encode(settings).decode()
+        self.supervisor = self._program(work, "supervisor", "uavrt.supervisor", encoded)
+        self._reader = StatusReader(paths.status_socket, TIMEOUT_S, self.supervisor.check)
+        self._stack.callback(self._reader.close)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._stack.close()
+
+    def _program(self, work: Path, name: str, *arguments: str) -> Program:
+        program = Program(name, arguments, work / f"{name}.log")
+        self._stack.callback(program.stop)
+        return program
+
+    # ----------------------------------------------------------------- operating
+
+    def upload(self) -> None:
+        """Send the tags, and wait until the processes that always run are there."""
+        self._command("start_tags")
+        for tag in self.tags:
+            self._command("add_tag", tag)
+        self._command("end_tags")
+        self.wait(
+            lambda: {"recorder", "connection"} <= self.health.keys(), "recorder and connection"
+        )
+
+    def start(self) -> float:
+        """Start detecting; get the time until every detector works on samples [s]."""
+        started_s = monotonic_s()
+        self._command("start_detection")
+        self.wait(self._detecting, "detection")
+        return monotonic_s() - started_s
+
+    def _detecting(self) -> bool:
+        searching = self.searching()
+        serving = sum(health.counters["detectors"] for health in searching)
+        return serving == len(self.tags) and all(
+            health.status in ("detecting", "receiving") for health in searching
+        )
+
+    def searching(self) -> list[Health]:
+        """Get what the processes with detectors said last."""
+        return [health for health in self.health.values() if "detectors" in health.counters]
+
+    def stop(self) -> float:
+        """Stop detecting; get the time until the last pulse is safe [s]."""
+        started_s = monotonic_s()
+        self._command("stop_detection")
+        self.wait(
+            lambda: self.status is not None and self.status.state is SystemState.HAS_TAGS,
+            "the end of the flight",
+        )
+        return monotonic_s() - started_s
+
+    def end(self) -> float:
+        """End the drone side by SIGTERM; get the time that took [s]."""
+        started_s = monotonic_s()
+        self.supervisor.stop()
+        return monotonic_s() - started_s
+
+    def _command(self, name: str, tag: Tag | None = None) -> None:
+        self._requests += 1
+        request = self._requests
+        command = Command(
+            name=name,  # type: ignore[arg-type]
+            request_id=request,
+            tag=tag,
+            source="experiment",
+        )
+        self._reader.send("command", command)
+        self.wait(lambda: request in self._replies, f"the reply to {name}")
+        reply = self._replies[request]
+        if not reply.accepted:
+            raise UavrtError(f"{name} was refused: {reply.message}")
+
+    # ----------------------------------------------------------------- measuring
+
+    def listen(self, wait_s: float) -> None:
+        """Read what the supervisor says."""
+        self.supervisor.check()
+        for _, record in self._reader.read(wait_s):
+            match record:
+                case Health():
+                    self.health[record.process] = record
+                case SystemStatus():
+                    self.status = record
+                case CommandReply():
+                    self._replies[record.request_id] = record
+
+    def wait(self, condition: Callable[[], bool], what: str) -> None:
+        """Listen until a condition holds.
+
+        Raises
+        ------
+        UavrtError
+            It did not come true in time.
+        """
+        deadline_s = monotonic_s() + TIMEOUT_S
+        while not condition():
+            if monotonic_s() > deadline_s:
+                raise UavrtError(f"{what} did not come within {TIMEOUT_S:.0f} s")
+            self.listen(0.02)
+
+    def counter(self, process: str, name: str) -> float:
+        """Get what a process counted last."""
+        health = self.health.get(process)
+        return health.counters.get(name, 0.0) if health else 0.0
+
+    def lost_samples(self) -> float:
+        """Samples lost anywhere between the radio's program and the detectors."""
+        return sum(
+            self.counter(name, counter)
+            for name in self.health
+            for counter in ("samples_lost", "channel_samples_dropped")
+        )
+
+    def readings(self) -> list[Reading]:
+        """Measure the supervisor, its processes and helpers; the radio stand-in apart."""
+        names = {self.supervisor.pid: "supervisor"}
+        for process in self.status.processes if self.status else ():
+            if process.pid is not None:
+                names[process.pid] = process.process
+            names[int(process.counters.get("nursery_pid", 0))] = "nursery"
+        radio = next((pid for pid, name in names.items() if name == "receiver"), None)
+        for pid in children_of(radio) if radio is not None else ():
+            names[pid] = "radio (stand-in)"
+        family = (self.supervisor.pid, *descendants_of(self.supervisor.pid))
+        return [
+            Reading(
+                process=names.get(pid, f"helper {pid}"),
+                cpu_s=own_cpu_s(pid),
+                pss_mb=pss_mb(pid),
+                written_mb=written_mb(pid),
+            )
+            for pid in family
+        ]

@@ -1,0 +1,97 @@
+"""What a log of one turn says, read as the thesis reads its figures 5.16 and 5.17."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.attitude import yaw_deg
+from uavrt.errors import UsageError
+from uavrt.localization import Bearing, estimate_bearing, widest_gap_deg
+from uavrt.messages import PulsePose
+from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_180, wrap_degrees_360
+
+_Floats = NDArray[np.float64]
+_PEAK_DB = 1.0
+_BIN_DEG = 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reading:
+    """One log of one turn."""
+
+    time_s: _Floats
+    """(n,) after the first pulse."""
+    yaw_deg: _Floats
+    """(n,) as logged, [0, 360)."""
+    snr_db: _Floats
+    peak_deg: float
+    """Heading where the pulses are strongest, as an eye takes it from the figure: of arcs of
+    10° those within 1 dB of the best; each counts once, however long the cart stood there."""
+    pca_deg: float
+    """By the original's estimator."""
+    bearing: Bearing
+    """By ours."""
+    covered_deg: float
+    """Arc of headings in which there are pulses."""
+
+    def shift_deg(self, bearing_deg: float) -> float:
+        """How far the strongest pulses are from the tag's bearing, [-180, 180)."""
+        return wrapped(self.peak_deg - bearing_deg)
+
+
+def read_turn(pulse_poses: Sequence[PulsePose], *, antenna: str = "RA-23K") -> Reading:
+    """Read a log; pulses without a pose are left out.
+
+    Raises
+    ------
+    UsageError
+        No pulse has a pose and an SNR.
+    """
+    used = [one for one in pulse_poses if one.pose and np.isfinite(one.pulse.snr_db)]
+    if not used:
+        raise UsageError("no pulse has both a pose and an SNR", remedy="Give another log")
+    times = np.array([one.pulse.start_time_ns for one in used], np.int64)
+    yaw = np.array([yaw_deg(one.pose.quaternion_wxyz) for one in used if one.pose])
+    snr = np.array([one.pulse.snr_db for one in used])
+    bearing = estimate_bearing(yaw, snr, antenna=antenna)
+    return Reading(
+        time_s=(times - times[0]) / NANOSECONDS_PER_SECOND,
+        yaw_deg=yaw,
+        snr_db=snr,
+        peak_deg=_peak_deg(yaw, snr),
+        pca_deg=estimate_bearing(yaw, snr, method="pca").bearing_deg,
+        bearing=bearing,
+        covered_deg=360.0 - widest_gap_deg(yaw),
+    )
+
+
+def doubled(reading: Reading, first_heading_deg: float, *, antenna: str = "RA-23K") -> Bearing:
+    """Undo half poses: twice the change since the first pulse, added to its true heading.
+
+    A half-way heading is (first + true) / 2, give or take 180° where the shorter arc changes
+    sides; twice its change is the true change whatever the first pose was.
+    """
+    change = 2.0 * (reading.yaw_deg - reading.yaw_deg[0])
+    yaw = wrap_degrees_360(first_heading_deg + change)
+    return estimate_bearing(yaw, reading.snr_db, antenna=antenna)
+
+
+def wrapped(angle_deg: float) -> float:
+    """Wrap to [-180, 180)."""
+    return wrap_degrees_180(angle_deg)
+
+
+def _peak_deg(yaw_deg: _Floats, snr_db: _Floats) -> float:
+    arc = (yaw_deg // _BIN_DEG).astype(int)
+    arcs = np.unique(arc)
+    level = np.array([snr_db[arc == one].mean() for one in arcs])
+    middle = np.array([_mean_deg(yaw_deg[arc == one]) for one in arcs])
+    return _mean_deg(middle[level >= level.max() - _PEAK_DB])
+
+
+def _mean_deg(angles_deg: _Floats) -> float:
+    return wrap_degrees_360(
+        float(np.angle(np.mean(np.exp(1j * np.radians(angles_deg))), deg=True))
+    )

@@ -1,0 +1,327 @@
+"""One run: a planner searches a world until every tag is found or the time is over."""
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization import PATTERNS, Listening, TagPrior
+from uavrt.localization.position import Area
+from uavrt.planning import (
+    Action,
+    Beliefs,
+    FlyTo,
+    GroundReflection,
+    Hold,
+    Path,
+    Planner,
+    Polygon,
+    Return,
+    Search,
+    SearchArea,
+    SearchSettings,
+    Shannon,
+    TagBelief,
+    VehicleState,
+    Wind,
+    at_100_m,
+    flown,
+    planner_named,
+    reachable,
+)
+from uavrt.terrain import HillLosses
+from uavrt_experiments.search.scenario import Contender, Scenario
+from uavrt_experiments.search.terrain import mapped
+from uavrt_experiments.search.world import FREQUENCY_HZ, Heard, World
+
+_Floats = NDArray[np.float64]
+_INJECTION = 0.1
+"""TrackerBots replaces a tenth of the particles in a tenth of the steps."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """A tag that a run called found."""
+
+    tag_id: int
+    time_s: float
+    error_m: float | None
+    """None: there is no such tag."""
+    radius95_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What came of a run."""
+
+    seed: int
+    time_s: float
+    """Until the last tag was found, or the limit."""
+    distance_m: float
+    judged: tuple[Judged, ...]
+    lost: int
+    """Tags that are there and were not found."""
+    nearest_m: float
+    """That the drone came to any animal, over ground."""
+    too_near_s: int
+    """Seconds within the radius to keep."""
+    decision_s: tuple[float, ...]
+    """Processor time of each decision."""
+    path_m: tuple[tuple[float, float], ...]
+    ends_m: tuple[tuple[float, float], ...]
+    """Where the tags were in the end."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether every tag that is there was found."""
+        return self.lost == 0
+
+    @property
+    def mean_error_m(self) -> float:
+        """Over those found that are there; NaN where none is."""
+        errors = [one.error_m for one in self.judged if one.error_m is not None]
+        return float(np.mean(errors)) if errors else float("nan")
+
+
+def beliefs_of(
+    scenario: Scenario, contender: Contender, seed: int, particles: int, world: World
+) -> Beliefs:
+    """What is believed before the flight; the world is asked where each strength is told."""
+    truth, known = scenario.truth, scenario.known
+    simple = contender.filter == "TrackerBots"
+    prior = TagPrior(
+        area=Area(west_m=0.0, east_m=scenario.east_m, south_m=0.0, north_m=scenario.north_m),
+        level_db=at_100_m(truth.level_1m_db, truth.exponent),
+        level_sigma_db=known.level_sigma_db,
+        level_drift_db_per_root_s=known.level_drift_db_per_root_s,
+        exponent=truth.exponent,
+        exponent_sigma=known.exponent_sigma,
+        fading_db=known.sigma_db or truth.sigma_db,
+        pattern=None if truth.antenna == "monopole" else PATTERNS[truth.antenna],
+        walking_m_per_root_s=(
+            truth.walk_m_per_root_s
+            if known.walk_m_per_root_s is None
+            else known.walk_m_per_root_s
+        ),
+        travelling_m_s=known.travelling_m_s,
+        motion=known.motion,
+        missed_share=_share(known.missed_share, truth.missed_share),
+        chance_share=_share(known.chance_share, truth.chance_share),
+        rival_share=known.rival_share,
+        path_gain=GroundReflection(tag_height_m=truth.tag_height_m) if truth.two_ray else None,
+        hills=_map_of(scenario),
+    )
+    if simple:
+        prior = replace(prior, missed_share=0.0, chance_share=1e-6)
+    count = scenario.tags + scenario.absent
+    priors = [prior] * count
+    if known.each:
+        priors = [
+            replace(
+                prior,
+                level_db=at_100_m(float(level), world.exponent),
+                exponent=world.exponent,
+            )
+            for level in world.levels_1m_db
+        ] + priors[scenario.tags :]
+    return Beliefs(
+        *(
+            TagBelief(
+                number + 1,
+                priors[number],
+                np.random.default_rng((seed, 2, number)),
+                particles=particles,
+            )
+            for number in range(count)
+        )
+    )
+
+
+def _map_of(scenario: Scenario) -> HillLosses | None:
+    """What the searcher knows of the ground."""
+    truth = scenario.truth
+    if truth.ground is None or not scenario.known.map_of_heights:
+        return None
+    return mapped(
+        truth.ground,
+        east_m=scenario.east_m,
+        north_m=scenario.north_m,
+        start_m=scenario.start_m,
+        tag_m=truth.tag_height_m,
+        frequency_hz=FREQUENCY_HZ,
+    )
+
+
+def _share(believed: float | None, true: float) -> float:
+    """A searcher allows for a thousandth of what it does not expect at all."""
+    return max(true if believed is None else believed, 1e-3)
+
+
+def fly(
+    scenario: Scenario, contender: Contender, seed: int, *, particles: int = 10_000
+) -> Outcome:
+    """Fly one run, of the easier case where the contender is there for that."""
+    flies = (scenario.easier or scenario) if contender.easier else scenario
+    return _Flight(flies, contender, seed, particles).flown()
+
+
+def _planner_of(contender: Contender) -> Planner:
+    if contender.planner == "shannon" and contender.turn_s > 0.0:
+        return Shannon(rotation_s=contender.turn_s)
+    return planner_named(contender.planner)
+
+
+class _Flight:
+    def __init__(
+        self, scenario: Scenario, contender: Contender, seed: int, particles: int
+    ) -> None:
+        self.scenario, self.contender, self.seed = scenario, contender, seed
+        self.world = World(scenario, seed)
+        self.rng = np.random.default_rng((seed, 3))
+        stop = scenario.paper_stop if contender.stop == "paper" else scenario.our_stop
+        polygon = Polygon.rectangle(0.0, scenario.east_m, 0.0, scenario.north_m)
+        settings = SearchSettings(
+            vehicle=scenario.vehicle,
+            area=SearchArea(search=polygon, lowest_m=5.0, highest_m=500.0),
+            stop=stop,
+            keep_away=scenario.keep_away,
+            cycle_s=float(scenario.cycle_s),
+            threshold_db=scenario.truth.threshold_db,
+            tag_height_m=scenario.truth.tag_height_m,
+            follows_ground=scenario.known.map_of_heights,
+        )
+        beliefs = beliefs_of(scenario, contender, seed, particles, self.world)
+        self.search = Search(
+            settings,
+            beliefs,
+            _planner_of(contender),
+            np.random.default_rng((seed, 4)),
+        )
+        self.state = VehicleState(
+            time_s=0.0,
+            east_m=scenario.start_m[0],
+            north_m=scenario.start_m[1],
+            height_m=scenario.height_m,
+            yaw_deg=scenario.start_yaw_deg,
+        )
+        self.second = 0
+        self.distance_m = 0.0
+        self.nearest_m = float("inf")
+        self.too_near_s = 0
+        self.judged: list[Judged] = []
+        self.decision_s: list[float] = []
+        self.path: list[tuple[float, float]] = [scenario.start_m]
+
+    def flown(self) -> Outcome:
+        scenario = self.scenario
+        first = Hold(duration_s=float(scenario.first_plan_s))
+        self._follow(flown(scenario.vehicle, self.state, first), scenario.first_plan_s)
+        while not self._done():
+            began = time.process_time()
+            decision = self.search.decide(self.state)
+            self.decision_s.append(time.process_time() - began)
+            if isinstance(decision.action, Return):
+                break
+            action = self._in_cycle(decision.action)
+            path = flown(scenario.vehicle, self.state, action)
+            moves = isinstance(action, FlyTo)
+            self._follow(path, scenario.cycle_s if moves else len(path.time_s))
+        there = [one for one in self.judged if self.world.exists(one.tag_id)]
+        return Outcome(
+            seed=self.seed,
+            time_s=float(self.second),
+            distance_m=self.distance_m,
+            judged=tuple(self.judged),
+            lost=scenario.tags - len(there),
+            nearest_m=self.nearest_m,
+            too_near_s=self.too_near_s,
+            decision_s=tuple(self.decision_s),
+            path_m=tuple(self.path),
+            ends_m=tuple((float(x), float(y)) for x, y in self.world.places_m),
+        )
+
+    def _done(self) -> bool:
+        """Every tag that is there is found: only then a table's clock stops."""
+        found = sum(self.world.exists(one.tag_id) for one in self.judged)
+        return found == self.scenario.tags or self.second >= self.scenario.limit_s
+
+    def _in_cycle(self, action: Action) -> Action:
+        if not self.scenario.stops_each_cycle or not isinstance(action, FlyTo):
+            return action
+        vehicle, cycle = self.scenario.vehicle, float(self.scenario.cycle_s)
+        return reachable(vehicle, self.state, action, Wind(), cycle)
+
+    def _follow(self, path: Path, seconds: int) -> None:
+        steps = min(len(path.time_s), seconds)
+        for number in range(steps):
+            state = path.state(number)
+            self.distance_m += float(
+                np.hypot(state.east_m - self.state.east_m, state.north_m - self.state.north_m)
+            )
+            self.second += 1
+            self.state = replace(state, time_s=float(self.second))
+            self.path.append((state.east_m, state.north_m))
+            self._hear(self.world.step(self.second, self.state))
+            if self._done():
+                return
+        if self.scenario.stops_each_cycle:
+            # The cycle is over when it is over, even where the way was shorter.
+            for _ in range(seconds - steps):
+                self.second += 1
+                self.state = replace(self.state, time_s=float(self.second))
+                self._hear(self.world.step(self.second, self.state))
+                if self._done():
+                    return
+
+    def _hear(self, heard: list[Heard]) -> None:
+        scenario, search = self.scenario, self.search
+        places = self.world.places_m
+        off = np.hypot(places[:, 0] - self.state.east_m, places[:, 1] - self.state.north_m)
+        self.nearest_m = min(self.nearest_m, float(off.min()))
+        rule = scenario.keep_away
+        self.too_near_s += int(rule is not None and float(off.min()) < rule.radius_m)
+        for one in heard:
+            if one.tag_id in search.found and rule is None:
+                continue
+            self._take(one)
+        for tag_id in search.judge(float(self.second)):
+            self._note(tag_id)
+
+    def _take(self, one: Heard) -> None:
+        scenario, search, time_s = self.scenario, self.search, float(self.second)
+        height = self.state.height_m - scenario.truth.tag_height_m
+        if scenario.known.map_of_heights:
+            height += self.world.rise_m(self.state)
+        simple = self.contender.filter == "TrackerBots"
+        if simple and one.level_db is None:
+            return
+        search.listen(
+            one.tag_id,
+            time_s,
+            Listening(
+                east_m=self.state.east_m,
+                north_m=self.state.north_m,
+                height_m=height,
+                snr_db=one.level_db,
+                threshold_db=scenario.truth.threshold_db,
+                yaw_deg=self.state.yaw_deg,
+            ),
+        )
+        if simple and self.rng.random() < _INJECTION:
+            search.beliefs[one.tag_id].tracker.replace_at_random(_INJECTION)
+
+    def _note(self, tag_id: int) -> None:
+        found = self.search.found[tag_id]
+        error = None
+        if self.world.exists(tag_id):
+            x, y = self.world.places_m[tag_id - 1]
+            error = float(np.hypot(found.estimate.east_m - x, found.estimate.north_m - y))
+        self.judged.append(
+            Judged(
+                tag_id=tag_id,
+                time_s=found.time_s,
+                error_m=error,
+                radius95_m=found.estimate.radius95_m,
+            )
+        )

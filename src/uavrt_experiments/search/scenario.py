@@ -1,0 +1,132 @@
+"""A search as a published table or a bar of ours describes it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.planning import KeepAway, StopRule, Vehicle
+
+_Floats = NDArray[np.float64]
+Ground = Callable[[_Floats, _Floats], _Floats]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """What the world does. Levels are those that the paper gives, in dBm or dB."""
+
+    level_1m_db: float
+    """Received 1 m from a tag, at boresight."""
+    exponent: float
+    sigma_db: float
+    antenna: str = "yagi-2"
+    two_ray: bool = False
+    tag_height_m: float = 0.0
+    threshold_db: float = -1000.0
+    """Levels below are not heard."""
+    missed_share: float = 0.0
+    chance_share: float = 0.0
+    """False pulses of any level, for each pulse that is due."""
+    strangers: int = 0
+    """Interferers that are heard as the first tags, from places of their own."""
+    level_spread_db: float = 0.0
+    """Half-width of a uniform spread of the tags' own levels."""
+    exponent_range: tuple[float, float] | None = None
+    """Drawn for each run; None: `exponent`."""
+    walk_m_per_root_s: float = 0.0
+    walk_speed_m_s: float = 0.0
+    """Of those tags that travel …"""
+    travellers: int = 0
+    """… the first of all."""
+    vegetation_m: float = 0.0
+    """Height of the plants above the tags (ITU-R P.833)."""
+    ground: Ground | None = None
+    """Height of the ground; hills stand in the waves' way (ITU-R P.526, knife edge)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """What the searcher believes before: None is what is true."""
+
+    each: bool = False
+    """The strength of each tag and the exponent are told, whatever their spread."""
+    level_sigma_db: float = 0.0
+    level_drift_db_per_root_s: float = 0.0
+    exponent_sigma: float = 0.0
+    sigma_db: float | None = None
+    motion: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    walk_m_per_root_s: float | None = None
+    travelling_m_s: float = 0.0
+    missed_share: float | None = None
+    chance_share: float | None = None
+    rival_share: float = 0.0
+    """That an interferer is heard as one of the tags."""
+    map_of_heights: bool = False
+    """The searcher has a map of the ground, with a map's errors."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contender:
+    """A planner with a filter and a stop rule."""
+
+    planner: str
+    filter: Literal["ours", "TrackerBots"] = "ours"
+    """TrackerBots' learns nothing from silence, and puts particles anywhere now and then."""
+    stop: Literal["paper", "ours"] = "paper"
+    easier: bool = False
+    """It flies the scenario's easier case, for comparison."""
+    turn_s: float = 0.0
+    """Of the turn at each point, of Cliff's planner; 0: single pulses instead."""
+
+    def __str__(self) -> str:
+        own = "" if self.filter == "ours" else ", authors' filter"
+        stop = ", our stop" if self.stop == "ours" else ""
+        turning = f", turns of {self.turn_s:g} s" if self.turn_s else ""
+        return f"{self.planner}{own}{stop}{turning}{', easier case' if self.easier else ''}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bar:
+    """What is asked of our planner."""
+
+    quantity: str
+    most: float | None = None
+    least: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """One row of the tables."""
+
+    name: str
+    title: str
+    east_m: float
+    north_m: float
+    """Size of the area, from the origin."""
+    tags: int
+    truth: Truth
+    vehicle: Vehicle
+    paper_stop: StopRule
+    our_stop: StopRule
+    places: tuple[tuple[float, float], ...] = ()
+    """Of the tags; empty: anywhere, anew for each run."""
+    absent: int = 0
+    """Further tags that are searched for and are not there."""
+    known: Known = field(default_factory=Known)
+    start_m: tuple[float, float] = (0.0, 0.0)
+    start_yaw_deg: float = 0.0
+    height_m: float = 20.0
+    first_plan_s: int = 1
+    cycle_s: int = 5
+    stops_each_cycle: bool = False
+    keep_away: KeepAway | None = None
+    limit_s: int = 1800
+    """The battery of the table; a run that is not done by then has failed."""
+    easier: "Scenario | None" = None
+    """The same without what makes it hard: what ours is compared with."""
+    bars: tuple[Bar, ...] = ()
+    contenders: tuple[Contender, ...] = ()
+    baseline_share: float = 0.12
+    """Runs of a baseline over ours: they take long."""

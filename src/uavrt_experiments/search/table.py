@@ -1,0 +1,211 @@
+"""Rows of the tables: each contender's figures with their intervals, and the bars."""
+
+import textwrap
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt_experiments.figures import (
+    mean,
+    measured,
+    median,
+    rms,
+    share,
+    tenth_worst,
+)
+from uavrt_experiments.result import Row
+from uavrt_experiments.search.flight import Judged, Outcome
+from uavrt_experiments.search.scenario import Bar, Contender, Scenario
+from uavrt_experiments.tables import aligned
+
+_Floats = NDArray[np.float64]
+_COMPLETE = "complete, share"
+_HELD = "95 % circle holds, share"
+_FALSE = "false found, share"
+_THAN_RENYI = "time over that of renyi"
+_THAN_EASIER = "time over that of the easier case"
+_HEAD_WIDTH = 13
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flown:
+    """All runs of one contender."""
+
+    contender: Contender
+    outcomes: tuple[Outcome, ...]
+
+
+def p95(values: _Floats) -> float:
+    """Value that a twentieth of the runs exceed."""
+    return float(np.quantile(values, 0.95))
+
+
+def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Row]:
+    """Rows of a scenario; the bars stand beside those of our planner."""
+    rows = [row for one in flown for row in _rows(scenario, one)]
+    ours = [one for one in flown if one.contender.planner == "mi_rate"]
+    ours = [one for one in ours if not one.contender.easier]
+    theirs = Contender(planner="renyi", filter="TrackerBots")
+    for one in ours:
+        same = [
+            (_THAN_RENYI, other)
+            for other in flown
+            if other.contender == theirs and one.contender.stop == theirs.stop
+        ]
+        same += [
+            (_THAN_EASIER, other)
+            for other in flown
+            if other.contender == replace(one.contender, easier=True)
+        ]
+        rows += [_ratio(scenario, quantity, one, other) for quantity, other in same]
+    return rows
+
+
+def honesty(tables: Sequence[Flown]) -> list[Row]:
+    """Rows on the declared circles of all runs of ours with our stop rule.
+
+    Parameters
+    ----------
+    tables : sequence of Flown
+        Of all scenarios.
+    """
+    all_runs = [
+        run
+        for one in tables
+        if one.contender.planner == "mi_rate" and one.contender.stop == "ours"
+        for run in one.outcomes
+    ]
+    judged = [j for run in all_runs for j in run.judged]
+    if not judged:
+        return []
+    return [
+        measured(
+            "T9", "mi_rate, our stop, all tables", name, values, share, least=least, most=most
+        )
+        for name, values, least, most in (
+            (_HELD, _held(judged), 0.93, 0.97),
+            (_FALSE, _false(judged), None, 0.01),
+        )
+    ]
+
+
+def _held(judged: Sequence[Judged]) -> list[float]:
+    """Whether the declared circle holds each tag that is there."""
+    return [float(j.error_m <= j.radius95_m) for j in judged if j.error_m is not None]
+
+
+def _false(judged: Sequence[Judged]) -> list[float]:
+    """Whether each is none, or far from where it was said to be."""
+    return [float(j.error_m is None or j.error_m > 3.0 * j.radius95_m) for j in judged]
+
+
+def _bar(scenario: Scenario, one: Flown, quantity: str) -> Bar:
+    """The bar of a quantity, for our planner alone."""
+    if one.contender.planner == "mi_rate" and not one.contender.easier:
+        for bar in scenario.bars:
+            if bar.quantity == quantity:
+                return bar
+    return Bar(quantity=quantity)
+
+
+def _rows(scenario: Scenario, one: Flown) -> list[Row]:
+    runs = one.outcomes
+    judged = [j for run in runs for j in run.judged]
+    there = [j for j in judged if j.error_m is not None]
+    errors = [j.error_m for j in there if j.error_m is not None]
+    times = [run.time_s for run in runs]
+    figures: list[tuple[str, list[float], Callable[[_Floats], float]]] = [
+        ("time, mean, s", times, mean),
+        ("time, median, s", times, median),
+        ("time, p90, s", times, tenth_worst),
+        ("time, p95, s", times, p95),
+        ("way, mean, km", [run.distance_m / 1e3 for run in runs], mean),
+        (_COMPLETE, [float(run.complete) for run in runs], share),
+        ("decision, median, ms", [1e3 * s for run in runs for s in run.decision_s], median),
+    ]
+    figures += [
+        ("error, mean, m", errors, mean),
+        ("error, median, m", errors, median),
+        ("error, p90, m", errors, tenth_worst),
+        ("error, RMS, m", errors, rms),
+        (_HELD, _held(judged), share),
+        (_FALSE, _false(judged), share),
+    ]
+    if scenario.keep_away is not None:
+        near = [float(run.too_near_s > 0) for run in runs]
+        figures.append(("inside the radius, share", near, share))
+    rows = []
+    for quantity, values, figure in figures:
+        bar = _bar(scenario, one, quantity)
+        if not values and bar.least is None and bar.most is None:
+            continue
+        rows.append(
+            measured(
+                scenario.name,
+                str(one.contender),
+                quantity,
+                values,
+                figure,
+                least=bar.least,
+                most=bar.most,
+            )
+        )
+    return rows
+
+
+def _ratio(scenario: Scenario, quantity: str, ours: Flown, theirs: Flown) -> Row:
+    """Time of ours over theirs on the same seeds."""
+    by_seed = {run.seed: run.time_s for run in theirs.outcomes}
+    pairs = [(run.time_s, by_seed[run.seed]) for run in ours.outcomes if run.seed in by_seed]
+    numbers = np.arange(len(pairs), dtype=np.float64)
+    both = np.array(pairs)
+
+    def ratio(chosen: _Floats) -> float:
+        rows = both[chosen.astype(int)]
+        return float(rows[:, 0].sum() / rows[:, 1].sum())
+
+    bar = _bar(scenario, ours, quantity)
+    return measured(
+        scenario.name,
+        str(ours.contender),
+        quantity,
+        numbers.tolist(),
+        ratio,
+        least=bar.least,
+        most=bar.most,
+    )
+
+
+def section(scenario: Scenario, rows: Sequence[Row]) -> str:
+    """Draw the rows of a scenario for a terminal: a line for each contender.
+
+    Columns are what is asked for, and whether all was found; every other figure is for the
+    file.
+    """
+    bars = {one.quantity: one for one in rows if one.barred}
+    quantities = [bar.quantity for bar in scenario.bars]
+    quantities += [_COMPLETE] if _COMPLETE not in quantities else []
+    heads = [textwrap.wrap(one, _HEAD_WIDTH) for one in quantities]
+    height = max(map(len, heads))
+    lines = [
+        ["", *(head[n] if n < len(head) else "" for head in heads), "runs" if not n else ""]
+        for n in range(height)
+    ]
+    lines.append(["asked", *(bars[q].bar if q in bars else "" for q in quantities), ""])
+    for case in dict.fromkeys(one.case for one in rows):
+        own = {one.quantity: one for one in rows if one.case == case}
+        runs = own[_COMPLETE].n
+        lines.append([case, *(_cell(own.get(one)) for one in quantities), str(runs)])
+    text = [f"{scenario.name}  {scenario.title}", aligned(lines)]
+    text += [
+        f"{one.verdict}: {one.quantity} {one.figure:.3g}, asked {one.bar} ({one.case})"
+        for one in rows
+        if one.barred and not one.met
+    ]
+    return "\n".join(text)
+
+
+def _cell(one: Row | None) -> str:
+    return "" if one is None else f"{one.figure:.3g} ({one.low:.3g}–{one.high:.3g})"

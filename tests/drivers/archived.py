@@ -1,0 +1,100 @@
+"""Recordings and flights of an archive, small enough for tests."""
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.attitude import from_euler_deg
+from uavrt.localization import PATTERNS, TangentPlane
+from uavrt.messages import FlightInfo, Pose, Poses, Tag
+from uavrt.recording import FlightRecorder
+
+RATE_HZ, CENTER_HZ = 24_000.0, 148.7e6
+START_NS = 1_777_615_200_000_000_000
+START = "2026-05-01T06:00:00Z"
+COLUMNS = "path,format,sample_rate_hz,center_frequency_hz,start_time"
+TAGS = tuple(
+    Tag(
+        tag_id=2 * number,
+        frequency_hz=CENTER_HZ + offset_hz,
+        pulse_width_s=0.02,
+        pulse_intervals_s=(interval_s,),
+        interval_uncertainty_s=0.02,
+    )
+    for number, (offset_hz, interval_s) in enumerate(((6e3, 1.21), (-5e3, 1.34)), 1)
+)
+_PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
+_LEG_S, _APART_M, _TAG_M = 45.0, 250.0, (180.0, 420.0)
+_GAIN_DB = PATTERNS["RA-23K"].e_plane_db
+_Floats = NDArray[np.float64]
+
+
+def record(
+    path: Path,
+    length_s: float,
+    seed: int,
+    *,
+    tags: Sequence[Tag] = TAGS,
+    amplitude: Callable[[_Floats], _Floats] = lambda times_s: np.full(len(times_s), 6e-4),
+) -> None:
+    """Tags of 17 dB in noise, unless told otherwise."""
+    times_s = np.arange(round(length_s * RATE_HZ)) / RATE_HZ
+    noise = np.random.default_rng(seed).standard_normal(2 * len(times_s), np.float32)
+    samples = (np.float32(1e-3) * noise).view(np.complex64)
+    for tag in tags:
+        beeps = np.flatnonzero(times_s % tag.pulse_intervals_s[0] < tag.pulse_width_s)
+        turns = (tag.frequency_hz - CENTER_HZ) * times_s[beeps]
+        tone = amplitude(times_s[beeps]) * np.exp(2j * np.pi * turns)
+        samples[beeps] += tone.astype(np.complex64)
+    samples.tofile(path)
+
+
+def vehicle_pose(at_s: float) -> Pose:
+    """A turn on the spot at each of two places, 8° a second."""
+    station = min(1, int(at_s // _LEG_S))
+    latitude, longitude = _PLANE.to_geodetic(_APART_M * station, 0.0)
+    return Pose(
+        time_ns=START_NS + round(1e9 * at_s),
+        latitude_deg=float(latitude),
+        longitude_deg=float(longitude),
+        altitude_amsl_m=1000.0,
+        altitude_relative_m=40.0,
+        quaternion_wxyz=from_euler_deg(8.0 * at_s % 360.0, 0.0, 0.0),
+    )
+
+
+def heard_amplitude(times_s: _Floats) -> _Floats:
+    """What the antenna hears of a tag while the vehicle turns."""
+    found = []
+    for at_s in times_s:
+        east_m = _APART_M * min(1, int(at_s // _LEG_S))
+        bearing_deg = math.degrees(math.atan2(_TAG_M[0] - east_m, _TAG_M[1]))
+        off_deg = abs((8.0 * at_s - bearing_deg + 180.0) % 360.0 - 180.0)
+        gain_db = np.interp(off_deg, np.linspace(0.0, 180.0, len(_GAIN_DB)), _GAIN_DB)
+        found.append(1.5e-3 * 10.0 ** (gain_db / 20.0))
+    return np.array(found)
+
+
+def poses(length_s: float = 2 * _LEG_S) -> tuple[Pose, ...]:
+    """The vehicle's, ten a second."""
+    return tuple(vehicle_pose(0.1 * number) for number in range(round(10 * length_s)))
+
+
+def write_flight(directory: Path, *, length_s: float = 2 * _LEG_S) -> Path:
+    """Write a flight that turned at two places, without a pulse."""
+    recorder = FlightRecorder.create(
+        FlightInfo(
+            directory=str(directory),
+            start_time_ns=START_NS,
+            clock_offset_ns=0,
+            center_frequency_hz=CENTER_HZ,
+            sample_rate_hz=RATE_HZ,
+            tags=TAGS[:1],
+        )
+    )
+    recorder.write_poses(Poses(poses=poses(length_s)))
+    recorder.close()
+    return directory

@@ -1,0 +1,298 @@
+"""A drone in the air with our authority and pilot on board, in virtual time, without wires."""
+
+import math
+import random
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from uavrt.errors import CommandRefused, PlanError
+from uavrt.guidance.authority import Authority, Standing
+from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.orders import Limits, Order, VehicleNow
+from uavrt.guidance.pilot import Pilot
+from uavrt.guidance.plans import plan_of
+from uavrt.mavlink import dialect
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.vehicle_messages import command_message, observations
+from uavrt.simulation.flying import MODES, NOWHERE, Flavour, FlyingVehicle, Frame
+from uavrt.simulation.geometry import TangentPlane
+
+STEP_S = 0.05
+HOME = TangentPlane(latitude_deg=47.1, longitude_deg=8.5, altitude_amsl_m=430.0)
+CENTRED = (1500, 1500, 1400, 1500)
+
+
+class Flown:
+    """The drone; `commands` holds the time and message of everything that we sent it."""
+
+    def __init__(
+        self,
+        flavour: Flavour,
+        *,
+        sticks: bool = False,
+        frame: Frame | None = None,
+        limits: Limits | None = None,
+        phase_s: float = 0.0,
+        loss: float = 0.0,
+        seed: int = 1,
+        on_ground: bool = False,
+        may_take_off: bool = True,
+    ) -> None:
+        self.loss, self.lost, self.rng = loss, 0, random.Random(seed)
+        self.vehicle = FlyingVehicle(
+            flavour, HOME, frame or Frame(), height_m=0.0 if on_ground else 40.0
+        )
+        self.vehicle.elapsed_s = phase_s
+        self.flavour = flavour
+        self.limits = limits or Limits(battery_wh=120.0)
+        self.authority = Authority(
+            MANNERS[flavour], farthest_m=self.limits.fence_m, may_take_off=may_take_off
+        )
+        self.pilot: Pilot | None = None
+        self.time_s = 100.0
+        self.steps = 0
+        self.commands: list[tuple[float, Any]] = []
+        self.sent = self.refused = 0
+        self.channels: tuple[int, ...] = CENTRED if sticks else ()
+        self.home_north_m = 0.0
+        self.jump_m = 0.0
+        self.boot_s = 50.0
+        self.failsafe = ""
+        self.position = self.mode_told = self.alive = True
+        self.position_told = self.target_told = self.heartbeat_told = True
+        self.status_told = self.landed_told = True
+        self.kind = 2  # MAV_TYPE_QUADROTOR
+        self.ground_silent_s = 0.0
+        self.out_s: float | None = None
+        self.next_id = 0
+        self.run(1.2)
+
+    def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        for _ in range(round(seconds / STEP_S)):
+            self.step()
+            if until():
+                return
+
+    def step(self) -> None:
+        self.steps += 1
+        self.time_s += STEP_S
+        self.boot_s += STEP_S
+        self.vehicle.advance(STEP_S)
+        for message in self.telemetry():
+            for seen in observations(message, self.time_s):
+                self.authority.see(seen)
+        self.authority.tick(self.time_s)
+        if self.out_s is None and self.began and self.authority.standing is Standing.OUT:
+            self.out_s = self.time_s
+        if self.alive:
+            self.authority.planner_alive(self.time_s)
+            self.wish()
+
+    @property
+    def began(self) -> bool:
+        return bool(self.commands)
+
+    def wish(self) -> None:
+        now = self.now()
+        if self.pilot is None or now is None:
+            return
+        wish = self.pilot.next(now)
+        if self.pilot.ended is not None:
+            self.authority.stop(self.time_s, self.pilot.ended)
+        if wish is None:
+            return
+        try:
+            command = self.authority.command(self.pilot.order.order_id, wish, self.time_s)
+        except CommandRefused:
+            self.refused += 1
+            return
+        self.sent += 1
+        message: Any = command_message(command, 1)
+        self.commands.append((self.time_s, message))
+        if self.rng.random() < self.loss:
+            self.lost += 1
+        else:
+            self.vehicle.command(message)
+
+    def now(self) -> VehicleNow | None:
+        return self.authority.vehicle_now(
+            self.time_s,
+            battery_percent=self.vehicle.battery_percent if self.status_told else None,
+            wishes_sent=self.sent,
+            wishes_refused=self.refused,
+            ground_silent_s=self.ground_silent_s,
+        )
+
+    def order(self, action: Any, **values: Any) -> Pilot:
+        """Ask for a motion and confirm it."""
+        self.next_id += 1
+        order = Order(order_id=self.next_id, action=action, **values)
+        now = self.now()
+        if now is None:
+            raise PlanError("no position")
+        plan = plan_of(order, now, self.limits, MANNERS[self.flavour])
+        nonce = random.Random(self.next_id).getrandbits(32)
+        taking_off = order.action == "takeoff"
+        self.authority.offer(order.order_id, nonce, self.time_s, takeoff=taking_off)
+        self.authority.confirm(
+            order.order_id, nonce, self.time_s, sticks_unseen=not self.channels
+        )
+        self.sent = self.refused = 0
+        self.pilot = Pilot(order, plan, self.limits)
+        return self.pilot
+
+    def place(self, north_m: float, east_m: float) -> tuple[float, float]:
+        return HOME.to_geodetic(north_m, east_m)
+
+    # ------------------------------------------------------------------ what it tells
+
+    def telemetry(self) -> Iterator[Message]:
+        px4, boot_ms = self.flavour == "px4", max(0, round(self.boot_s * 1e3))
+        if self.steps % 2 == 0:
+            if self.position_told:
+                yield self._position(boot_ms)
+            target = self.vehicle.position_target(boot_ms)
+            if target is not None and self.target_told:
+                yield target
+        if self.steps % 4 == 1 and self.channels:
+            yield self._sticks(boot_ms)
+        if self.mode_told and self.heartbeat_told and self.steps % (20 if px4 else 2) == 0:
+            yield self._heartbeat()
+        if self.mode_told and px4 and self.steps % 10 == 5:
+            mode = self.vehicle.mode
+            yield dialect.CurrentMode(
+                standard_mode=0, custom_mode=mode, intended_custom_mode=mode
+            )
+        if self.status_told and self.steps % 10 == 3:
+            yield self._status()
+        if self.steps % 20 == 7:
+            yield self._home()
+        if self.landed_told and self.steps % 10 == 8:
+            yield self.vehicle.landed_state()
+
+    def _position(self, boot_ms: int) -> Message:
+        vehicle = self.vehicle
+        latitude, longitude = vehicle.latitude_longitude()
+        if not self.position:
+            latitude = longitude = 0.0
+        north, east, up = vehicle.velocity_m_s
+        return dialect.GlobalPositionInt(
+            time_boot_ms=boot_ms,
+            lat=round(latitude * 1e7),
+            lon=round(longitude * 1e7),
+            alt=round((HOME.altitude_amsl_m + vehicle.shown_height_m + self.jump_m) * 1e3),
+            relative_alt=round((vehicle.shown_height_m + self.jump_m) * 1e3),
+            vx=round(north * 100),
+            vy=round(east * 100),
+            vz=round(-up * 100),
+            hdg=round(vehicle.yaw_deg * 100) % 36_000,
+        )
+
+    def _sticks(self, boot_ms: int) -> Message:
+        unused = {f"chan{n}_raw": 65_535 for n in range(5, 19)}
+        return dialect.RcChannels(
+            time_boot_ms=boot_ms,
+            chancount=8,
+            chan1_raw=self.channels[0],
+            chan2_raw=self.channels[1],
+            chan3_raw=self.channels[2],
+            chan4_raw=self.channels[3],
+            rssi=200,
+            **unused,
+        )
+
+    def _heartbeat(self) -> Message:
+        armed = dialect.MavModeFlag.SAFETY_ARMED if self.vehicle.armed else 0
+        state = dialect.MavState
+        return dialect.Heartbeat(
+            type=self.kind,
+            autopilot=12 if self.flavour == "px4" else 3,
+            base_mode=1 | armed,
+            custom_mode=self.vehicle.mode,
+            system_status=state.CRITICAL if self.failsafe == "heartbeat" else state.ACTIVE,
+            mavlink_version=3,
+        )
+
+    def _status(self) -> Message:
+        bits = {"fence": 1 << 20, "battery": 1 << 25}
+        ill = bits.get(self.failsafe, 0)
+        return dialect.SysStatus(
+            onboard_control_sensors_present=ill,
+            onboard_control_sensors_enabled=ill,
+            onboard_control_sensors_health=0,
+            load=300,
+            voltage_battery=16_000,
+            current_battery=-1,
+            battery_remaining=round(self.vehicle.battery_percent),
+            drop_rate_comm=0,
+            errors_comm=0,
+            errors_count1=0,
+            errors_count2=0,
+            errors_count3=0,
+            errors_count4=0,
+        )
+
+    def _home(self) -> Message:
+        latitude, longitude = HOME.to_geodetic(self.home_north_m, 0.0)
+        return dialect.HomePosition(
+            latitude=round(latitude * 1e7),
+            longitude=round(longitude * 1e7),
+            altitude=round(HOME.altitude_amsl_m * 1e3),
+            x=0.0,
+            y=0.0,
+            z=0.0,
+            q=(1.0, 0.0, 0.0, 0.0),
+            approach_x=0.0,
+            approach_y=0.0,
+            approach_z=0.0,
+        )
+
+    # ----------------------------------------------------- QGroundControl beside us
+
+    def _reposition(self, **values: Any) -> None:
+        message = {
+            "target_system": 1,
+            "target_component": 1,
+            "frame": 0,
+            "command": dialect.MavCmd.DO_REPOSITION,
+            "current": 0,
+            "autocontinue": 0,
+            "param1": -1.0,
+            "param2": 1.0,
+            "param3": 0.0,
+            "param4": math.nan,
+            "x": NOWHERE,
+            "y": NOWHERE,
+            "z": math.nan,
+        }
+        self.vehicle.command(dialect.CommandInt(**(message | values)))
+
+    def pause(self) -> None:
+        if self.flavour == "px4":
+            self._reposition()
+        else:
+            self.vehicle.set_mode(MODES["ardupilot"]["brake"])
+
+    def go_to(self, north_m: float, east_m: float) -> None:
+        latitude, longitude = self.place(north_m, east_m)
+        z = HOME.altitude_amsl_m + self.vehicle.shown_height_m
+        self._reposition(x=round(latitude * 1e7), y=round(longitude * 1e7), z=z)
+
+    def change_height(self, by_m: float) -> None:
+        height = self.vehicle.shown_height_m + by_m
+        if self.flavour == "px4":
+            self._reposition(z=HOME.altitude_amsl_m + height)
+        else:  # by SET_POSITION_TARGET_LOCAL_NED
+            latitude, longitude = self.vehicle.latitude_longitude()
+            self._reposition(
+                x=round(latitude * 1e7),
+                y=round(longitude * 1e7),
+                z=HOME.altitude_amsl_m + height,
+            )
+
+    def change_heading(self, by_deg: float) -> None:
+        wanted = (self.vehicle.yaw_deg + by_deg) % 360.0
+        if self.flavour == "px4":
+            self._reposition(param4=math.radians(wanted))
+        else:
+            self.vehicle.turn_left_deg, self.vehicle.turn_rate_deg_s = by_deg, 40.0

@@ -1,0 +1,227 @@
+"""A drone that searches in virtual time, and the animals that it hears."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from flown import HOME, STEP_S, Flown
+
+from uavrt.attitude import from_euler_deg
+from uavrt.geodesy import distance_m
+from uavrt.guidance.authority import Standing
+from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.orders import Limits, Order
+from uavrt.guidance.pilot import Pilot
+from uavrt.guidance.seeker import Equipment, Seeker
+from uavrt.localization import PATTERNS
+from uavrt.messages import Pose, Pulse, PulsePose, SearchNote, SearchReport, Tag
+from uavrt.simulation.flying import Flavour, Frame
+
+PATTERN = PATTERNS["RA-23K"]
+HEARD_DB = 9.2
+
+
+@dataclass
+class Animal:
+    """Where it is, how it walks [m/s], and its SNR at 100 m on boresight."""
+
+    north_m: float
+    east_m: float
+    level_db: float = 38.0
+    walks: tuple[float, float] = (0.0, 0.0)
+    """North, east."""
+    interval_s: float = 1.25
+    next_s: float = 0.0
+
+
+@dataclass
+class Searched:
+    """The drone, its search and the animals; tags are 2, 4, 6 …"""
+
+    flavour: Flavour
+    animals: list[Animal]
+    seed: int = 1
+    limits: Limits = field(
+        default_factory=lambda: Limits(battery_wh=160.0, speed_m_s=8.0, fence_m=500.0)
+    )
+    frame: Frame = field(default_factory=lambda: Frame(battery_wh=160.0))
+    radius_m: float = 280.0
+    wish_m: float = 25.0
+    duration_s: float = 900.0
+    absent: int = 0
+    """Tags that are sought besides and are not there."""
+    listens: bool = True
+    """The detectors report."""
+
+    def __post_init__(self) -> None:
+        self.rng = np.random.default_rng(self.seed)
+        self.flown = Flown(self.flavour, frame=self.frame, limits=self.limits)
+        count = len(self.animals) + self.absent
+        self.tags = [
+            Tag(
+                tag_id=2 * number + 2,
+                frequency_hz=150e6 + 1e4 * number,
+                pulse_width_s=0.02,
+                pulse_intervals_s=(
+                    self.animals[number].interval_s if number < len(self.animals) else 1.3,
+                ),
+            )
+            for number in range(count)
+        ]
+        self.notes: list[SearchNote] = []
+        self.errors_m: dict[int, float] = {}
+        """Of each tag found, at that moment."""
+        self.nearest_m = math.inf
+        self._think_s = self._report_s = self.begun_s = self.flown.time_s
+
+    def order(self, **values: Any) -> Order:
+        return Order(
+            order_id=7,
+            action="search",
+            radius_m=self.radius_m,
+            wish_m=self.wish_m,
+            duration_s=self.duration_s,
+            **values,
+        )
+
+    def seeker_of(self, order: Order) -> Seeker:
+        now = self.flown.now()
+        assert now is not None
+        equipment = Equipment(pattern=PATTERN, seed=self.seed)
+        return Seeker(order, self.tags, now, self.limits, MANNERS[self.flavour], equipment)
+
+    def begin(self) -> Pilot:
+        """Ask for the search and confirm it."""
+        flown, order = self.flown, self.order()
+        self.seeker = self.seeker_of(order)
+        flown.authority.offer(order.order_id, 77, flown.time_s)
+        flown.authority.confirm(order.order_id, 77, flown.time_s, sticks_unseen=True)
+        flown.sent = flown.refused = 0
+        now = flown.now()
+        assert now is not None
+        choice = self.seeker.begin(self.time_ns, now)
+        self.notes.extend(choice.notes)
+        self.pilot = Pilot(order, self.seeker.plan, self.limits, waits=True)
+        assert choice.steps is not None
+        self.pilot.redirect(choice.steps, now)
+        flown.pilot = self.pilot
+        self.begun_s = self._think_s = self._report_s = flown.time_s
+        return self.pilot
+
+    @property
+    def time_ns(self) -> int:
+        return round(self.flown.time_s * 1e9)
+
+    @property
+    def out(self) -> bool:
+        return self.flown.authority.standing is Standing.OUT
+
+    def run(self, seconds: float, until: Callable[[], bool] | None = None) -> None:
+        ended = until or (lambda: self.out)
+        for _ in range(round(seconds / STEP_S)):
+            self.step()
+            if ended():
+                return
+
+    def step(self) -> None:
+        flown = self.flown
+        flown.step()
+        for number, animal in enumerate(self.animals):
+            animal.north_m += animal.walks[0] * STEP_S
+            animal.east_m += animal.walks[1] * STEP_S
+            north, east = flown.vehicle.place_m
+            off = math.hypot(animal.north_m - north, animal.east_m - east)
+            self.nearest_m = min(self.nearest_m, off)
+            if flown.time_s >= animal.next_s:
+                animal.next_s = flown.time_s + animal.interval_s
+                self._beep(self.tags[number], animal)
+        if self.listens and flown.time_s >= self._report_s:
+            self._report_s += 1.0
+            for tag in self.tags:
+                self.seeker.searched(report(tag.tag_id, self.time_ns))
+        now = flown.now()
+        if now is None:
+            return
+        self.seeker.place(self.time_ns, now)
+        if flown.time_s >= self._think_s - (4.5 if self.pilot.idle else 0.0):
+            self._think_s = flown.time_s + 5.0
+            choice = self.seeker.think(self.time_ns, now, idle=self.pilot.idle)
+            self._note(choice.notes)
+            if choice.steps is not None:
+                self.pilot.redirect(choice.steps, now)
+
+    def _note(self, notes: tuple[SearchNote, ...]) -> None:
+        self.notes.extend(notes)
+        for note in notes:
+            if note.event == "found":
+                assert note.tag_id is not None
+                number = note.tag_id // 2 - 1
+                told = note.tags[number]
+                place = HOME.to_geodetic(
+                    self.animals[number].north_m, self.animals[number].east_m
+                )
+                self.errors_m[note.tag_id] = distance_m(
+                    told.latitude_deg, told.longitude_deg, *place
+                )
+
+    def _beep(self, tag: Tag, animal: Animal) -> None:
+        vehicle = self.flown.vehicle
+        north, east = vehicle.place_m
+        dn, de = animal.north_m - north, animal.east_m - east
+        height = vehicle.shown_height_m
+        slant = math.hypot(dn, de, height)
+        yaw = math.radians(vehicle.yaw_deg)
+        ahead, right = (
+            dn * math.cos(yaw) + de * math.sin(yaw),
+            de * math.cos(yaw) - dn * math.sin(yaw),
+        )
+        unit = (np.array([one / slant]) for one in (ahead, right, height))
+        gain = float(PATTERN.gain_towards_db(*unit)[0])
+        loss = 26.0 * math.log10(slant / 100.0)
+        snr = animal.level_db - loss + gain + 2.0 * float(self.rng.normal())
+        if snr > HEARD_DB:
+            self.seeker.pulse(self.heard(tag, snr))
+
+    def heard(self, tag: Tag, snr_db: float) -> PulsePose:
+        vehicle = self.flown.vehicle
+        latitude, longitude = vehicle.latitude_longitude()
+        pose = Pose(
+            time_ns=self.time_ns,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl_m=HOME.altitude_amsl_m + vehicle.shown_height_m,
+            altitude_relative_m=vehicle.shown_height_m,
+            quaternion_wxyz=from_euler_deg(vehicle.yaw_deg, 0.0, 0.0),
+        )
+        return PulsePose(pulse=pulse(tag, self.time_ns, snr_db), pose=pose)
+
+
+def pulse(tag: Tag, time_ns: int, snr_db: float, **changes: Any) -> Pulse:
+    """A confirmed one."""
+    values: dict[str, Any] = {
+        "tag_id": tag.tag_id,
+        "frequency_hz": tag.frequency_hz,
+        "start_time_ns": time_ns,
+        "end_time_ns": time_ns + 20_000_000,
+        "snr_db": snr_db,
+        "group_snr_db": snr_db,
+        "score": 2.0,
+        "group_index": 1,
+        "group_sequence": 1,
+        "noise_psd": 1e-9,
+        "detection_status": "confirmed",
+        "confirmed": True,
+        "rate": 1,
+        "predicted_next_start_ns": None,
+        "predicted_next_end_ns": None,
+    }
+    return Pulse(**(values | changes))
+
+
+def report(tag_id: int, time_ns: int) -> SearchReport:
+    """A detector's, that searched until then."""
+    return SearchReport(
+        tag_id=tag_id, time_ns=time_ns, frequency_hz=150e6, noise_psd=1e-9, best_score=0.1
+    )

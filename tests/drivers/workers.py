@@ -1,0 +1,80 @@
+"""Who runs which test: flights one at a time, browsers one at a time, the rest at low priority.
+
+A flight at 3 MS/s with its simulated radio and vehicle takes a whole core, as does a browser
+that draws a map without a graphics processor. Two flights at once on two cores lose samples,
+truly. So the first worker takes flights, the second what else runs against the clock, and the
+others what only computes; who has no more of its own helps out, but nobody joins a flight.
+"""
+
+import os
+import re
+from enum import StrEnum
+from functools import cache
+from pathlib import Path
+
+from xdist.scheduler import LoadFileScheduling
+from xdist.workermanage import WorkerController
+
+FLIGHTS = "tests/flight/"
+BROWSERS = "tests/flight/browser/"
+"""Folder whose tests need a browser; one unit of work."""
+REAL_TIME = {"flight", "ground", "mavlink", "processes", "ros2", "supervisor"}
+"""Folders whose tests talk over sockets against the clock."""
+_SPEAKS = re.compile(r"^(?:import|from) (?:asyncio|subprocess|socket|multiprocessing)\b", re.M)
+"""How such a test is recognized elsewhere."""
+_ON_FILES = ("test_install", "test_detect_")
+"""Files among the flights whose tests do not run against the clock, by how they begin."""
+_HELPERS_NICENESS = 5
+"""A third of the others' share of a busy core."""
+
+
+class Kind(StrEnum):
+    """What a file's tests need."""
+
+    FLIGHT = "flight"
+    REAL_TIME = "real time"
+    COMPUTES = "computes"
+
+
+@cache
+def kind_of(path: Path) -> Kind:
+    """Tell what the tests of a file, or of a folder of browsers, need."""
+    name = f"{path.as_posix()}/"
+    if FLIGHTS in name and BROWSERS not in name:
+        return Kind.COMPUTES if path.name.startswith(_ON_FILES) else Kind.FLIGHT
+    if path.is_file() and _SPEAKS.search(path.read_text("utf-8")):
+        return Kind.REAL_TIME
+    return Kind.REAL_TIME if REAL_TIME & set(path.parts) else Kind.COMPUTES
+
+
+ORDERS = (
+    (Kind.FLIGHT, Kind.REAL_TIME, Kind.COMPUTES),
+    (Kind.REAL_TIME, Kind.COMPUTES),
+    (Kind.COMPUTES,),
+)
+"""What the first, the second and all other workers take, the first that is left."""
+
+
+@cache
+def step_back() -> None:
+    """Leave the processor to other workers, once: who computes runs no flight any more."""
+    os.nice(_HELPERS_NICENESS)
+
+
+class ByNeed(LoadFileScheduling):  # type: ignore[misc]  # it has no types
+    """Share tests out by files, and all browsers to one worker."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        scope: str = super()._split_scope(nodeid)
+        return BROWSERS if scope.startswith(BROWSERS) else scope
+
+    def _assign_work_unit(self, node: WorkerController) -> None:
+        number = self.nodes.index(node)
+        kinds = {scope: kind_of(self.config.rootpath / scope) for scope in self.workqueue}
+        for wanted in ORDERS[min(number, len(ORDERS) - 1)]:
+            scope = next((one for one, kind in kinds.items() if kind is wanted), None)
+            if scope is not None:
+                self.workqueue.move_to_end(scope, last=False)
+                super()._assign_work_unit(node)
+                return
+        node.shutdown()

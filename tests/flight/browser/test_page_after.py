@@ -1,0 +1,112 @@
+"""A past flight in the page: what its samples say, and where a silent tag is not."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from page_driver import Ground, Watched, colour_at
+from past_flight import PLANE, TAG, write_flight
+from playwright.sync_api import Browser, expect
+
+from uavrt.recording import IntegratedVerdict, read_flight, write_integrated
+
+pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
+SILENT = replace(TAG, tag_id=4, name="fox", frequency_hz=148_752_000.0)
+MISSING = replace(TAG, tag_id=6, name="owl", frequency_hz=148_792_000.0)
+
+
+def integrated(directory: Path) -> None:
+    """What uavrt integrate would have written of two tags: one found, one not."""
+    latitude, longitude = PLANE.to_geodetic(-200.0, 150.0)
+    found = IntegratedVerdict(
+        tag_id=4,
+        found=True,
+        false_alarm_probability=2e-5,
+        interval_s=1.2003,
+        frequency_hz=148_752_010.0,
+        level_db=4.1,
+        bearing_deg=307.0,
+        arc50_deg=6.0,
+        arc95_deg=18.0,
+        latitude_deg=float(latitude),
+        longitude_deg=float(longitude),
+        radius50_m=40.0,
+        radius95_m=95.0,
+        pulses=24,
+        heard_live=0,
+    )
+    missing = IntegratedVerdict(
+        tag_id=6,
+        found=False,
+        false_alarm_probability=0.41,
+        interval_s=1.19,
+        frequency_hz=148_792_000.0,
+    )
+    heard = read_flight(directory).pulse_poses[::3]
+    pulses = [
+        replace(
+            one,
+            pulse=replace(one.pulse, tag_id=4, detection_status="integrated", confirmed=False),
+        )
+        for one in heard
+    ]
+    write_integrated(directory, [found, missing], pulses)
+
+
+def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    here = tmp_path / "ground"
+    here.mkdir()
+    flight = write_flight(here, 120.0, 300.0, (SILENT, MISSING))
+    integrated(here / flight)
+    ground = start_ground(tmp_path, 0)
+    watched = Watched(browser, ground.address, color_scheme="light")
+    page = watched.page
+    expect(page.locator("#show-after")).to_be_hidden()
+    page.click("#tab-flights")
+    page.locator(f'tr[data-flight="{flight}"] .open-flight').click()
+    page.click("#show-after")
+    verdicts = page.locator("#verdicts li")
+    expect(verdicts).to_have_count(2)
+    expect(verdicts.nth(0)).to_contain_text("Tag 4 fox found")
+    expect(verdicts.nth(0)).to_contain_text("one of 50,000 flights")
+    expect(verdicts.nth(0)).to_contain_text("24 pulses in hindsight")
+    expect(verdicts.nth(0)).to_contain_text("within 95 m")
+    expect(verdicts.nth(1)).to_contain_text("Tag 6 owl not found")
+    watched.picture("after")
+
+    page.select_option("#silence-tag", "6")
+    page.fill("#silence-power", "much")
+    page.click("#silence-make")
+    expect(page.locator("#silence-fault")).to_contain_text("must be a number")
+    page.fill("#silence-power", "-62")
+    page.click("#silence-make")
+    told = page.locator("#silence-told")
+    expect(told).to_contain_text("on average", timeout=60_000)
+    expect(told).to_contain_text("without --dem the ground is taken as level")
+    box = page.locator("#map").bounding_box()
+    assert box is not None
+    page.click("#absence-draw")
+    for right, down in ((0.35, 0.4), (0.6, 0.4), (0.6, 0.7), (0.35, 0.7)):
+        page.mouse.click(box["x"] + right * box["width"], box["y"] + down * box["height"])
+        page.wait_for_timeout(350)  # two quick taps zoom
+    absence = page.locator("#absence-told")
+    expect(absence).to_contain_text(re.compile(r"Not here, p [=>] 0\.\d{3}"))
+    at = (round(box["x"] + 0.3 * box["width"]), round(box["y"] + 0.3 * box["height"]))
+    page.wait_for_timeout(500)
+    assert colour_at(page, *at)[0] < 200, "bare ground is #eef2f3: the map lies on it"
+    watched.picture("silence")
+
+    # A tag that was heard is not judged by silence.
+    page.select_option("#silence-tag", "2")
+    page.click("#silence-make")
+    expect(told).to_contain_text("on average", timeout=60_000)
+    page.click("#absence-draw")
+    for right, down in ((0.35, 0.4), (0.6, 0.4), (0.6, 0.7)):
+        page.mouse.click(box["x"] + right * box["width"], box["y"] + down * box["height"])
+        page.wait_for_timeout(350)
+    expect(absence).to_contain_text("tag 2 was heard")
+    assert not watched.errors

@@ -1,0 +1,55 @@
+"""Two vehicles on the page: each served, shown and commanded by itself."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from page_driver import Ground, Watched
+from playwright.sync_api import Browser, expect
+from willing_drone import WillingDrone
+
+from uavrt.demo.programs import free_udp_port
+from uavrt.messages import SystemState
+
+pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(150)]
+
+
+def test_a_second_vehicle_is_served_seen_and_stopped_without_touching_the_first(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    first = willing(port)
+    watched = Watched(browser, ground.address, color_scheme="light")
+    page = watched.page
+    expect(page.locator("#chip-drone")).to_contain_text("40\u202fm")
+    expect(page.locator("#vehicles")).to_be_hidden()
+    second = willing(port, system_id=2)
+    first.state = second.state = SystemState.DETECTING
+    page.click('.serve-vehicle[data-vehicle="2"]')
+    expect(page.locator(".chip.vehicle")).to_have_count(2)
+    expect(page.locator('.other-vehicle[data-name="vehicle 2"]')).to_be_visible()
+    watched.picture("fleet-first")
+
+    page.click('.chip.vehicle[data-vehicle="2"]')
+    page.wait_for_url("**/vehicle/2/*")
+    expect(page.locator('.chip.vehicle[data-vehicle="2"]')).to_have_attribute(
+        "aria-current", "page"
+    )
+    expect(page.locator('.other-vehicle[data-name="vehicle 1"]')).to_be_visible()
+    page.click("#tab-setup")
+    page.fill("#set-vehicle-name", "mast")
+    page.keyboard.press("Tab")
+    expect(page.locator('.chip.vehicle[data-vehicle="2"]')).to_have_text("mast")
+    page.click("#tab-fly")
+    page.click("#act-stop")
+    expect(page.locator("#chip-state")).to_have_text("Ready")
+    assert (first.state, second.state) == (SystemState.DETECTING, SystemState.HAS_TAGS)
+    watched.picture("fleet-second")
+    page.click('.chip.vehicle[data-vehicle="1"]')
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    assert watched.errors == []
+    watched.close()

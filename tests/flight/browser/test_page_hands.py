@@ -1,0 +1,367 @@
+"""A person's tasks on a tablet of 7 inches, and what goes wrong in hands."""
+
+import re
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from page_driver import WAIT_MS, Ground, Watched, write_map
+from past_flight import write_flight
+from playwright.sync_api import Browser, Page, expect
+from willing_drone import WillingDrone
+
+from uavrt.demo.programs import free_udp_port
+
+pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
+
+MANUAL = Path(__file__).parents[3] / "docs" / "how-to" / "use-the-ground-station.md"
+NO_WEBGL = """() => {
+  const real = HTMLCanvasElement.prototype.getContext;
+  HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+    return kind.startsWith("webgl") ? null : real.call(this, kind, ...more);
+  };
+}"""
+TARGETS = """() => [...document.querySelectorAll("button,select,summary,a.export,label.file")]
+  .filter((one) => one.checkVisibility() && !one.closest(".maplibregl-ctrl-attrib"))
+  .map((one) => [one.id || one.className || one.textContent, one.getBoundingClientRect()])
+  .filter(([, box]) => box.width && (box.width < 47.5 || box.height < 47.5))
+  .map(([name, box]) => `${name}: ${Math.round(box.width)} × ${Math.round(box.height)}`)"""
+
+
+MOVING = (
+    "turn the drone here",
+    "see the way over an imported area",
+    "fly the way that is shown",
+    "take the drone back",
+)
+"""Tasks that `test_page_fly` counts: they need a drone that flies."""
+
+
+class Hand:
+    """Counts what a person presses."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.clicks = 0
+
+    def click(self, place: str) -> None:
+        self.clicks += 1
+        self.page.locator(place).first.click()
+
+    def choose(self, place: str, value: str) -> None:
+        self.clicks += 1
+        self.page.select_option(place, value)
+
+    def give(self, place: str, *paths: Path) -> None:
+        self.clicks += 1
+        self.page.set_input_files(place, [str(path) for path in paths])
+
+    def took(self) -> int:
+        clicks, self.clicks = self.clicks, 0
+        return clicks
+
+
+def pins_are_seen(page: Page) -> None:
+    """All positions, and the turns, lie in the frame and not below a box over the map."""
+    page.wait_for_timeout(500)
+    frame = page.locator("#map").bounding_box()
+    walk = page.locator("#walk").bounding_box()
+    replay = page.locator("#replay").bounding_box()
+    assert frame is not None
+    assert walk is not None
+    assert replay is not None
+    # All in one moment: the plain map draws its marks anew once a second.
+    boxes = "(all) => all.map((one) => one.getBoundingClientRect().toJSON())"
+    found = page.locator(".fix-pin, .drone-marker").evaluate_all(boxes)
+    assert len(found) == 2
+    for place in found:
+        assert frame["x"] < place["x"] < frame["x"] + frame["width"] - place["width"]
+        assert walk["y"] + walk["height"] < place["y"] < replay["y"] - place["height"]
+
+
+def with_a_past_flight(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    directory: Path,
+) -> tuple[str, WillingDrone, Watched]:
+    """A station with a flight of before and a drone that is heard, and its page."""
+    (directory / "ground").mkdir()
+    flight = write_flight(directory / "ground", 120.0, 300.0)
+    port = free_udp_port()
+    ground = start_ground(directory, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    drone = willing(port)
+    return flight, drone, Watched(browser, ground.address, color_scheme="light")
+
+
+def in_manual() -> dict[str, int]:
+    """Tasks and their clicks, as the manual's table has them."""
+    rows = re.findall(r"^\| ([^|]+) \| [^|]+ \| (\d) \|$", MANUAL.read_text("utf-8"), re.M)
+    return {task.strip(): int(clicks) for task, clicks in rows}
+
+
+def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    here = tmp_path / "ground"
+    here.mkdir()
+    flights = [write_flight(here, 120.0, 300.0), write_flight(here, 150.0, 300.0)]
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    drone = willing(port)
+    tags = tmp_path / "TagInfo.txt"
+    tags.write_text("4, otter, 148700000, 1333, 2000, 15, 60, 20, 3, 0.01\n", encoding="utf-8")
+    write_map(tmp_path / "valley.mbtiles")
+    watched = Watched(browser, ground.address, color_scheme="light")
+    page, hand = watched.page, Hand(watched.page)
+    took: dict[str, int] = {}
+
+    page.click("#tab-setup")
+    hand.click("#tag-add")
+    for key, value in (
+        ("frequency_mhz", 148.71),
+        ("interval_ms", 1254),
+        ("pulse_width_ms", 20),
+    ):
+        page.fill(f'input[data-row="0"][data-key="{key}"]', str(value))
+    second = page.locator('input[data-row="0"][data-key="second_interval_ms"]')
+    assert second.input_value() == "", "nothing is assumed of a first tag"
+    hand.click("#tag-save")
+    expect(page.locator("#tag-state")).to_have_text("saved")
+    took["enter a tag"] = hand.took()
+    hand.give("#tag-import", tags)
+    hand.click("#tag-save")
+    expect(page.locator("#tag-state")).to_have_text("saved")
+    took["import tags"] = hand.took()
+    hand.choose("#set-antenna", "H")
+    page.wait_for_function("() => window.uavrt.store.settings.antenna === 'H'")
+    took["change the antenna"] = hand.took()
+
+    page.click("#tab-fly")
+    hand.click("#act-send_tags")
+    expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
+    hand.click("#act-start")
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    expect(page.locator("#chip-computer")).to_have_text(re.compile(r"^5[12]\s°C$"))
+    expect(page.locator("#chip-computer")).to_be_in_viewport(ratio=1.0)
+    took["send the tags and start"] = hand.took()
+    assert drone.tags == 1
+    hand.click(".layers summary")
+    hand.give("#map-import", tmp_path / "valley.mbtiles")
+    expect(page.locator("#basemap")).to_have_value("valley.mbtiles")
+    took["load a map"] = hand.took()
+    page.click(".layers summary")
+
+    # In the middle of it a past flight is opened: what runs can be stopped all the same.
+    page.click("#tab-flights")
+    hand.click(f'tr[data-flight="{flights[0]}"] .open-flight')
+    expect(page.locator("#banner")).to_contain_text("Past flight")
+    took["open a past flight"] = hand.took()
+    hand.click("#replay-play")
+    expect(page.locator("#replay-play")).to_have_text("Pause")
+    took["replay it"] = hand.took()
+    page.click("#replay-play")
+    page.evaluate("() => window.uavrt.store.seek(Infinity)")
+    # Nearer than the take-off, though another antenna has been chosen than it was flown with.
+    expect(page.locator("#walk-place")).to_contain_text(re.compile(r"46\.50[1-3]"))
+    took["find the position"] = hand.took()
+    hand.click("#act-stop")
+    page.wait_for_function("() => window.uavrt.store.state.drone.state === 'has_tags'")
+    took["stop"] = hand.took()
+    page.click("#tab-flights")
+    for flight_id in flights:
+        hand.click(f'tr[data-flight="{flight_id}"] .tick')
+    hand.click("#flights-compare")
+    expect(page.locator(".compared tbody tr")).to_have_count(1)
+    took["compare two flights"] = hand.took()
+    with page.context.expect_page() as opened:
+        hand.click(f'tr[data-flight="{flights[0]}"] .report')
+    expect(opened.value.locator("body")).to_contain_text("lynx", timeout=4 * WAIT_MS)
+    opened.value.close()
+    took["report"] = hand.took()
+
+    assert took == {task: n for task, n in in_manual().items() if task not in MOVING}
+    assert max(took.values()) <= 3
+    page.reload()
+    page.click("#tab-fly")
+    expect(page.locator("#basemap")).to_have_value("valley.mbtiles")
+    assert watched.errors == []
+    watched.close()
+
+
+def test_on_a_tablet_everything_is_shown_and_can_be_touched(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    flight, _, watched = with_a_past_flight(browser, start_ground, willing, tmp_path)
+    page = watched.page
+    expect(page.locator("#chip-drone")).to_contain_text("40\u202fm · 90°")
+    box = page.locator("#chip-drone").bounding_box()
+    assert box is not None
+    assert 0.0 < box["x"] < box["x"] + box["width"] < 1024.0
+    page.click("#tab-flights")
+    page.click(f'tr[data-flight="{flight}"] .open-flight')
+    page.wait_for_selector(".fix")
+    page.wait_for_selector(".rose-silence, .rose-petal")
+    expect(page.locator("#chip-drone")).to_contain_text("40\u202fm · 90°")
+    pins_are_seen(page)
+    for view in ("fly", "setup", "flights", "log"):
+        page.click(f"#tab-{view}")
+        assert page.evaluate(TARGETS) == [], view
+        watched.picture(f"tablet-{view}")
+    assert watched.errors == []
+    watched.close()
+
+
+def test_without_webgl_a_plain_map_stands_in_and_stop_works(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    flight, drone, watched = with_a_past_flight(browser, start_ground, willing, tmp_path)
+    page = watched.page
+    page.add_init_script(f"({NO_WEBGL})()")
+    page.reload()
+    expect(page.locator(".flat-map")).to_be_visible()
+    drone.state = drone.state.DETECTING
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    page.click("#tab-flights")
+    page.click(f'tr[data-flight="{flight}"] .open-flight')
+    expect(page.locator("#walk-place")).to_contain_text("46.502")
+    expect(page.locator(".flat-over .fix")).to_have_count(1)
+    expect(page.locator(".flat-over .rose").first).to_be_visible()
+    pins_are_seen(page)
+    watched.picture("flat")
+    page.keyboard.press("x")  # by chance
+    page.click("#act-stop")
+    page.wait_for_function("() => window.uavrt.store.state.drone.state === 'has_tags'")
+    assert watched.errors == []
+    watched.close()
+
+
+def test_a_tap_tells_the_place_measures_and_marks(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    drone = willing(port)
+    watched = Watched(
+        browser,
+        ground.address,
+        geolocation={"latitude": 46.501, "longitude": 8.0},
+        permissions=["geolocation"],
+    )
+    page = watched.page
+    page.wait_for_selector(".drone-marker")
+    drone.state = drone.state.DETECTING
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    page.click(".layers summary")
+    page.click("#me")
+    page.wait_for_selector(".me")
+    page.click(".layers summary")
+    page.locator("#map canvas").first.click(position={"x": 300, "y": 330})
+    expect(page.locator("#tap-place")).to_have_text(re.compile(r"46\.[45]\d+, [78]\.\d+"))
+    expect(page.locator("#tap-drone")).to_contain_text("from the drone")
+    expect(page.locator("#tap-me")).to_contain_text("from me")
+    page.click("#tap-mark")
+    expect(page.locator(".mark-place")).to_contain_text("nest seen")
+    page.locator("#map canvas").first.click(position={"x": 300, "y": 330})
+    page.click("#tap-measure")
+    page.locator("#map canvas").first.click(position={"x": 420, "y": 330})
+    expect(page.locator("#tap-measured")).to_contain_text("from the first place")
+    watched.picture("tap")
+    assert watched.errors == []
+    watched.close()
+
+
+def test_a_receiver_tells_where_the_people_stand(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "ground").mkdir()
+    flight = write_flight(tmp_path / "ground", 120.0, 300.0)
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--my-place", f"udpin://127.0.0.1:{port}")
+    ended = threading.Event()
+    receiver = threading.Thread(target=tell_place, args=(port, ended))
+    receiver.start()
+    watched = Watched(browser, ground.address, color_scheme="light")
+    page = watched.page
+    page.click("#tab-flights")
+    page.click(f'tr[data-flight="{flight}"] .open-flight')
+    page.wait_for_selector(".me")
+    expect(page.locator("#walk-way")).to_contain_text("of me")
+    page.locator("#map canvas").first.click(position={"x": 300, "y": 330})
+    expect(page.locator("#tap-me")).to_contain_text("from me")
+    watched.picture("my-place")
+    page.click("#tab-setup")
+    expect(page.locator("#set-my-place")).to_have_value(f"udpin://127.0.0.1:{port}")
+    page.fill("#set-my-place", "the shelf")
+    page.keyboard.press("Tab")
+    expect(page.locator("#set-my-place-fault")).to_contain_text(
+        "is no address of a GPS receiver"
+    )
+    page.fill("#set-my-place", "")
+    page.keyboard.press("Tab")
+    page.click("#tab-fly")
+    expect(page.locator(".me")).to_have_count(0)
+    expect(page.locator("#walk-way")).not_to_contain_text("of me")
+    ended.set()
+    receiver.join()
+    assert watched.errors == []
+    watched.close()
+
+
+def tell_place(port: int, ended: threading.Event) -> None:
+    """A receiver of NMEA: 46.501 N, 8.002 E, four times a second."""
+    sentence = b"$GPRMC,101500,A,4630.06,N,00800.12,E,0.1,0.0,010526,,*15\r\n"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        while not ended.wait(0.25):
+            receiver.sendto(sentence, ("127.0.0.1", port))
+
+
+def test_two_pages_one_commander_and_no_lost_tags(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    ground = start_ground(tmp_path)
+    first, second = (Watched(browser, ground.address) for _ in range(2))
+    expect(second.page.locator("#take-command")).to_be_visible()
+    expect(first.page.locator("#take-command")).to_be_hidden()
+    for watched in (first, second):
+        watched.page.click("#tab-setup")
+        watched.page.click("#tag-add")
+
+    def type_in(page: Any, frequency: str) -> None:
+        for key, value in (("frequency_mhz", frequency), ("interval_ms", "1254")):
+            page.fill(f'input[data-row="0"][data-key="{key}"]', value)
+        page.fill('input[data-row="0"][data-key="pulse_width_ms"]', "20")
+
+    type_in(first.page, "148.71")
+    type_in(second.page, "148.72")
+    first.page.click("#tag-save")
+    expect(first.page.locator("#tag-state")).to_have_text("saved")
+    expect(second.page.locator("#tag-conflict")).to_be_visible()
+    second.page.click("#take-command")
+    expect(second.page.locator("#take-command")).to_be_hidden()
+    second.page.click("#tag-save")
+    expect(second.page.locator("#tag-conflict")).to_be_visible()
+    frequency = 'input[data-row="0"][data-key="frequency_mhz"]'
+    expect(first.page.locator(frequency)).to_have_value("148.71")
+    second.page.click("#tag-mine")
+    expect(first.page.locator(frequency)).to_have_value("148.72")
+    for watched in (first, second):
+        assert watched.errors == []
+        watched.close()

@@ -1,0 +1,283 @@
+"""Real processes fly a simulated drone that anybody may take back."""
+
+import math
+import os
+import signal
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.flight.conftest import Drone, DroneBay, hovering_scenario
+
+from uavrt.config.settings import GuidanceSettings
+from uavrt.demo.programs import Program, free_udp_port
+from uavrt.mavlink import FrameParser, FrameWriter, dialect
+from uavrt.simulation import Scenario
+from uavrt.simulation.flying import MODES, NOWHERE, Flavour
+
+pytestmark = [pytest.mark.flight, pytest.mark.timeout(240)]
+BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+OURS = "1/191"
+
+
+class Qgc:
+    """A second station, at the autopilot's ground port."""
+
+    def __init__(self, port: int) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", port))
+        self._socket.settimeout(0.2)
+        self._parser, self._writer = FrameParser(), FrameWriter(255, 190)
+        self.place: dialect.GlobalPositionInt | None = None
+        self.mode = -1
+
+    def listen(self, seconds: float) -> None:
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            with suppress(TimeoutError):
+                data, self.autopilot = self._socket.recvfrom(4096)
+                self._parser.reset()
+                for frame in self._parser.feed(data):
+                    message = frame.message()
+                    if isinstance(message, dialect.GlobalPositionInt):
+                        self.place = message
+                    if isinstance(message, dialect.Heartbeat) and frame.component_id == 1:
+                        self.mode = message.custom_mode
+
+    def until(self, condition: Callable[[], bool], timeout_s: float) -> None:
+        end_s = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < end_s
+            self.listen(0.1)
+
+    @property
+    def yaw_deg(self) -> float:
+        assert self.place is not None
+        return self.place.hdg / 100.0
+
+    def off_m(self, other: "dialect.GlobalPositionInt") -> float:
+        assert self.place is not None
+        north = (self.place.lat - other.lat) * 1.112e-2
+        return math.hypot(north, (self.place.lon - other.lon) * 1.112e-2 * 0.68)
+
+    def send(self, message: Any) -> None:
+        self._socket.sendto(self._writer.encode(message), self.autopilot)
+
+    def ask_for_place(self) -> None:
+        """ArduPilot streams nothing unasked."""
+        self.send(
+            dialect.CommandLong(
+                target_system=1,
+                target_component=1,
+                command=dialect.MavCmd.SET_MESSAGE_INTERVAL,
+                confirmation=0,
+                param1=float(dialect.GlobalPositionInt.ID),
+                param2=100_000.0,
+                param3=0.0,
+                param4=0.0,
+                param5=0.0,
+                param6=0.0,
+                param7=0.0,
+            )
+        )
+
+    def pause(self, flavour: Flavour) -> None:
+        if flavour == "ardupilot":
+            self.set_mode(flavour, "brake")
+            return
+        self.send(
+            dialect.CommandInt(
+                target_system=1,
+                target_component=1,
+                frame=0,
+                command=dialect.MavCmd.DO_REPOSITION,
+                current=0,
+                autocontinue=0,
+                param1=-1.0,
+                param2=1.0,
+                param3=0.0,
+                param4=math.nan,
+                x=NOWHERE,
+                y=NOWHERE,
+                z=math.nan,
+            )
+        )
+
+    def set_mode(self, flavour: Flavour, name: str) -> None:
+        mode = MODES[flavour][name]
+        px4 = flavour == "px4"
+        self.send(
+            dialect.CommandLong(
+                target_system=1,
+                target_component=1,
+                command=dialect.MavCmd.DO_SET_MODE,
+                confirmation=0,
+                param1=1.0,
+                param2=float(mode >> 16 & 255 if px4 else mode),
+                param3=float(mode >> 24 if px4 else 0),
+                param4=0.0,
+                param5=0.0,
+                param6=0.0,
+                param7=0.0,
+            )
+        )
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class Field:
+    """A drone that hovers, a second station, and `uavrt fly`."""
+
+    def __init__(
+        self,
+        bay: DroneBay,
+        flavour: Flavour,
+        work: Path,
+        scenario: Scenario | None = None,
+        *arguments: str,
+        speed_m_s: float = 5.0,
+    ) -> None:
+        self.port, self.work, self.number = free_udp_port(), work, 0
+        self.flavour = flavour
+        self.drone: Drone = bay.launch(
+            scenario or hovering_scenario(),
+            *arguments,
+            autopilot_options=("--flies", "--flavour", flavour),
+            mavlink=lambda m: replace(m, direct_links=(f"udpin://127.0.0.1:{self.port}",)),
+            guidance=GuidanceSettings(enabled=True, battery_wh=200.0, speed_m_s=speed_m_s),
+        )
+        self.qgc = Qgc(self.drone.ground_port)
+        self.qgc.until(lambda: self.qgc.mode >= 0, 30.0)
+        self.qgc.ask_for_place()
+        self.qgc.until(lambda: self.qgc.place is not None, 10.0)
+
+    def fly(self, *words: str) -> Program:
+        self.number += 1
+        options = ("--mavlink", f"udpout://127.0.0.1:{self.port}", "--json")
+        return Program(
+            "fly", ("uavrt.cli", "fly", *words, *options), self.work / f"fly{self.number}.log"
+        )
+
+    def ordered(self, *words: str) -> Program:
+        """An order that is confirmed and has begun; asked again until the drone is ready."""
+        for _ in range(10):
+            program = self.fly(*words, "--yes", "--sticks-unseen")
+            self.qgc.until(lambda p=program: p.ended or self.commands() > 0, 20.0)  # type: ignore[misc]
+            if not program.ended:
+                return program
+        raise AssertionError((self.work / f"fly{self.number}.log").read_text())
+
+    def log(self) -> list[str]:
+        text = (self.drone.directory / "autopilot.log").read_text(errors="replace")
+        return [line for line in text.splitlines() if "motion" in line]
+
+    def commands(self) -> int:
+        return sum(OURS in line for line in self.log())
+
+    def events(self) -> str:
+        return (self.work / f"fly{self.number}.log").read_text()
+
+    def pid_of(self, name: str) -> int:
+        while True:
+            for topic, record in self.drone.status.read(1.0):
+                for one in record.processes if topic == "system_status" else ():
+                    if one.process == name and one.pid is not None:
+                        return int(one.pid)
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def field(request: Any, drone_bay: DroneBay, tmp_path: Path) -> Any:
+    made = Field(drone_bay, request.param, tmp_path)
+    yield made
+    made.qgc.close()
+
+
+def test_it_turns_here_goes_there_and_a_second_station_takes_it_back(field: Field) -> None:
+    qgc = field.qgc
+    start = qgc.place
+    assert start is not None
+    program = field.ordered("rotate", "--seconds", "12")
+    quarters: set[int] = set()
+
+    def turned() -> bool:
+        quarters.add(int(qgc.yaw_deg // 90))
+        return program.ended
+
+    qgc.until(turned, 90.0)
+    assert '"text": "done"' in field.events()
+    assert quarters == {0, 1, 2, 3}
+    assert qgc.off_m(start) < 2.0
+
+    here = (start.lat / 1e7 + 100.0 / 111_200.0, start.lon / 1e7)
+    program = field.ordered("goto", *map(str, here), "--height", "45")
+    qgc.until(lambda: program.ended, 60.0)
+    assert '"text": "done"' in field.events()
+    assert qgc.off_m(start) == pytest.approx(100.0, abs=4.0)
+
+    before = field.commands()
+    program = field.ordered("rotate", "--seconds", "24")
+    qgc.until(lambda: field.commands() >= before + 2, 30.0)
+    qgc.listen(1.0)
+    qgc.pause(field.flavour)
+    qgc.listen(0.3)
+    sent = field.commands()
+    qgc.until(lambda: program.ended, 5.0)
+    assert '"out"' in field.events()
+    qgc.listen(8.0)
+    assert field.commands() == sent
+
+
+@pytest.mark.parametrize(
+    ("field", "victim"), [("px4", "guide"), ("ardupilot", "connection")], indirect=["field"]
+)
+def test_a_killed_process_leaves_the_drone_hovering(field: Field, victim: str) -> None:
+    qgc = field.qgc
+    program = field.ordered("rotate", "--seconds", "60")
+    begun = field.commands()
+    qgc.until(lambda: field.commands() >= begun + 1 or field.flavour == "ardupilot", 30.0)
+    os.kill(field.pid_of(victim), signal.SIGKILL)
+    qgc.listen(0.5)
+    sent, place = field.commands(), qgc.place
+    assert place is not None
+    qgc.listen(12.0)
+    assert field.commands() == sent
+    assert qgc.off_m(place) < 2.0
+    program.stop()
+    status = field.fly("status")
+    qgc.until(lambda: status.ended, 20.0)
+    assert '"event": "out"' in field.events()
+
+
+@pytest.mark.parametrize("field", ["px4"], indirect=True)
+def test_nothing_is_sent_for_a_drone_side_that_was_killed(field: Field) -> None:
+    program = field.ordered("rotate", "--seconds", "60")
+    os.kill(field.drone.supervisor.pid, signal.SIGKILL)
+    field.qgc.listen(0.5)
+    sent, place = field.commands(), field.qgc.place
+    assert place is not None
+    field.qgc.listen(8.0)
+    assert field.commands() == sent
+    assert field.qgc.off_m(place) < 2.0
+    program.stop()
+
+
+def test_what_cannot_be_flown_is_refused_with_the_reason(field: Field) -> None:
+    qgc = field.qgc
+    place = qgc.place
+    assert place is not None
+    far = (place.lat / 1e7 + 0.02, place.lon / 1e7)
+    for _ in range(10):  # at first the drone side has no home yet
+        program = field.fly("goto", *map(str, far), "--yes", "--sticks-unseen")
+        qgc.until(lambda p=program: p.ended, 30.0)  # type: ignore[misc]
+        assert program.exit_code != 0
+        if "beyond the fence" in field.events():
+            break
+        qgc.listen(1.0)
+    assert "beyond the fence" in field.events()
+    assert field.commands() == 0

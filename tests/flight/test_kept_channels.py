@@ -1,0 +1,105 @@
+"""Two tags too weak for any group of pulses, found afterwards from what the drone kept."""
+
+import json
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+import sigmf
+
+from uavrt.recording import read_flight, read_health
+from uavrt.simulation import Scenario, World
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.scenario import Radio, SimulatedTag
+
+LEVEL_DB = 7.0
+"""Of a pulse on boresight: half of the groups of three need 9.7 dB while turning."""
+INTERVAL_S = 0.6
+KEPT_S = 48.0
+
+
+def weak_tag(tag_id: int, frequency_hz: float, first_pulse_s: float) -> SimulatedTag:
+    return SimulatedTag(
+        tag_id=tag_id,
+        frequency_hz=frequency_hz,
+        pulse_width_s=0.020,
+        pulse_intervals_s=(INTERVAL_S,),
+        interval_uncertainty_s=0.01,
+        interval_jitter_s=0.004,
+        interval_error_s=0.003,
+        false_alarm_probability=0.005,
+        north_m=400.0,
+        east_m=300.0,
+        first_pulse_s=first_pulse_s,
+        frequency_offset_hz=60.0,
+    )
+
+
+def weak_scenario() -> Scenario:
+    """A drone turns on the spot, and each tag has just the wanted level at its best."""
+    scenario = Scenario(
+        duration_s=150.0,
+        radio=Radio(center_frequency_hz=148_705_000.0),
+        tag=(weak_tag(2, 148_710_000.0, 0.5), weak_tag(3, 148_728_000.0, 0.8)),
+        flight=Flight(
+            height_m=40.0, leg=(Leg(duration_s=2.0), Leg(duration_s=146.0, turn_deg=1440.0))
+        ),
+    )
+    start_ns = scenario.start_time_ns
+    truth = World(scenario).truth(start_ns, start_ns + 60_000_000_000)
+    best_db = max(pulse.enr_db for pulse in truth)
+    weaker_db = LEVEL_DB - best_db
+    return replace(
+        scenario,
+        tag=tuple(replace(tag, erp_dbm=tag.erp_dbm + weaker_db) for tag in scenario.tag),
+    )
+
+
+@pytest.mark.flight
+@pytest.mark.timeout(300)
+def test_weak_tags_are_found_from_the_channels_that_the_drone_kept(
+    drone_bay: Any, tmp_path: Path
+) -> None:
+    scenario = weak_scenario()
+    flights = tmp_path / "drone1" / "flights"
+    drone = drone_bay.launch(scenario, msgspec.json.encode(scenario.tags).decode())
+    kept_s = 0.0
+    counters: dict[str, float] = {}
+    deadline_s = time.monotonic() + 150.0
+    while kept_s < KEPT_S and time.monotonic() < deadline_s:
+        for topic, record in drone.status.read(0.5):
+            if topic == "system_status":
+                for process in record.processes:
+                    if process.process == "receiver":
+                        counters = process.counters
+                kept_s = counters.get("kept_samples", 0.0) / 2 / 7500.0
+    drone.supervisor.stop()
+    (directory,) = flights.glob("flight_log_*")
+    pieces = sorted((directory / "iq" / "channels").glob("*.sigmf-meta"))
+    assert len({piece.name[:20] for piece in pieces}) == 2
+    for piece in pieces:
+        sigmf.fromfile(str(piece)).validate()
+    assert counters["kept_samples_dropped"] == 0
+    (*_, last) = [one for one in read_health(directory) if one.process == "receiver"]
+    kept = sum(piece.with_suffix(".sigmf-data").stat().st_size for piece in pieces)
+    assert last.counters["kept_samples"] == kept / 2  # of 8 bits: no signal asked for more
+
+    groups = [one.pulse.confirmed for one in read_flight(directory).pulse_poses]
+    assert sum(groups) < 6  # what the detectors made of it: next to nothing
+    said = subprocess.run(
+        [sys.executable, "-m", "uavrt.cli", "integrate", str(directory), "--json"],
+        check=True,
+        timeout=200,
+        capture_output=True,
+        text=True,
+    )
+    found = json.loads(said.stdout)
+    assert [(one["tag_id"], one["found"]) for one in found] == [(2, True), (3, True)]
+    for one, tag in zip(found, scenario.tag, strict=True):
+        assert one["interval_s"] == pytest.approx(INTERVAL_S + 0.003, abs=2e-4)
+        assert one["frequency_hz"] == pytest.approx(tag.frequency_hz + 60.0, abs=30.0)

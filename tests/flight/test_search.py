@@ -1,0 +1,175 @@
+"""The real processes search for a simulated animal by themselves, until somebody takes over."""
+
+import json
+import math
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import mavsdk
+import msgspec
+import pytest
+from mavsdk.plugins.action import Action
+from tests.flight.conftest import THESIS_TAG, DroneBay
+from tests.flight.test_fly import BOTH, Field
+from tests.flight.test_mavsdk_ground import wait_for
+
+from uavrt.geodesy import distance_m
+from uavrt.messages import SearchNote
+from uavrt.recording import read_search_notes
+from uavrt.simulation import Antenna, Flight, Radio, Scenario
+from uavrt.simulation.flying import Flavour
+
+pytestmark = [pytest.mark.flight, pytest.mark.timeout(300)]
+KILLS = int(os.environ.get("UAVRT_KILLS", "1"))
+VICTIMS = ("guide", "connection", "supervisor")
+
+
+def animal() -> Scenario:
+    """One that rests 85 m from where the drone hovers."""
+    return Scenario(
+        duration_s=600.0,
+        seed=3,
+        radio=Radio(center_frequency_hz=148_705_000.0),
+        antenna=Antenna(pattern="RA-23K"),
+        tag=(replace(THESIS_TAG, north_m=70.0, east_m=50.0, erp_dbm=-60.0),),
+        flight=Flight(height_m=40.0),
+    )
+
+
+def searching(bay: DroneBay, flavour: Flavour, work: Path) -> Field:
+    scenario = animal()
+    tags = msgspec.json.encode(scenario.tags).decode()
+    return Field(bay, flavour, work, scenario, tags, speed_m_s=8.0)
+
+
+def test_the_demo_says_that_a_search_was_cut_short(tmp_path: Path) -> None:
+    words = ("--search", "--json", "--duration", "12", "--flight-dir", str(tmp_path))
+    finished = subprocess.run(
+        [sys.executable, "-m", "uavrt.cli", "demo", *words],
+        capture_output=True,
+        text=True,
+        timeout=150,
+        check=False,
+    )
+    assert finished.returncode == 1, finished.stderr
+    summary = json.loads(finished.stdout.splitlines()[-1])
+    assert not all(tag["found"] for tag in summary["tags"].values())
+    assert set(summary["tags"]) == {"2", "4", "6"}
+    assert "the time is over" in finished.stderr
+    (flight,) = tmp_path.glob("flight_log_*")
+    assert {note.event for note in read_search_notes(flight)} >= {"begun", "decision"}
+
+
+def notes_until_the_end(field: Field) -> tuple[SearchNote, ...]:
+    (flight,) = (field.drone.directory / "flights").glob("flight_log_*")
+    end_s = time.monotonic() + 20.0
+    while True:
+        notes = read_search_notes(flight)
+        if notes and notes[-1].event == "ended":
+            return notes
+        assert time.monotonic() < end_s
+        time.sleep(0.5)
+
+
+def test_it_finds_an_animal_and_returns(drone_bay: DroneBay, tmp_path: Path) -> None:
+    field = searching(drone_bay, "px4", tmp_path)
+    program = field.ordered("search", "--radius", "130", "--radius-wish", "40")
+    field.qgc.until(lambda: program.ended, 200.0)
+    assert "returning: the autopilot flies home" in field.events()
+    assert program.exit_code == 0
+    notes = notes_until_the_end(field)
+    assert notes[0].event == "begun"
+    assert {"decision", "found"} <= {note.event for note in notes}
+    (told,) = notes[-1].tags
+    assert told.found_s is not None
+    assert told.radius95_m <= 40.0
+    truth = field.drone.scenario.tag_position(2, field.drone.scenario.start_time_ns)
+    assert distance_m(told.latitude_deg, told.longitude_deg, *truth) < 60.0
+    field.qgc.close()
+
+
+@BOTH
+def test_a_takeover_in_the_middle_of_a_decision_ends_a_search_for_good(
+    drone_bay: DroneBay, tmp_path: Path, flavour: Flavour
+) -> None:
+    field = searching(drone_bay, flavour, tmp_path)
+    qgc = field.qgc
+    program = field.ordered("search", "--radius", "130", "--radius-wish", "5")
+    qgc.until(lambda: program.ended or field.commands() >= 3, 60.0)
+    assert not program.ended
+    guide, place = field.pid_of("guide"), qgc.place
+    assert place is not None
+    qgc.close()
+    with pilot_by_mavsdk(field.drone.ground_port) as pilot:
+        os.kill(guide, signal.SIGSTOP)  # it thinks for longer than any pilot waits
+        try:
+            # In our own mode: only its target shows that it is somebody else's.
+            pilot.goto_location(place.lat / 1e7 + 0.001, place.lon / 1e7, place.alt / 1e3, 0.0)
+            time.sleep(0.2)
+            sent = field.commands()
+        finally:
+            os.kill(guide, signal.SIGCONT)
+        wait_for(lambda: program.ended, 5.0)
+        assert "another has given a target" in field.events()
+        time.sleep(12.0)
+    assert field.commands() == sent
+    assert notes_until_the_end(field)[-1].text == "0 of 1 found"
+
+
+@contextmanager
+def pilot_by_mavsdk(port: int) -> Iterator[Action]:
+    """A second station that nobody here wrote, at the autopilot's ground port."""
+    sdk = mavsdk.Mavsdk(mavsdk.Configuration.create_manual(255, 190, True))
+    try:
+        sdk.add_any_connection(f"udpin://127.0.0.1:{port}")
+        yield Action(wait_for(sdk.get_systems, 20.0)[0])
+    finally:
+        sdk.destroy()
+
+
+def hovers(field: Field) -> None:
+    """Wait until it stands, at the end of the leg that it was given at the latest."""
+
+    def stands() -> bool:
+        place = field.qgc.place
+        return place is not None and math.hypot(place.vx, place.vy) < 50.0  # cm/s
+
+    field.qgc.until(stands, 60.0)
+    place = field.qgc.place
+    assert place is not None
+    field.qgc.listen(5.0)
+    assert field.qgc.off_m(place) < 2.0
+
+
+@pytest.mark.parametrize("number", range(KILLS))
+def test_a_search_that_is_killed_anywhere_leaves_the_drone_hovering(
+    drone_bay: DroneBay, tmp_path: Path, number: int
+) -> None:
+    """``UAVRT_KILLS=50`` kills as often as the promise names."""
+    rng = random.Random(number)
+    flavour: Flavour = rng.choice(("px4", "ardupilot"))
+    victim = VICTIMS[number % len(VICTIMS)]
+    field = searching(drone_bay, flavour, tmp_path)
+    program = field.ordered("search", "--radius", "130", "--radius-wish", "5")
+    field.qgc.listen(rng.uniform(0.0, 12.0))
+    supervisor = field.drone.supervisor.pid
+    os.kill(supervisor if victim == "supervisor" else field.pid_of(victim), signal.SIGKILL)
+    field.qgc.listen(0.3)
+    sent = field.commands()
+    hovers(field)
+    assert field.commands() == sent
+    program.stop()
+    if victim != "supervisor":
+        status = field.fly("status")
+        field.qgc.until(lambda: status.ended, 30.0)
+        assert '"event": "out"' in field.events()
+    assert field.commands() == sent
+    field.qgc.close()

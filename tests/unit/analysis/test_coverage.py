@@ -1,0 +1,171 @@
+"""Maps of where a tag is heard, by the command: of plans, and of flights over hills."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uavrt.cli.coverage import coverage
+from uavrt.errors import FormatError, UsageError
+from uavrt.simulation import World, load_scenario
+from uavrt.tangent_plane import TangentPlane
+from uavrt.terrain import open_elevation
+
+WriteFlight = Callable[..., Path]
+HOME = (35.178241, -111.656587)
+
+
+def write_hills(folder: Path, *, amsl_m: float = 2107.0) -> Path:
+    """A tile around the demo's home with a ridge 900 m to the east of it."""
+    side = 3601
+    east_m = (np.arange(side) / (side - 1) - (HOME[1] + 112.0)) * 90_900.0
+    ridge = 150.0 * np.exp(-(((east_m - 900.0) / 150.0) ** 2))
+    heights = np.broadcast_to(amsl_m + ridge, (side, side)).astype(">i2")
+    (folder / "N35W112.hgt").write_bytes(heights.tobytes())
+    return folder
+
+
+def outline(path: Path, west_m: float, east_m: float, reach_m: float = 300.0) -> Path:
+    plane = TangentPlane(latitude_deg=HOME[0], longitude_deg=HOME[1])
+    corners = [(west_m, -reach_m), (east_m, -reach_m), (east_m, reach_m), (west_m, reach_m)]
+    ring = []
+    for east, north in [*corners, corners[0]]:
+        latitude, longitude = plane.to_geodetic(east, north)
+        ring.append([float(longitude), float(latitude)])
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    return path
+
+
+def told(capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
+    records = json.loads(capsys.readouterr().out)
+    assert isinstance(records, list)
+    return records
+
+
+def test_a_plan_over_hills_is_mapped_for_several_heights(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hills = write_hills(tmp_path)
+    plan = outline(tmp_path / "area.geojson", -300.0, 300.0)
+    beyond = outline(tmp_path / "beyond.geojson", 1200.0, 1600.0)
+    coverage(
+        plan,
+        tag_power=-50.0,
+        dem=hills,
+        area=beyond,
+        height=(30.0, 110.0),
+        cell=50.0,
+        margin=1500.0,
+        output=tmp_path / "maps",
+        as_json=True,
+    )
+    low, high = told(capsys)
+    assert (low["height_m"], high["height_m"]) == (30.0, 110.0)
+    assert high["best"]
+    assert not low["best"]
+    assert float(str(low["mean_probability"])) < float(str(high["mean_probability"]))
+    assert low["limitations"] == []
+    # The GeoTIFF stands where the map is, and is dark behind the ridge.
+    raster = open_elevation(tmp_path / "maps" / "coverage_tag_2_30m.tif")
+    plane = TangentPlane(latitude_deg=HOME[0], longitude_deg=HOME[1])
+    near, behind = raster.heights_m(*plane.to_geodetic([400.0, 1400.0], [0.0, 0.0]))
+    assert near > 0.9
+    assert behind < 0.3
+    assert (tmp_path / "maps" / "coverage_tag_2_30m.png").read_bytes()[:4] == b"\x89PNG"
+    coverage(
+        plan,
+        tag_power=-50.0,
+        area=beyond,
+        height=(30.0,),
+        cell=50.0,
+        margin=1500.0,
+        as_json=True,
+    )
+    (level,) = told(capsys)
+    assert float(str(level["area_probability"])) > float(str(low["area_probability"])) + 0.1
+    assert "level" in str(level["limitations"])
+
+
+def test_a_flight_tells_where_a_silent_tag_is_not(
+    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    hills = write_hills(tmp_path)
+    here = outline(tmp_path / "here.geojson", -100.0, 300.0)
+    beyond = outline(tmp_path / "beyond.geojson", 1300.0, 1800.0)
+    found = {}
+    for area in (here, beyond):
+        coverage(
+            flight, tag_power=-50.0, dem=hills, area=area, prior=0.5, cell=50.0, as_json=True
+        )
+        heard, silent = told(capsys)
+        assert int(str(heard["heard_pulses"])) > 10
+        assert heard["not_here"] is None
+        found[area.stem] = float(str(silent["not_here"]))
+    assert found["here"] > 0.95
+    assert 0.5 <= found["beyond"] < 0.75
+
+
+def test_elevation_files_of_another_place_are_a_limitation_and_no_zero(
+    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    write_hills(tmp_path)
+    (tmp_path / "N35W112.hgt").rename(tmp_path / "N47E008.hgt")
+    coverage(flight, tag_power=-50.0, dem=tmp_path, cell=50.0, as_json=True)
+    for record in told(capsys):
+        assert "do not cover the way" in str(record["limitations"])
+        assert float(str(record["mean_probability"])) > 0.1
+
+
+def test_another_datum_is_named(
+    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    hills = write_hills(tmp_path, amsl_m=2107.0 - 31.0)
+    coverage(flight, tag_power=-50.0, dem=hills, cell=50.0, as_json=True)
+    assert "another datum" in str(told(capsys)[0]["limitations"])
+
+
+def test_a_cut_off_tile_and_a_file_without_places_are_named(tmp_path: Path) -> None:
+    plan = outline(tmp_path / "area.geojson", -300.0, 300.0)
+    write_hills(tmp_path)
+    tile = tmp_path / "N35W112.hgt"
+    tile.write_bytes(tile.read_bytes()[:-10])
+    with pytest.raises(FormatError, match="cut off"):
+        coverage(plan, tag_power=-50.0, dem=tmp_path)
+    tile.unlink()
+    with pytest.raises(FormatError, match="no heights"):
+        coverage(plan, tag_power=-50.0, dem=tmp_path)
+    (tmp_path / "other.kml").write_text("<kml></kml>")
+    with pytest.raises(FormatError, match="gives no area"):
+        coverage(tmp_path / "other.kml", tag_power=-50.0)
+    far = outline(tmp_path / "far.geojson", 30_000.0, 31_000.0)
+    with pytest.raises(UsageError, match="outside the map"):
+        coverage(plan, tag_power=-50.0, area=far)
+
+
+def test_a_scenario_file_flies_over_hills(tmp_path: Path) -> None:
+    """A ridge between drone and tag: the simulated world has its shadow."""
+    write_hills(tmp_path)
+    text = """
+        [terrain]
+        dem = "N35W112.hgt"
+        [flight]
+        height_m = 60.0
+        [[tag]]
+        tag_id = 2
+        frequency_hz = 148.71e6
+        pulse_width_s = 0.02
+        pulse_intervals_s = [1.254]
+        east_m = 1400.0
+    """
+    (tmp_path / "hills.toml").write_text(text)
+    (tmp_path / "level.toml").write_text(text.replace('dem = "N35W112.hgt"', ""))
+    levels = []
+    for name in ("hills.toml", "level.toml"):
+        scenario = load_scenario(tmp_path / name)
+        levels.append(World(scenario).pulse(scenario.tag[0], 0).enr_db)
+    assert levels[0] < levels[1] - 15.0

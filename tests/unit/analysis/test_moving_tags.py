@@ -1,0 +1,141 @@
+"""Flights past animals that walk: command line, report, exports and page follow them."""
+
+import json
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from uavrt.analysis.export.geojson import geojson_text
+from uavrt.analysis.export.geopackage import write_geopackage
+from uavrt.analysis.export.gpx import NAMESPACE, gpx_text
+from uavrt.analysis.export.kmz import kml_text
+from uavrt.analysis.positions import read_positions
+from uavrt.analysis.survey import Survey, read_survey
+from uavrt.localization import Position, TangentPlane
+from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
+
+WriteFlight = Callable[..., Path]
+WALKER, RESTING = 2, 3
+WALK_M_S = 0.6
+
+
+def past_a_walker() -> Scenario:
+    """Six turns around two tags: one walks to the east, one rests."""
+    places = [(300.0 * np.cos(a), 300.0 * np.sin(a)) for a in np.radians(np.arange(0, 360, 60))]
+    legs = []
+    for north, east in places:
+        legs += [
+            Leg(duration_s=35.0, north_m=float(north), east_m=float(east), height_m=40.0),
+            Leg(duration_s=60.0, turn_deg=360.0),
+        ]
+
+    def tag(number: int, north_m: float, east_m: float, speed_m_s: float) -> SimulatedTag:
+        return SimulatedTag(
+            tag_id=number,
+            frequency_hz=148.6e6 + 25e3 * number,
+            pulse_width_s=0.02,
+            pulse_intervals_s=(1.254,),
+            north_m=north_m,
+            east_m=east_m,
+            speed_m_s=speed_m_s,
+            heading_deg=90.0,
+            erp_dbm=-28.0,
+        )
+
+    tags = (tag(WALKER, 40.0, -170.0, WALK_M_S), tag(RESTING, -60.0, 50.0, 0.0))
+    return Scenario(
+        name="walker",
+        seed=11,
+        duration_s=sum(leg.duration_s for leg in legs),
+        flight=Flight(north_m=0.0, east_m=0.0, leg=tuple(legs)),
+        tag=tags,
+    )
+
+
+@pytest.fixture(scope="module")
+def place(write_flight: WriteFlight) -> Path:
+    return write_flight(heard=2, scenario=past_a_walker(), name="flight_log_walker")
+
+
+@pytest.fixture(scope="module")
+def survey(place: Path) -> Survey:
+    return read_survey(place)
+
+
+def way_of(survey: Survey, tag_id: int) -> Position:
+    found = survey.position_of(tag_id)
+    assert found is not None
+    assert found.position is not None
+    return found.position
+
+
+def test_the_walker_is_followed_and_the_resting_tag_keeps_its_place(survey: Survey) -> None:
+    scenario = past_a_walker()
+    plane = TangentPlane(
+        latitude_deg=scenario.home.latitude_deg, longitude_deg=scenario.home.longitude_deg
+    )
+    walker = way_of(survey, WALKER)
+    assert [one.name for one in walker.cautions] == ["walk"]
+    held = []
+    for one in walker.track:
+        east, north = plane.to_local(one.latitude_deg, one.longitude_deg)
+        since_s = (one.time_ns - scenario.start_time_ns) * 1e-9
+        miss_m = float(np.hypot(east + 170.0 - WALK_M_S * since_s, north - 40.0))
+        held.append(miss_m <= one.radius95_m)
+    assert np.mean(held) >= 0.8
+    assert len(held) > 20
+    resting = way_of(survey, RESTING)
+    assert resting.track == ()
+    east, north = plane.to_local(resting.latitude_deg, resting.longitude_deg)
+    assert np.hypot(east - 50.0, north + 60.0) < 25.0
+
+
+def test_command_line_and_report_give_the_same_way(place: Path, survey: Survey) -> None:
+    told = {one.tag_id: one.position for one in read_positions(place)}
+    walker = told[WALKER]
+    assert walker is not None
+    assert walker.track == way_of(survey, WALKER).track
+
+
+def test_the_command_line_prints_the_way_of_each_tag(place: Path) -> None:
+    command = [sys.executable, "-m", "uavrt.cli", "localize", str(place), "--method", "track"]
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
+    told = {one["tag_id"]: one for one in json.loads(done.stdout)}
+    assert set(told) == {WALKER, RESTING}
+    for one in told.values():
+        assert one["method"] == "track"
+        times = [each["time_ns"] for each in one["track"]]
+        assert times == sorted(times)
+        assert len(times) > 20
+        for each in one["track"]:
+            assert 0.0 < each["radius50_m"] < each["radius95_m"]
+            assert each["time"].endswith("Z")
+    plain = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "the tag seems to have walked" in plain.stdout
+
+
+def test_exports_carry_the_way_with_its_times(survey: Survey, tmp_path: Path) -> None:
+    way = way_of(survey, WALKER).track
+    features = json.loads(geojson_text(survey))["features"]
+    lines = [one for one in features if one["properties"]["layer"] == "tag track"]
+    points = [one for one in features if one["properties"]["layer"] == "tag track place"]
+    assert [one["properties"]["tag_id"] for one in lines] == [WALKER]
+    assert len(points) == len(lines[0]["geometry"]["coordinates"]) == len(way)
+    assert all({"time", "radius50_m", "radius95_m"} <= set(p["properties"]) for p in points)
+
+    tracks = ET.fromstring(gpx_text(survey)).findall(f"{{{NAMESPACE}}}trk")
+    assert len(tracks) == 2  # the drone's and the walker's
+    assert len(tracks[1].findall(f".//{{{NAMESPACE}}}time")) == len(way)
+
+    assert f"tag {WALKER} track" in kml_text(survey)
+
+    write_geopackage(survey, tmp_path / "flight.gpkg")
+    with sqlite3.connect(tmp_path / "flight.gpkg") as database:
+        (count,) = database.execute("SELECT count(*) FROM tag_tracks").fetchone()
+    assert count == len(way)

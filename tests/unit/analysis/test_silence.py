@@ -1,0 +1,165 @@
+"""Where a flight would have heard its tags: in the report, and as the page is answered."""
+
+import base64
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from uavrt.cli.coverage import coverage
+from uavrt.cli.report import report
+from uavrt.errors import FormatError, UsageError
+from uavrt.ground.store import AntennaChoice
+from uavrt.ground.web.hindsight import Silence, SilenceDesk
+from uavrt.recording import IntegratedVerdict, read_flight, write_integrated
+from uavrt.tangent_plane import plane_around
+
+WriteFlight = Callable[..., Path]
+ANTENNA = AntennaChoice()
+
+
+def answered(desk: SilenceDesk, asked: Silence) -> dict[str, object]:
+    """Ask until the map is there, or cannot be made."""
+    until = time.monotonic() + 100.0
+    while time.monotonic() < until:
+        answer = desk.answer(asked)
+        if answer["state"] != "working":
+            return answer
+        time.sleep(0.05)
+    pytest.fail("no map")
+
+
+def around(flight: Path, half_m: float) -> list[list[float]]:
+    poses = read_flight(flight).poses
+    plane = plane_around(
+        np.array([one.latitude_deg for one in poses]),
+        np.array([one.longitude_deg for one in poses]),
+    )
+    sides = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half_m
+    latitude, longitude = plane.to_geodetic(*sides.T)
+    return [list(one) for one in zip(longitude.tolist(), latitude.tolist(), strict=True)]
+
+
+def test_the_report_maps_where_each_tag_would_have_been_heard(
+    write_flight: WriteFlight, tmp_path: Path
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    report(flight, tag_power=-60.0, output=tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    first, second = (tag.tag_id for tag in read_flight(flight).info.tags)
+    assert page.count("would have been heard</h2>") == 2
+    assert "confirmed pulses)" in page
+    assert "It was not: where the map is yellow" in page
+    assert "the ground is taken as level" in page
+    assert f"Where tag {first}" in page
+    assert f"Where tag {second}" in page
+    assert (tmp_path / "report.pdf").stat().st_size > 10_000
+
+
+def test_the_page_is_told_how_probably_a_silent_tag_is_not_in_an_area(
+    write_flight: WriteFlight,
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    heard, silent = (tag.tag_id for tag in read_flight(flight).info.tags)
+    desk, found = SilenceDesk(), {}
+    for tag_id in (silent, heard):
+        wanted = {"tag_id": tag_id, "tag_power_dbm": -60}
+        asked = Silence.asked(flight, ANTENNA, wanted)
+        with pytest.raises(UsageError, match="not there yet"):
+            desk.absence(asked, wanted | {"outline": around(flight, 200.0)})
+        found[tag_id] = answered(desk, asked)
+        assert found[tag_id]["state"] == "done"
+        picture = base64.b64decode(str(found[tag_id]["picture"]))
+        assert picture.startswith(b"\x89PNG")
+        if tag_id == silent:
+            near = desk.absence(asked, wanted | {"outline": around(flight, 200.0)})
+            wide = desk.absence(asked, wanted | {"outline": around(flight, 1500.0)})
+            assert near["prior"] < wide["prior"]
+            assert near["not_here"] > wide["not_here"] > 1.0 - wide["prior"]
+            with pytest.raises(FormatError, match="an outline"):
+                desk.absence(asked, wanted | {"outline": [[8.0, 47.0]]})
+        else:
+            with pytest.raises(UsageError, match="was heard"):
+                desk.absence(asked, wanted | {"outline": around(flight, 200.0)})
+    assert found[heard]["heard_pulses"]
+    assert not found[silent]["heard_pulses"]
+
+
+def test_what_cannot_be_mapped_is_told(write_flight: WriteFlight, tmp_path: Path) -> None:
+    flight = write_flight(tags=2, heard=1)
+    unknown = Silence.asked(flight, ANTENNA, {"tag_id": 77, "tag_power_dbm": -25})
+    answer = answered(SilenceDesk(), unknown)
+    assert answer["state"] == "failed"
+    assert "was not listed" in str(answer["error"])
+    gone = AntennaChoice(dem=str(tmp_path / "gone.hgt"))
+    asked = Silence.asked(flight, gone, {"tag_id": 2, "tag_power_dbm": -25})
+    assert "there is no" in str(answered(SilenceDesk(), asked)["error"])
+    for wrong in ({}, {"tag_id": 2}, {"tag_id": 2, "tag_power_dbm": 300}, [1]):
+        with pytest.raises((FormatError, UsageError)):
+            Silence.asked(flight, ANTENNA, wrong)
+
+
+def hindsight(flight: Path, tag_id: int, *, found: bool) -> None:
+    """What a whole flight said of a tag."""
+    tag = next(one for one in read_flight(flight).info.tags if one.tag_id == tag_id)
+    verdict = IntegratedVerdict(
+        tag_id=tag_id,
+        found=found,
+        false_alarm_probability=0.0001 if found else 0.6,
+        interval_s=tag.pulse_intervals_s[0],
+        frequency_hz=tag.frequency_hz,
+    )
+    write_integrated(flight, [verdict], [])
+
+
+def covered(flight: Path, area: Path, capsys: pytest.CaptureFixture[str]) -> dict[int, Any]:
+    """By tag, what `uavrt coverage` tells of a weak tag in an area."""
+    coverage(flight, tag_power=-62.0, area=area, cell=100.0, as_json=True)
+    return {one["tag_id"]: one for one in json.loads(capsys.readouterr().out)}
+
+
+def test_silence_over_the_whole_flight_tells_more_than_that_of_groups(
+    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    heard, silent = (tag.tag_id for tag in read_flight(flight).info.tags)
+    corners = around(flight, 600.0)
+    outline = {"type": "Polygon", "coordinates": [[*corners, corners[0]]]}
+    area = tmp_path / "area.geojson"
+    area.write_text(json.dumps(outline))
+    before = covered(flight, area, capsys)[silent]
+    assert not before["whole_flight"]
+    assert any("uavrt integrate" in text for text in before["limitations"])
+    hindsight(flight, silent, found=False)
+    after = covered(flight, area, capsys)[silent]
+    assert after["whole_flight"]
+    assert after["mean_probability"] > before["mean_probability"]
+    assert after["not_here"] > before["not_here"] > 1.0 - before["prior"]
+    report(flight, tag_power=-62.0, output=tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "would have been found over the whole flight with" in page
+    capsys.readouterr()
+    assert covered(flight, area, capsys)[heard]["heard_pulses"] > 0
+
+
+def test_a_tag_found_in_hindsight_is_not_silent(
+    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    silent = read_flight(flight).info.tags[1].tag_id
+    corners = around(flight, 600.0)
+    area = tmp_path / "area.geojson"
+    area.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
+    hindsight(flight, silent, found=True)
+    told = covered(flight, area, capsys)[silent]
+    assert told["in_hindsight"]
+    assert told["not_here"] is None
+    desk, wanted = SilenceDesk(), {"tag_id": silent, "tag_power_dbm": -62}
+    asked = Silence.asked(flight, ANTENNA, wanted)
+    assert answered(desk, asked)["in_hindsight"]
+    with pytest.raises(UsageError, match="was heard"):
+        desk.absence(asked, wanted | {"outline": corners})

@@ -1,0 +1,160 @@
+"""A batch on a Dask cluster: scheduler and workers are processes of their own."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
+
+from uavrt.analysis.measure import TagSource
+from uavrt.batch import (
+    BatchSettings,
+    BatchSummary,
+    BatchWatch,
+    cluster,
+    find_recordings,
+    read_manifest,
+    run_batch,
+)
+from uavrt.errors import LinkError, UsageError
+
+WORKERS = 3
+
+
+@dataclass(slots=True)
+class Cluster:
+    address: str
+    scheduler: subprocess.Popen[bytes]
+    workers: list[subprocess.Popen[bytes]]
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """A scheduler and three workers, on the loopback."""
+    folder = tmp_path_factory.mktemp("dask")
+    file, log = folder / "scheduler.json", (folder / "log").open("wb")
+
+    def start(name: str, *more: str) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, "-m", f"distributed.cli.dask_{name}", *more],
+            stdout=log,
+            stderr=log,
+            cwd=folder,
+            # As a nanny sets it, so that undoing it is done here too.
+            env=os.environ | {"MALLOC_TRIM_THRESHOLD_": "65536"},
+        )
+
+    place = ("--host", "127.0.0.1", "--scheduler-file", str(file), "--no-dashboard")
+    programs = [start("scheduler", *place, "--port", "0")]
+    try:
+        until_s = time.monotonic() + 60.0
+        while not file.is_file():
+            assert time.monotonic() < until_s
+            time.sleep(0.05)
+        how = ("--no-nanny", "--nthreads", "1", "--nworkers", "1")
+        programs += [start("worker", *place, *how) for _ in range(WORKERS)]
+        import distributed
+
+        with distributed.Client(scheduler_file=str(file), set_as_default=False) as client:
+            client.wait_for_workers(WORKERS, timeout=60)
+            address = client.scheduler.address
+        yield Cluster(address, programs[0], programs[1:])
+    finally:
+        for program in programs:
+            program.kill()
+            program.wait()
+        log.close()
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("archive")
+    record(folder / "walk.cf32", 60.0, 5, tags=TAGS[:1])
+    (folder / "manifest.csv").write_text(
+        f"{COLUMNS}\nwalk.cf32,,{RATE_HZ},{CENTER_HZ},{START}\n"
+    )
+    return folder
+
+
+def run(
+    archive: Path,
+    output: Path,
+    *,
+    scheduler: str | None,
+    on_done: Callable[[int], None] = lambda _amount: None,
+) -> BatchSummary:
+    settings = BatchSettings(cell_s=15.0, lead_in_s=6.0, chunk_s=5.0, scheduler=scheduler)
+    found = find_recordings([archive], read_manifest(archive / "manifest.csv"))
+    return run_batch(
+        found, TagSource(tags=TAGS[:1]), output, settings, BatchWatch(on_done=on_done)
+    )
+
+
+def test_a_cluster_gives_the_same_bytes_also_when_two_of_three_workers_are_killed(
+    archive: Path, running: Cluster, tmp_path: Path
+) -> None:
+    run(archive, tmp_path / "serial", scheduler=None)
+    told: list[int] = []
+    summary = run(archive, tmp_path / "three", scheduler=running.address, on_done=told.append)
+    assert [row.state for row in summary.rows] == ["done"]
+    read_s = 60.0 + 3 * 6.0
+    assert sum(told) == pytest.approx(read_s * RATE_HZ, rel=1e-6)
+
+    left = iter(running.workers[: WORKERS - 1])
+
+    def kill_one(amount: int) -> None:
+        if amount > 0 and (worker := next(left, None)) is not None:
+            worker.send_signal(signal.SIGKILL)
+
+    summary = run(archive, tmp_path / "killed", scheduler=running.address, on_done=kill_one)
+    assert next(left, None) is None
+    assert [row.state for row in summary.rows] == ["done"]
+    serial, three, killed = (
+        (next((tmp_path / name / "pulses").glob("*/*.parquet"))).read_bytes()
+        for name in ("serial", "three", "killed")
+    )
+    assert pq.read_table(tmp_path / "serial" / "pulses").num_rows >= 45
+    assert serial == three == killed
+
+
+def test_a_scheduler_that_goes_is_named_and_what_was_done_stays(
+    archive: Path, running: Cluster, tmp_path: Path
+) -> None:
+    def written() -> bool:
+        return any((tmp_path / "unfinished").glob("*/*/*.chunk"))
+
+    def end_it(_amount: int) -> None:
+        if written():
+            running.scheduler.kill()
+
+    with pytest.raises(LinkError, match="scheduler has gone"):
+        run(archive, tmp_path, scheduler=running.address, on_done=end_it)
+    assert written()
+
+
+def test_a_worker_of_a_run_that_was_killed_leaves_everything_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    old, new = cluster.Sign(path, "old"), cluster.Sign(path, "new")
+    old.put_up()
+    assert not old.should_stop()
+    old.put_up(stop=True)
+    assert cluster.Sign(path, "old").should_stop()
+    new.put_up()
+    assert not new.should_stop()
+    with pytest.raises(cluster.GivenUpError):
+        cluster.Sign(path, "old").should_stop()
+
+
+def test_a_scheduler_that_does_not_answer_is_named(
+    archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    with pytest.raises(UsageError, match="no Dask scheduler answers at tcp://127"):
+        run(archive, tmp_path, scheduler="tcp://127.0.0.1:9")

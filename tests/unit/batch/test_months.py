@@ -1,0 +1,117 @@
+"""Copies by month give the same answers as the files they are made of."""
+
+from pathlib import Path
+
+from pulses import pulse_at
+
+from uavrt.batch import QUESTIONS, ask
+from uavrt.batch.ledger import DONE, Ledger
+from uavrt.batch.months import gather_months
+from uavrt.batch.questions import keep_answers
+from uavrt.batch.tables import (
+    PULSES,
+    RECORDINGS,
+    RecordingRow,
+    folder_of,
+    write_pulses,
+    write_rows,
+)
+
+DAY_NS = 86_400 * 10**9
+
+
+def put(
+    output: Path, ledger: Ledger[RecordingRow], number: int, *, key: str, pulses: int
+) -> None:
+    """A flight each tenth day, of so many pulses."""
+    start_ns = 10 * number * DAY_NS
+    flight = f"{number:02d}"
+    state = "done" if pulses else "failed"
+    if pulses:
+        found = [
+            (
+                0,
+                pulse_at(
+                    start_ns + 10**9 * each, tag_id=2 + 2 * (each % 2), snr_db=float(each)
+                ),
+            )
+            for each in range(pulses)
+        ]
+        write_pulses(output / PULSES / folder_of(flight) / f"{key}.parquet", found, flight)
+    ledger.settle(
+        RecordingRow(
+            path=flight,
+            flight=flight,
+            fingerprint=key,
+            state=state,
+            fault=None,
+            start_time_ns=start_ns,
+            length_s=60.0,
+            sample_rate_hz=48e3,
+            center_frequency_hz=148.7e6,
+            pulses=pulses,
+            confirmed=pulses,
+            lost_samples=0,
+            invalid_values=0,
+            cells=1,
+            cpu_s=1.0,
+            finished_time_ns=DAY_NS,
+            uavrt_version="0",
+        )
+    )
+    write_rows(output / RECORDINGS, RecordingRow, ledger.rows)
+
+
+def archive(output: Path, flights: int = 9) -> Ledger[RecordingRow]:
+    ledger = Ledger(output, DONE, RecordingRow, [PULSES])
+    for number in range(flights):
+        put(output, ledger, number, key=f"key{number}", pulses=0 if number == 4 else 5)
+    return ledger
+
+
+def every(output: Path) -> list[dict[str, object]]:
+    rows: list[dict[str, object]] = ask(
+        output, "select * from pulses order by start_time_ns, tag_id"
+    ).to_pylist()
+    return rows
+
+
+def test_answers_are_the_same_with_months_and_without(tmp_path: Path) -> None:
+    ledger = archive(tmp_path)
+    before, tags = every(tmp_path), ask(tmp_path, QUESTIONS["tags"])
+    assert gather_months(tmp_path, ledger.rows, []) == 0  # too few files to be worth it
+    assert gather_months(tmp_path, ledger.rows, [], least_files=1) == 4
+    names = sorted(path.name[:7] for path in (tmp_path / "months" / PULSES).glob("*.parquet"))
+    assert names == ["1970-01", "1970-02", "1970-03"]
+    for path in (tmp_path / PULSES).glob("*/*"):
+        path.rename(path.with_suffix(".hidden"))  # so that only the months are left
+    assert every(tmp_path) == before
+    assert len(before) == 40
+    assert ask(tmp_path, QUESTIONS["tags"]).equals(tags)
+    keep_answers(tmp_path)
+    assert ask(tmp_path, QUESTIONS["tags"]).equals(tags)
+
+
+def test_what_is_newer_than_a_month_counts_and_is_taken_in_later(tmp_path: Path) -> None:
+    ledger = archive(tmp_path)
+    gather_months(tmp_path, ledger.rows, [], least_files=1)
+    keep_answers(tmp_path)
+    assert gather_months(tmp_path, ledger.rows, [], least_files=1) == 0
+    put(tmp_path, ledger, 1, key="again", pulses=2)
+    put(tmp_path, ledger, 20, key="new", pulses=3)
+    now, tags = every(tmp_path), ask(tmp_path, QUESTIONS["tags"]).to_pylist()
+    assert sum(one["pulses"] for one in tags) == len(now)
+    assert len(now) == 40 - 5 + 2 + 3
+    assert [one["flight"] for one in now if one["recording"] == "01"] == ["01", "01"]
+    assert gather_months(tmp_path, ledger.rows, [], least_files=1) == 2  # January, July
+    assert every(tmp_path) == now
+    kept = {path.name for path in (tmp_path / "months" / PULSES).glob("*.parquet")}
+    assert len(kept) == 4  # the old January has gone
+
+
+def test_damaged_months_are_passed_over(tmp_path: Path) -> None:
+    ledger = archive(tmp_path, flights=3)
+    before = every(tmp_path)
+    gather_months(tmp_path, ledger.rows, [], least_files=1)
+    (tmp_path / "months" / PULSES / "index.json").write_bytes(b"{")
+    assert every(tmp_path) == before

@@ -1,0 +1,116 @@
+from pathlib import Path
+
+import pytest
+from command_line import uavrt
+
+from uavrt.batch import QUESTIONS, RecordingRow, ask
+from uavrt.batch.tables import RECORDINGS, write_pulses, write_rows
+from uavrt.errors import FormatError, UsageError
+from uavrt.messages import Pulse
+
+DAY_NS = 86_400 * 10**9
+
+
+def pulse(tag_id: int, day: int, snr_db: float, *, confirmed: bool) -> Pulse:
+    start_ns = day * DAY_NS
+    return Pulse(
+        tag_id=tag_id,
+        frequency_hz=148.7e6,
+        start_time_ns=start_ns,
+        end_time_ns=start_ns + 20_000_000,
+        snr_db=snr_db,
+        group_snr_db=snr_db,
+        score=2.0,
+        group_index=1,
+        group_sequence=1,
+        noise_psd=1e-9,
+        detection_status="confirmed",
+        confirmed=confirmed,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+        also_possible_tag_ids=(4, 6),
+    )
+
+
+def row(flight: str, pulses: int) -> RecordingRow:
+    return RecordingRow(
+        path=f"/archive/{flight}.wav",
+        flight=flight,
+        fingerprint=flight,
+        state="done",
+        fault=None,
+        start_time_ns=DAY_NS,
+        length_s=60.0,
+        sample_rate_hz=48e3,
+        center_frequency_hz=148.7e6,
+        pulses=pulses,
+        confirmed=pulses,
+        lost_samples=0,
+        invalid_values=0,
+        cells=1,
+        cpu_s=1.0,
+        finished_time_ns=2 * DAY_NS,
+        uavrt_version="0",
+    )
+
+
+@pytest.fixture
+def archive(tmp_path: Path) -> Path:
+    for number, day in (("07", 1), ("o'hare", 3)):
+        found = [
+            pulse(2, day, 10.0, confirmed=True),
+            pulse(2, day + 1, 14.0, confirmed=True),
+            pulse(4, day, 3.0, confirmed=False),
+        ]
+        path = tmp_path / "pulses" / f"flight={number}" / "a.parquet"
+        write_pulses(path, [(0, one) for one in found], "/archive/x.wav")
+    write_rows(tmp_path / RECORDINGS, RecordingRow, [row("07", 3), row("o'hare", 3)])
+    return tmp_path
+
+
+def test_tags_are_counted_over_all_flights(archive: Path) -> None:
+    two, four = ask(archive, QUESTIONS["tags"]).to_pylist()
+    assert (two["tag_id"], two["pulses"], two["confirmed"], two["flights"]) == (2, 4, 4, 2)
+    assert two["median_snr_db"] == 12.0
+    assert (str(two["first_utc"])[:10], str(two["last_utc"])[:10]) == (
+        "1970-01-02",
+        "1970-01-05",
+    )
+    assert (four["confirmed"], four["median_snr_db"]) == (0, None)
+
+
+def test_the_name_of_a_flight_stays_a_word_and_whole(archive: Path) -> None:
+    assert ask(archive, QUESTIONS["list"])["flight"].to_pylist() == ["07", "o'hare"]
+    flights = ask(archive, "select distinct flight from pulses order by 1")
+    assert flights["flight"].to_pylist() == ["07", "o'hare"]
+
+
+def test_an_archive_without_a_pulse_answers_with_nothing(tmp_path: Path) -> None:
+    write_rows(tmp_path / RECORDINGS, RecordingRow, [row("07", 0)])
+    assert ask(tmp_path, QUESTIONS["tags"]).num_rows == 0
+
+
+def test_a_wrong_question_or_place_is_named(archive: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="nosuch"):
+        ask(archive, "select nosuch from pulses")
+    with pytest.raises(FormatError, match=r"holds no recordings\.parquet"):
+        ask(archive / "pulses", QUESTIONS["tags"])
+    (archive / "pulses" / "flight=07" / "a.parquet").write_bytes(b"rubbish")
+    with pytest.raises(FormatError, match="run uavrt batch again"):
+        ask(archive, QUESTIONS["tags"])
+
+
+def test_the_command_line_answers_as_table_as_json_and_as_file(
+    archive: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert uavrt("archive", "tags", str(archive)) == 0
+    assert "median_snr_db" in capsys.readouterr().out
+    assert uavrt("archive", "list", str(archive), "--json") == 0
+    assert '"flight": "07"' in capsys.readouterr().out
+    answer = archive / "answer.csv"
+    question = "select tag_id, count(*) as n from pulses group by 1 order by 1"
+    assert uavrt("archive", "query", str(archive), question, "-o", str(answer)) == 0
+    assert answer.read_text().split() == ['"tag_id","n"', "2,4", "4,2"]
+    assert uavrt("archive", "query", str(archive), question, "-o", str(answer)) == 2
+    assert "--overwrite" in capsys.readouterr().err

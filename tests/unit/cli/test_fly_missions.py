@@ -1,0 +1,139 @@
+"""`uavrt fly` and the missions and fences of an autopilot."""
+
+import asyncio
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from uavrt.attitude import from_euler_deg
+from uavrt.cli.fly import fly
+from uavrt.clock import Clock
+from uavrt.demo.programs import free_udp_port
+from uavrt.errors import ConfigError
+from uavrt.mavlink import dialect
+from uavrt.messages import Pose
+from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
+
+FIELD = ((46.5, 8.0), (46.5, 8.002), (46.501, 8.002), (46.501, 8.0))
+
+
+class Vehicle:
+    """A simulated autopilot that hovers, in a thread of its own."""
+
+    def __init__(self) -> None:
+        self.port, clock = free_udp_port(), Clock.start()
+        settings = AutopilotSettings(
+            companion=("127.0.0.1", free_udp_port()),
+            ground=("127.0.0.1", self.port),
+            flies=True,
+        )
+        self.autopilot = FakeAutopilot(self._pose, settings, clock)
+        self._loop = asyncio.new_event_loop()
+        self._task: asyncio.Task[None] | None = None
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    @property
+    def address(self) -> str:
+        return f"udpin://127.0.0.1:{self.port}"
+
+    def close(self) -> None:
+        self._loop.call_soon_threadsafe(self._end)
+        self._thread.join()
+
+    def _end(self) -> None:
+        assert self._task is not None
+        self._task.cancel()
+
+    def _serve(self) -> None:
+        self._task = self._loop.create_task(self.autopilot.run())
+        with pytest.raises(asyncio.CancelledError):
+            self._loop.run_until_complete(self._task)
+        self._loop.close()
+
+    @staticmethod
+    def _pose(time_ns: int) -> Pose:
+        return Pose(
+            time_ns=time_ns,
+            latitude_deg=46.5,
+            longitude_deg=8.0,
+            altitude_amsl_m=840.0,
+            altitude_relative_m=40.0,
+            quaternion_wxyz=from_euler_deg(0.0, 0.0, 0.0),
+        )
+
+
+@pytest.fixture
+def vehicle() -> Iterator[Vehicle]:
+    made = Vehicle()
+    yield made
+    made.close()
+
+
+def meadow(directory: Path) -> Path:
+    path = directory / "meadow.geojson"
+    ring = [[east, north] for north, east in (*FIELD, FIELD[0])]
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    return path
+
+
+def test_a_survey_is_uploaded_and_read_back(
+    vehicle: Vehicle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        fly(
+            "survey",
+            area=meadow(tmp_path),
+            height=60.0,
+            spacing=40.0,
+            upload=True,
+            mavlink=vehicle.address,
+        )
+    assert ended.value.code == 0
+    assert "the vehicle holds the survey: 7 items, read back" in capsys.readouterr().out
+    held = vehicle.autopilot.missions.held[0]
+    assert [item.command for item in held] == [16] * 6 + [20]
+    assert vehicle.autopilot.flown is not None
+    assert vehicle.autopilot.flown.vehicle.target is None
+
+
+def test_the_vehicles_fence_is_shown_and_saved(
+    vehicle: Vehicle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vehicle.autopilot.missions.held[1] = (
+        dialect.MissionItemInt(
+            target_system=1,
+            target_component=1,
+            seq=0,
+            frame=0,
+            command=5003,
+            current=0,
+            autocontinue=1,
+            param1=250.0,
+            param2=0.0,
+            param3=0.0,
+            param4=0.0,
+            x=465_000_000,
+            y=80_000_000,
+            z=0.0,
+            mission_type=1,
+        ),
+    )
+    saved = tmp_path / "fence.plan"
+    with pytest.raises(SystemExit) as ended:
+        fly("fence", save=saved, mavlink=vehicle.address)
+    assert ended.value.code == 0
+    assert "areas to stay within: 1, to keep out of: 0" in capsys.readouterr().out
+    (circle,) = json.loads(saved.read_text())["geoFence"]["circles"]
+    assert circle["circle"] == {"center": [46.5, 8.0], "radius": 250.0}
+    assert circle["inclusion"] is True
+
+
+def test_only_a_survey_is_uploaded_and_a_fence_is_a_plan(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="only a survey is uploaded"):
+        fly("hold", upload=True)
+    with pytest.raises(ConfigError, match="only a fence is saved"):
+        fly("fence", save=tmp_path / "fence.json")

@@ -1,0 +1,33 @@
+"""Ctrl-C while the command line is still being imported."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SLOW_IMPORT = "import time\nprint('begun', flush=True)\ntime.sleep(60)"
+STARTS = [["-m", "uavrt.cli"], ["-c", "from uavrt.cli import main; main()"]]
+
+
+@pytest.mark.parametrize("start", STARTS, ids=["module", "script"])
+def test_a_stop_among_the_imports_ends_without_a_traceback(
+    start: list[str], tmp_path: Path
+) -> None:
+    (tmp_path / "cyclopts.py").write_text(SLOW_IMPORT)
+    began = subprocess.Popen(
+        [sys.executable, *start, "detect"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert began.stdout is not None
+    assert began.stdout.readline() == "begun\n"
+    began.send_signal(signal.SIGINT)
+    _, told = began.communicate(timeout=30)
+    assert told == ""
+    assert began.returncode == -signal.SIGINT

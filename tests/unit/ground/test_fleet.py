@@ -1,0 +1,177 @@
+"""One ground station and several vehicles, over real MAVLink frames on one link."""
+
+import asyncio
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.unit.ground.test_session import SECOND_NS, Drone, until
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
+
+from uavrt.messages import SystemState
+from uavrt.recording import read_flight
+
+TAGS = [
+    {
+        "id": 7,
+        "name": "lynx",
+        "frequency_mhz": 148.71,
+        "interval_ms": 1254,
+        "pulse_width_ms": 20,
+    }
+]
+
+
+@pytest.fixture
+def both(served: Any) -> Iterator[tuple[Drone, Drone]]:
+    """Vehicle 1, which the page takes, and vehicle 2."""
+    one, two = Drone(served.mavlink_port), Drone(served.mavlink_port, system=2)
+    one.heartbeat(SystemState.IDLE)
+    until(served, lambda state: state["drone"]["system_id"] == 1)
+    two.heartbeat(SystemState.IDLE)
+    until(served, lambda state: state["drone"]["others"] == [2])
+    yield one, two
+    one.close()
+    two.close()
+
+
+def serve_second(served: Any) -> None:
+    answer = served.ask("POST", "/api/vehicles", {"system_id": 2})
+    assert answer.status == 200, answer.json
+    assert [one["page"] for one in answer.json] == ["/", "/vehicle/2/"]
+    of_second(served, lambda state: state["connection"]["open"])
+
+
+def of_second(served: Any, what: Any) -> dict[str, Any]:
+    for _ in range(1000):
+        state: dict[str, Any] = served.ask("GET", "/vehicle/2/api/state").json
+        if what(state):
+            return state
+        time.sleep(0.03)
+    raise AssertionError(f"never came to be: {state}")
+
+
+def test_a_second_vehicle_is_served_only_when_the_operator_says_so(
+    served: Any, both: tuple[Drone, Drone]
+) -> None:
+    _, two = both
+    assert served.ask("GET", "/api/state").json["fleet"] == []
+    assert served.ask("GET", "/vehicle/2/api/state").status == 404
+    serve_second(served)
+    two.heartbeat(SystemState.HAS_TAGS)
+    state = of_second(served, lambda state: state["drone"]["state"] == "has_tags")
+    assert state["drone"]["system_id"] == 2
+    first = served.ask("GET", "/api/state").json
+    assert first["drone"]["state"] == "idle"
+    assert [one["system_id"] for one in first["fleet"]] == [1, 2]
+    assert b"<title>" in served.ask("GET", "/vehicle/2/").body
+
+
+def test_each_vehicles_pulses_are_in_a_flight_of_its_own_that_says_whose_it_is(
+    served: Any, both: tuple[Drone, Drone]
+) -> None:
+    serve_second(served)
+    name = {"vehicle_name": "mast"}
+    assert served.ask("PUT", "/vehicle/2/api/settings", name).status == 200
+    start_ns = time.time_ns() - SECOND_NS
+    for number, drone in enumerate(both):
+        drone.heartbeat(SystemState.DETECTING)
+        for place in range(3 + number):
+            drone.pulse(start_ns + place * SECOND_NS // 10)
+    until(served, lambda state: state["flight"]["pulses"] == 3)
+    of_second(served, lambda state: state["flight"]["pulses"] == 4)
+    flights = {one["vehicle"]: one for one in served.ask("GET", "/api/flights").json}
+    assert {name: one["pulses"] for name, one in flights.items()} == {"1": 3, "2, mast": 4}
+    assert (
+        served.ask("GET", "/vehicle/2/api/flights").json
+        == served.ask("GET", "/api/flights").json
+    )
+    recorded = read_flight(served.directory / flights["2, mast"]["flight_id"])
+    assert len(recorded.pulse_poses) == 4
+
+
+def test_each_vehicle_has_tags_of_its_own_and_begins_with_the_firsts(
+    served: Any, both: tuple[Drone, Drone]
+) -> None:
+    rows = served.ask("PUT", "/api/tags", TAGS).json
+    assert rows["faults"] == []
+    serve_second(served)
+    (theirs,) = served.ask("GET", "/vehicle/2/api/tags").json
+    assert theirs["name"] == "lynx"
+    assert served.ask("PUT", "/vehicle/2/api/tags", []).json["faults"] == []
+    assert len(served.ask("GET", "/api/tags").json) == 1
+    assert served.ask("GET", "/vehicle/2/api/tags").json == []
+
+
+def test_a_restarted_station_serves_them_again_and_mixes_none_up(
+    tmp_path: Path, serve: Any
+) -> None:
+    station = serve(tmp_path / "ground")
+    one, two = Drone(station.mavlink_port), Drone(station.mavlink_port, system=2)
+    one.heartbeat(SystemState.IDLE)
+    until(station, lambda state: state["drone"]["system_id"] == 1)
+    serve_second(station)
+    two.heartbeat(SystemState.DETECTING)
+    two.pulse(time.time_ns())
+    of_second(station, lambda state: state["flight"]["pulses"] == 1)
+    one.close()
+    two.close()
+    station.stop()
+
+    again = serve(tmp_path / "ground")
+    of_second(again, lambda state: state["connection"]["open"])
+    two = Drone(again.mavlink_port, system=2)
+    two.heartbeat(SystemState.DETECTING)
+    state = of_second(again, lambda state: state["drone"]["state"] == "detecting")
+    assert state["flight"]["pulses"] == 1  # the flight goes on
+    assert again.ask("GET", "/api/state").json["drone"]["system_id"] is None
+    one = Drone(again.mavlink_port)
+    one.heartbeat(SystemState.IDLE)
+    until(again, lambda state: state["drone"]["system_id"] == 1)
+    one.close()
+    two.close()
+    again.stop()
+
+
+def test_a_vehicle_that_is_served_no_more_is_one_that_is_heard_again(
+    served: Any, both: tuple[Drone, Drone]
+) -> None:
+    serve_second(served)
+    refused = served.ask("POST", "/api/vehicle", {"system_id": 2})
+    assert (refused.status, "page of its own" in refused.json["error"]) == (422, True)
+    refused = served.ask("POST", "/vehicle/2/api/vehicle", {"system_id": 1})
+    assert (refused.status, "that of vehicle 2" in refused.json["error"]) == (422, True)
+    assert served.ask("DELETE", "/api/vehicles/2", {}).status == 200
+    assert served.ask("GET", "/vehicle/2/api/state").status == 404
+    assert served.ask("GET", "/api/state").json["fleet"] == []
+    assert served.ask("DELETE", "/api/vehicles/2", {}).status == 404
+
+
+@pytest.mark.parametrize("number", [0, 256, -1, 1, "2", True, None, 2.5])
+def test_what_is_no_further_vehicle_is_refused(
+    served: Any, both: tuple[Drone, Drone], number: object
+) -> None:
+    answer = served.ask("POST", "/api/vehicles", {"system_id": number})
+    assert answer.status == 422
+    assert answer.json["error"]
+
+
+def test_records_of_a_vehicle_that_nobody_serves_are_refused(
+    served: Any, both: tuple[Drone, Drone]
+) -> None:
+    address = f"ws://127.0.0.1:{served.port}/vehicle/2/api/records"
+
+    async def first_topic(origin: str | None = None) -> str:
+        async with connect(address, origin=origin) as socket:  # type: ignore[arg-type]
+            return str(json.loads(await socket.recv())["topic"])
+
+    with pytest.raises(InvalidStatus):
+        asyncio.run(first_topic())
+    serve_second(served)
+    assert asyncio.run(first_topic()) == "hello"
+    with pytest.raises(InvalidStatus):
+        asyncio.run(first_topic("http://evil.example"))

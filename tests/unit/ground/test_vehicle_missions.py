@@ -1,0 +1,222 @@
+"""Surveys into the autopilot, and its fence out of it, over a link that loses a fifth."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from typing import Any
+
+import pytest
+from virtual_time import run_in_virtual_time
+
+from uavrt.attitude import from_euler_deg
+from uavrt.clock import Clock
+from uavrt.demo.programs import free_udp_port
+from uavrt.errors import CommandRefused, FormatError, LinkError
+from uavrt.ground.link import GroundLink
+from uavrt.guidance import Order, difference, fence_items, survey_items
+from uavrt.guidance.mission import MissionItem
+from uavrt.mavlink import dialect
+from uavrt.messages import KeepOut, Pose, VehicleFence
+from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot, Flavour
+
+BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+FIELD = ((46.5, 8.0), (46.5, 8.002), (46.501, 8.002), (46.501, 8.0))
+SURVEY = Order(order_id=0, action="survey", places=FIELD, height_m=60.0, spacing_m=30.0)
+ITEMS = survey_items(SURVEY)
+FENCE = VehicleFence(
+    within=(KeepOut(places=((46.4, 7.9), (46.4, 8.1), (46.6, 8.0)), name="vehicle's fence"),),
+    keep_out=(KeepOut(places=((46.5, 8.0),), radius_m=25.0, name="vehicle's fence"),),
+)
+AUTO = {"px4": 4 << 16 | 4 << 24, "ardupilot": 3}
+Work = Callable[[GroundLink, FakeAutopilot], Awaitable[Any]]
+
+
+def pose(time_ns: int) -> Pose:
+    return Pose(
+        time_ns=time_ns,
+        latitude_deg=46.5,
+        longitude_deg=8.0,
+        altitude_amsl_m=840.0,
+        altitude_relative_m=40.0,
+        quaternion_wxyz=from_euler_deg(0.0, 0.0, 0.0),
+    )
+
+
+def with_vehicle(
+    patch: pytest.MonkeyPatch, flavour: Flavour, work: Work, *, loss: float = 0.0, seed: int = 1
+) -> Any:
+    async def main() -> Any:
+        port, clock = free_udp_port(), Clock.start()
+        settings = AutopilotSettings(
+            companion=("127.0.0.1", free_udp_port()),
+            ground=("127.0.0.1", port),
+            flavour=flavour,
+            flies=True,
+            ground_loss=loss,
+            seed=seed,
+        )
+        autopilot = FakeAutopilot(pose, settings, clock)
+        link = GroundLink(clock.now_ns, on_event=lambda event: None)
+        tasks = [
+            asyncio.create_task(autopilot.run()),
+            asyncio.create_task(link.run(f"udpin://127.0.0.1:{port}")),
+        ]
+        try:
+            await link.missions.wait(20.0)
+            return await work(link, autopilot)
+        finally:
+            for task in tasks:
+                task.cancel()
+                with suppress(asyncio.CancelledError):
+                    await task
+
+    return run_in_virtual_time(main(), patch)
+
+
+def held(autopilot: FakeAutopilot, kind: int = 0) -> list[MissionItem]:
+    return [
+        MissionItem(
+            command=one.command,
+            frame=one.frame,
+            params=(one.param1, one.param2, one.param3, one.param4),
+            x=one.x,
+            y=one.y,
+            z=one.z,
+        )
+        for one in autopilot.missions.held[kind]
+    ]
+
+
+def holds(autopilot: FakeAutopilot, items: tuple[MissionItem, ...], kind: int = 0) -> None:
+    """Let it hold some, as another ground station has uploaded them."""
+    names = ("param1", "param2", "param3", "param4")
+    autopilot.missions.held[kind] = tuple(
+        dialect.MissionItemInt(
+            target_system=1,
+            target_component=1,
+            seq=number,
+            frame=one.frame,
+            command=one.command,
+            current=0,
+            autocontinue=1,
+            x=one.x,
+            y=one.y,
+            z=one.z,
+            mission_type=kind,
+            **dict(zip(names, one.params, strict=True)),
+        )
+        for number, one in enumerate(items)
+    )
+
+
+@BOTH
+@pytest.mark.parametrize("loss", [0.0, 0.2])
+def test_a_survey_becomes_the_vehicles_mission_and_moves_nothing(
+    monkeypatch: pytest.MonkeyPatch, flavour: Flavour, loss: float
+) -> None:
+    async def work(link: GroundLink, autopilot: FakeAutopilot) -> Any:
+        assert autopilot.flown is not None
+        vehicle = autopilot.flown.vehicle
+        before = (vehicle.mode, vehicle.target, vehicle.armed)
+        done = await link.missions.upload(ITEMS)
+        assert (vehicle.mode, vehicle.target, vehicle.armed) == before
+        home_first = int(flavour == "ardupilot")
+        assert difference(ITEMS, held(autopilot)[home_first:]) is None
+        return done
+
+    for seed in range(1 if loss == 0.0 else 6):
+        done = with_vehicle(monkeypatch, flavour, work, loss=loss, seed=seed)
+        assert done.items == len(ITEMS)
+        assert (done.sent_again == 0) == (loss == 0.0)
+        assert done.strange == 0 or loss > 0.0
+
+
+@BOTH
+def test_the_vehicles_fence_is_read(monkeypatch: pytest.MonkeyPatch, flavour: Flavour) -> None:
+    async def work(link: GroundLink, autopilot: FakeAutopilot) -> VehicleFence:
+        holds(autopilot, fence_items(FENCE), 1)
+        return await link.missions.fence()
+
+    assert with_vehicle(monkeypatch, flavour, work, loss=0.2) == FENCE
+
+
+@BOTH
+def test_a_vehicle_that_flies_a_mission_is_given_none(
+    monkeypatch: pytest.MonkeyPatch, flavour: Flavour
+) -> None:
+    async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
+        assert autopilot.flown is not None
+        holds(autopilot, ITEMS[:3])
+        autopilot.flown.vehicle.mode = AUTO[flavour]
+        await asyncio.sleep(2.0)
+        with pytest.raises(CommandRefused, match="would change its way"):
+            await link.missions.upload(ITEMS)
+        assert len(held(autopilot)) == 3
+
+    with_vehicle(monkeypatch, flavour, work)
+
+
+@BOTH
+def test_an_upload_ends_when_a_mission_is_started_meanwhile(
+    monkeypatch: pytest.MonkeyPatch, flavour: Flavour
+) -> None:
+    async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
+        assert autopilot.flown is not None
+        holds(autopilot, ITEMS[:3])
+        upload = asyncio.create_task(link.missions.upload(ITEMS * 20))
+        await asyncio.sleep(0.02)
+        autopilot.flown.vehicle.mode = AUTO[flavour]
+        autopilot.ground.inward._loss = 0.6  # it lasts longer than to the next heartbeat
+        with pytest.raises(CommandRefused, match="would change its way"):
+            await upload
+        assert len(held(autopilot)) == 3
+
+    with_vehicle(monkeypatch, flavour, work)
+
+
+def test_a_vehicle_that_falls_silent_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
+        autopilot.ground.inward._loss = 1.0
+        with pytest.raises(LinkError, match="did not answer in 12 s"):
+            await link.missions.fence()
+
+    with_vehicle(monkeypatch, "px4", work)
+
+
+def test_what_is_no_fence_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
+        holds(autopilot, fence_items(FENCE)[:2], 1)
+        with pytest.raises(FormatError, match="corner of the vehicle's fence is missing"):
+            await link.missions.fence()
+
+    with_vehicle(monkeypatch, "px4", work)
+
+
+def test_a_mission_that_is_not_held_as_sent_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
+        taken = autopilot.missions._give
+
+        def lower(message: Any, sender: Any, send: Any) -> None:
+            def changed(item: Any) -> None:
+                if isinstance(item, dialect.MissionItemInt) and item.seq == 2:
+                    item.z = 6.0
+                send(item)
+
+            taken(message, sender, changed)
+
+        monkeypatch.setattr(autopilot.missions, "_give", lower)
+        with pytest.raises(CommandRefused, match="its item 3 differs"):
+            await link.missions.upload(ITEMS)
+
+    with_vehicle(monkeypatch, "px4", work)
+
+
+def test_no_autopilot_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def main() -> None:
+        link = GroundLink(Clock.start().now_ns, on_event=lambda event: None)
+        with pytest.raises(LinkError, match="no autopilot was heard"):
+            await link.missions.wait(3.0)
+        with pytest.raises(LinkError, match="the autopilot is not heard"):
+            await link.missions.upload(ITEMS)
+
+    run_in_virtual_time(main(), monkeypatch)

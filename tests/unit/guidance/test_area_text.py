@@ -1,0 +1,188 @@
+"""Outlines from GeoJSON, KML and QGroundControl's plans, and texts that hold none."""
+
+import contextlib
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uavrt.errors import FormatError
+from uavrt.geodesy import distance_m
+from uavrt.guidance import area_in, circle, keep_out_in
+
+CORNERS = [(46.5, 8.0), (46.5, 8.002), (46.501, 8.002), (46.501, 8.0)]
+RING = [[east, north] for north, east in [*CORNERS, CORNERS[0]]]
+
+
+def geojson(*rings: object) -> str:
+    geometry = {"type": "Polygon", "coordinates": list(rings)}
+    feature = {"type": "Feature", "properties": {}, "geometry": geometry}
+    return json.dumps({"type": "FeatureCollection", "features": [feature]})
+
+
+def kml(inner: str = "") -> str:
+    corners = " ".join(f"{east},{north},0" for east, north in RING)
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>'
+        '<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><Polygon>'
+        f"<outerBoundaryIs><LinearRing><coordinates>{corners}</coordinates></LinearRing>"
+        f"</outerBoundaryIs>{inner}</Polygon></Placemark></Document></kml>"
+    )
+
+
+def plan(items: object, fence: object = None) -> str:
+    return json.dumps(
+        {
+            "fileType": "Plan",
+            "version": 1,
+            "geoFence": fence or {"circles": [], "polygons": []},
+            "mission": {"items": items},
+            "rallyPoints": {"points": []},
+        }
+    )
+
+
+SURVEY = {"type": "ComplexItem", "complexItemType": "survey", "polygon": CORNERS}
+FENCE = {"circles": [], "polygons": [{"inclusion": True, "polygon": CORNERS}]}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        geojson(RING),
+        json.dumps({"type": "Polygon", "coordinates": [RING]}),
+        json.dumps({"type": "MultiPolygon", "coordinates": [[RING]]}),
+        kml(),
+        "\ufeff" + kml(),
+        plan([{"type": "SimpleItem", "command": 22}, SURVEY]),
+        plan([SURVEY], FENCE),
+        plan([], FENCE),
+    ],
+)
+def test_one_outline_is_read_whoever_drew_it(text: str) -> None:
+    assert area_in(text, "meadow") == tuple(CORNERS)
+
+
+def test_a_fence_that_is_a_circle_has_corners_all_round() -> None:
+    fence = {
+        "circles": [{"inclusion": True, "circle": {"center": [46.5, 8.0], "radius": 80.0}}]
+    }
+    places = area_in(plan([], fence), "ring.plan")
+    assert len(places) == 20
+    for place in places:
+        assert distance_m(46.5, 8.0, *place) == pytest.approx(80.0, rel=0.005)
+    with pytest.raises(FormatError, match="radius"):
+        circle((46.5, 8.0), float("nan"))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "gives no area"),
+        ("[]", "gives no area"),
+        ("{}", "gives no area"),
+        (geojson(RING, RING), "holes"),
+        (kml("<innerBoundaryIs/>"), "holes"),
+        (geojson(RING[:2]), "three corners"),
+        (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "no place on earth"),
+        (plan([SURVEY, SURVEY]), "2 outlines"),
+        (plan([]), "0 outlines"),
+        ('<!DOCTYPE x [<!ENTITY a "b">]>' + kml(), "entities"),
+        ("<kml", "gives no area"),
+        ("[" * 100_000, "gives no area"),
+        ("x" * 3_000_000, "too long"),
+    ],
+)
+def test_what_gives_no_single_outline_is_refused_with_the_reason(
+    text: str, reason: str
+) -> None:
+    with pytest.raises(FormatError, match=reason) as refused:
+        area_in(text, "meadow")
+    assert "Draw one outline" in str(refused.value)
+
+
+BARN = [[8.0005, 46.5005], [8.0006, 46.5005], [8.0006, 46.5006], [8.0005, 46.5005]]
+
+
+def feature(geometry: object, **properties: object) -> dict[str, object]:
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def marked() -> str:
+    shapes = [
+        feature({"type": "Polygon", "coordinates": [RING]}),
+        feature({"type": "Polygon", "coordinates": [BARN]}, keep_out=True, name="barn"),
+        feature({"type": "Point", "coordinates": [8.001, 46.5]}, keep_out=True, radius_m=40),
+    ]
+    return json.dumps({"type": "FeatureCollection", "features": shapes})
+
+
+def test_what_is_marked_is_kept_out_of_and_is_not_the_area() -> None:
+    assert area_in(marked(), "meadow") == tuple(CORNERS)
+    barn, person = keep_out_in(marked(), "meadow")
+    assert (barn.name, barn.radius_m, len(barn.places)) == ("barn", None, 3)
+    assert (person.places, person.radius_m) == (((46.5, 8.001),), 40.0)
+
+
+def test_a_polygon_of_kml_is_marked_by_its_name() -> None:
+    named = kml().replace("<Placemark>", "<Placemark><name>Keep-out: barn</name>")
+    barn = named.partition("<Document>")[2].partition("</Document>")[0]
+    both = kml().replace("</Document>", f"{barn}</Document>")
+    assert area_in(both, "meadow") == tuple(CORNERS)
+    assert [one.name for one in keep_out_in(both, "meadow")] == ["Keep-out: barn"]
+
+
+def test_exclusion_fences_of_a_plan_are_kept_out_of() -> None:
+    fence = {
+        "circles": [{"inclusion": False, "circle": {"center": [46.5, 8.0], "radius": 30.0}}],
+        "polygons": [
+            {"inclusion": True, "polygon": CORNERS},
+            {"inclusion": False, "polygon": CORNERS[:3]},
+        ],
+    }
+    text = plan([SURVEY], fence)
+    assert area_in(text, "meadow") == tuple(CORNERS)
+    assert {one.radius_m for one in keep_out_in(text, "meadow", every=True)} == {None, 30.0}
+
+
+def test_of_a_file_of_buildings_every_outline_counts() -> None:
+    assert len(keep_out_in(geojson(RING), "farm", every=True)) == 1
+    assert keep_out_in(geojson(RING), "farm") == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (json.dumps({"type": "FeatureCollection", "features": []}), "holds none"),
+        (plan([SURVEY]), "holds none"),
+        (
+            json.dumps(feature({"type": "Point", "coordinates": [8, 46]}, keep_out=1)),
+            "radius_m",
+        ),
+        (
+            json.dumps(
+                feature({"type": "Point", "coordinates": [8, 46]}, keep_out=1, radius_m=-3)
+            ),
+            "radius of -3",
+        ),
+        (
+            json.dumps(feature({"type": "Polygon", "coordinates": [RING]}) | {"properties": 3}),
+            "int",
+        ),
+        (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "no place on earth"),
+        (json.dumps({"type": "MultiPolygon", "coordinates": [[RING]] * 101}), "more than 100"),
+    ],
+)
+def test_what_gives_nothing_to_keep_out_of_is_refused(text: str, reason: str) -> None:
+    with pytest.raises(FormatError, match=reason) as refused:
+        keep_out_in(text, "farm", every=True)
+    assert "Mark them" in str(refused.value)
+
+
+@given(st.text(max_size=300), st.sampled_from(["", "{", '{"type": "Polygon", ', "<kml>"]))
+def test_any_text_is_an_area_or_refused(text: str, begin: str) -> None:
+    with contextlib.suppress(FormatError):
+        assert len(area_in(begin + text, "some")) >= 3
+    with contextlib.suppress(FormatError):
+        keep_out_in(begin + text, "some", every=True)

@@ -1,0 +1,208 @@
+"""What takes an offer away, what must be seen first, and what silence ends an order."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from flown import HOME, Flown
+
+from uavrt.errors import CommandRefused
+from uavrt.guidance.authority import Standing
+from uavrt.guidance.wishes import FlyThere, GoHome
+from uavrt.simulation.flying import MODES, Flavour
+
+BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+
+
+def wish(flown: Flown, north_m: float = 60.0) -> FlyThere:
+    latitude, longitude = flown.place(north_m, 0.0)
+    return FlyThere(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl_m=HOME.altitude_amsl_m + 40.0,
+    )
+
+
+def stop(flown: Flown) -> None:
+    flown.authority.stop(flown.time_s)
+
+
+def disarm(flown: Flown) -> None:
+    flown.vehicle.armed = False
+    flown.run(1.1)
+    flown.vehicle.armed = True
+
+
+def move_home(flown: Flown) -> None:
+    flown.home_north_m = 10.0
+
+
+def lose_position(flown: Flown) -> None:
+    flown.position = False
+    flown.run(0.2)
+    flown.position = True
+
+
+@BOTH
+@pytest.mark.parametrize("objection", [stop, disarm, move_home, lose_position])
+def test_what_would_end_an_order_takes_away_one_that_is_only_offered(
+    flavour: Flavour, objection: Callable[[Flown], None]
+) -> None:
+    flown = Flown(flavour)
+    flown.authority.offer(1, 77, flown.time_s)
+    objection(flown)
+    flown.run(1.2)
+    with pytest.raises(CommandRefused, match="not on offer"):
+        flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+
+
+@BOTH
+def test_a_target_that_another_gives_while_the_operator_thinks_is_no_confirmation(
+    flavour: Flavour,
+) -> None:
+    flown = Flown(flavour)
+    flown.vehicle.set_mode(MODES[flavour]["hold"])
+    flown.run(1.2)
+    flown.authority.offer(1, 77, flown.time_s)
+    flown.go_to(100.0, 0.0)
+    flown.run(0.3)
+    with pytest.raises(CommandRefused, match="another has given a target"):
+        flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+
+
+@BOTH
+def test_a_drone_that_stays_where_it_was_told_to_may_be_confirmed_again(
+    flavour: Flavour,
+) -> None:
+    flown = Flown(flavour)
+    pilot = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
+    flown.run(60.0, until=lambda: pilot.ended is not None)
+    flown.run(1.0)
+    flown.order("hold")
+    assert flown.authority.standing is Standing.CONFIRMED
+
+
+@BOTH
+def test_nothing_is_offered_while_the_autopilot_says_that_it_is_critical(
+    flavour: Flavour,
+) -> None:
+    flown = Flown(flavour)
+    flown.failsafe = "heartbeat"
+    flown.run(1.1)
+    with pytest.raises(CommandRefused, match="a failsafe: critical state"):
+        flown.authority.offer(1, 77, flown.time_s)
+    flown.failsafe = ""
+    flown.run(4.5)
+    flown.authority.offer(2, 78, flown.time_s)
+
+
+def test_a_return_changes_the_mode_and_needs_one_that_was_seen_just_now() -> None:
+    flown = Flown("px4")
+    pilot = flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
+    flown.run(6.0)
+    flown.run(1.0, until=lambda: flown.steps % 20 == 12)  # told at 0, 5 and 15
+    with pytest.raises(CommandRefused, match="mode was not seen just now"):
+        flown.authority.command(pilot.order.order_id, GoHome(), flown.time_s)
+    flown.run(1.0, until=lambda: flown.steps % 20 == 16)
+    command = flown.authority.command(pilot.order.order_id, GoHome(), flown.time_s)
+    assert command.name == "NAV_RETURN_TO_LAUNCH"
+
+
+@BOTH
+def test_an_order_ends_when_the_target_is_not_told_any_more(flavour: Flavour) -> None:
+    flown = Flown(flavour)
+    flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
+    flown.run(4.0)
+    flown.target_told = False
+    flown.run(2.5)
+    assert flown.authority.standing is Standing.IN_COMMAND
+    flown.run(1.0)
+    assert flown.authority.reason == "the target is not told any more"
+
+
+def test_no_command_leaves_on_a_target_that_was_told_a_second_ago() -> None:
+    flown = Flown("px4")
+    pilot = flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
+    flown.run(4.0)
+    flown.target_told = False
+    flown.run(1.1)
+    with pytest.raises(CommandRefused, match="target is older than 1 s"):
+        flown.authority.command(pilot.order.order_id, wish(flown), flown.time_s)
+
+
+def test_an_order_ends_when_only_the_mode_is_told_and_no_heartbeat_comes() -> None:
+    flown = Flown("px4")
+    flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
+    flown.run(4.0)
+    flown.heartbeat_told = False
+    flown.run(6.1)
+    assert flown.authority.reason == "no heartbeat of the autopilot"
+
+
+@BOTH
+@pytest.mark.parametrize("jump_m", [-12.0, 12.0])
+def test_a_jump_of_the_height_is_seen_across_a_gap_too(flavour: Flavour, jump_m: float) -> None:
+    flown = Flown(flavour)
+    flown.order("hold")
+    flown.pilot = None
+    flown.position_told = False
+    flown.run(1.5)
+    assert flown.authority.standing is Standing.CONFIRMED
+    flown.position_told, flown.jump_m = True, jump_m
+    flown.run(0.1)
+    assert flown.authority.reason == f"the height jumped by {jump_m:+.0f} m"
+
+
+@BOTH
+def test_it_returns_when_the_battery_is_not_told_any_more(flavour: Flavour) -> None:
+    flown = Flown(flavour)
+    pilot = flown.order("goto", places=(flown.place(300.0, 0.0),), height_m=40.0)
+    flown.run(6.0)
+    flown.status_told = False
+    flown.run(5.0)
+    assert pilot.said == "returning: the battery is not told any more"
+    assert flown.vehicle.mode == MODES[flavour]["return"]
+
+
+@BOTH
+def test_it_holds_within_its_heights_where_the_ground_is_lost_above_them(
+    flavour: Flavour,
+) -> None:
+    flown = Flown(flavour)
+    flown.vehicle.height_m = 160.0
+    flown.run(0.5)
+    flown.order("goto", places=(flown.place(300.0, 0.0),), height_m=100.0)
+    flown.run(5.0)
+    assert flown.vehicle.height_m > 130.0
+    flown.ground_silent_s = 6.0
+    flown.run(20.0)
+    assert flown.authority.standing is Standing.IN_COMMAND
+    assert flown.vehicle.north_m < 150.0
+    assert flown.vehicle.height_m == pytest.approx(120.0, abs=1.0)
+
+
+def test_refusals_count_until_a_command_is_taken() -> None:
+    flown = Flown("px4")
+    pilot = flown.order("rotate", duration_s=12.0)
+    flown.pilot = None
+    for turn in range(3):
+        for refused in range(45):
+            now = flown.now()
+            assert now is not None
+            pilot.next(replace(now, wishes_sent=turn, wishes_refused=45 * turn + refused))
+            assert pilot.ended is None
+
+
+@pytest.mark.parametrize("longitude_deg", [368.5, -351.5, 1e9])
+def test_a_longitude_beyond_the_globe_is_no_place(longitude_deg: float) -> None:
+    flown = Flown("px4")
+    pilot = flown.order("hold")
+    flown.pilot = None
+    flown.run(1.0, until=lambda: flown.steps % 20 == 6)
+    place = FlyThere(
+        latitude_deg=HOME.latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_amsl_m=HOME.altitude_amsl_m + 40.0,
+    )
+    with pytest.raises(CommandRefused, match="is no place"):
+        flown.authority.command(pilot.order.order_id, place, flown.time_s)

@@ -1,0 +1,97 @@
+"""Surveys as QGroundControl's files, read by others."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flown import HOME
+
+from uavrt.cli.fly import fly
+from uavrt.errors import ConfigError, FormatError, PlanError
+from uavrt.guidance import area_in, keep_out_in, survey_file
+from uavrt.guidance.orders import Order
+from uavrt.messages import KeepOut
+
+
+def places(*local: tuple[float, float]) -> tuple[tuple[float, float], ...]:
+    return tuple(HOME.to_geodetic(*one) for one in local)
+
+
+FIELD = places((50, 0), (50, 150), (150, 150), (150, 0))
+BARN = KeepOut(places=places((180, 0), (180, 40), (200, 40), (200, 0)))
+PERSON = KeepOut(places=places((20, 60)), radius_m=20.0)
+
+
+def survey(**values: Any) -> Order:
+    usual: dict[str, Any] = {
+        "places": FIELD,
+        "height_m": 60.0,
+        "spacing_m": 50.0,
+        "keep_out": (BARN, PERSON),
+    }
+    return Order(order_id=0, action="survey", **usual | values)
+
+
+def test_it_flies_the_lines_at_their_height_and_returns() -> None:
+    mission = json.loads(survey_file(survey(), 5.0))["mission"]
+    *ways, home = mission["items"]
+    assert [one["command"] for one in ways] == [16] * 4
+    assert {(one["frame"], one["params"][6], one["Altitude"]) for one in ways} == {(3, 60, 60)}
+    assert home["command"] == 20
+    assert [one["doJumpId"] for one in mission["items"]] == [1, 2, 3, 4, 5]
+    assert mission["plannedHomePosition"][:2] == ways[0]["params"][4:6]
+
+
+def test_its_fences_are_what_we_read_as_kept_out_of() -> None:
+    text = survey_file(survey(), 5.0)
+    assert set(keep_out_in(text, "saved.plan")) == {BARN, PERSON}
+    with pytest.raises(FormatError, match="0 outlines"):
+        area_in(text, "saved.plan")
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"pattern": "points"}, "turns cannot be written"),
+        ({"height_m": None}, "needs a height"),
+        ({"height_m": 10.0}, "the least is 20 m"),
+        ({"places": ()}, "no corners"),
+        ({"spacing_m": 1.0}, "1 m apart"),
+        ({"keep_out": (KeepOut(places=places((100, 75)), radius_m=30.0),)}, "keep away from"),
+    ],
+)
+def test_a_survey_that_cannot_be_one_is_not_written(
+    values: dict[str, Any], reason: str
+) -> None:
+    with pytest.raises(PlanError, match=reason):
+        survey_file(survey(**values), 5.0)
+
+
+def meadow(directory: Path) -> Path:
+    path = directory / "meadow.geojson"
+    ring = [[east, north] for north, east in (*FIELD, FIELD[0])]
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    return path
+
+
+def test_the_command_line_saves_and_asks_no_drone(tmp_path: Path) -> None:
+    saved = tmp_path / "survey.plan"
+    fly("survey", area=meadow(tmp_path), height=60.0, save=saved)
+    assert json.loads(saved.read_text())["fileType"] == "Plan"
+    with pytest.raises(FormatError, match="cannot be written"):
+        fly("survey", area=meadow(tmp_path), height=60.0, save=saved)
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda path: fly("hold", save=path / "hold.plan"),
+        lambda path: fly("stop", save=path / "stop.plan"),
+        lambda path: fly("survey", area=meadow(path), height=60.0, save=path / "x.json"),
+    ],
+)
+def test_only_surveys_are_saved(tmp_path: Path, ask: Callable[[Path], None]) -> None:
+    with pytest.raises(ConfigError, match="only a survey is saved"):
+        ask(tmp_path)

@@ -1,0 +1,231 @@
+"""Take-off by order: only from the ground, only armed by a pilot, only once confirmed."""
+
+import math
+from typing import Any
+
+import pytest
+from flown import HOME, Flown
+
+from uavrt.errors import CommandRefused, PlanError
+from uavrt.guidance.authority import Standing
+from uavrt.guidance.orders import Limits
+from uavrt.guidance.wishes import FlyThere, GoHome, TakeMode, TakeOff, VehicleCommand
+from uavrt.mavlink.dialect import MavResult
+from uavrt.mavlink.vehicle_messages import command_message
+from uavrt.simulation.flying import MODES, Flavour
+
+BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+
+
+def standing(flavour: Flavour, **values: Any) -> Flown:
+    """A drone on the ground, armed by its pilot."""
+    return Flown(flavour, on_ground=True, **values)
+
+
+def taken_off(flown: Flown, height_m: float = 30.0) -> str | None:
+    pilot = flown.order("takeoff", height_m=height_m)
+    flown.run(60.0, until=lambda: pilot.ended is not None)
+    return pilot.ended
+
+
+@BOTH
+def test_it_climbs_straight_up_to_the_height_above_home_and_hovers(flavour: Flavour) -> None:
+    flown = standing(flavour)
+    assert taken_off(flown) == "done"
+    flown.run(10.0)
+    vehicle = flown.vehicle
+    assert vehicle.height_m == pytest.approx(30.0, abs=1.0)
+    assert math.hypot(vehicle.north_m, vehicle.east_m) < 1.0
+    assert vehicle.mode == MODES[flavour]["hold"]
+    last = flown.commands[-1][1]
+    assert last.command == 22
+    wanted = HOME.altitude_amsl_m + 30.0 if flavour == "px4" else 30.0
+    assert last.param7 == pytest.approx(wanted, abs=0.01)
+    assert [one.command for _, one in flown.commands] == [176, 22][flavour == "px4" :]
+    assert flown.authority.reason == "done"
+
+
+@BOTH
+def test_nobody_ever_arms_but_the_pilot(flavour: Flavour) -> None:
+    flown = standing(flavour)
+    flown.vehicle.armed = False
+    flown.run(1.2)
+    with pytest.raises(CommandRefused, match="not armed") as refused:
+        flown.order("takeoff", height_m=30.0)
+    assert "uavrt never arms" in str(refused.value)
+    assert not flown.commands
+
+
+@BOTH
+def test_a_drone_that_may_not_take_off_does_not(flavour: Flavour) -> None:
+    flown = standing(flavour, may_take_off=False)
+    with pytest.raises(CommandRefused, match="does not take off by order") as refused:
+        flown.order("takeoff", height_m=30.0)
+    assert "may_take_off" in str(refused.value)
+
+
+@BOTH
+def test_a_confirmation_after_ten_seconds_is_none(flavour: Flavour) -> None:
+    flown = standing(flavour)
+    flown.authority.offer(1, 77, flown.time_s, takeoff=True)
+    flown.vehicle.idle_s = -60.0  # it would have disarmed
+    flown.run(10.2)
+    with pytest.raises(CommandRefused, match="asked for 10 s ago"):
+        flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+
+
+@BOTH
+def test_a_confirmed_take_off_that_does_not_begin_in_ten_seconds_never_does(
+    flavour: Flavour,
+) -> None:
+    flown = standing(flavour)
+    pilot = flown.order("takeoff", height_m=30.0)
+    flown.vehicle.idle_s = -60.0
+    flown.pilot = None
+    flown.run(10.5)
+    assert flown.authority.reason == "the order was not begun within 10 s"
+    flown.pilot = pilot
+    flown.run(5.0)
+    assert not flown.commands
+    assert flown.vehicle.landed
+
+
+@BOTH
+def test_disarmed_before_the_command_leaves_nothing_waits_for_the_next_arming(
+    flavour: Flavour,
+) -> None:
+    flown = standing(flavour)
+    pilot = flown.order("takeoff", height_m=30.0)
+    flown.pilot, flown.vehicle.armed = None, False
+    flown.run(1.2)
+    assert flown.authority.reason == "the vehicle is disarmed"
+    flown.pilot, flown.vehicle.armed = pilot, True
+    flown.run(5.0)
+    assert not flown.commands
+    assert flown.vehicle.landed
+
+
+@BOTH
+def test_in_the_air_there_is_no_take_off_and_on_the_ground_nothing_else(
+    flavour: Flavour,
+) -> None:
+    with pytest.raises(CommandRefused, match="in the air already"):
+        Flown(flavour).order("takeoff", height_m=60.0)
+    with pytest.raises(CommandRefused, match="on the ground"):
+        standing(flavour).order("hold", height_m=30.0)
+
+
+@BOTH
+def test_an_order_to_take_off_commands_nothing_else(flavour: Flavour) -> None:
+    flown = standing(flavour)
+    pilot = flown.order("takeoff", height_m=30.0)
+    flown.pilot = None
+    amsl = HOME.altitude_amsl_m + 30.0
+    there = FlyThere(latitude_deg=47.1, longitude_deg=8.5, altitude_amsl_m=amsl)
+    too_low = TakeOff(height_m=3.0, altitude_amsl_m=HOME.altitude_amsl_m + 3.0)
+    two = TakeOff(height_m=30.0, altitude_amsl_m=amsl + 40.0)
+    for wish in (there, GoHome(), too_low, two):
+        with pytest.raises(CommandRefused):
+            flown.authority.command(pilot.order.order_id, wish, flown.time_s)
+    wrong = TakeMode() if flavour == "px4" else TakeOff(height_m=30.0, altitude_amsl_m=amsl)
+    with pytest.raises(CommandRefused):
+        flown.authority.command(pilot.order.order_id, wrong, flown.time_s)
+    assert flown.authority.standing is Standing.CONFIRMED
+
+
+@BOTH
+def test_no_other_order_takes_off(flavour: Flavour) -> None:
+    flown = Flown(flavour)
+    pilot = flown.order("hold")
+    flown.pilot = None
+    amsl = HOME.altitude_amsl_m + 30.0
+    for wish in (TakeMode(), TakeOff(height_m=30.0, altitude_amsl_m=amsl)):
+        with pytest.raises(CommandRefused, match="not what was confirmed"):
+            flown.authority.command(pilot.order.order_id, wish, flown.time_s)
+
+
+@pytest.mark.parametrize(
+    ("height_m", "limits", "reason"),
+    [
+        (None, Limits(battery_wh=120.0), "needs a height|the least is"),
+        (5.0, Limits(battery_wh=120.0), "the least is 20 m"),
+        (150.0, Limits(battery_wh=120.0), "the most is 120 m"),
+        (30.0, Limits(), "battery's size"),
+    ],
+)
+def test_a_height_or_a_battery_that_does_not_do_is_refused(
+    height_m: float | None, limits: Limits, reason: str
+) -> None:
+    flown = standing("px4", limits=limits)
+    with pytest.raises(PlanError, match=reason):
+        flown.order("takeoff", height_m=height_m)
+    assert not flown.commands
+
+
+@BOTH
+def test_a_drone_that_is_held_down_is_given_up(flavour: Flavour) -> None:
+    flown = standing(flavour)
+    flown.order("takeoff", height_m=30.0)
+    flown.run(3.2)
+    flown.vehicle.frame = type(flown.vehicle.frame)(climb_m_s=0.0)
+    flown.run(13.0)
+    assert flown.authority.standing is Standing.OUT
+    assert flown.authority.reason in (
+        "the drone does not climb",
+        "the command was not seen to be obeyed",
+    )
+
+
+@BOTH
+def test_its_own_word_counts_more_than_its_height_above_home(flavour: Flavour) -> None:
+    """Home may lie on a hill: 12 m above it the drone can stand on the ground."""
+    flown = Flown(flavour)
+    flown.vehicle.height_m, flown.vehicle.landed = 12.0, True
+    flown.run(1.2)
+    with pytest.raises(CommandRefused, match="on the ground"):
+        flown.order("hold", height_m=30.0)
+    low = Flown(flavour)
+    low.vehicle.height_m = 1.0
+    low.run(1.2)
+    low.order("hold", height_m=30.0)
+
+
+@BOTH
+@pytest.mark.parametrize(("height_m", "on_ground"), [(0.5, True), (12.0, False)])
+def test_where_it_tells_nothing_its_height_counts(
+    flavour: Flavour, height_m: float, on_ground: bool
+) -> None:
+    flown = Flown(flavour)
+    flown.landed_told = False
+    flown.vehicle.height_m = height_m
+    flown.run(4.0)
+    assert flown.authority.on_ground(flown.time_s) is on_ground
+
+
+@BOTH
+def test_a_landing_ends_an_order(flavour: Flavour) -> None:
+    flown = Flown(flavour)
+    flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
+    flown.run(3.0)
+    flown.vehicle.landed = True
+    flown.run(0.6)
+    assert flown.authority.reason == "the vehicle has landed"
+
+
+@BOTH
+def test_told_while_disarmed_px4_flies_at_the_next_arming_and_ardupilot_refuses(
+    flavour: Flavour,
+) -> None:
+    """Why nothing is ever sent to a drone that is not armed."""
+    vehicle = standing(flavour).vehicle
+    vehicle.armed = False
+    if flavour == "ardupilot":
+        vehicle.set_mode(MODES[flavour]["hold"])
+    command = VehicleCommand(name="NAV_TAKEOFF", z_m=HOME.altitude_amsl_m + 30.0)
+    px4 = flavour == "px4"
+    told: Any = command_message(command, 1)
+    assert vehicle.command(told) == (MavResult.ACCEPTED if px4 else MavResult.FAILED)
+    vehicle.armed = True
+    for _ in range(60):
+        vehicle.advance(0.1)
+    assert (vehicle.height_m > 5.0) is px4

@@ -1,0 +1,243 @@
+"""Pulses seen in hindsight are marked wherever pulses are read, and never mixed with others."""
+
+import hashlib
+import io
+import json
+import math
+import zipfile
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from tests.unit.integration.conftest import Rotation
+from tests.unit.integration.test_whole_flight import judged
+
+from uavrt.analysis import IntegratedTag, read_survey, save_integrated
+from uavrt.analysis.export import export_survey, kmz_bytes
+from uavrt.analysis.report import html_page, pdf_document
+from uavrt.errors import FormatError, RecordingError
+from uavrt.messages import Poses, Pulse, PulsePose
+from uavrt.recording import (
+    Flight,
+    FlightLayout,
+    FlightRecorder,
+    read_flight,
+    read_folds,
+    read_integrated,
+    read_pulse_file,
+)
+from uavrt.recording.formats import read_pulse_log
+
+LIVE = 4
+"""Pulses of the train that the flight's own log has."""
+
+
+@pytest.fixture(scope="module")
+def result(weak: Rotation, tmp_path_factory: pytest.TempPathFactory) -> IntegratedTag:
+    return judged(weak, tmp_path_factory.mktemp("judged"))
+
+
+@pytest.fixture
+def flight(weak: Rotation, result: IntegratedTag, tmp_path: Path) -> Flight:
+    """A flight on the disk that heard some of the train's pulses itself."""
+    directory = tmp_path / "flight_log_2023-11-14_22-13-20"
+    recorder = FlightRecorder.create(replace(weak.flight.info, directory=str(directory)), None)
+    recorder.write_poses(Poses(poses=weak.flight.poses))
+    times_ns = result.pulse_times_ns[20 : 20 + LIVE]
+    recorder.write_pulse_poses(
+        PulsePose(pulse=live_pulse(weak.tag.tag_id, int(time_ns) + 6_000_000), pose=None)
+        for time_ns in times_ns
+    )
+    recorder.close()
+    return read_flight(directory)
+
+
+def live_pulse(tag_id: int, time_ns: int) -> Pulse:
+    return Pulse(
+        tag_id=tag_id,
+        frequency_hz=148.7e6,
+        start_time_ns=time_ns,
+        end_time_ns=time_ns + 20_000_000,
+        snr_db=9.0,
+        group_snr_db=9.0,
+        score=1.1,
+        group_index=1,
+        group_sequence=1,
+        noise_psd=1e-12,
+        detection_status="detected",
+        confirmed=False,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )
+
+
+def test_they_lie_beside_the_flight_whose_own_log_stays_as_it_was(
+    flight: Flight, result: IntegratedTag
+) -> None:
+    root = Path(flight.info.directory)
+
+    def own_log() -> dict[str, str]:
+        files = [path for path in sorted(root.rglob("*")) if path.is_file()]
+        inside = FlightLayout(root).integrated_directory
+        return {
+            str(path): hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in files
+            if not path.is_relative_to(inside)
+        }
+
+    before = own_log()
+    assert read_integrated(root) == ((), ())
+    save_integrated(flight, [result])
+    assert own_log() == before
+    (verdict,), pulses = read_integrated(root)
+    assert verdict.found
+    assert verdict.heard_live == LIVE
+    assert verdict.pulses == len(pulses) == len(result.pulse_times_ns) - LIVE
+    assert {one.pulse.detection_status for one in pulses} == {"integrated"}
+    assert not any(one.pulse.confirmed for one in pulses)
+    posed = sum(one.pose is not None for one in pulses)
+    assert posed >= len(pulses) - 2
+    assert read_pulse_file(root / "integrated" / "pulses.jsonl") == pulses
+
+
+def test_nothing_is_counted_twice_however_often_it_is_judged(
+    flight: Flight, result: IntegratedTag
+) -> None:
+    for _ in range(3):
+        save_integrated(flight, [result])
+    survey = read_survey(flight.info.directory)
+    assert len(survey.pulse_poses) == LIVE
+    assert len(survey.every_pulse) == len(result.pulse_times_ns)
+    times = [one.pulse.start_time_ns for one in survey.every_pulse]
+    assert times == sorted(times)
+    assert min(b - a for a, b in pairwise(times)) > 1_000_000_000
+
+
+def test_a_tag_that_is_not_found_any_more_loses_its_pulses_and_others_keep_theirs(
+    flight: Flight, result: IntegratedTag
+) -> None:
+    other = replace(result, tag=replace(result.tag, tag_id=77))
+    save_integrated(flight, [result, other])
+    save_integrated(flight, [replace(result, found=False, place=None)])
+    verdicts, pulses = read_integrated(flight.info.directory)
+    assert [(one.tag_id, one.found) for one in verdicts] == [
+        (result.tag.tag_id, False),
+        (77, True),
+    ]
+    assert {one.pulse.tag_id for one in pulses} == {77}
+
+
+def test_bearings_and_positions_are_those_of_the_pulses_heard_in_flight(
+    flight: Flight, result: IntegratedTag
+) -> None:
+    before = read_survey(flight.info.directory)
+    save_integrated(flight, [result])
+    after = read_survey(flight.info.directory)
+    assert after.bearings == before.bearings == ()
+    assert after.positions == before.positions
+
+
+def test_every_export_marks_them(flight: Flight, result: IntegratedTag, tmp_path: Path) -> None:
+    save_integrated(flight, [result])
+    survey = read_survey(flight.info.directory)
+    export_survey(survey, tmp_path / "out", ["csv", "uavrt", "geojson", "geopackage"])
+    count = len(survey.integrated)
+    table = (tmp_path / "out" / "pulses.csv").read_text().splitlines()
+    assert sum(",integrated," in line for line in table) == count
+    assert sum(",detected," in line for line in table) == LIVE
+    told = json.loads((tmp_path / "out" / "flight.geojson").read_text())["features"]
+    marked = [one for one in told if one["properties"].get("detection_status") == "integrated"]
+    placed = [one for one in survey.integrated if one.pose is not None]
+    assert len(marked) == len(placed)
+    back = read_pulse_log(tmp_path / "out" / "Pulse-uavrt.csv").pulse_poses
+    assert sum(one.pulse.detection_status == "integrated" for one in back) == len(placed)
+    with zipfile.ZipFile(io.BytesIO(kmz_bytes(survey))) as archive:
+        text = archive.read("doc.kml").decode()
+        assert "pulses seen in hindsight (integrated)" in text
+        assert text.count("<styleUrl>#integrated</styleUrl>") == len(placed)
+        assert "files/ring.png" in archive.namelist()
+
+
+def test_the_report_tells_of_them_and_how_they_were_found(
+    flight: Flight, result: IntegratedTag
+) -> None:
+    save_integrated(flight, [result])
+    text = html_page(read_survey(flight.info.directory))
+    assert "In hindsight, over the whole flight: found (noise alone shows as much" in text
+    assert f"{len(result.pulse_times_ns) - LIVE} further pulses every" in text
+    assert "In hindsight. `uavrt integrate` judged all pulses" in text
+
+
+def test_strengths_below_the_noise_are_unknown_and_not_zero(
+    flight: Flight, result: IntegratedTag
+) -> None:
+    save_integrated(flight, [result])
+    _, pulses = read_integrated(flight.info.directory)
+    levels = [one.pulse.snr_db for one in pulses]
+    assert any(math.isnan(level) for level in levels)
+    assert any(level > 3.0 for level in levels)
+    assert all(math.isnan(one.pulse.noise_psd) for one in pulses)
+
+
+@pytest.mark.parametrize("content", ["{", "[1]", '[{"tag_id": 2}]', '{"tag_id": 2}'])
+def test_damaged_results_are_named_and_the_flight_is_read_all_the_same(
+    flight: Flight, result: IntegratedTag, content: str
+) -> None:
+    directory = save_integrated(flight, [result])
+    (directory / "tags.json").write_text(content)
+    with pytest.raises(FormatError, match=r"tags\.json cannot be read"):
+        read_integrated(flight.info.directory)
+    survey = read_survey(flight.info.directory)
+    assert len(survey.pulse_poses) == LIVE
+    assert any("Nothing of what was integrated" in text for text in survey.warnings)
+
+
+def test_a_place_that_cannot_be_written_is_named(flight: Flight, result: IntegratedTag) -> None:
+    (Path(flight.info.directory) / "integrated").write_text("a file")
+    with pytest.raises(RecordingError, match=r"cannot write .*integrated"):
+        save_integrated(flight, [result])
+
+
+def test_the_fold_lies_beside_the_flight_and_is_drawn_in_the_report(
+    flight: Flight, result: IntegratedTag
+) -> None:
+    directory = flight.info.directory
+    assert read_folds(directory) == ()
+    save_integrated(flight, [result, replace(result, tag=replace(result.tag, tag_id=77))])
+    save_integrated(flight, [result])
+    own, other = read_folds(directory)
+    assert (own.tag_id, other.tag_id) == (result.tag.tag_id, 77)
+    assert own.interval_s == result.pulses.interval_s
+    assert 20 <= len(own.raster) <= 32
+    # The train is in the middle, in every part of the flight that heard it.
+    middle = len(own.profile) // 2
+    top = max(range(len(own.profile)), key=lambda column: own.profile[column])
+    assert abs(top - middle) <= 2
+    assert own.profile[top] > 6.0 > 2.5 * abs(own.profile[5])
+    text = html_page(read_survey(directory))
+    assert f"Tag {result.tag.tag_id} over the whole flight" in text
+    assert "A tag is an upright line" in text
+    assert pdf_document(read_survey(directory)).startswith(b"%PDF")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "{",
+        '[{"tag_id": 2}]',
+        '[{"tag_id": 2, "interval_s": 1.2, "length_s": 9, "profile": [1, 2], "raster": [[1]]}]',
+        '[{"tag_id": 2, "interval_s": 1.2, "length_s": 9, "profile": [NaN], "raster": [[1]]}]',
+    ],
+)
+def test_a_damaged_fold_is_named_and_the_flight_is_read_all_the_same(
+    flight: Flight, result: IntegratedTag, content: str
+) -> None:
+    directory = save_integrated(flight, [result])
+    (directory / "folds.json").write_text(content)
+    with pytest.raises(FormatError, match=r"folds\.json cannot be read"):
+        read_folds(flight.info.directory)
+    survey = read_survey(flight.info.directory)
+    assert survey.folds == ()
+    assert any("Nothing of what was integrated" in text for text in survey.warnings)

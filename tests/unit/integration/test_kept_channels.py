@@ -1,0 +1,164 @@
+"""A weak tag is found from the channels that the flight kept: pieces joined, gaps respected."""
+
+import json
+import shutil
+import time
+from contextlib import closing, suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
+
+from uavrt.analysis import channel_of, integrate_kept, kept_channels
+from uavrt.cli.app import app
+from uavrt.errors import FormatError, UavrtError
+from uavrt.localization import PATTERNS
+from uavrt.messages import ChannelBlock, Poses, Tag
+from uavrt.radio import JoinedRecording
+from uavrt.recording import ChannelRecorder, FlightLayout, FlightRecorder, read_flight
+from uavrt_experiments.detection.signals import START_NS, noise
+
+SPACING_HZ = 1875.0
+GAP_S = (70.0, 75.0)
+
+
+def one_second(
+    samples: NDArray[np.complex64], channel: int, at_s: int, hz: float
+) -> ChannelBlock:
+    rate = round(RATE_HZ)
+    return ChannelBlock(
+        channel=channel,
+        center_frequency_hz=hz + channel * SPACING_HZ,
+        samples=samples[at_s * rate : (at_s + 1) * rate],
+        sample_index=at_s * rate,
+        time_ns=START_NS + at_s * 1_000_000_000,
+        sample_rate_hz=RATE_HZ,
+    )
+
+
+@pytest.fixture(scope="module")
+def kept(weak: Rotation, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A flight that kept the channel of a weak tag, and one with nothing but noise."""
+    directory = tmp_path_factory.mktemp("kept") / "flight_log_2023-11-14_22-13-20"
+    other = replace(weak.tag, tag_id=9, frequency_hz=weak.tag.frequency_hz + 4 * SPACING_HZ)
+    info = replace(weak.flight.info, directory=str(directory), tags=(weak.tag, other))
+    recorder = FlightRecorder.create(info, None)
+    recorder.write_poses(Poses(poses=weak.flight.poses))
+    recorder.close()
+    quiet = noise(np.random.default_rng(4), len(weak.samples))
+    keeping = ChannelRecorder(directory, budget_mb=12.0, minimum_free_mb=0.0)
+    put = 0
+    for at_s in range(int(len(quiet) / RATE_HZ)):
+        if GAP_S[0] <= at_s < GAP_S[1]:
+            continue
+        both = [(weak.samples, 0), (quiet, 4)]
+        blocks = [one_second(some, n, at_s, weak.tag.frequency_hz) for some, n in both]
+        keeping.put(blocks)
+        put += sum(len(block.samples) for block in blocks)
+        while at_s % 60 == 59 and keeping.written_samples < put:
+            time.sleep(0.02)
+    keeping.close()
+    assert keeping.dropped_samples == 0
+    return directory
+
+
+@pytest.fixture
+def flown(kept: Path, tmp_path: Path) -> Path:
+    """The same for a test alone."""
+    return Path(shutil.copytree(kept, tmp_path / kept.name))
+
+
+def test_each_tag_is_judged_from_the_pieces_of_its_own_channel(
+    flown: Path, weak: Rotation
+) -> None:
+    channels = kept_channels(flown)
+    assert [round(one.center_frequency_hz - weak.tag.frequency_hz) for one in channels] == [
+        0,
+        7500,
+    ]
+    assert all(len(one.paths) >= 3 for one in channels)
+    found = integrate_kept(
+        read_flight(flown),
+        read_flight(flown).info.tags,
+        PATTERNS["RA-23K"],
+        frequency_window_hz=WINDOW_HZ,
+    )
+    assert [one.found for one in found] == [True, False]
+    assert [one.tag.tag_id for one in found] == [weak.tag.tag_id, 9]
+    assert found[0].pulses.interval_s == pytest.approx(weak.interval_s, abs=2e-4)
+    # Nothing is said of the time without samples.
+    times_s = (found[0].pulse_times_ns - START_NS) * 1e-9
+    inside = (times_s > GAP_S[0] + 0.1) & (times_s < GAP_S[1] - 0.1)
+    assert not inside.any()
+    assert (times_s > GAP_S[1]).sum() > 80
+
+
+def test_the_command_takes_what_the_flight_kept_by_itself(
+    flown: Path, weak: Rotation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    damaged = FlightLayout(flown).channels_directory / "channel_1_Hz_0001.sigmf-meta"
+    damaged.write_text("{")
+    arguments = ["integrate", str(flown), "--frequency-window", str(WINDOW_HZ), "--json"]
+    app(arguments, exit_on_error=False, result_action="return_value")
+    said = capsys.readouterr()
+    assert [one["found"] for one in json.loads(said.out)] == [True, False]
+    assert "channel_1_Hz_0001.sigmf-meta is not JSON" in " ".join(said.err.split())
+
+
+def test_a_tag_whose_channel_was_not_kept_is_named(flown: Path, weak: Rotation) -> None:
+    alien = replace(weak.tag, tag_id=5, frequency_hz=weak.tag.frequency_hz + 50_000.0)
+    with pytest.raises(UavrtError, match=r"kept no samples of tag 5, at 1\d\d\.\d+ MHz"):
+        integrate_kept(read_flight(flown), [weak.tag, alien], PATTERNS["RA-23K"])
+
+
+def test_a_tag_between_two_channels_has_the_nearer_one(flown: Path, weak: Rotation) -> None:
+    channels = kept_channels(flown)
+
+    def found(offset_hz: float) -> float | None:
+        tag: Tag = replace(weak.tag, frequency_hz=weak.tag.frequency_hz + offset_hz)
+        channel = channel_of(channels, tag)
+        return None if channel is None else channel.center_frequency_hz - weak.tag.frequency_hz
+
+    assert [found(offset) for offset in (900.0, 3_700.0, 6_600.0)] == [0.0, None, 7_500.0]
+
+
+def test_pieces_become_one_stream_whose_indices_count_what_is_missing(flown: Path) -> None:
+    (first, _) = kept_channels(flown)
+    with closing(JoinedRecording(tuple(reversed(first.paths)))) as source:
+        index = lost = samples = 0
+        end_ns = source.start_time_ns
+        with suppress(EOFError):
+            while (block := source.read()) is not None:
+                assert block.sample_index == index + block.lost_before
+                gap_ns = block.lost_before / RATE_HZ * 1e9
+                assert abs(block.time_ns - end_ns - gap_ns) < 3_000
+                index = block.sample_index + len(block.samples)
+                end_ns = block.time_ns + round(len(block.samples) / RATE_HZ * 1e9)
+                lost += block.lost_before
+                samples += len(block.samples)
+    assert lost == pytest.approx((GAP_S[1] - GAP_S[0]) * RATE_HZ, abs=1)
+    assert samples == source.total_samples == first.samples
+
+
+def test_pieces_of_different_channels_are_not_joined(flown: Path) -> None:
+    first, second = kept_channels(flown)
+    with pytest.raises(FormatError, match="not of one channel"):
+        JoinedRecording((first.paths[0], second.paths[0]))
+
+
+def test_a_piece_that_is_cut_off_is_used_as_far_as_it_goes(flown: Path) -> None:
+    (first, _) = kept_channels(flown)
+    data = first.paths[1].with_suffix(".sigmf-data")
+    size = data.stat().st_size
+    with data.open("r+b") as file:
+        file.truncate(size // 4 * 2 + 1)
+    with closing(JoinedRecording(first.paths)) as source:
+        samples = 0
+        with suppress(EOFError):
+            while (block := source.read()) is not None:
+                samples += len(block.samples)
+        assert len(source.left_out) == 1
+    assert samples == pytest.approx(first.samples - size / 4, abs=2)

@@ -1,0 +1,164 @@
+"""A tag that no group of pulses shows is found over the whole flight, and nothing else is."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotation
+
+from uavrt.analysis.fold_pictures import write_fold_pictures
+from uavrt.analysis.whole_flight import IntegratedTag, chance_in_words, integrate_flight
+from uavrt.cli.app import app
+from uavrt.cli.integrated_words import where
+from uavrt.errors import UavrtError
+from uavrt.integration import HeardTrain, place_belief, train_pulses
+from uavrt.localization import PATTERNS, difference_deg
+from uavrt.messages import Poses
+from uavrt.radio import open_recording
+from uavrt.recording import FlightRecorder
+from uavrt_experiments.detection.signals import START_NS
+from uavrt_experiments.detection.trials import detect
+from uavrt_experiments.integrate.flights import (
+    World,
+    add_pulses,
+    looked_at,
+    passing,
+    silence,
+)
+
+
+def judged(flown: Rotation, path: Path, false_alarm_probability: float = 0.01) -> IntegratedTag:
+    path = path / "samples.cf32"
+    flown.samples.tofile(path)
+    source = open_recording(
+        path,
+        sample_rate_hz=RATE_HZ,
+        center_frequency_hz=flown.tag.frequency_hz,
+        start_time_ns=flown.flight.info.start_time_ns,
+    )
+    try:
+        return integrate_flight(
+            flown.flight,
+            source,
+            [flown.tag],
+            PATTERNS["RA-23K"],
+            frequency_window_hz=WINDOW_HZ,
+            false_alarm_probability=false_alarm_probability,
+        )[0]
+    finally:
+        source.close()
+
+
+def test_a_tag_below_every_group_is_found_with_its_interval_and_direction(
+    weak: Rotation, tmp_path: Path
+) -> None:
+    alone, _ = detect(weak.samples, weak.tag, frequency_window_hz=WINDOW_HZ)
+    assert sum(pulse.confirmed for pulse in alone) == 0
+    found = judged(weak, tmp_path)
+    assert found.found
+    assert found.train.false_alarm_probability < 0.01
+    assert found.pulses.interval_s == pytest.approx(weak.interval_s, abs=2e-4)
+    assert found.pulses.offset_hz == pytest.approx(weak.offset_hz, abs=25.0)
+    assert found.place is not None
+    away = abs(difference_deg(found.place.bearing_deg, weak.bearing_deg))
+    assert away < 0.75 * found.place.arc95_deg < 60.0
+    assert len(found.pulse_times_ns) == pytest.approx(160, abs=6)
+    files = write_fold_pictures(tmp_path, [found])
+    assert [file.stat().st_size > 10_000 for file in files] == [True]
+
+
+def test_noise_is_nobody(tmp_path: Path) -> None:
+    chances = [
+        judged(rotation(seed, None), tmp_path).train.false_alarm_probability
+        for seed in range(20, 26)
+    ]
+    assert min(chances) > 0.01
+
+
+@pytest.mark.parametrize(
+    ("probability", "words"),
+    [(0.4, "40 of 100 flights"), (0.002, "one of 500 flights"), (1e-12, "of a billion")],
+)
+def test_a_chance_is_said_in_flights(probability: float, words: str) -> None:
+    assert words in chance_in_words(probability)
+
+
+def test_poses_of_another_day_are_refused(weak: Rotation, tmp_path: Path) -> None:
+    path = tmp_path / "samples.cf32"
+    weak.samples[:200_000].tofile(path)
+    source = open_recording(
+        path,
+        sample_rate_hz=RATE_HZ,
+        center_frequency_hz=weak.tag.frequency_hz,
+        start_time_ns=START_NS + 86_400_000_000_000,
+    )
+    with pytest.raises(UavrtError, match="no poses in the time"):
+        integrate_flight(weak.flight, source, [weak.tag], PATTERNS["RA-23K"])
+    source.close()
+
+
+@pytest.fixture
+def on_disk(weak: Rotation, tmp_path: Path) -> Callable[[], list[str]]:
+    """The flight directory and the samples, as arguments."""
+    from dataclasses import replace
+
+    directory = tmp_path / "flight"
+    info = replace(weak.flight.info, directory=str(directory))
+    recorder = FlightRecorder.create(info, None)
+    recorder.write_poses(Poses(poses=weak.flight.poses))
+    recorder.commit()
+    recorder.close()
+    samples = tmp_path / "samples.cf32"
+    weak.samples.tofile(samples)
+    return lambda: [
+        *("integrate", str(directory), "--recording", str(samples)),
+        *("--sample-rate", str(RATE_HZ), "--center-frequency", str(weak.tag.frequency_hz)),
+        *("--start-time", "2023-11-14T22:13:20Z", "--frequency-window", str(WINDOW_HZ)),
+    ]
+
+
+def test_the_command_prints_what_the_function_says(
+    on_disk: Callable[[], list[str]], weak: Rotation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    app([*on_disk(), "--json"], exit_on_error=False, result_action="return_value")
+    (said,) = json.loads(capsys.readouterr().out)
+    assert said["found"]
+    assert said["interval_s"] == pytest.approx(weak.interval_s, abs=2e-4)
+    assert len(said["integrated_pulses"]) == pytest.approx(160, abs=6)
+    assert np.isfinite(said["bearing_deg"])
+
+
+def test_a_flight_without_samples_and_an_unknown_tag_are_named(
+    on_disk: Callable[[], list[str]],
+) -> None:
+    arguments = on_disk()
+    with pytest.raises(UavrtError, match="holds no samples"):
+        app(arguments[:2], exit_on_error=False, result_action="return_value")
+    with pytest.raises(UavrtError, match="there is no tag 9"):
+        app([*arguments, "--tag", "9"], exit_on_error=False, result_action="return_value")
+
+
+def test_after_a_straight_pass_both_places_are_named() -> None:
+    world = World(course=passing(200), slack_s=0.02, window_hz=60.0)
+    rng = np.random.default_rng(12)
+    samples = silence(rng, world.course)
+    truth = world.truth(rng)
+    add_pulses(rng, samples, world.pulses(rng, truth, 8.0))
+    energies = world.energies(samples)
+    train = world.judge(energies, 0.01).train
+    places, chosen = looked_at(world.course)
+    pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
+    place = place_belief([HeardTrain.among(energies, pulses, places)])
+    told = where(place)
+    assert "one of 2 places" in told[0]
+    first, second = place.cells.parts()[:2]
+    assert first.probability + second.probability > 0.85
+    # Plane's middle is at 111 degrees west; the pass ran north.
+    assert first.longitude_deg + second.longitude_deg == pytest.approx(-222.0, abs=0.002)
+    assert place.cells.holds(truth.east_m, truth.north_m, 0.95)
+    assert place.cells.holds(-truth.east_m, truth.north_m, 0.95)
+    outlines = place.cells.outlines(0.5)
+    assert outlines
+    assert all(len(one) >= 5 and one[0] == one[-1] for one in outlines)

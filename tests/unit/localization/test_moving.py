@@ -1,0 +1,223 @@
+"""A tag that moves is followed; one that rests keeps its place."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from uavrt.errors import UsageError
+from uavrt.localization import (
+    Position,
+    PowerTrack,
+    Stations,
+    TangentPlane,
+    estimate_position,
+)
+from uavrt.localization.angles import difference_deg
+from uavrt_experiments.localization.position_bars import survey
+
+PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
+SIDE_M = 300.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Walker:
+    """Goes straight on from where it is at 0 s."""
+
+    east_m: float
+    north_m: float
+    east_m_s: float
+    north_m_s: float
+
+    def at(self, time_s: float) -> tuple[float, float]:
+        return self.east_m + self.east_m_s * time_s, self.north_m + self.north_m_s * time_s
+
+
+def a_walker(rng: np.random.Generator, speed_m_s: float) -> Walker:
+    towards = rng.uniform(0.0, 2.0 * np.pi)
+    return Walker(
+        east_m=float(rng.normal(0.0, 50.0)),
+        north_m=float(rng.normal(0.0, 50.0)),
+        east_m_s=speed_m_s * float(np.sin(towards)),
+        north_m_s=speed_m_s * float(np.cos(towards)),
+    )
+
+
+def turns_around(
+    rng: np.random.Generator, tag: Walker, stations: int = 6, *, timed: bool = True
+) -> Stations:
+    """Turns of a minute on a ring around the tag; bearings of 3°, a common error of 1.5°."""
+    angle = rng.uniform(0.0, 2.0 * np.pi) + np.arange(stations) * 2.0 * np.pi / stations
+    radius = rng.uniform(250.0, 450.0, stations)
+    east, north = radius * np.sin(angle), radius * np.cos(angle)
+    hops_s = np.hypot(np.diff(east), np.diff(north)) / 8.0
+    time_s = np.concatenate([[0.0], np.cumsum(hops_s + 60.0)])
+    places = np.array([tag.at(when) for when in time_s])
+    truth = np.degrees(np.arctan2(places[:, 0] - east, places[:, 1] - north))
+    bearing = truth + rng.normal(0.0, 1.5) + rng.normal(0.0, 3.0, stations)
+    latitude, longitude = PLANE.to_geodetic(east, north)
+    return Stations(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        bearing_deg=np.remainder(bearing, 360.0),
+        sigma_deg=np.full(stations, 3.0),
+        time_s=time_s if timed else None,
+        origin_ns=1_700_000_000_000_000_000,
+    )
+
+
+def flown_over(
+    rng: np.random.Generator, speed_m_s: float, correlation: float = 0.0
+) -> tuple[PowerTrack, Walker]:
+    """Lines over a square with the tag in it, seven minutes."""
+    place = rng.uniform(0.2 * SIDE_M, 0.8 * SIDE_M, 2)
+    towards = rng.uniform(0.0, 2.0 * np.pi)
+    velocity = (speed_m_s * float(np.sin(towards)), speed_m_s * float(np.cos(towards)))
+    track = survey(rng, SIDE_M, 50.0, 3.0, correlation, (place[0], place[1]), velocity)
+    assert track.time_s is not None
+    half_s = 0.5 * float(track.time_s[-1])
+    tag = Walker(
+        east_m=float(place[0]) - velocity[0] * half_s,
+        north_m=float(place[1]) - velocity[1] * half_s,
+        east_m_s=velocity[0],
+        north_m_s=velocity[1],
+    )
+    return track, tag
+
+
+def miss_m(found: Position, place: tuple[float, float]) -> float:
+    east, north = PLANE.to_local(found.latitude_deg, found.longitude_deg)
+    return float(np.hypot(east - place[0], north - place[1]))
+
+
+def held(found: Position, tag: Walker, origin_ns: int = 0) -> list[bool]:
+    """Whether the circle of 95 % held the tag, at each time of its way."""
+    within = []
+    for one in found.track:
+        east, north = PLANE.to_local(one.latitude_deg, one.longitude_deg)
+        x, y = tag.at((one.time_ns - origin_ns) * 1e-9)
+        within.append(float(np.hypot(east - x, north - y)) <= one.radius95_m)
+    return within
+
+
+def test_a_walker_is_followed_from_turn_to_turn() -> None:
+    rng = np.random.default_rng(77)
+    within: list[bool] = []
+    for number in range(24):
+        tag = a_walker(rng, (0.5, 1.0)[number % 2])
+        given = turns_around(rng, tag)
+        found = estimate_position(given, method="track")
+        within += held(found, tag, given.origin_ns)
+        assert given.time_s is not None
+        assert found.track[0].time_ns == given.origin_ns
+        assert found.track[-1].time_ns == given.origin_ns + round(given.time_s[-1] * 1e9)
+        assert all(one.radius50_m < one.radius95_m < 700.0 for one in found.track)
+    assert 0.90 <= np.mean(within) <= 0.985
+
+
+def test_bearings_that_contradict_a_resting_tag_give_its_way_unasked() -> None:
+    rng = np.random.default_rng(42)
+    followed = 0
+    for _ in range(8):
+        tag = a_walker(rng, 1.0)
+        given = turns_around(rng, tag)
+        found = estimate_position(given, follow=True)
+        if any(one.name == "walk" for one in found.cautions):
+            followed += 1
+            assert len(found.track) >= len(given.bearing_deg)
+            assert np.mean(held(found, tag, given.origin_ns)) > 0.4
+    assert followed >= 6
+
+
+def test_a_tag_that_rests_keeps_its_place_and_has_no_way() -> None:
+    rng = np.random.default_rng(43)
+    ways = 0
+    for _ in range(20):
+        given = turns_around(rng, a_walker(rng, 0.0))
+        plain, found = (
+            estimate_position(given, follow=False),
+            estimate_position(given, follow=True),
+        )
+        ways += bool(found.track)
+        assert found.latitude_deg == plain.latitude_deg
+        assert found.radius95_m == plain.radius95_m
+    assert ways <= 2
+
+
+def test_asked_for_the_way_of_a_tag_that_rests_the_place_stays_as_good() -> None:
+    rng = np.random.default_rng(44)
+    errors: dict[str, list[float]] = {"bayes": [], "track": []}
+    for _ in range(12):
+        tag = a_walker(rng, 0.0)
+        given = turns_around(rng, tag)
+        for method, found in errors.items():
+            position = estimate_position(given, method=method)
+            found.append(miss_m(position, tag.at(0.0)))
+            assert bool(position.track) == (method == "track")
+    assert np.median(errors["track"]) <= 1.05 * np.median(errors["bayes"])
+
+
+def test_a_walker_is_told_and_followed_in_a_survey_by_strength() -> None:
+    rng = np.random.default_rng(45)
+    within: list[bool] = []
+    for number in range(8):
+        track, tag = flown_over(rng, (0.5, 1.0)[number % 2])
+        found = estimate_position(None, track, follow=True)
+        assert [one.name for one in found.cautions] == ["walk"]
+        assert found.method == "track"
+        assert track.time_s is not None
+        assert found.radius95_m is not None
+        assert miss_m(found, tag.at(float(track.time_s[-1]))) <= 1.5 * found.radius95_m
+        within += held(found, tag)
+    assert 0.90 <= np.mean(within) <= 0.995
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9])
+def test_a_resting_tag_of_a_survey_is_not_taken_for_a_walker(correlation: float) -> None:
+    rng = np.random.default_rng(46)
+    for _ in range(10):
+        track, _ = flown_over(rng, 0.0, correlation)
+        assert estimate_position(None, track, follow=True).track == ()
+
+
+def test_a_survey_of_a_wrong_height_is_not_taken_for_a_walk() -> None:
+    rng = np.random.default_rng(47)
+    for told_m in (20.0, 80.0):
+        for _ in range(4):
+            track, _ = flown_over(rng, 0.0)
+            wrong = PowerTrack(
+                latitude_deg=track.latitude_deg,
+                longitude_deg=track.longitude_deg,
+                height_m=np.full(len(track.snr_db), told_m),
+                snr_db=track.snr_db,
+                time_s=track.time_s,
+            )
+            assert estimate_position(None, wrong, follow=True).track == ()
+
+
+def test_the_same_flight_gives_the_same_way() -> None:
+    given = turns_around(np.random.default_rng(48), a_walker(np.random.default_rng(49), 0.8))
+    first, second = (estimate_position(given, method="track") for _ in range(2))
+    assert first.track == second.track
+
+
+def test_a_way_needs_times() -> None:
+    rng = np.random.default_rng(50)
+    given = turns_around(rng, a_walker(rng, 1.0), timed=False)
+    with pytest.raises(UsageError, match="times"):
+        estimate_position(given, method="track")
+
+
+def test_directions_behind_the_walkers_way_are_those_of_its_bearings() -> None:
+    """From each station the way lies where the bearing points, at that time."""
+    rng = np.random.default_rng(51)
+    given = turns_around(rng, a_walker(rng, 0.7), stations=8)
+    found = estimate_position(given, method="track")
+    assert given.time_s is not None
+    east, north = PLANE.to_local(given.latitude_deg, given.longitude_deg)
+    for number, when in enumerate(given.time_s):
+        time_ns = given.origin_ns + round(when * 1e9)
+        nearest = min(found.track, key=lambda one: abs(one.time_ns - time_ns))
+        x, y = PLANE.to_local(nearest.latitude_deg, nearest.longitude_deg)
+        towards = float(np.degrees(np.arctan2(x - east[number], y - north[number])))
+        assert abs(difference_deg(towards, given.bearing_deg[number])) < 15.0

@@ -1,0 +1,76 @@
+"""``uavrt range``: budget with the drone's own noise, groups and whole flights."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from uavrt.cli.range import range as range_command
+from uavrt.messages import FlightInfo, Pose, Poses, SearchReport
+from uavrt.recording import FlightRecorder
+
+START_NS = 1_700_000_000_000_000_000
+
+
+def write_noise(directory: Path) -> Path:
+    """A minute on the ground, then two in the air with four times the noise."""
+    recorder = FlightRecorder.create(
+        FlightInfo(
+            directory=str(directory),
+            start_time_ns=START_NS,
+            clock_offset_ns=0,
+            center_frequency_hz=150e6,
+            sample_rate_hz=3e6,
+            tags=(),
+        )
+    )
+    poses = []
+    for second in range(180):
+        air = second >= 60
+        poses.append(
+            Pose(
+                time_ns=START_NS + second * 1_000_000_000,
+                latitude_deg=47.0,
+                longitude_deg=8.0,
+                altitude_amsl_m=500.0,
+                altitude_relative_m=50.0 if air else 0.0,
+                quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+            )
+        )
+        if second % 5 == 2:
+            recorder.write_search_report(
+                SearchReport(
+                    tag_id=2,
+                    time_ns=poses[-1].time_ns,
+                    frequency_hz=150e6,
+                    noise_psd=4e-12 if air else 1e-12,
+                    best_score=0.5,
+                )
+            )
+    recorder.write_poses(Poses(poses=tuple(poses)))
+    recorder.commit()
+    recorder.close()
+    return directory
+
+
+def test_noise_of_a_past_flight_shortens_the_range_and_has_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = write_noise(tmp_path / "flight_log_x")
+    range_command(tag_power=-40.0, as_json=True)
+    quiet = json.loads(capsys.readouterr().out)
+    range_command(tag_power=-40.0, flight=flight, as_json=True)
+    noisy = json.loads(capsys.readouterr().out)
+    assert noisy[0]["distance50_m"] < 0.8 * quiet[0]["distance50_m"]
+    lines = {one["term"]: one["value"] for one in noisy[0]["budget"]}
+    assert lines["noise of the drone in a past flight"] == pytest.approx(6.02, abs=0.01)
+
+
+def test_a_whole_flight_reaches_farther_than_any_group(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    range_command(tag_power=-40.0, pulses=(3, 10), whole_flight=True, as_json=True)
+    *groups, whole = json.loads(capsys.readouterr().out)
+    assert whole["k"] is None
+    assert whole["enr50_db"] == 3.2
+    assert whole["distance50_m"] > max(one["distance50_m"] for one in groups)

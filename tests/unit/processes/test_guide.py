@@ -1,0 +1,220 @@
+"""What the guide plans, and from where."""
+
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from flown import Flown
+
+from uavrt.config.settings import GuidanceSettings, Settings
+from uavrt.geodesy import distance_m
+from uavrt.messages import (
+    KeepOut,
+    MotionOffer,
+    MotionRequest,
+    VehicleFence,
+    VehicleReport,
+    VehicleWish,
+)
+from uavrt.processes.guide import Guide
+
+
+@dataclass
+class Hub:
+    """A guide and what it sends."""
+
+    sent: list[Any] = field(default_factory=list)
+    guidance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        guidance = GuidanceSettings(enabled=True, battery_wh=120.0, **self.guidance)
+        settings = Settings(guidance=guidance)
+        frame: Any = SimpleNamespace(
+            assignment=SimpleNamespace(settings=settings, flight=None),
+            send=lambda _, record: self.sent.append(record),
+        )
+        self.flown = Flown("px4")
+        self.guide = Guide(frame)
+
+    def report(self, north_m: float = 0.0, **values: Any) -> VehicleReport:
+        latitude, longitude = self.flown.place(north_m, 0.0)
+        report = VehicleReport(
+            autopilot="px4",
+            fault=None,
+            standing="out",
+            reason="",
+            order_id=None,
+            mode="Position",
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl_m=470.0,
+            altitude_relative_m=40.0,
+            yaw_deg=0.0,
+            home=self.flown.place(0.0, 0.0),
+            battery_percent=90.0,
+        )
+        return replace(report, **values)
+
+    def ask(self, action: Any, **values: Any) -> MotionOffer:
+        request = MotionRequest(request_id=3, asker=(254, 190), action=action, **values)
+        self.guide.take("motion", request)
+        assert isinstance(self.sent[-1], MotionOffer)
+        return self.sent[-1]
+
+    def confirmed(self, offer: MotionOffer, north_m: float, **values: Any) -> VehicleWish:
+        values = {"standing": "confirmed", "order_id": offer.order_id} | values
+        self.guide.take("vehicle", self.report(north_m, **values))
+        assert isinstance(self.sent[-1], VehicleWish)
+        return self.sent[-1]
+
+
+@pytest.fixture
+def hub() -> Hub:
+    made = Hub()
+    made.guide.take("vehicle", made.report())
+    made.guide.take("vehicle_fence", VehicleFence())
+    return made
+
+
+def test_an_offer_tells_out_of_which_mode(hub: Hub) -> None:
+    offer = hub.ask("hold")
+    assert offer.mode == "Position"
+    assert offer.summary == "hold here at 40 m; out of Position"
+
+
+def test_an_offer_says_that_the_vehicles_fence_is_not_known() -> None:
+    hub = Hub()
+    hub.guide.take("vehicle", hub.report())
+    offer = hub.ask("hold")
+    assert offer.summary == (
+        "hold here at 40 m; the vehicle's own fence is not known; out of Position"
+    )
+
+
+def meadow(hub: Hub, half_m: float) -> KeepOut:
+    corners = ((-half_m, -half_m), (-half_m, half_m), (half_m, half_m), (half_m, -half_m))
+    return KeepOut(
+        places=tuple(hub.flown.place(*one) for one in corners), name="vehicle's fence"
+    )
+
+
+@pytest.mark.parametrize("action", ["goto", "survey"])
+def test_nothing_leaves_the_vehicles_own_fence(hub: Hub, action: str) -> None:
+    hub.guide.take("vehicle_fence", VehicleFence(within=(meadow(hub, 150.0),)))
+    corners = ((50.0, 0.0), (50.0, 100.0), (140.0, 100.0))
+    for far_m, refused in ((0.0, False), (50.0, True)):
+        places = tuple(hub.flown.place(north + far_m, east) for north, east in corners)
+        offer = hub.ask(
+            action, places=places[-1:] if action == "goto" else places, height_m=40.0
+        )
+        assert offer.refused == refused, offer.summary
+        assert ("leaves the vehicle's fence" in offer.summary) == refused
+
+
+def test_nothing_enters_what_the_vehicles_own_fence_excludes(hub: Hub) -> None:
+    pond = replace(meadow(hub, 20.0), places=(hub.flown.place(100.0, 0.0),), radius_m=20.0)
+    hub.guide.take("vehicle_fence", VehicleFence(keep_out=(pond,)))
+    offer = hub.ask("goto", places=(hub.flown.place(200.0, 0.0),), height_m=40.0)
+    assert offer.refused
+    assert 'enters the keep-out "vehicle\'s fence"' in offer.summary
+
+
+def test_a_fence_that_cannot_be_read_or_leaves_home_out_is_not_flown_with(hub: Hub) -> None:
+    hub.guide.take("vehicle_fence", VehicleFence(fault="the vehicle's fence has 2 corners"))
+    assert "has 2 corners" in hub.ask("hold").summary
+    away = replace(meadow(hub, 20.0), places=(hub.flown.place(100.0, 0.0),), radius_m=20.0)
+    hub.guide.take("vehicle_fence", VehicleFence(within=(away,)))
+    assert "home lies outside of the vehicle's fence" in hub.ask("hold").summary
+
+
+@pytest.mark.parametrize("action", ["hold", "rotate"])
+def test_here_is_where_the_drone_is_when_the_order_is_confirmed(hub: Hub, action: str) -> None:
+    offer = hub.ask(action)
+    wish = hub.confirmed(offer, north_m=120.0)
+    there = hub.flown.place(120.0, 0.0)
+    assert distance_m(wish.latitude_deg, wish.longitude_deg, *there) < 0.1
+
+
+def test_the_height_is_the_one_that_was_offered(hub: Hub) -> None:
+    offer = hub.ask("hold")
+    wish = hub.confirmed(offer, 0.0, altitude_amsl_m=490.0, altitude_relative_m=60.0)
+    assert wish.altitude_amsl_m == pytest.approx(470.0)
+
+
+def test_what_cannot_be_flown_any_more_when_it_is_confirmed_ends_with_the_reason(
+    hub: Hub,
+) -> None:
+    offer = hub.ask("goto", places=(hub.flown.place(300.0, 0.0),), height_m=40.0)
+    wish = hub.confirmed(offer, 0.0, battery_percent=30.0)
+    assert (wish.kind, wish.order_id) == ("end", offer.order_id)
+    assert "Wh" in wish.said
+
+
+@pytest.mark.parametrize("action", ["goto", "survey"])
+def test_a_way_begins_at_the_least_height_or_above(hub: Hub, action: str) -> None:
+    corners = ((50.0, 0.0), (50.0, 100.0), (150.0, 100.0))
+    places = tuple(hub.flown.place(*one) for one in corners)
+    low = hub.report(altitude_amsl_m=438.0, altitude_relative_m=8.0)
+    hub.guide.take("vehicle", low)
+    offer = hub.ask(action, places=places[:1] if action == "goto" else places, height_m=40.0)
+    assert offer.refused
+    assert "the drone is at 8 m" in offer.summary
+    assert not hub.ask("hold", height_m=30.0).refused
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [(None, "cannot be read"), ('{"type": "FeatureCollection", "features": []}', "holds none")],
+)
+def test_while_the_buildings_are_not_known_nothing_is_flown(
+    tmp_path: Path, text: str | None, reason: str
+) -> None:
+    farm = tmp_path / "farm.geojson"
+    if text is not None:
+        farm.write_text(text)
+    hub = Hub(guidance={"keep_out_file": str(farm)})
+    hub.guide.take("vehicle", hub.report())
+    offer = hub.ask("hold")
+    assert offer.refused
+    assert reason in offer.summary
+
+
+def test_the_drones_own_buildings_are_those_of_the_file_when_an_order_is_asked_for(
+    tmp_path: Path,
+) -> None:
+    farm = tmp_path / "farm.geojson"
+    hub = Hub(guidance={"keep_out_file": str(farm)})
+    hub.guide.take("vehicle", hub.report())
+    goal = (hub.flown.place(120.0, 0.0),)
+    for north_m, refused in ((60.0, True), (-60.0, False)):
+        corners = [hub.flown.place(north_m + a, b) for a, b in ((0, -15), (0, 15), (15, 0))]
+        ring = [[east, north] for north, east in corners]
+        farm.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+        assert hub.ask("goto", places=goal, height_m=40.0).refused is refused
+
+
+def test_heights_of_the_ground_are_read_from_the_drones_own_files(tmp_path: Path) -> None:
+    heights = np.full((1201, 1201), 430, ">i2")
+    heights[1200 - 123 : 1200 - 120, 599:602] = 480  # 200 m north of home
+    heights.tofile(tmp_path / "N47E008.hgt")
+    hub = Hub(guidance={"terrain": str(tmp_path)})
+    hub.guide.take("vehicle", hub.report())
+    over = hub.ask("goto", places=(hub.flown.place(350.0, 0.0),), height_m=40.0)
+    assert over.refused
+    assert "the way needs 70 m above home" in over.summary
+    assert not hub.ask("goto", places=(hub.flown.place(-200.0, 0.0),), height_m=40.0).refused
+    wrong = hub.report(altitude_amsl_m=520.0)
+    hub.guide.take("vehicle", wrong)
+    assert "home is +50 m off the map of heights" in hub.ask("hold").summary
+
+
+def test_without_the_files_of_heights_nothing_is_flown(tmp_path: Path) -> None:
+    hub = Hub(guidance={"terrain": str(tmp_path / "none")})
+    hub.guide.take("vehicle", hub.report())
+    offer = hub.ask("hold")
+    assert offer.refused
+    assert "there is no" in offer.summary

@@ -1,0 +1,153 @@
+"""What the process that makes the channels keeps of them, counts and tells."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from uavrt.config import parse_settings
+from uavrt.config.settings import RecordingSettings, Settings
+from uavrt.errors import ConfigError
+from uavrt.ipc import Assignment
+from uavrt.messages import ChannelBlock, FlightInfo, IQBlock, Tag
+from uavrt.processes.decimator import BandReceiver
+from uavrt.processes.kept_channels import KeptChannels
+from uavrt.processes.receiver import Receiver
+
+RATE_HZ = 3e6
+TAGS = tuple(
+    Tag(tag_id=n, frequency_hz=hz, pulse_width_s=0.02, pulse_intervals_s=(1.3,))
+    for n, hz in ((2, 148_710_000.0), (3, 148_710_300.0), (4, 148_760_000.0))
+)
+"""The first two share a channel."""
+
+
+class Sink:
+    """A detector that takes everything."""
+
+    samples_dropped = 0
+
+    def send(self, block: object) -> None:
+        """Take it."""
+
+    def flush(self) -> None:
+        """Nothing waits."""
+
+
+class Frame:
+    """As much of a process as a receiver needs."""
+
+    def __init__(self, directory: Path, recording: RecordingSettings) -> None:
+        self.told: list[str] = []
+        self.flight = FlightInfo(
+            directory=str(directory),
+            start_time_ns=0,
+            clock_offset_ns=0,
+            center_frequency_hz=148.73e6,
+            sample_rate_hz=RATE_HZ,
+            tags=TAGS,
+        )
+        self.assignment = Assignment(
+            process="receiver",
+            settings=Settings(recording=recording),
+            clock_offset_ns=0,
+            flight=self.flight,
+            worker_of_tag={tag.tag_id: 0 for tag in TAGS},
+        )
+
+    def tell(self, severity: int, text: str) -> None:
+        """Hear it."""
+        self.told.append(text)
+
+
+def frame(tmp_path: Path, **changes: Any) -> Any:
+    return Frame(tmp_path, replace(RecordingSettings(minimum_free_mb=0.0), **changes))
+
+
+def receive(receiver: Receiver) -> None:
+    rng = np.random.default_rng(1)
+    for number in range(6):
+        numbers = rng.standard_normal(2 * 262_144).astype(np.float32) * np.float32(5e-3)
+        receiver.process(
+            IQBlock(
+                samples=numbers.view(np.complex64),
+                sample_index=number * 262_144,
+                time_ns=10**18 + round(number * 262_144 / RATE_HZ * 1e9),
+                sample_rate_hz=RATE_HZ,
+            )
+        )
+    receiver.close()
+
+
+def test_a_receiver_keeps_each_channel_in_use_once(tmp_path: Path) -> None:
+    near = frame(tmp_path)
+    receiver = Receiver(near, near.flight, [Sink()])
+    receive(receiver)
+    kept = sorted((tmp_path / "iq" / "channels").glob("*.sigmf-data"))
+    assert [int(path.name.split("_")[1]) for path in kept] == pytest.approx(
+        [148_710_300, 148_760_000], abs=950
+    )
+    counters = receiver.counters()
+    sizes = [path.stat().st_size for path in kept]
+    assert sizes[0] == sizes[1]
+    assert counters["kept_samples"] == sum(sizes) / 2  # 8 bits for I, 8 for Q
+    assert counters["kept_samples"] == pytest.approx(2 * 7500 * 6 * 262_144 / RATE_HZ, rel=0.03)
+    assert counters["kept_samples_dropped"] == 0
+    assert counters["kept_mb"] == pytest.approx(sum(sizes) / 1e6)
+    assert not near.told
+
+
+def test_who_switches_it_off_has_no_files_and_no_counters(tmp_path: Path) -> None:
+    off = frame(tmp_path, channels=False)
+    receiver = Receiver(off, off.flight, [Sink()])
+    receive(receiver)
+    assert not (tmp_path / "iq").exists()
+    assert "kept_samples" not in receiver.counters()
+
+
+def test_a_process_that_leaves_the_channels_to_another_keeps_none(tmp_path: Path) -> None:
+    band = frame(tmp_path)
+    receiver = BandReceiver(band, band.flight, [Sink()])
+    receive(receiver)
+    assert "kept_samples" not in receiver.counters()
+    assert not (tmp_path / "iq").exists()
+
+
+def channel_block(number: int) -> ChannelBlock:
+    size = 60_000
+    return ChannelBlock(
+        channel=1,
+        center_frequency_hz=148.71e6,
+        samples=np.full(size, 0.1, np.complex64),
+        sample_index=number * size,
+        time_ns=10**18 + number * size * 1_000_000_000 // 3750,
+        sample_rate_hz=3750.0,
+    )
+
+
+def test_the_operator_is_told_once_when_samples_are_dropped(tmp_path: Path) -> None:
+    full = frame(tmp_path, minimum_free_mb=1e9)
+    keeping = KeptChannels(full, full.flight)
+    keeping.put([channel_block(0)])
+    keeping.close()
+    for number in range(1, 4):
+        keeping.put([channel_block(number)])
+    assert full.told == ["Disk: channel samples dropped. Detection goes on"]
+    assert keeping.counters()["kept_samples_dropped"] == 4 * 60_000
+
+
+@pytest.mark.parametrize(
+    ("line", "named"),
+    [
+        ("channels = 1", "channels"),
+        ('channels = "yes"', "channels"),
+        ("channels_mb = 0", "channels_mb"),
+        ("channels_mb = -5.0", "channels_mb"),
+        ("channels_mb = nan", "channels_mb"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused_by_name(line: str, named: str) -> None:
+    with pytest.raises(ConfigError, match=rf"\[recording\] {named} is"):
+        parse_settings(f"[recording]\n{line}\n".encode(), name="uavrt.toml")

@@ -1,0 +1,493 @@
+"""The desk at the link: who may move the drone, and when it lets go."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from flown import Flown
+
+from uavrt.config.settings import GuidanceSettings
+from uavrt.guidance import fence_items
+from uavrt.mavlink import dialect
+from uavrt.messages import (
+    Command,
+    CommandReply,
+    KeepOut,
+    MotionOffer,
+    MotionRequest,
+    StatusText,
+    VehicleFence,
+    VehicleReport,
+    VehicleWish,
+)
+from uavrt.processes.motion_desk import SIMULATOR_NUMBER, MotionDesk, Outlets
+from uavrt.simulation.mission_store import MissionStore
+from uavrt.tunnel.motion import (
+    MotionConfirmation,
+    MotionState,
+    MotionStop,
+    decode_state,
+    encode_confirmation,
+    encode_request,
+    encode_stop,
+)
+
+US, OTHERS = (254, 190), (254, 191)
+
+
+@dataclass
+class Link:
+    """A desk between a flown vehicle and the test."""
+
+    flown: Flown = field(default_factory=lambda: Flown("px4"))
+    commands: list[Any] = field(default_factory=list)
+    states: list[MotionState] = field(default_factory=list)
+    asked: list[Command] = field(default_factory=list)
+    records: list[Any] = field(default_factory=list)
+    texts: list[StatusText] = field(default_factory=list)
+    missions: MissionStore = field(default_factory=lambda: MissionStore("px4"))
+    answers: list[Any] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        numbers = iter(range(1, 1000))
+        self.desk = MotionDesk(
+            GuidanceSettings(enabled=True, battery_wh=120.0, may_take_off=True),
+            Outlets(
+                command=self.command,
+                state=lambda payload, _: self.states.append(decode_state(payload)),
+                ask=self.asked.append,
+                record=lambda _, record: self.records.append(record),
+                tell=self.texts.append,
+            ),
+            own_place=lambda: (1, 191),
+            next_request_id=lambda: next(numbers),
+        )
+
+    def command(self, message: Any) -> None:
+        place, now_s = (1, 191), self.flown.time_s
+        if self.missions.receive(message, place, now_s, self.answers.append):
+            return
+        self.commands.append(message)
+        self.flown.vehicle.command(message)
+
+    @property
+    def motions(self) -> list[Any]:
+        return [m for m in self.commands if m.command != dialect.MavCmd.REQUEST_MESSAGE]
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / 0.05)):
+            self.flown.steps += 1
+            self.flown.time_s += 0.05
+            self.flown.boot_s += 0.05
+            self.flown.vehicle.advance(0.05)
+            answers, self.answers = self.answers, []
+            for message in (*self.flown.telemetry(), *answers):
+                self.desk.vehicle(message)
+            self.desk.tick(0.0)
+
+    def say(self, payload: bytes, asker: tuple[int, int] = US, *, sealed: bool = True) -> None:
+        self.desk.receive(payload, asker, None, sealed=sealed)
+        self.supervisor_answers()
+
+    def supervisor_answers(self) -> None:
+        for command in self.asked:
+            self.desk.reply(
+                CommandReply(
+                    request_id=command.request_id, name=command.name, accepted=True, message=""
+                )
+            )
+        self.asked.clear()
+
+    def simulator(self, number: int = SIMULATOR_NUMBER) -> None:
+        values: dict[str, Any] = dict.fromkeys(dialect.AutopilotVersion.__slots__, 0)
+        for name in values:
+            if "custom_version" in name or name == "uid2":
+                values[name] = bytes(18 if name == "uid2" else 8)
+        self.desk.vehicle(dialect.AutopilotVersion(**values | {"uid": number}))
+
+    def offered(self, mode: str = "Position") -> None:
+        self.desk.offer(
+            MotionOffer(
+                request_id=9, asker=US, order_id=5, nonce=77, summary="hold here", mode=mode
+            )
+        )
+
+    def confirm(self, asker: tuple[int, int] = US, nonce: int = 77) -> MotionState:
+        confirmation = MotionConfirmation(
+            request_id=10, order_id=5, nonce=nonce, sticks_unseen=True
+        )
+        self.say(encode_confirmation(confirmation), asker)
+        return self.states[-1]
+
+    def fly(self, north_m: float = 0.0) -> None:
+        latitude, longitude = self.flown.place(north_m, 0.0)
+        self.desk.wish(
+            VehicleWish(
+                order_id=5,
+                kind="fly",
+                latitude_deg=latitude,
+                longitude_deg=longitude,
+                altitude_amsl_m=470.0,
+            )
+        )
+
+
+@pytest.fixture
+def link(monkeypatch: pytest.MonkeyPatch) -> Link:
+    made = Link()
+    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: made.flown.time_s)
+    made.run(1.5)
+    return made
+
+
+def request(number: int = 9) -> bytes:
+    return encode_request(MotionRequest(request_id=number, asker=US, action="hold"))
+
+
+def test_an_unsealed_order_moves_the_simulator_alone(link: Link) -> None:
+    link.say(request(), sealed=False)
+    assert link.states[-1].kind == "refused"
+    assert "sealed" in link.states[-1].text
+    assert not any(isinstance(one, MotionRequest) for one in link.records)
+    link.simulator()
+    link.say(request(10), sealed=False)
+    assert any(isinstance(one, MotionRequest) for one in link.records)
+
+
+def test_a_new_autopilot_is_no_simulator_until_it_says_so(link: Link) -> None:
+    link.simulator()
+    link.desk.autopilot_found()
+    link.run(1.5)
+    link.say(request(), sealed=False)
+    assert "sealed" in link.states[-1].text
+
+
+def test_an_order_that_is_repeated_on_the_way_is_offered_once(link: Link) -> None:
+    link.say(request())
+    link.offered()
+    link.say(request())
+    offers = [one for one in link.states if one.kind == "offer"]
+    assert len(offers) == 2
+    assert offers[0] == offers[1]
+    assert sum(isinstance(one, MotionRequest) for one in link.records) == 1
+
+
+def test_it_is_flown_when_confirmed_by_who_asked(link: Link) -> None:
+    link.offered()
+    assert link.confirm(OTHERS).kind == "refused"
+    link.desk.offer(
+        MotionOffer(
+            request_id=9, asker=US, order_id=5, nonce=78, summary="hold", mode="Position"
+        )
+    )
+    assert link.confirm(nonce=78).standing == "confirmed"
+    assert not link.motions
+    link.run(0.6)
+    for _ in range(12):
+        if not link.motions:
+            link.fly()
+        link.run(0.05)
+    assert link.motions[0].param2 == 1.0
+    assert link.motions[0].command == dialect.MavCmd.DO_REPOSITION
+
+
+def test_a_stop_makes_it_stand_and_then_nothing_is_commanded(link: Link) -> None:
+    begin(link)
+    link.say(encode_stop(MotionStop(request_id=3)), OTHERS)
+    assert link.states[-1].standing == "out"
+    sent = len(link.motions)
+    assert link.motions[-1].param2 == 0.0
+    link.fly(100.0)
+    link.run(1.0)
+    link.fly(100.0)
+    assert len(link.motions) == sent == 2
+
+
+def test_a_stop_in_the_moment_of_a_command_makes_it_stand_all_the_same(link: Link) -> None:
+    begin(link)
+    link.fly(200.0)
+    link.say(encode_stop(MotionStop(request_id=3)))
+    link.fly(100.0)
+    link.run(1.0)
+    assert link.states[-1].standing == "out"
+    assert link.states[-1].text == "stopped by the operator"
+    assert [m.param2 for m in link.motions] == [1.0, 0.0, 0.0]
+    link.run(20.0)
+    assert link.flown.vehicle.north_m < 60.0
+
+
+def test_a_guide_that_was_restarted_ends_the_order(link: Link) -> None:
+    begin(link)
+    link.desk.wish(VehicleWish(order_id=None, kind="end"))
+    assert link.states[-1].text == "the guide has restarted"
+    assert link.texts[-1].text == "Not flying: the guide has restarted"
+    link.fly(100.0)
+    assert len(link.motions) == 1
+
+
+def test_a_pilots_mode_is_told_to_guide_and_ground_at_once(link: Link) -> None:
+    begin(link)
+    link.flown.vehicle.set_mode(3 << 16)
+    link.run(0.55)
+    assert (link.states[-1].standing, link.states[-1].text) == ("out", "the mode is Position")
+    reports = [one for one in link.records if isinstance(one, VehicleReport)]
+    assert reports[-1].order_id is None
+
+
+def test_another_autopilot_ends_the_order(link: Link) -> None:
+    begin(link)
+    link.desk.autopilot_found()
+    assert link.states[-1].standing == "out"
+    link.run(1.5)
+    link.fly(100.0)
+    assert len(link.motions) == 1
+
+
+def test_a_process_that_stood_still_lets_go_before_anything_else(link: Link) -> None:
+    begin(link)
+    link.flown.time_s += 5.0
+    link.fly(100.0)
+    assert len(link.motions) == 1
+    assert link.states[-1].text == "the drone side stood still for 5 s"
+
+
+def test_what_arrived_long_ago_is_no_position_of_now(link: Link) -> None:
+    begin(link)
+    for _ in range(12):
+        link.flown.time_s += 0.05
+        link.desk.tick(0.0)
+    for message in link.flown.telemetry():
+        link.desk.vehicle(message, 0.6)
+    link.fly(100.0)
+    assert len(link.motions) == 1
+
+
+CONFIRMED = encode_confirmation(
+    MotionConfirmation(request_id=10, order_id=5, nonce=77, sticks_unseen=True)
+)
+
+
+def test_a_stop_overtakes_a_confirmation_that_waits_for_the_supervisor(link: Link) -> None:
+    link.offered()
+    link.desk.receive(CONFIRMED, US, None, sealed=True)
+    link.desk.receive(encode_stop(MotionStop(request_id=3)), OTHERS, None, sealed=True)
+    link.supervisor_answers()
+    assert link.states[-1].kind == "refused"
+    link.fly(60.0)
+    link.run(1.0)
+    assert not link.motions
+
+
+def test_a_confirmation_that_the_supervisor_kept_for_long_is_none(link: Link) -> None:
+    link.offered()
+    link.desk.receive(CONFIRMED, US, None, sealed=True)
+    link.run(3.0)
+    link.supervisor_answers()
+    assert link.states[-1].kind == "refused"
+    assert "waited 3 s" in link.states[-1].text
+
+
+def test_a_reply_to_another_command_of_that_number_is_no_leave_to_fly(link: Link) -> None:
+    link.offered()
+    link.desk.receive(CONFIRMED, US, None, sealed=True)
+    number = link.asked[-1].request_id
+    other = CommandReply(request_id=number, name="stop_detection", accepted=True, message="")
+    link.desk.reply(other)
+    assert all(one.standing == "out" for one in link.states)
+    link.supervisor_answers()
+    assert link.states[-1].standing == "confirmed"
+
+
+def test_an_offer_out_of_a_mode_that_has_changed_meanwhile_is_not_made(link: Link) -> None:
+    link.flown.vehicle.set_mode(4 << 16 | 5 << 24)
+    link.run(1.0)
+    link.offered("Position")
+    assert link.states[-1].kind == "refused"
+    assert "the mode is Return" in link.states[-1].text
+
+
+def test_states_tell_of_which_order_they_are(link: Link) -> None:
+    link.run(1.1)
+    assert link.states[-1].order_id == 0
+    begin(link)
+    assert link.states[-1].order_id == 5
+    link.say(encode_stop(MotionStop(request_id=3)))
+    link.run(1.1)
+    assert (link.states[-1].standing, link.states[-1].order_id) == ("out", 5)
+
+
+@pytest.mark.parametrize(("height_m", "stands_at_m"), [(12.0, 20.0), (150.0, 120.0)])
+def test_a_stop_makes_it_stand_at_a_height_where_nothing_else_is_commanded(
+    link: Link, height_m: float, stands_at_m: float
+) -> None:
+    link.flown.vehicle.height_m = height_m
+    link.run(0.5)
+    begin(link, north_m=300.0)
+    link.flown.vehicle.height_m = height_m
+    link.say(encode_stop(MotionStop(request_id=3)))
+    assert len(link.motions) == 2
+    assert link.motions[-1].z == pytest.approx(430.0 + stands_at_m, abs=0.6)
+    link.run(20.0)
+    assert link.flown.vehicle.north_m < 100.0
+
+
+@pytest.mark.parametrize("kind", [1, 7, 10, 12, 19, 22])
+def test_a_vehicle_that_is_no_multirotor_is_not_flown(link: Link, kind: int) -> None:
+    link.flown.kind = kind
+    link.run(1.5)
+    link.offered()
+    assert link.states[-1].kind == "refused"
+    reports = [one for one in link.records if isinstance(one, VehicleReport)]
+    assert "multirotor" in str(reports[-1].fault)
+
+
+def test_an_autopilot_that_turns_out_to_be_another_is_told(link: Link) -> None:
+    begin(link)
+    link.flown.kind = 1
+    for _ in range(6):
+        link.desk.wish(VehicleWish(order_id=5, kind="alive"))
+        link.run(0.2)
+    assert link.texts[-1].text == "Not flying: the autopilot is not known"
+
+
+def test_an_autopilot_that_was_real_once_is_never_the_simulator(link: Link) -> None:
+    link.simulator(number=4711)
+    link.simulator()
+    link.say(request(), sealed=False)
+    assert "sealed" in link.states[-1].text
+
+
+def test_the_simulator_is_asked_again_who_it_is_and_a_real_one_is_not(link: Link) -> None:
+    def asked() -> int:
+        return sum(m.command == dialect.MavCmd.REQUEST_MESSAGE for m in link.commands)
+
+    link.simulator()
+    before = asked()
+    link.run(3.2)
+    assert asked() > before
+    link.simulator(number=4711)
+    before = asked()
+    link.run(6.5)
+    assert asked() == before
+
+
+def test_a_wish_read_after_a_pause_waits_for_what_the_autopilot_said_meanwhile(
+    link: Link,
+) -> None:
+    begin(link)
+    link.flown.time_s += 0.4
+    link.fly(100.0)
+    assert len(link.motions) == 1
+    link.run(0.1)
+    link.fly(100.0)
+    assert len(link.motions) == 2
+
+
+def test_what_the_battery_told_long_ago_is_not_told_to_the_guide(link: Link) -> None:
+    reports = [one for one in link.records if isinstance(one, VehicleReport)]
+    assert reports[-1].battery_percent is not None
+    link.flown.status_told = False
+    link.run(11.0)
+    reports = [one for one in link.records if isinstance(one, VehicleReport)]
+    assert reports[-1].battery_percent is None
+
+
+def begin(link: Link, north_m: float = 60.0) -> None:
+    """An order whose first command has been obeyed."""
+    link.offered()
+    assert link.confirm().standing == "confirmed"
+    for _ in range(12):
+        if not link.motions:
+            link.fly(north_m)
+        link.run(0.05)
+    assert len(link.motions) == 1
+    link.run(1.0)
+    assert link.states[-1].standing == "in command"
+
+
+def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    link = Link(flown=Flown("px4", on_ground=True))
+    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: link.flown.time_s)
+    link.run(1.5)
+    report = [one for one in link.records if isinstance(one, VehicleReport)][-1]
+    assert report.takeoff_fault is None
+    assert report.fault is not None
+    assert "on the ground" in report.fault
+    link.desk.offer(
+        MotionOffer(
+            request_id=9,
+            asker=US,
+            order_id=5,
+            nonce=77,
+            summary="take off",
+            mode="Position",
+            takeoff=True,
+        )
+    )
+    assert link.confirm().standing == "confirmed"
+    wish = VehicleWish(order_id=5, kind="takeoff", height_m=30.0, altitude_amsl_m=460.0)
+    for _ in range(20):  # until the mode was told just now
+        if not link.motions:
+            link.run(0.05)
+            link.desk.wish(wish)
+    assert [one.command for one in link.motions] == [dialect.MavCmd.NAV_TAKEOFF]
+    link.run(1.0)
+    link.say(encode_stop(MotionStop(request_id=12)))
+    before, after = link.states[-3], link.states[-1]
+    assert (before.standing, after.standing) == ("in command", "out")
+    assert after.text == "stopped by the operator: it climbs on to its height"
+    assert len(link.motions) == 1
+
+
+def fences(link: Link) -> list[VehicleFence]:
+    return [one for one in link.records if isinstance(one, VehicleFence)]
+
+
+def held(fence: VehicleFence) -> tuple[dialect.MissionItemInt, ...]:
+    """A fence as another ground station has uploaded it."""
+    return tuple(
+        dialect.MissionItemInt(
+            target_system=1,
+            target_component=1,
+            seq=number,
+            frame=one.frame,
+            command=one.command,
+            current=0,
+            autocontinue=1,
+            param1=one.params[0],
+            param2=0.0,
+            param3=0.0,
+            param4=0.0,
+            x=one.x,
+            y=one.y,
+            z=0.0,
+            mission_type=1,
+        )
+        for number, one in enumerate(fence_items(fence))
+    )
+
+
+MEADOW = VehicleFence(
+    within=(
+        KeepOut(places=((47.09, 8.49), (47.09, 8.51), (47.11, 8.5)), name="vehicle's fence"),
+    )
+)
+
+
+def test_a_fence_that_cannot_be_read_is_told_with_the_reason() -> None:
+    link = Link()
+    link.missions.held[1] = held(MEADOW)[:2]
+    link.run(3.0)
+    (fence,) = fences(link)
+    assert fence.fault is not None
+    assert "a corner of the vehicle's fence is missing" in fence.fault
+
+
+def test_a_guide_that_was_restarted_is_told_the_fence_at_once() -> None:
+    link = Link()
+    link.missions.held[1] = held(MEADOW)
+    link.run(3.0)
+    link.desk.wish(VehicleWish(order_id=None, kind="end"))
+    assert fences(link) == [MEADOW, MEADOW]

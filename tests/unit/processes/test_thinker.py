@@ -1,0 +1,93 @@
+"""A search thinks beside the guide's own work."""
+
+import threading
+import time
+from typing import Any
+
+from searched import Animal, Searched
+
+from uavrt.guidance import Choice, VehicleNow
+from uavrt.messages import SearchNote
+from uavrt.processes.thinker import CYCLE_S, Failed, Thinker
+
+
+class Slow:
+    """A search whose decision takes until it is let go."""
+
+    def __init__(self) -> None:
+        self.go, self.asked = threading.Event(), 0
+        self.pulses = 0
+
+    def pulse(self, _: Any) -> None:
+        self.pulses += 1
+
+    def think(self, _time_ns: int, _now: VehicleNow, *, idle: bool) -> Choice:
+        self.asked += 1
+        self.go.wait(10.0)
+        return Choice(steps=None, said=f"idle {idle}", notes=())
+
+
+def now_at(time_s: float) -> VehicleNow:
+    now = Searched("px4", []).flown.now()
+    assert now is not None
+    return VehicleNow(
+        **{name: getattr(now, name) for name in now.__slots__} | {"time_s": time_s}
+    )
+
+
+def thoughts_of(thinker: Thinker) -> list[Any]:
+    for _ in range(500):
+        found = thinker.thoughts()
+        if found:
+            return found
+        time.sleep(0.01)
+    raise AssertionError
+
+
+def test_nothing_waits_for_a_slow_decision() -> None:
+    slow: Any = Slow()
+    thinker = Thinker(slow)
+    for time_s in (100.0, 101.0, 120.0):
+        thinker.ask(0, now_at(time_s), idle=True)
+        thinker.pulse(None)  # type: ignore[arg-type]
+        assert thinker.thoughts() == []
+    slow.go.set()
+    (choice,) = thoughts_of(thinker)
+    assert choice.said == "idle True"
+    assert slow.asked == 1
+
+
+def test_decisions_under_way_are_a_cycle_apart() -> None:
+    slow: Any = Slow()
+    slow.go.set()
+    thinker = Thinker(slow)
+    for time_s in (100.0, 100.0 + 0.9 * CYCLE_S, 100.0 + 1.1 * CYCLE_S):
+        thinker.ask(0, now_at(time_s), idle=False)
+        if time_s != 100.0 + 0.9 * CYCLE_S:
+            thoughts_of(thinker)
+    assert slow.asked == 2
+
+
+def test_a_fault_of_ours_ends_the_search() -> None:
+    broken: Any = object()
+    thinker = Thinker(broken)
+    thinker.ask(0, now_at(100.0), idle=True)
+    (failed,) = thoughts_of(thinker)
+    assert isinstance(failed, Failed)
+    assert "has failed" in failed.reason
+
+
+def test_the_last_thought_sums_up() -> None:
+    search = Searched("px4", [Animal(50.0, 0.0)])
+    search.begin()
+    search.run(3.0)
+    thinker = Thinker(search.seeker)
+    thinker.end(search.time_ns, now_at(search.flown.time_s), "a pilot took over")
+    (note,) = thoughts_of(thinker)
+    assert isinstance(note, SearchNote)
+    assert (note.event, note.reason) == ("ended", "a pilot took over")
+    for _ in range(500):
+        if thinker.over:
+            break
+        time.sleep(0.01)
+    assert thinker.over

@@ -1,0 +1,35 @@
+"""Errors name what is missing and what to do."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from uavrt.analysis.report.style import styled
+from uavrt.analysis.tracks.ulog import read_ulog
+from uavrt.errors import UsageError, needs_extra
+
+
+@pytest.mark.parametrize(
+    ("package", "use"), [("pyulog", lambda: read_ulog(Path("log.ulg"))), ("matplotlib", styled)]
+)
+def test_a_package_that_is_not_installed_is_named_with_the_command_that_installs_it(
+    package: str, use: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert callable(use)
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(UsageError, match=rf"{package}.*pip install 'uavrt\[analysis\]'"):
+        use()
+
+
+def test_what_works_without_the_extra_is_offered() -> None:
+    with (
+        pytest.raises(UsageError, match=r"'uavrt\[ground\]', or run without a page"),
+        needs_extra("ground", "the page", otherwise=", or run without a page"),
+    ):
+        import no_such_package  # type: ignore[import-not-found]  # noqa: F401
+
+
+def test_other_errors_pass() -> None:
+    with pytest.raises(ValueError, match="none"), needs_extra("analysis", "a report"):
+        raise ValueError("none")
