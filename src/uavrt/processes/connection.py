@@ -5,7 +5,6 @@ tunnel payloads into commands and the supervisor's replies into acknowledgements
 """
 
 import asyncio
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,11 +15,9 @@ from uavrt.config import PARAMETERS, Settings
 from uavrt.errors import (
     ConfigError,
     LinkError,
-    PoseUnavailable,
     RecordingError,
-    UavrtError,
 )
-from uavrt.ipc import TOPICS, ProcessFrame, SupervisorGone
+from uavrt.ipc import ProcessFrame, SupervisorGone
 from uavrt.log import get_logger
 from uavrt.mavlink import (
     WATCHED_HZ,
@@ -38,7 +35,6 @@ from uavrt.mavlink import (
 from uavrt.mavlink.dialect import ParamRequestList, ParamValue, RadioStatus
 from uavrt.messages import (
     STATION_COUNTER,
-    AttitudeSample,
     Command,
     CommandReply,
     Delivered,
@@ -46,9 +42,6 @@ from uavrt.messages import (
     LiveBearing,
     MotionOffer,
     Operation,
-    Pose,
-    Poses,
-    PositionSample,
     Pulse,
     PulsePose,
     Recorded,
@@ -58,15 +51,14 @@ from uavrt.messages import (
     SystemStatus,
     VehicleWish,
 )
-from uavrt.pose import PoseAttacher, PoseRing
 from uavrt.processes.crowd import Crowd
 from uavrt.processes.disk_thread import DiskThread
 from uavrt.processes.ground_status import GroundStatus
 from uavrt.processes.heard_tags import HeardTags
 from uavrt.processes.motion_desk import NEVER_S, MotionDesk, Outlets
 from uavrt.processes.named_values import NamedValues
-from uavrt.processes.own_pose import SILENCE_NS, WAIT_S, OwnPose
 from uavrt.processes.parameter_desk import ParameterDesk
+from uavrt.processes.pose_desk import PoseDesk
 from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.processes.signing_memory import SigningMemory
 from uavrt.recording import heard_tags
@@ -88,29 +80,18 @@ from uavrt.tunnel import (
     encode_bearing,
     encode_state,
 )
-from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()
 
 TICK_S = 0.05
-POSE_PERIOD_NS = 50_000_000
-"""Recorded poses: 20 a second; the attitude comes 50 times a second, and a slerp over 50 ms
-errs by less than 0.1° when a turn of 60°/s begins."""
-OWN_POSE_PERIOD_NS = 250_000_000
-"""The same without an autopilot."""
-TOLD_NS = NANOSECONDS_PER_SECOND
-"""How often such a station says where it is."""
 SESSION_NS = NANOSECONDS_PER_SECOND
-POSES_PER_RECORD = ns_from_s(TOPICS["poses"].every_s or 0.5) // POSE_PERIOD_NS
 LINK_RETRY_S = 3.0
 MAVLINK_SOURCE = "mavlink "
 PEERS = ("autopilot", "ground station")
-MESSAGES_KEPT = 200
 FIRST_REFILL_NS = 4_000_000_000
 """By then the recorder has committed what the process before this one sent and delivered: what
 the disk has then and no ground station, is to be sent."""
-SAME_CLOCK_NS = 1_000_000
-"""At 30°/s a pose is 0.03° off after a millisecond: those that are known may stay."""
 
 
 class ConnectionProcess:
@@ -121,26 +102,19 @@ class ConnectionProcess:
         mavlink = settings.mavlink
         self._frame = frame
         self._base = frame.clock
-        """What everything here is timed by; a flight's clock differs by `_shift_ns`."""
-        self._shift_ns = 0
+        """What everything here is timed by; a flight's clock differs by the poses' shift."""
         self._addresses = {
             number: address
             for number, address in enumerate((mavlink.address, *mavlink.direct_links))
             if address
         }
         self._disk = DiskThread()
-        self._ring = PoseRing(settings.antenna)
-        self._own_pose: OwnPose | None = None
-        wait_s = settings.antenna.pose_wait_s if mavlink.address else 0.0
-        if settings.pose.source != "autopilot":
-            self._own_pose = OwnPose(
-                settings.pose,
-                frame.clock.now_ns,
-                attitude=self._attitude,
-                position=self._position,
-            )
-            wait_s = max(settings.antenna.pose_wait_s, WAIT_S)
-        self._attacher = PoseAttacher(self._ring, wait_s=wait_s)
+        self._poses = PoseDesk(
+            settings,
+            frame.clock,
+            record=lambda poses: frame.send("poses", poses),
+            say=lambda text: frame.send("status_text", text),
+        )
         self._delivery = PulseDelivery()
         self._exchange = Exchange(
             mavlink.tunnel_generation,
@@ -155,8 +129,8 @@ class ConnectionProcess:
             Handlers(
                 vehicle=self._vehicle_message,
                 autopilot_found=self._autopilot_found,
-                attitude=self._attitude,
-                position=self._position,
+                attitude=self._poses.attitude,
+                position=self._poses.position,
                 tunnel=self._tunnel,
                 private=self._private,
                 ftp=self._ftp,
@@ -172,7 +146,7 @@ class ConnectionProcess:
             parameter_encoding=mavlink.parameter_encoding,
             signing=signing,
             watched_hz=WATCHED_HZ if guidance.enabled else {},
-            own_system_id=mavlink.system_id if self._own_pose is not None else None,
+            own_system_id=mavlink.system_id if self._poses.is_own else None,
         )
         self._motion: MotionDesk | None = None
         if guidance.enabled:
@@ -234,15 +208,7 @@ class ConnectionProcess:
         self._status = GroundStatus(self._exchange, self._link.tunnel, tree.root, self._disk)
         self._asked_on: dict[tuple[int, int], int] = {}
         self._heard = (False, False)
-        self._poses: list[Pose] = []
-        self._next_pose_ns = 0
-        self._next_told_ns = 0
-        self._pose_missing: str | None = None
-        # A mast or a person turns no 60°/s.
-        self._pose_period_ns = POSE_PERIOD_NS if self._own_pose is None else OWN_POSE_PERIOD_NS
         self._link_faults: dict[int, str] = {}
-        self._clock_stale = False
-        self._on_stale_clock = 0
 
     async def run(self) -> None:
         """Serve until the process is to end."""
@@ -255,8 +221,8 @@ class ConnectionProcess:
         ]
         if tasks:
             tasks.append(asyncio.create_task(self._link.keep_time()))
-        if self._own_pose is not None:
-            tasks.append(asyncio.create_task(self._own_pose.run()))
+        if self._poses.is_own:
+            tasks.append(asyncio.create_task(self._poses.run()))
         try:
             while self._frame.running:
                 self._tick()
@@ -264,7 +230,7 @@ class ConnectionProcess:
                     if task.done():
                         task.result()
                 await asyncio.sleep(TICK_S)
-            self._pass_on(self._attacher.flush())
+            self._pass_on(self._poses.flush())
         finally:
             for task in tasks:
                 task.cancel()
@@ -297,7 +263,7 @@ class ConnectionProcess:
         match record:
             case Pulse():
                 self._status.detector_alive(record.tag_id, self._base.now_ns())
-                self._attacher.add(record, self._frame.clock.now_ns())
+                self._poses.add(record)
             case PulsePose():  # made up for by the recorder
                 if self._delivery.let_out(record.pulse.key):
                     self._send_pulse(record)
@@ -312,7 +278,8 @@ class ConnectionProcess:
             case Operation():
                 self._answer(self._exchange.progress(record))
             case FlightInfo():
-                self._use_clock(record.clock_offset_ns)
+                self._poses.use_clock(record.clock_offset_ns)
+                self._status.shift_ns = self._poses.shift_ns
                 self._outlet.flight(record.directory)
                 self._directory = record.directory
                 self._heard_tags.begin_flight(record.tags)
@@ -331,8 +298,7 @@ class ConnectionProcess:
                 self._motion.wish(record)
             case Settings():
                 self._parameters.changed(record)
-                if self._own_pose is not None:
-                    self._own_pose.use(record.pose)
+                self._poses.use(record.pose)
             case StatusText() if self._addresses:
                 self._status.text(record, self._base.now_ns())
             case SystemStatus():
@@ -353,17 +319,10 @@ class ConnectionProcess:
         self._link.keep_station(place)
         self._crowd.commander(place)
 
-    def _use_clock(self, offset_ns: int) -> None:
-        """Give poses the time of the flight that begins, from here on."""
-        before_ns, self._shift_ns = self._shift_ns, offset_ns - self._base.offset_ns
-        self._status.shift_ns = self._shift_ns
-        if abs(self._shift_ns - before_ns) > SAME_CLOCK_NS:
-            self._ring.clear()
-
     def _tick(self) -> None:
         now_ns = self._base.now_ns()
         self._watch_clock()
-        self._pass_on(self._attacher.ready(self._frame.clock.now_ns()))
+        self._pass_on(self._poses.ready())
         self._outlet.sender.station_present(self._link.station_present, now_ns)
         self._outlet.tick(now_ns)
         if self._outlet.sender.unanswered(now_ns):
@@ -378,7 +337,9 @@ class ConnectionProcess:
             self._motion.tick(min(silent, default=NEVER_S))
         if self._addresses:
             self._tell_session(now_ns)
-            self._tell_own_pose(now_ns)
+            own_pose = self._poses.due(now_ns)
+            if own_pose is not None:
+                self._link.component.tell_pose(own_pose, now_ns)
             self._status.tick(self._shown_state(), now_ns)
             self._say_who_is_there()
         self._link.tunnel.wake()
@@ -386,8 +347,8 @@ class ConnectionProcess:
             raise self._disk.failure
         fault = 0 in self._addresses and self._link.link is None and 0 in self._link_faults
         status = self._link.status() if self._addresses else "no autopilot configured"
-        if self._own_pose is not None:
-            status = self._watch_own_pose() or (status if self._addresses else "ready")
+        if self._poses.is_own:
+            status = self._poses.missing() or (status if self._addresses else "ready")
         if self._disk.stalled_s(monotonic_s()):
             status = "waiting for disk"
         self._frame.report(
@@ -399,9 +360,9 @@ class ConnectionProcess:
     def _watch_clock(self) -> None:
         """Report when the autopilot no longer says what its clock shows, and when it does."""
         stale = self._link.clock_is_stale
-        if stale == self._clock_stale:
+        if stale == self._poses.clock_is_stale:
             return
-        self._clock_stale = stale
+        self._poses.clock_is_stale = stale
         known = self._link.component.time_sync.counters(self._base.now_ns())
         if stale:
             log.warning("autopilot's clock is carried on", **known)
@@ -409,13 +370,6 @@ class ConnectionProcess:
             self._frame.send("status_text", StatusText(severity=4, text=text))
         else:
             log.info("autopilot's clock known", **known)
-
-    def _by_the_clock(self, pose: Pose) -> Pose:
-        """Mark a pose whose time is carried on."""
-        if not self._clock_stale or pose.extrapolated:
-            return pose
-        self._on_stale_clock += 1
-        return replace(pose, extrapolated=True)
 
     def _tell_session(self, now_ns: int) -> None:
         """Report once a second what commands must be sealed for."""
@@ -437,7 +391,7 @@ class ConnectionProcess:
 
     def _shown_state(self) -> SystemState:
         """The system's state; detecting as long as a pulse has not gone out."""
-        busy = len(self._attacher)
+        busy = self._poses.pulses_waiting
         busy += self._outlet.sender.waiting + self._outlet.sender.in_flight
         if self._state is SystemState.HAS_TAGS and busy:
             return SystemState.DETECTING
@@ -448,58 +402,12 @@ class ConnectionProcess:
 
         The recorder has made up for a pose that this process was too late with.
         """
-        for timed in pulse_poses:
-            pose = None if timed.pose is None else self._by_the_clock(timed.pose)
-            pulse_pose = replace(timed, pose=pose)
+        for pulse_pose in pulse_poses:
             if self._delivery.let_out(pulse_pose.pulse.key):
                 self._frame.send("pulse_pose", pulse_pose)
                 self._send_pulse(pulse_pose)
 
     # ------------------------------------------------------------ from the link
-
-    def _attitude(self, sample: AttitudeSample) -> None:
-        self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self._shift_ns))
-
-    def _position(self, sample: PositionSample) -> None:
-        """Add a position; record the poses that are known now."""
-        self._ring.add_position(replace(sample, time_ns=sample.time_ns + self._shift_ns))
-        newest_ns = self._ring.newest_ns
-        if newest_ns is None:
-            return
-        if not 0 <= newest_ns - self._next_pose_ns <= MESSAGES_KEPT * POSE_PERIOD_NS:
-            self._next_pose_ns = newest_ns
-        while self._next_pose_ns <= newest_ns:
-            with suppress(UavrtError):
-                pose = self._ring.vehicle_pose(self._next_pose_ns)
-                self._poses.append(self._by_the_clock(pose))
-            self._next_pose_ns += self._pose_period_ns
-        if len(self._poses) * self._pose_period_ns >= POSES_PER_RECORD * POSE_PERIOD_NS:
-            self._frame.send("poses", Poses(poses=tuple(self._poses)))
-            self._poses.clear()
-
-    def _watch_own_pose(self) -> str | None:
-        """Report when a station's place or heading is missing, and when it is known again."""
-        assert self._own_pose is not None
-        missing = self._own_pose.status
-        if missing != self._pose_missing:
-            self._pose_missing = missing
-            text = "Place and heading known" if missing is None else missing.capitalize()
-            log.info("own pose", missing=missing or "nothing")
-            severity = 6 if missing is None else 4
-            self._frame.send("status_text", StatusText(severity=severity, text=text[:200]))
-        return missing
-
-    def _tell_own_pose(self, now_ns: int) -> None:
-        """Say once a second where this station is; there is no autopilot to say it."""
-        if self._own_pose is None or now_ns < self._next_told_ns:
-            return
-        self._next_told_ns = now_ns + TOLD_NS
-        newest_ns = self._ring.newest_ns
-        if newest_ns is None or now_ns + self._shift_ns - newest_ns > SILENCE_NS:
-            return
-        with suppress(PoseUnavailable):  # the receiver has just come back
-            pose = self._ring.vehicle_pose(newest_ns, extrapolate=True)
-            self._link.component.tell_pose(pose, now_ns)
 
     def _vehicle_message(self, message: Message, arrived_ns: int) -> None:
         if self._motion is not None:
@@ -613,7 +521,7 @@ class ConnectionProcess:
             self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, now_ns)
 
     def _note_delivered(self, delivered: Delivered) -> None:
-        time_ns = delivered.time_ns + self._shift_ns
+        time_ns = delivered.time_ns + self._poses.shift_ns
         self._frame.send("delivered", replace(delivered, time_ns=time_ns))
 
     # -------------------------------------------------------------- to the link
@@ -658,14 +566,8 @@ class ConnectionProcess:
 
     def _counters(self) -> dict[str, float]:
         return {
-            "pulses_waiting_for_pose": len(self._attacher),
-            "poses_attached": self._attacher.attached,
-            "poses_extrapolated": self._attacher.extrapolated,
-            "pulses_without_pose": self._attacher.without_pose,
+            **self._poses.counters(),
             "pulses_waiting_for_recorder": self._delivery.unrecorded,
-            "pose_resets": self._ring.resets,
-            **({} if self._own_pose is None else self._own_pose.health()),
-            "poses_on_stale_clock": self._on_stale_clock,
             **{name: float(count) for name, count in self._exchange.counters.items()},
             **self._outlet.counters(),
             **self._files.counters(),

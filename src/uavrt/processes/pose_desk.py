@@ -1,0 +1,206 @@
+"""Where the antenna is: keeps the vehicle's poses, records them, and gives each pulse its own.
+
+The samples come from the autopilot over the link, or from the station itself (`own_pose`).
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from uavrt.clock import Clock
+from uavrt.config import PoseSettings, Settings
+from uavrt.errors import PoseUnavailable, UavrtError
+from uavrt.ipc import TOPICS
+from uavrt.log import get_logger
+from uavrt.messages import (
+    AttitudeSample,
+    Pose,
+    Poses,
+    PositionSample,
+    Pulse,
+    PulsePose,
+    StatusText,
+)
+from uavrt.pose import PoseAttacher, PoseRing
+from uavrt.processes.own_pose import SILENCE_NS, WAIT_S, OwnPose
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+
+log = get_logger()
+
+POSE_PERIOD_NS = 50_000_000
+"""Recorded poses: 20 a second; the attitude comes 50 times a second, and a slerp over 50 ms
+errs by less than 0.1° when a turn of 60°/s begins."""
+OWN_POSE_PERIOD_NS = 250_000_000
+"""The same without an autopilot: a mast or a person turns no 60°/s."""
+TOLD_NS = NANOSECONDS_PER_SECOND
+"""How often such a station says where it is."""
+RECORD_NS = ns_from_s(TOPICS["poses"].every_s or 0.5)
+"""How much time the poses of one record cover."""
+POSES_KEPT_NS = 200 * POSE_PERIOD_NS
+"""After a longer pause, recording begins anew with the newest pose."""
+SAME_CLOCK_NS = 1_000_000
+"""At 30°/s a pose is 0.03° off after a millisecond: those that are known may stay."""
+
+
+class PoseDesk:
+    """Takes samples of attitude and position; gives poses of pulses.
+
+    Parameters
+    ----------
+    settings : Settings
+        Antenna, and where poses come from.
+    clock : Clock
+        Our clock; a flight's differs by `shift_ns`.
+    record : callable
+        Takes poses to be recorded.
+    say : callable
+        Takes what the ground should read about a station's own pose.
+
+    Raises
+    ------
+    ConfigError
+        See `uavrt.processes.own_pose.pose_address`.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        clock: Clock,
+        *,
+        record: Callable[[Poses], None],
+        say: Callable[[StatusText], None],
+    ) -> None:
+        self._clock, self._record, self._say = clock, record, say
+        self.shift_ns = 0
+        """The flight's clock less ours."""
+        self.clock_is_stale = False
+        """The autopilot's clock is carried on: poses are marked so."""
+        self._ring = PoseRing(settings.antenna)
+        self._own: OwnPose | None = None
+        self._period_ns = POSE_PERIOD_NS
+        wait_s = settings.antenna.pose_wait_s if settings.mavlink.address else 0.0
+        if settings.pose.source != "autopilot":
+            self._own = OwnPose(
+                settings.pose, clock.now_ns, attitude=self.attitude, position=self.position
+            )
+            self._period_ns = OWN_POSE_PERIOD_NS
+            wait_s = max(settings.antenna.pose_wait_s, WAIT_S)
+        self._attacher = PoseAttacher(self._ring, wait_s=wait_s)
+        self._poses: list[Pose] = []
+        self._next_pose_ns = 0
+        self._next_told_ns = 0
+        self._missing: str | None = None
+        self._on_stale_clock = 0
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the station knows its pose without an autopilot."""
+        return self._own is not None
+
+    async def run(self) -> None:
+        """Read the station's own pose, if it has one, until cancelled."""
+        if self._own is not None:
+            await self._own.run()
+
+    def use(self, settings: PoseSettings) -> None:
+        """Take another heading, typed while it runs."""
+        if self._own is not None:
+            self._own.use(settings)
+
+    def use_clock(self, offset_ns: int) -> None:
+        """Give poses the time of the flight that begins, from here on."""
+        before_ns, self.shift_ns = self.shift_ns, offset_ns - self._clock.offset_ns
+        if abs(self.shift_ns - before_ns) > SAME_CLOCK_NS:
+            self._ring.clear()
+
+    # ---------------------------------------------------------------- samples
+
+    def attitude(self, sample: AttitudeSample) -> None:
+        """Take an attitude, timed by our clock."""
+        self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self.shift_ns))
+
+    def position(self, sample: PositionSample) -> None:
+        """Take a position, timed by our clock; record the poses that are known now."""
+        self._ring.add_position(replace(sample, time_ns=sample.time_ns + self.shift_ns))
+        newest_ns = self._ring.newest_ns
+        if newest_ns is None:
+            return
+        if not 0 <= newest_ns - self._next_pose_ns <= POSES_KEPT_NS:
+            self._next_pose_ns = newest_ns
+        while self._next_pose_ns <= newest_ns:
+            with suppress(UavrtError):
+                pose = self._ring.vehicle_pose(self._next_pose_ns)
+                self._poses.append(self._by_the_clock(pose))
+            self._next_pose_ns += self._period_ns
+        if len(self._poses) * self._period_ns >= RECORD_NS:
+            self._record(Poses(poses=tuple(self._poses)))
+            self._poses.clear()
+
+    # ----------------------------------------------------------------- pulses
+
+    @property
+    def pulses_waiting(self) -> int:
+        """Pulses that wait for their pose."""
+        return len(self._attacher)
+
+    def add(self, pulse: Pulse) -> None:
+        """Take a pulse that needs its pose."""
+        self._attacher.add(pulse, self._clock.now_ns() + self.shift_ns)
+
+    def ready(self) -> list[PulsePose]:
+        """Get the pulses whose pose is known, or will not be."""
+        return self._marked(self._attacher.ready(self._clock.now_ns() + self.shift_ns))
+
+    def flush(self) -> list[PulsePose]:
+        """Get all pulses that wait, with what is known."""
+        return self._marked(self._attacher.flush())
+
+    def _marked(self, pulse_poses: list[PulsePose]) -> list[PulsePose]:
+        return [
+            replace(item, pose=None if item.pose is None else self._by_the_clock(item.pose))
+            for item in pulse_poses
+        ]
+
+    def _by_the_clock(self, pose: Pose) -> Pose:
+        """Mark a pose whose time is carried on."""
+        if not self.clock_is_stale or pose.extrapolated:
+            return pose
+        self._on_stale_clock += 1
+        return replace(pose, extrapolated=True)
+
+    # -------------------------------------------------------------- own pose
+
+    def missing(self) -> str | None:
+        """Get what a station's own pose lacks; report it when that changes."""
+        assert self._own is not None
+        missing = self._own.status
+        if missing != self._missing:
+            self._missing = missing
+            text = "Place and heading known" if missing is None else missing.capitalize()
+            log.info("own pose", missing=missing or "nothing")
+            self._say(StatusText(severity=6 if missing is None else 4, text=text[:200]))
+        return missing
+
+    def due(self, now_ns: int) -> Pose | None:
+        """Get where this station is, once a second; an autopilot says that by itself."""
+        if self._own is None or now_ns < self._next_told_ns:
+            return None
+        self._next_told_ns = now_ns + TOLD_NS
+        newest_ns = self._ring.newest_ns
+        if newest_ns is None or now_ns + self.shift_ns - newest_ns > SILENCE_NS:
+            return None
+        with suppress(PoseUnavailable):  # the receiver has just come back
+            return self._ring.vehicle_pose(newest_ns, extrapolate=True)
+        return None
+
+    def counters(self) -> dict[str, float]:
+        """Counts with names for a health record."""
+        return {
+            "pulses_waiting_for_pose": len(self._attacher),
+            "poses_attached": self._attacher.attached,
+            "poses_extrapolated": self._attacher.extrapolated,
+            "pulses_without_pose": self._attacher.without_pose,
+            "pose_resets": self._ring.resets,
+            **({} if self._own is None else self._own.health()),
+            "poses_on_stale_clock": self._on_stale_clock,
+        }
