@@ -27,6 +27,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 if TYPE_CHECKING:
     from uavrt.ground.web import PageStation
 
+LOOPBACK = "127.0.0.1"
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 LAST_THREADS_S = 1.5
 """How long threads that still work are waited for when everything else has ended."""
@@ -46,7 +47,7 @@ def ground(
     page: Flag = False,
     port: Port = 8650,
     browser: bool = True,
-    listen: str = "127.0.0.1",
+    listen: str = LOOPBACK,
     host_name: tuple[str, ...] = (),
     certificate: Path | None = None,
     key: Path | None = None,
@@ -136,6 +137,15 @@ def ground(
 
     tag_list = read_tags(tags) if tags is not None else None
     if not page and (headless or json_lines or start or tags is not None):
+        _refuse_unused(
+            vehicle=bool(vehicle),
+            my_place=my_place is not None,
+            dem=dem is not None,
+            listen=listen != LOOPBACK,
+            host_name=bool(host_name),
+            certificate=certificate is not None,
+            key=key is not None,
+        )
         settings = StationSettings(
             addresses=mavlink or (DEFAULT_ADDRESS,),
             directory=output or Path(f"ground_{datetime.now(UTC):%Y-%m-%d_%H-%M-%S}"),
@@ -282,3 +292,19 @@ def _text_of(event: dict[str, Any]) -> str | None:
         case {"event": "started", "directory": directory}:
             return f"detecting; the drone records in {directory}"
     return None
+
+
+def _refuse_unused(**given: bool) -> None:
+    """Refuse options that only the page obeys, where there is none.
+
+    Raises
+    ------
+    ConfigError
+        Some were given.
+    """
+    unused = [f"--{name.replace('_', '-')}" for name, is_given in given.items() if is_given]
+    if unused:
+        raise ConfigError(
+            f"there is no page to use {', '.join(unused)}",
+            remedy="Add --page, or leave out --headless and what else runs without a page",
+        )

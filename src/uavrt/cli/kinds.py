@@ -60,13 +60,13 @@ Port = Annotated[int, Parameter(validator=Between(least=0, most=65_535))]
 """Of TCP or UDP; 0 takes any free one."""
 Component = Annotated[int, Parameter(validator=Between(least=1, most=255))]
 """Of a MAVLink system."""
-Vehicles = Annotated[tuple[int, ...], Parameter(validator=Between(least=1, most=255))]
+Vehicles = tuple[Annotated[int, Parameter(validator=Between(least=1, most=255))], ...]
 """Numbers of MAVLink systems."""
 Seed = Annotated[int, Parameter(validator=Between(least=0))]
 """Of a random generator."""
 Count = Annotated[int, Parameter(validator=Between(least=1))]
 """How many, at least one."""
-Counts = Annotated[tuple[int, ...], Parameter(validator=Between(least=1))]
+Counts = tuple[Count, ...]
 """Several of them."""
 Tally = Annotated[int, Parameter(validator=Between(least=0))]
 """How many, perhaps none."""
@@ -86,8 +86,8 @@ DegreesOfError = Annotated[float, Parameter(validator=Between(least=0, unit="deg
 """A standard deviation of an angle."""
 Metres = Annotated[float, Parameter(validator=Between(above=0, most=20_000, unit="m"))]
 """A height over the ground or over the tags."""
-Heights = Annotated[
-    tuple[float, ...], Parameter(validator=Between(above=0, most=20_000, unit="m"))
+Heights = tuple[
+    Annotated[float, Parameter(validator=Between(above=0, most=20_000, unit="m"))], ...
 ]
 """Heights over the ground."""
 Side = Annotated[float, Parameter(validator=Between(least=0.5, most=1000, unit="m"))]
@@ -106,7 +106,7 @@ MetresOfError = Annotated[float, Parameter(validator=Between(least=0, unit="m"))
 """A standard deviation of a height."""
 Factor = Annotated[float, Parameter(validator=Between(above=0))]
 """A ratio, such as that of simulated time to real time."""
-TagIds = Annotated[tuple[int, ...], Parameter(validator=Between(least=1, most=0xFFFF_FFFF))]
+TagIds = tuple[Annotated[int, Parameter(validator=Between(least=1, most=0xFFFF_FFFF))], ...]
 """Ids of tags; the tunnel has four bytes for one."""
 Share = Annotated[float, Parameter(validator=Between(least=0, most=1))]
 """Of a whole."""

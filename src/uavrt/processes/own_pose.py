@@ -58,7 +58,13 @@ def pose_address(settings: PoseSettings) -> Address | None:
             )
         return None
     if settings.source == "gpsd":
-        return parse_address(f"tcp://{settings.address or GPSD}")
+        try:
+            return parse_address(f"tcp://{settings.address or GPSD}")
+        except ConfigError as error:
+            raise ConfigError(
+                f"pose.address {settings.address!r} is not HOST:PORT",
+                remedy=f"Write where gpsd listens, such as {GPSD}, or leave it empty",
+            ) from error
     if not settings.address:
         raise ConfigError(
             'pose.source = "nmea" needs pose.address',

@@ -68,6 +68,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("fetch --signing-key junk", "64 hexadecimal"),
         ("ground --command-key nowhere", "No such file"),
         ("ground --port 99999", "--port"),
+        ("ground --headless --vehicle 3 --dem hills", "--vehicle, --dem"),
+        ("ground --vehicle 300", '"300" for --vehicle'),
         ("ground --no-browser --port 0 -o flights --certificate nowhere", "nowhere"),
         ("ground --no-browser --port 0 -o flights --certificate junk --key junk", "PEM"),
         ("ground --no-browser --port 0 -o flights --key junk", "--certificate"),
