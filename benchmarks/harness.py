@@ -18,7 +18,9 @@ from pathlib import Path
 from uavrt_experiments.measured import measured_now
 
 FOLDERS = ("detection", "dsp", "localization", "tunnel")
-"""Of the package: code whose changes may change a figure here."""
+"""Of the package: code whose changes may change a figure here …"""
+FOLDERS_OF = {"search": ("localization", "planning")}
+"""… and of sections that time something else."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +161,8 @@ def yardsticks() -> str:
 def render_section(section: str, tables: Sequence[Table]) -> str:
     """Markdown of a section, with machine and date."""
     stamp = f"{datetime.now(tz=UTC):%Y-%m-%d %H:%M} UTC"
-    parts = [f"## {section}", f"{stamp}; {machine()}.", measured_now(FOLDERS)]
+    measured = measured_now(FOLDERS_OF.get(section, FOLDERS))
+    parts = [f"## {section}", f"{stamp}; {machine()}.", measured]
     for table in tables:
         lines = [
             "| " + " | ".join(table.header) + " |",

@@ -36,6 +36,7 @@ _C_COMMENT = re.compile(r'"(?:\\.|[^"\\])*"|/\*.*?\*/|//[^\n]*', re.DOTALL)
 DETECTOR_TABLE = "docs/images/detection/results.json"
 _DETECTOR_PAGE = "docs/images/detection/results.md"
 _BENCHMARKS = "benchmarks/results.md"
+_SEARCH_PAGE = "docs/reference/search-bars.md"
 _ALL = ("detection", "dsp", "localization", "tunnel")
 
 _LINE = re.compile(r"Measured on commit `([^`]+)`, code `(\w+)` of ([\w, ]+)\.")
@@ -82,6 +83,9 @@ class Part:
                 f"uavrt experiment detection --only {self.name} --trials 200 "
                 f"--output-dir {where}"
             )
+        if self.path == _SEARCH_PAGE:
+            table = self.name.removeprefix("search ")
+            return f"uavrt experiment search --only {table} --page {_SEARCH_PAGE}"
         return f"uavrt experiment {self.name}"
 
 
@@ -193,6 +197,8 @@ def _name(path: str, before: str) -> str:
         return str(re.findall(r"^## (E\d+)", before, re.MULTILINE)[-1])
     if path == _BENCHMARKS:
         return "bench " + str(re.findall(r"^## (\w+)", before, re.MULTILINE)[-1])
+    if path == _SEARCH_PAGE:
+        return "search " + str(re.findall(r"^## ([\w-]+)", before, re.MULTILINE)[-1])
     asked = re.findall(r"uavrt experiment (\w+)", before)
     return str(asked[-1]) if asked else Path(path).stem
 
@@ -215,7 +221,11 @@ def enter(part: Part, line: str, root: Path = ROOT) -> None:
         if _name(part.path, text[: found.start()]) == part.name
     )
     # Two parts may say the same: the title tells which is meant.
-    titles = {"bench": f"## {part.name.removeprefix('bench ')}\n", "E": f"## {part.name}: "}
+    titles = {
+        "bench": f"## {part.name.removeprefix('bench ')}\n",
+        "search": f"## {part.name.removeprefix('search ')}: ",
+        "E": f"## {part.name}: ",
+    }
     title = next((t for start, t in titles.items() if part.name.startswith(start)), "")
     at = text.index(head, text.index(title)) + len(head)
     rest = text[at:].lstrip("\n")

@@ -28,6 +28,7 @@ def search(
     workers: Count = 2,
     output: Path | None = None,
     pictures: Path | None = None,
+    page: Path | None = None,
 ) -> None:
     """Search simulated animals with every planner, against the published tables.
 
@@ -41,7 +42,7 @@ def search(
     only
         One table, such as T2.
     baselines
-        Also fly the other planners.
+        Also fly the other planners; without, only the one that a bar compares with.
     particles
         Hypotheses per tag.
     workers
@@ -51,6 +52,8 @@ def search(
         figures that have a target.
     pictures
         Draw the paths into this folder.
+    page
+        Put each table into this Markdown page, in place of its earlier one.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
@@ -63,7 +66,9 @@ def search(
         Flown,
         fly_all,
         honesty,
+        page_section,
         plan,
+        put_section,
         results,
         section,
     )
@@ -75,6 +80,8 @@ def search(
         )
     if output is not None:
         check_place(output, overwrite=True)
+    if page is not None:
+        check_place(page, overwrite=True)
     if pictures is not None:
         pictures.mkdir(parents=True, exist_ok=True)
     rows: list[Row] = []
@@ -91,6 +98,13 @@ def search(
             sections.append(section(SCENARIOS[name], own))
             rows += own
             everything += flown
+            if page is not None:
+                asked = f"--only {name} --runs {runs} --seed {seed} --particles {particles}"
+                asked += "" if baselines else " --no-baselines"
+                measured = measured_now(("localization", "planning"))
+                command = f"uavrt experiment search {asked}"
+                text = page_section(SCENARIOS[name], own, command, measured)
+                put_section(page, name, text, list(SCENARIOS))
             if pictures is not None:
                 from uavrt_experiments.search import draw
 

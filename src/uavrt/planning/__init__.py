@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from uavrt.planning.actions import Action, FlyTo, Hold, Leg, Return, Rotate
     from uavrt.planning.area import Circle, Polygon, SearchArea, survey_lines
     from uavrt.planning.beliefs import Beliefs, ModelCheck, TagBelief
+    from uavrt.planning.beside import Separation, places_at
     from uavrt.planning.coverage import (
         Absence,
         Coverage,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from uavrt.planning.search import Found, Search, SearchSettings
     from uavrt.planning.situation import Candidate, Decision, Planner, Situation
     from uavrt.planning.stopping import DeterminantStop, HonestStop, LongestAxisStop, StopRule
+    from uavrt.planning.together import SearchTogether
     from uavrt.planning.vehicle import (
         FixedWing,
         Multirotor,
@@ -79,6 +81,8 @@ __all__ = [
     "Search",
     "SearchArea",
     "SearchSettings",
+    "SearchTogether",
+    "Separation",
     "Shannon",
     "Situation",
     "StopRule",
@@ -92,6 +96,7 @@ __all__ = [
     "coverage_of",
     "flown",
     "listening_way",
+    "places_at",
     "planner_named",
     "reachable",
     "survey_lines",
@@ -138,6 +143,8 @@ __getattr__ = lazily(
         "Search": "search",
         "SearchArea": "area",
         "SearchSettings": "search",
+        "SearchTogether": "together",
+        "Separation": "beside",
         "Shannon": "planners",
         "Situation": "situation",
         "StopRule": "stopping",
@@ -147,6 +154,7 @@ __getattr__ = lazily(
         "Wind": "vehicle",
         "at_100_m": "level",
         "flown": "vehicle",
+        "places_at": "beside",
         "planner_named": "planners",
         "reachable": "vehicle",
         "survey_lines": "area",

@@ -93,7 +93,12 @@ def _over_ground(
 
 
 def information_nats(
-    beliefs: Sequence[TagBelief], legs: Legs, listener: Listener, *, hypotheses: int = 64
+    beliefs: Sequence[TagBelief],
+    legs: Legs,
+    listener: Listener,
+    *,
+    hypotheses: int = 64,
+    others: Legs | None = None,
 ) -> _Floats:
     """(tags, legs) information of each way on the place of each tag.
 
@@ -105,34 +110,83 @@ def information_nats(
     listener : Listener
     hypotheses : int
         Drawn of each tag; the information is at most the logarithm of this.
+    others : Legs, optional
+        Ways on which other drones will listen meanwhile: what they will have told counts no
+        more.
     """
     out = np.empty((len(beliefs), len(legs.duration_s)))
+    for number, belief in enumerate(beliefs):
+        some = belief.hypotheses(hypotheses)
+        own = _pulses(belief.prior, some, legs, listener)
+        if others is None:
+            out[number] = _told(belief.prior, some, own)
+            continue
+        theirs = _pulses(belief.prior, some, others, listener).as_one()
+        both = _told(belief.prior, some, own.beside(theirs))
+        out[number] = both - _told(belief.prior, some, theirs)
+    return np.maximum(out, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Pulses:
+    """What is to be heard along ways."""
+
+    level_db: _Singles
+    """(ways, samples, hypotheses)"""
+    per_db2: _Singles
+    """(ways, samples) pulses over the variance of each."""
+    span_s: _Floats
+    """(ways,)"""
+
+    def as_one(self) -> "_Pulses":
+        """All ways as one."""
+        return _Pulses(
+            level_db=self.level_db.reshape(1, -1, self.level_db.shape[2]),
+            per_db2=self.per_db2.reshape(1, -1),
+            span_s=self.span_s.max(keepdims=True),
+        )
+
+    def beside(self, one: "_Pulses") -> "_Pulses":
+        """Each way together with one other."""
+        ways, _, hypotheses = self.level_db.shape
+        samples = one.level_db.shape[1]
+        level = np.broadcast_to(one.level_db, (ways, samples, hypotheses))
+        per = np.broadcast_to(one.per_db2, (ways, samples))
+        return _Pulses(
+            level_db=np.concatenate([self.level_db, level], axis=1),
+            per_db2=np.concatenate([self.per_db2, per], axis=1),
+            span_s=np.maximum(self.span_s, one.span_s),
+        )
+
+
+def _pulses(prior: TagPrior, some: Hypotheses, legs: Legs, listener: Listener) -> _Pulses:
     samples = legs.time_s.shape[1]
     spans = legs.time_s[:, -1] * samples / max(samples - 0.5, 0.5)
-    for number, belief in enumerate(beliefs):
-        prior = belief.prior
-        some = belief.hypotheses(hypotheses)
-        walked = _walked_m(some, spans)
-        level, wrong2 = expected_levels_db(prior, some, legs, listener, walked)
-        level = np.maximum(level, np.float32(listener.threshold_db))
-        pulses = spans / samples / listener.pulse_s * (1.0 - prior.missed_share)
-        noise2 = prior.fading_db**2 + _walked_db2(some, legs, spans, listener.above_tags_m)
-        noise2 = noise2 + wrong2
-        per_pulse = (pulses[:, None] / noise2).astype(np.float32)
-        root = np.sqrt(per_pulse)
-        scaled = level * root[:, :, None]
-        scaled -= scaled.mean(axis=2, keepdims=True)
-        # Of K pulses with a common unknown level of variance v, the mean counts only as
-        # 1 / (σ² / K + v).
-        drift2 = prior.level_drift_db_per_root_s**2 * spans
-        spread = float(np.mean(some.level_variance_db2)) + drift2 / 3.0
-        share = np.sqrt(spread / (1.0 + spread * per_pulse.sum(axis=1)))
-        whole = np.einsum("csp,cs->cp", scaled, root * share[:, None])
-        off = minus_quarter_squares(scaled, whole)
-        np.minimum(off, 0.0, out=off)
-        np.exp(off, out=off)
-        out[number] = -np.mean(np.log(off.mean(axis=1)), axis=1)
-    return np.maximum(out, 0.0)
+    walked = _walked_m(some, spans)
+    level, wrong2 = expected_levels_db(prior, some, legs, listener, walked)
+    level = np.maximum(level, np.float32(listener.threshold_db))
+    pulses = spans / samples / listener.pulse_s * (1.0 - prior.missed_share)
+    noise2 = prior.fading_db**2 + _walked_db2(some, legs, spans, listener.above_tags_m)
+    noise2 = noise2 + wrong2
+    per_pulse = (pulses[:, None] / noise2).astype(np.float32)
+    return _Pulses(level_db=level, per_db2=per_pulse, span_s=spans)
+
+
+def _told(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
+    """(ways,) information on the place, of pulses that are to be heard."""
+    root = np.sqrt(heard.per_db2)
+    scaled = heard.level_db * root[:, :, None]
+    scaled -= scaled.mean(axis=2, keepdims=True)
+    # Of K pulses with a common unknown level of variance v, the mean counts only as
+    # 1 / (σ² / K + v).
+    drift2 = prior.level_drift_db_per_root_s**2 * heard.span_s
+    spread = float(np.mean(some.level_variance_db2)) + drift2 / 3.0
+    share = np.sqrt(spread / (1.0 + spread * heard.per_db2.sum(axis=1)))
+    whole = np.einsum("csp,cs->cp", scaled, root * share[:, None])
+    off = minus_quarter_squares(scaled, whole)
+    np.minimum(off, 0.0, out=off)
+    np.exp(off, out=off)
+    return np.asarray(-np.mean(np.log(off.mean(axis=1)), axis=1))
 
 
 def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:

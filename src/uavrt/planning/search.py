@@ -11,6 +11,7 @@ from uavrt.localization import Listening, TrackEstimate
 from uavrt.planning.actions import FlyTo, Leg, Return
 from uavrt.planning.area import SearchArea, check_reach
 from uavrt.planning.beliefs import Beliefs
+from uavrt.planning.beside import Beside
 from uavrt.planning.energy import Battery, EnergyModel
 from uavrt.planning.keep_away import KeepAway
 from uavrt.planning.situation import Decision, Planner, Situation
@@ -57,14 +58,22 @@ class Search:
     planner : Planner
     rng : Generator
         Randomness of the planner.
+    found : dict, optional
+        That of a search of several drones, which all share.
     """
 
     def __init__(
-        self, settings: SearchSettings, beliefs: Beliefs, planner: Planner, rng: Generator
+        self,
+        settings: SearchSettings,
+        beliefs: Beliefs,
+        planner: Planner,
+        rng: Generator,
+        *,
+        found: dict[int, Found] | None = None,
     ) -> None:
         self.settings, self.beliefs = settings, beliefs
         self._planner, self._rng = planner, rng
-        self.found: dict[int, Found] = {}
+        self.found: dict[int, Found] = {} if found is None else found
         self.decisions: list[tuple[float, Decision]] = []
 
     def check(self, state: VehicleState, battery: Battery | None = None) -> None:
@@ -131,13 +140,18 @@ class Search:
         return len(self.found) == len(self.beliefs)
 
     def decide(
-        self, state: VehicleState, *, wind: Wind | None = None, battery: Battery | None = None
+        self,
+        state: VehicleState,
+        *,
+        wind: Wind | None = None,
+        battery: Battery | None = None,
+        beside: Beside | None = None,
     ) -> Decision:
         """What to do now: home when it is time, else what the planner says."""
         air = wind or Wind()
         decision = self._home(state, air, battery)
         if decision is None:
-            situation = self.situation(state, air)
+            situation = self.situation(state, air, beside)
             decision = self._planner.decide(situation)
             decision = self._affordable(decision, situation, battery) or decision
         self.decisions.append((state.time_s, decision))
@@ -158,7 +172,9 @@ class Search:
         )
         return 1.0 - float(kept.min())
 
-    def situation(self, state: VehicleState, wind: Wind) -> Situation:
+    def situation(
+        self, state: VehicleState, wind: Wind, beside: Beside | None = None
+    ) -> Situation:
         """What the planner is told."""
         settings = self.settings
         return Situation(
@@ -176,6 +192,7 @@ class Search:
             threshold_db=settings.threshold_db,
             tag_height_m=settings.tag_height_m,
             follows_ground=settings.follows_ground,
+            beside=beside,
         )
 
     def _home(

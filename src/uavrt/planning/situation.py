@@ -9,6 +9,7 @@ from numpy.random import Generator
 from uavrt.planning.actions import Action
 from uavrt.planning.area import SearchArea
 from uavrt.planning.beliefs import Beliefs, TagBelief
+from uavrt.planning.beside import Beside
 from uavrt.planning.information import Listener
 from uavrt.planning.keep_away import KeepAway
 from uavrt.planning.stopping import StopRule
@@ -39,11 +40,14 @@ class Situation:
     """Above ground."""
     follows_ground: bool = False
     """Heights are kept above the ground beneath the drone, else above that at the take-off."""
+    beside: Beside | None = None
+    """Other drones of the same search."""
 
     @property
     def wanted(self) -> list[TagBelief]:
-        """Tags that are still to be found."""
-        return [one for tag_id, one in self.beliefs.items() if tag_id not in self.found]
+        """Tags that are still to be found, and are not left to others."""
+        left = frozenset() if self.beside is None else self.beside.left
+        return [one for tag_id, one in self.beliefs.items() if tag_id not in self.found | left]
 
     @property
     def above_tags_m(self) -> float:

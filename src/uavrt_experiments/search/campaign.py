@@ -8,7 +8,8 @@ from multiprocessing import get_context
 
 from uavrt_experiments.search.catalogue import SCENARIOS
 from uavrt_experiments.search.flight import Outcome, fly
-from uavrt_experiments.search.scenario import Contender
+from uavrt_experiments.search.scenario import PUBLISHED, THAN_PUBLISHED, Contender
+from uavrt_experiments.search.several import FlightOfSeveral
 from uavrt_experiments.search.table import Flown
 
 
@@ -30,7 +31,8 @@ def plan(
     planned = []
     for contender in scenario.contenders:
         ours = contender.planner == "mi_rate"
-        if not (ours or baselines):
+        asked_for = contender == PUBLISHED and scenario.asks(THAN_PUBLISHED)
+        if not (ours or baselines or asked_for):
             continue
         count = runs if ours else max(1, math.ceil(runs * scenario.baseline_share))
         planned += [
@@ -44,7 +46,10 @@ def plan(
 
 def flown(run: Run) -> Outcome:
     """Fly a run; called in whatever process."""
-    return fly(SCENARIOS[run.scenario], run.contender, run.seed, particles=run.particles)
+    scenario = SCENARIOS[run.scenario]
+    if run.contender.drones > 1:
+        return FlightOfSeveral(scenario, run.contender, run.seed, run.particles).flown()
+    return fly(scenario, run.contender, run.seed, particles=run.particles)
 
 
 def fly_all(

@@ -9,7 +9,20 @@ from uavrt.planning import (
     LongestAxisStop,
     Multirotor,
 )
-from uavrt_experiments.search.scenario import Bar, Contender, Known, Scenario, Truth
+from uavrt_experiments.search.scenario import (
+    APART,
+    ERROR_THAN_ONE,
+    FARTHEST,
+    FASTER,
+    PUBLISHED,
+    STOPS,
+    THAN_PUBLISHED,
+    Bar,
+    Contender,
+    Known,
+    Scenario,
+    Truth,
+)
 from uavrt_experiments.search.terrain import Hills
 
 _BASELINES = ("closest", "shannon", "renyi", "lawnmower", "rotation_points")
@@ -21,7 +34,7 @@ def _all(*planners: str) -> tuple[Contender, ...]:
         Contender(planner="mi_rate"),
         Contender(planner="mi_rate", stop="ours"),
         *(Contender(planner=name) for name in planners),
-        *((Contender(planner="renyi", filter="TrackerBots"),) if "renyi" in planners else ()),
+        *((PUBLISHED,) if "renyi" in planners else ()),
     )
 
 
@@ -69,7 +82,7 @@ T2 = _trackerbots(
     Bar(quantity="error, mean, m", most=12.5),
     Bar(quantity="time, mean, s", most=260.0),
     Bar(quantity="complete, share", least=1.0),
-    Bar(quantity="time over that of renyi", most=0.6),
+    Bar(quantity=THAN_PUBLISHED, most=0.6),
 )
 _LAVA_PLACES = (
     *((700.0, 720.0), (840.0, 520.0), (310.0, 380.0), (160.0, 550.0), (820.0, 330.0)),
@@ -265,7 +278,44 @@ T10 = replace(
     ),
     contenders=_EASIER,
 )
+_TOGETHER = tuple(
+    Contender(planner="mi_rate", stop=stop, drones=drones, corners=corners)
+    for stop in STOPS
+    for drones, corners in ((1, False), (2, False), (3, False), (2, True), (3, True))
+)
+T2_DRONES = replace(
+    T2,
+    name="T2-drones",
+    title="The same by one drone, two and three, from one corner and from several",
+    bars=(
+        Bar(quantity="time, mean, s"),
+        Bar(quantity=FASTER.format(2), least=1.6),
+        Bar(quantity=FASTER.format(3), least=2.2),
+        Bar(quantity="error, mean, m"),
+        Bar(quantity=ERROR_THAN_ONE, most=1.1),
+        Bar(quantity=APART, least=1.0),
+        Bar(quantity=FARTHEST),
+    ),
+    contenders=_TOGETHER,
+)
+T5_DRONES = replace(
+    T5,
+    name="T5-drones",
+    title="Four animals not to be disturbed in 1 km², two drones and three",
+    east_m=1000.0,
+    north_m=1000.0,
+    tags=4,
+    start_m=(0.0, 0.0),
+    limit_s=900,
+    bars=(
+        Bar(quantity="complete, share"),
+        Bar(quantity=APART, least=1.0),
+        Bar(quantity="inside the radius, share", most=0.01),
+    ),
+    contenders=tuple(one for one in _TOGETHER if one.drones > 1 and one.stop == "ours"),
+)
 SCENARIOS: dict[str, Scenario] = {
-    one.name: one for one in (T1, T2, T3, T4, T5, T5_19, T6, T7, T8, T9, T10)
+    one.name: one
+    for one in (T1, T2, T2_DRONES, T3, T4, T5, T5_19, T5_DRONES, T6, T7, T8, T9, T10)
 }
 """By name."""

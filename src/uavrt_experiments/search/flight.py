@@ -12,6 +12,7 @@ from uavrt.planning import (
     Action,
     Beliefs,
     FlyTo,
+    Found,
     GroundReflection,
     Hold,
     Path,
@@ -71,6 +72,8 @@ class Outcome:
     path_m: tuple[tuple[float, float], ...]
     ends_m: tuple[tuple[float, float], ...]
     """Where the tags were in the end."""
+    apart_m: float = float("inf")
+    """That two drones came to each other, over ground."""
 
     @property
     def complete(self) -> bool:
@@ -312,16 +315,18 @@ class _Flight:
             search.beliefs[one.tag_id].tracker.replace_at_random(_INJECTION)
 
     def _note(self, tag_id: int) -> None:
-        found = self.search.found[tag_id]
-        error = None
-        if self.world.exists(tag_id):
-            x, y = self.world.places_m[tag_id - 1]
-            error = float(np.hypot(found.estimate.east_m - x, found.estimate.north_m - y))
-        self.judged.append(
-            Judged(
-                tag_id=tag_id,
-                time_s=found.time_s,
-                error_m=error,
-                radius95_m=found.estimate.radius95_m,
-            )
-        )
+        self.judged.append(judged(self.search.found[tag_id], tag_id, self.world))
+
+
+def judged(found: Found, tag_id: int, world: World) -> Judged:
+    """Compare what was called found with what is there."""
+    error = None
+    if world.exists(tag_id):
+        x, y = world.places_m[tag_id - 1]
+        error = float(np.hypot(found.estimate.east_m - x, found.estimate.north_m - y))
+    return Judged(
+        tag_id=tag_id,
+        time_s=found.time_s,
+        error_m=error,
+        radius95_m=found.estimate.radius95_m,
+    )

@@ -13,6 +13,10 @@ _Floats = NDArray[np.float64]
 Ground = Callable[[_Floats, _Floats], _Floats]
 
 
+Stop = Literal["paper", "ours"]
+STOPS: tuple[Stop, ...] = ("paper", "ours")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
     """What the world does. Levels are those that the paper gives, in dBm or dB."""
@@ -74,17 +78,34 @@ class Contender:
     planner: str
     filter: Literal["ours", "TrackerBots"] = "ours"
     """TrackerBots' learns nothing from silence, and puts particles anywhere now and then."""
-    stop: Literal["paper", "ours"] = "paper"
+    stop: Stop = "paper"
     easier: bool = False
     """It flies the scenario's easier case, for comparison."""
     turn_s: float = 0.0
     """Of the turn at each point, of Cliff's planner; 0: single pulses instead."""
+    drones: int = 1
+    corners: bool = False
+    """Several drones start at several corners of the area, else all at one."""
 
     def __str__(self) -> str:
         own = "" if self.filter == "ours" else ", authors' filter"
         stop = ", our stop" if self.stop == "ours" else ""
         turning = f", turns of {self.turn_s:g} s" if self.turn_s else ""
-        return f"{self.planner}{own}{stop}{turning}{', easier case' if self.easier else ''}"
+        several = "" if self.drones == 1 else f", {self.drones} drones"
+        several += " from corners" if self.corners else ""
+        easier = ", easier case" if self.easier else ""
+        return f"{self.planner}{several}{own}{stop}{turning}{easier}"
+
+
+PUBLISHED = Contender(planner="renyi", filter="TrackerBots")
+"""What is published as TrackerBots: planner and filter."""
+THAN_PUBLISHED = "time over that of renyi"
+"""Quantity: our time over that of `PUBLISHED`."""
+FASTER = "times as fast as one, {} drones"
+ERROR_THAN_ONE = "error over that of one drone"
+APART = "drones kept apart, share"
+FARTHEST = "straight to the farthest animal, mean, s"
+"""Quantities of several drones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,3 +151,7 @@ class Scenario:
     contenders: tuple[Contender, ...] = ()
     baseline_share: float = 0.12
     """Runs of a baseline over ours: they take long."""
+
+    def asks(self, quantity: str) -> bool:
+        """Whether a bar is of this quantity."""
+        return any(bar.quantity == quantity for bar in self.bars)

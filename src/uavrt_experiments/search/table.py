@@ -17,14 +17,24 @@ from uavrt_experiments.figures import (
 )
 from uavrt_experiments.result import Row
 from uavrt_experiments.search.flight import Judged, Outcome
-from uavrt_experiments.search.scenario import Bar, Contender, Scenario
+from uavrt_experiments.search.scenario import (
+    APART,
+    ERROR_THAN_ONE,
+    FARTHEST,
+    FASTER,
+    PUBLISHED,
+    THAN_PUBLISHED,
+    Bar,
+    Contender,
+    Scenario,
+)
+from uavrt_experiments.search.several import SEPARATION, starts_of
 from uavrt_experiments.tables import aligned
 
 _Floats = NDArray[np.float64]
 _COMPLETE = "complete, share"
 _HELD = "95 % circle holds, share"
 _FALSE = "false found, share"
-_THAN_RENYI = "time over that of renyi"
 _THAN_EASIER = "time over that of the easier case"
 _HEAD_WIDTH = 13
 
@@ -47,12 +57,11 @@ def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Row]:
     rows = [row for one in flown for row in _rows(scenario, one)]
     ours = [one for one in flown if one.contender.planner == "mi_rate"]
     ours = [one for one in ours if not one.contender.easier]
-    theirs = Contender(planner="renyi", filter="TrackerBots")
     for one in ours:
         same = [
-            (_THAN_RENYI, other)
+            (THAN_PUBLISHED, other)
             for other in flown
-            if other.contender == theirs and one.contender.stop == theirs.stop
+            if other.contender == PUBLISHED and one.contender.stop == PUBLISHED.stop
         ]
         same += [
             (_THAN_EASIER, other)
@@ -60,6 +69,13 @@ def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Row]:
             if other.contender == replace(one.contender, easier=True)
         ]
         rows += [_ratio(scenario, quantity, one, other) for quantity, other in same]
+        alone = replace(one.contender, drones=1, corners=False)
+        rows += [
+            row
+            for other in flown
+            if one.contender.drones > 1 and other.contender == alone
+            for row in _than_one(scenario, one, other)
+        ]
     return rows
 
 
@@ -136,7 +152,11 @@ def _rows(scenario: Scenario, one: Flown) -> list[Row]:
     if scenario.keep_away is not None:
         near = [float(run.too_near_s > 0) for run in runs]
         figures.append(("inside the radius, share", near, share))
-    rows = []
+    if one.contender.drones > 1:
+        apart = [float(run.apart_m >= SEPARATION.distance_m) for run in runs]
+        figures.append((APART, apart, share))
+        figures.append((FARTHEST, [_farthest_s(scenario, one, run) for run in runs], mean))
+    rows: list[Row] = []
     for quantity, values, figure in figures:
         bar = _bar(scenario, one, quantity)
         if not values and bar.least is None and bar.most is None:
@@ -155,16 +175,56 @@ def _rows(scenario: Scenario, one: Flown) -> list[Row]:
     return rows
 
 
+def _farthest_s(scenario: Scenario, one: Flown, run: Outcome) -> float:
+    """Time to the animal that is farthest from all starts, by whoever is nearest to it."""
+    starts = starts_of(scenario, one.contender).values()
+    return (
+        max(
+            min(float(np.hypot(x - start.east_m, y - start.north_m)) for start in starts)
+            for x, y in run.ends_m
+        )
+        / scenario.vehicle.speed_m_s
+    )
+
+
 def _ratio(scenario: Scenario, quantity: str, ours: Flown, theirs: Flown) -> Row:
     """Time of ours over theirs on the same seeds."""
-    by_seed = {run.seed: run.time_s for run in theirs.outcomes}
-    pairs = [(run.time_s, by_seed[run.seed]) for run in ours.outcomes if run.seed in by_seed]
+    return _quotient(scenario, quantity, ours, (ours, theirs), _time_s)
+
+
+def _than_one(scenario: Scenario, several: Flown, alone: Flown) -> list[Row]:
+    """How much faster several drones are, and whether as exact, on the same seeds."""
+    faster = FASTER.format(several.contender.drones)
+    return [
+        _quotient(scenario, faster, several, (alone, several), _time_s),
+        _quotient(scenario, ERROR_THAN_ONE, several, (several, alone), _error_m),
+    ]
+
+
+def _time_s(run: Outcome) -> float:
+    return run.time_s
+
+
+def _error_m(run: Outcome) -> float:
+    return run.mean_error_m
+
+
+def _quotient(
+    scenario: Scenario,
+    quantity: str,
+    ours: Flown,
+    over: tuple[Flown, Flown],
+    of: Callable[[Outcome], float],
+) -> Row:
+    """Sum of something over all runs of one, over that of another on the same seeds."""
+    top, bottom = ({run.seed: of(run) for run in one.outcomes} for one in over)
+    pairs = [(top[seed], bottom[seed]) for seed in top if seed in bottom]
     numbers = np.arange(len(pairs), dtype=np.float64)
     both = np.array(pairs)
 
     def ratio(chosen: _Floats) -> float:
         rows = both[chosen.astype(int)]
-        return float(rows[:, 0].sum() / rows[:, 1].sum())
+        return float(np.nansum(rows[:, 0]) / np.nansum(rows[:, 1]))
 
     bar = _bar(scenario, ours, quantity)
     return measured(
@@ -178,27 +238,36 @@ def _ratio(scenario: Scenario, quantity: str, ours: Flown, theirs: Flown) -> Row
     )
 
 
-def section(scenario: Scenario, rows: Sequence[Row]) -> str:
-    """Draw the rows of a scenario for a terminal: a line for each contender.
+def asked_and_reached(
+    scenario: Scenario, rows: Sequence[Row], cell: Callable[[Row], str]
+) -> tuple[list[str], list[list[str]]]:
+    """Headings, and lines of text: what is asked, then one for each contender.
 
-    Columns are what is asked for, and whether all was found; every other figure is for the
-    file.
+    Columns are what is asked for, whether all was found, and in how many runs it was not.
     """
     bars = {one.quantity: one for one in rows if one.barred}
     quantities = [bar.quantity for bar in scenario.bars]
     quantities += [_COMPLETE] if _COMPLETE not in quantities else []
-    heads = [textwrap.wrap(one, _HEAD_WIDTH) for one in quantities]
-    height = max(map(len, heads))
-    lines = [
-        ["", *(head[n] if n < len(head) else "" for head in heads), "runs" if not n else ""]
-        for n in range(height)
-    ]
-    lines.append(["asked", *(bars[q].bar if q in bars else "" for q in quantities), ""])
+    lines = [["asked", *(bars[q].bar if q in bars else "" for q in quantities), ""]]
     for case in dict.fromkeys(one.case for one in rows):
         own = {one.quantity: one for one in rows if one.case == case}
-        runs = own[_COMPLETE].n
-        lines.append([case, *(_cell(own.get(one)) for one in quantities), str(runs)])
-    text = [f"{scenario.name}  {scenario.title}", aligned(lines)]
+        found = own[_COMPLETE]
+        failed = round(found.n * (1.0 - found.figure))
+        cells = [cell(own[one]) if one in own else "" for one in quantities]
+        lines.append([case, *cells, f"{failed} of {found.n}"])
+    return ["", *quantities, "runs failed"], lines
+
+
+def section(scenario: Scenario, rows: Sequence[Row]) -> str:
+    """Draw the rows of a scenario for a terminal: a line for each contender.
+
+    Every other figure is for the file.
+    """
+    names, lines = asked_and_reached(scenario, rows, figure_text)
+    heads = [textwrap.wrap(one, _HEAD_WIDTH) for one in names]
+    height = max(map(len, heads))
+    top = [[head[n] if n < len(head) else "" for head in heads] for n in range(height)]
+    text = [f"{scenario.name}  {scenario.title}", aligned([*top, *lines])]
     text += [
         f"{one.verdict}: {one.quantity} {one.figure:.3g}, asked {one.bar} ({one.case})"
         for one in rows
@@ -207,5 +276,6 @@ def section(scenario: Scenario, rows: Sequence[Row]) -> str:
     return "\n".join(text)
 
 
-def _cell(one: Row | None) -> str:
-    return "" if one is None else f"{one.figure:.3g} ({one.low:.3g}–{one.high:.3g})"
+def figure_text(one: Row) -> str:
+    """A figure with its 95 % interval."""
+    return f"{one.figure:.3g} ({one.low:.3g}–{one.high:.3g})"

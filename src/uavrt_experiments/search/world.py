@@ -82,19 +82,30 @@ class World:
 
     def step(self, second: int, state: VehicleState) -> list[Heard]:
         """Let a second pass; what the drone hears then and there."""
+        self.advance(second)
+        return self.heard(second, state)
+
+    def advance(self, second: int) -> None:
+        """Let a second pass."""
         scenario, truth = self._scenario, self._scenario.truth
-        rng = np.random.default_rng((self._seed, 1, second))
+        steps = np.random.default_rng((self._seed, 1, second)).normal(size=(scenario.tags, 2))
+        walkers = np.arange(scenario.tags) >= truth.travellers
+        self.places_m += truth.walk_m_per_root_s * steps * walkers[:, None]
+        self.places_m += self._velocity
+        self._turn_back()
+
+    def heard(self, second: int, state: VehicleState, drone: int = 0) -> list[Heard]:
+        """What a drone hears; each has a fading, misses and false pulses of its own."""
+        scenario, truth = self._scenario, self._scenario.truth
+        own = (drone,) if drone else ()
+        rng = np.random.default_rng((self._seed, 1, second, *own))
         count = scenario.tags
-        steps = rng.normal(size=(count, 2))
+        rng.normal(size=(count, 2))  # the animals' steps
         fading = truth.sigma_db * rng.normal(size=count)
         missed = rng.random(count)
         everyone = count + scenario.absent
         false, clutter = rng.random(everyone), rng.uniform(*_CLUTTER_DB, everyone)
         strange = truth.sigma_db * rng.normal(size=truth.strangers)
-        walkers = np.arange(count) >= truth.travellers
-        self.places_m += truth.walk_m_per_root_s * steps * walkers[:, None]
-        self.places_m += self._velocity
-        self._turn_back()
         out = []
         for number in range(everyone):
             level = None

@@ -2,12 +2,22 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from uavrt.planning import VehicleState
-from uavrt_experiments.search import SCENARIOS, fly_all, honesty, plan, results, section
+from uavrt_experiments.search import (
+    SCENARIOS,
+    fly_all,
+    honesty,
+    page_section,
+    plan,
+    put_section,
+    results,
+    section,
+)
 from uavrt_experiments.search.flight import Judged, Outcome, beliefs_of, fly
 from uavrt_experiments.search.scenario import Contender
 from uavrt_experiments.search.table import Flown
@@ -68,6 +78,24 @@ def test_rows_hold_every_contender_with_intervals_and_failures() -> None:
         assert row.low <= row.figure + 1e-9, row
     complete = [row for row in rows if row.quantity == "complete, share"]
     assert len(complete) == 2
+
+
+def test_a_table_takes_the_place_of_its_earlier_one_on_the_page(tmp_path: Path) -> None:
+    page = tmp_path / "bars.md"
+    page.write_text("# Bars\n\nWords.\n", encoding="utf-8")
+    run = fly(replace(SCENARIOS["T1"], limit_s=20), OURS, 1, particles=100)
+    rows = results(SCENARIOS["T1"], [Flown(contender=OURS, outcomes=(run, run))])
+    for name, command in (("T3", "first"), ("T1", "second"), ("T3", "third")):
+        text = page_section(SCENARIOS[name], rows, command, "Measured now.")
+        put_section(page, name, text, list(SCENARIOS))
+    written = page.read_text(encoding="utf-8")
+    assert written.startswith("# Bars\n\nWords.\n")
+    assert written.index("## T1: ") < written.index("`second`") < written.index("## T3: ")
+    assert "`third`" in written
+    assert "first" not in written
+    # Nothing was found in so short a flight.
+    assert "2 of 2 |" in written
+    assert "| asked | ≤ 12.5 |" in written
 
 
 @pytest.mark.parametrize(

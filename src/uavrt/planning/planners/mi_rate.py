@@ -339,9 +339,15 @@ class MiRate:
         return situation.vehicle.hovers and directional and self._rotation_s > 0.0
 
     def _nats(self, situation: Situation, legs: Legs) -> _Floats:
-        """(tags, ways) information on each tag that is wanted."""
+        """(tags, ways) information on each tag that is wanted, beyond what others will hear."""
+        beside = situation.beside
+        others = None if beside is None else beside.legs(situation.state.time_s)
         return information_nats(
-            situation.wanted, legs, situation.listener, hypotheses=self._hypotheses
+            situation.wanted,
+            legs,
+            situation.listener,
+            hypotheses=self._hypotheses,
+            others=others,
         )
 
 

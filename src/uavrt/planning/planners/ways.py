@@ -69,6 +69,7 @@ def checked(
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)
+    refused = _beside_others(situation, east_m, north_m, refused)
     if not situation.vehicle.hovers:
         refused = _circling(situation, east_m, north_m, refused)
     kept = np.ones(len(east_m))
@@ -91,6 +92,27 @@ def checked(
             for one, probability in zip(refused, kept, strict=True)
         ]
     return Ways(east_m=east_m, north_m=north_m, refused=refused, kept=kept)
+
+
+def _beside_others(
+    situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
+) -> list[str | None]:
+    """Refuse ways that come near to where other drones are about to be.
+
+    Of two that are nearer already, ways that bring them no nearer are left.
+    """
+    beside, state = situation.beside, situation.state
+    if beside is None or not beside.announced:
+        return refused
+    apart = beside.separation
+    near = beside.nearest_m(situation.vehicle, state, east_m, north_m, situation.wind)
+    place = np.array([state.east_m]), np.array([state.north_m])
+    now = float(beside.nearest_m(situation.vehicle, state, *place, situation.wind)[0])
+    least = np.clip(now - 1e-6, apart.distance_m, apart.margin * apart.distance_m)
+    reason = f"within {apart.distance_m:.0f} m of another drone's way"
+    return [
+        one or (reason if off < least else None) for one, off in zip(refused, near, strict=True)
+    ]
 
 
 def here(situation: Situation) -> Ways:

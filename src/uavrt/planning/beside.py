@@ -1,0 +1,142 @@
+"""Other drones of the same search: what they are about to do, and how far apart all stay.
+
+Each drone announces the way that it flies, and stays at its end. A way is only announced if it
+keeps the distance from all that are announced then, each flown to its end. So the way that a
+drone has announced may always be flown on, whatever the others decide meanwhile.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import ConfigError
+from uavrt.planning.vehicle import Legs, Path, Vehicle, VehicleState, Wind
+
+_Floats = NDArray[np.float64]
+_STEP_S = 1.0
+_SAMPLES = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Separation:
+    """How far apart drones stay: in place by their ways, and each at a height of its own.
+
+    Parameters
+    ----------
+    distance_m : float
+        Over ground.
+    height_m : float
+        Between two drones' heights.
+    margin : float
+        Factor on the distance when a planner chooses; less is flown where nothing else is left.
+    """
+
+    distance_m: float = 25.0
+    height_m: float = 10.0
+    margin: float = 1.2
+
+    def __post_init__(self) -> None:
+        if min(self.distance_m, self.height_m) <= 0.0 or self.margin < 1.0:
+            raise ConfigError(
+                f"drones {self.distance_m:g} m apart, {self.height_m:g} m in height, with a "
+                f"margin of {self.margin:g}",
+                remedy="Give distances above 0 and a margin of 1 or more",
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beside:
+    """The other drones, as one of them is told of them before it decides."""
+
+    separation: Separation
+    announced: tuple[Path, ...] = ()
+    """Ways of all others, each from its first instant on."""
+    listening: tuple[Path, ...] = ()
+    """Of those of them that are heard of: they will hear what is heard there."""
+    left: frozenset[int] = frozenset()
+    """Tags that are left to the others."""
+
+    def nearest_m(
+        self,
+        vehicle: Vehicle,
+        state: VehicleState,
+        east_m: _Floats,
+        north_m: _Floats,
+        wind: Wind,
+    ) -> _Floats:
+        """(ways,) least distance from any other, ever, if each then stays at its end."""
+        spans = vehicle.durations(state, east_m, north_m, wind)
+        time = _grid(state.time_s, float(np.max(spans, initial=0.0, where=np.isfinite(spans))))
+        times = np.broadcast_to(time, (len(east_m), len(time)))
+        legs = vehicle.along(state, east_m, north_m, wind, times)
+        return self._nearest_m(state.time_s + time, legs.east_m, legs.north_m)
+
+    def path_nearest_m(self, state: VehicleState, path: Path) -> float:
+        """The same of a path that begins at a state."""
+        grid = state.time_s + _grid(state.time_s, path.time_s[-1] - state.time_s)
+        time = np.append(state.time_s, path.time_s)
+        east = np.interp(grid, time, np.append(state.east_m, path.east_m))
+        north = np.interp(grid, time, np.append(state.north_m, path.north_m))
+        return float(self._nearest_m(grid, east[None], north[None])[0])
+
+    def _nearest_m(self, time_s: _Floats, east_m: _Floats, north_m: _Floats) -> _Floats:
+        least = np.full(len(east_m), np.inf)
+        for path in self.announced:
+            # Until both stand.
+            more = _grid(0.0, float(path.time_s[-1] - time_s[-1]))[1:]
+            time = np.append(time_s, time_s[-1] + more)
+            mine = (np.pad(one, ((0, 0), (0, len(more))), "edge") for one in (east_m, north_m))
+            theirs = places_at(path, time)
+            x, y = (own - other for own, other in zip(mine, theirs, strict=True))
+            least = np.minimum(least, _least(x, y))
+        return least
+
+    def legs(self, time_s: float) -> Legs | None:
+        """What is left of the ways of those that listen, sampled; None where none does."""
+        if not self.listening:
+            return None
+        shares = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+        left = np.array([max(_STEP_S, one.time_s[-1] - time_s) for one in self.listening])
+        times = left[:, None] * shares
+        places = [
+            places_at(one, time_s + row) for one, row in zip(self.listening, times, strict=True)
+        ]
+        yaw = [
+            np.interp(time_s + row, one.time_s, np.unwrap(one.yaw_deg, period=360.0))
+            for one, row in zip(self.listening, times, strict=True)
+        ]
+        return Legs(
+            duration_s=left,
+            time_s=times,
+            east_m=np.array([east for east, _ in places]),
+            north_m=np.array([north for _, north in places]),
+            yaw_deg=np.array(yaw),
+        )
+
+
+def places_at(path: Path, time_s: _Floats) -> tuple[_Floats, _Floats]:
+    """East and north on a path, at its end afterwards."""
+    return (
+        np.interp(time_s, path.time_s, path.east_m),
+        np.interp(time_s, path.time_s, path.north_m),
+    )
+
+
+def _grid(start_s: float, span_s: float) -> _Floats:
+    """Instants from now, to at least the span's end.
+
+    They fall on whole steps of the clock, so that all ways bend at the same instants.
+    """
+    whole = np.ceil(start_s / _STEP_S + 1e-9) * _STEP_S - start_s
+    count = max(1, int(np.ceil(max(0.0, span_s - whole) / _STEP_S - 1e-9)) + 1)
+    return np.append(0.0, whole + _STEP_S * np.arange(count))
+
+
+def _least(x: _Floats, y: _Floats) -> _Floats:
+    """(ways,) least distance of (ways, instants) places from the origin, and between them."""
+    dx, dy = np.diff(x, axis=1), np.diff(y, axis=1)
+    speed2 = np.maximum(dx * dx + dy * dy, 1e-12)
+    share = np.clip(-(x[:, :-1] * dx + y[:, :-1] * dy) / speed2, 0.0, 1.0)
+    off = np.hypot(x[:, :-1] + share * dx, y[:, :-1] + share * dy)
+    return np.asarray(off.min(axis=1))

@@ -1,0 +1,242 @@
+"""Several drones search together: each decides in turn, and knows what the others will do.
+
+All pulses feed one belief of each tag. Whoever decides is told the ways that the others have
+announced: what will be heard there tells it less (sequential greedy), tags that others reach
+sooner are left to them, and its way keeps away from theirs. A drone that is no longer heard of
+gives its tags back; its way is kept away from as before, for it may still be flown.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import Generator
+
+from uavrt.errors import ConfigError, PlanError
+from uavrt.localization import Listening
+from uavrt.planning.actions import Action, Hold, Return
+from uavrt.planning.beliefs import Beliefs, TagBelief
+from uavrt.planning.beside import Beside, Separation
+from uavrt.planning.division import Start, divided
+from uavrt.planning.energy import Battery
+from uavrt.planning.search import Found, Search, SearchSettings
+from uavrt.planning.situation import Decision, Planner
+from uavrt.planning.vehicle import Path, VehicleState, Wind, flown
+
+_STAY_S = 6.0
+"""At a tag of a round: turning to it and its last pulses."""
+_KNOWN = 0.5
+"""Share of its area's extent: tags whose clouds are wider are looked for by all."""
+_STANDS_S = 1.0
+
+
+@dataclass(slots=True)
+class _Member:
+    search: Search
+    state: VehicleState
+    action: Action
+    path: Path
+    """Announced."""
+
+
+class SearchTogether:
+    """One search of several drones.
+
+    Parameters
+    ----------
+    settings : SearchSettings
+        Of each, except for its home and its height.
+    beliefs : Beliefs
+        What all have heard.
+    starts : mapping
+        Where each drone is, by its number. It is its home, and its height is kept.
+    planner : callable
+        Makes a planner for each.
+    rngs : mapping
+        Randomness of each.
+    separation : Separation
+    missing_s : float
+        A drone not heard of for so long gives its share back.
+
+    Raises
+    ------
+    PlanError
+        Two start too near each other, or at too similar heights.
+    """
+
+    def __init__(
+        self,
+        settings: SearchSettings,
+        beliefs: Beliefs,
+        starts: Mapping[int, VehicleState],
+        planner: Callable[[], Planner],
+        rngs: Mapping[int, Generator],
+        *,
+        separation: Separation | None = None,
+        missing_s: float = 10.0,
+    ) -> None:
+        if not starts:
+            raise ConfigError("a search needs a drone", remedy="Name at least one")
+        self.settings, self.beliefs = settings, beliefs
+        self.separation, self._missing_s = separation or Separation(), missing_s
+        self.found: dict[int, Found] = {}
+        self._members: dict[int, _Member] = {}
+        for number, state in starts.items():
+            self._check_start(number, state)
+            home = replace(settings.area, home_m=(state.east_m, state.north_m))
+            search = Search(
+                replace(settings, area=home), beliefs, planner(), rngs[number], found=self.found
+            )
+            stands = Hold(duration_s=_STANDS_S)
+            self._members[number] = _Member(
+                search, state, stands, flown(settings.vehicle, state, stands)
+            )
+
+    def _check_start(self, number: int, state: VehicleState) -> None:
+        apart = self.separation
+        for other, member in self._members.items():
+            there = member.state
+            off = np.hypot(there.east_m - state.east_m, there.north_m - state.north_m)
+            if off < apart.distance_m:
+                raise PlanError(
+                    f"drones {number} and {other} start {off:.0f} m from each other",
+                    remedy=f"Start them {apart.distance_m:.0f} m apart or more",
+                )
+            if abs(there.height_m - state.height_m) < apart.height_m - 1e-6:
+                raise PlanError(
+                    f"drones {number} and {other} would fly at {state.height_m:.0f} m and "
+                    f"{there.height_m:.0f} m",
+                    remedy=f"Give heights {apart.height_m:.0f} m apart or more",
+                )
+
+    def announced(self, number: int) -> Path:
+        """Way that a drone flies, at whose end it stays."""
+        return self._members[number].path
+
+    def report(self, number: int, state: VehicleState) -> None:
+        """Tell where a drone is."""
+        self._members[number].state = state
+
+    def missing(self, time_s: float) -> set[int]:
+        """Drones that are not heard of."""
+        return {
+            number
+            for number, one in self._members.items()
+            if time_s - one.state.time_s > self._missing_s
+        }
+
+    @property
+    def finished(self) -> bool:
+        """Whether every tag is found."""
+        return len(self.found) == len(self.beliefs)
+
+    def listen(self, tag_id: int, time_s: float, heard: Listening) -> None:
+        """Update with a pulse that any drone heard, or that it heard none when one was due."""
+        self._any.listen(tag_id, time_s, heard)
+
+    def judge(self, time_s: float) -> list[int]:
+        """Tags that have just been found."""
+        return self._any.judge(time_s)
+
+    @property
+    def _any(self) -> Search:
+        """All know the same."""
+        return next(iter(self._members.values())).search
+
+    def decide(
+        self,
+        number: int,
+        state: VehicleState,
+        *,
+        wind: Wind | None = None,
+        battery: Battery | None = None,
+    ) -> Decision:
+        """What a drone is to do now; from then on it is announced.
+
+        A drone whose every other way comes too near to another flies on as it has announced.
+        It flies home in any case: its height keeps it apart.
+        """
+        self.report(number, state)
+        member = self._members[number]
+        beside = self.beside(number, state.time_s)
+        decision = member.search.decide(state, wind=wind, battery=battery, beside=beside)
+        home = member.search.settings.area.home_m
+        path = flown(
+            self.settings.vehicle, state, decision.action, home_m=home, wind=wind or Wind()
+        )
+        apart = self.separation.distance_m - 1e-6
+        near = beside.path_nearest_m(state, path)
+        if near < apart and not isinstance(decision.action, Return):
+            return replace(
+                decision,
+                action=member.action,
+                reason=(
+                    f"goes on: another drone would be {near:.0f} m away; {decision.reason}"
+                ),
+            )
+        member.action, member.path = decision.action, _begun(state, path)
+        return decision
+
+    def beside(self, number: int, time_s: float) -> Beside:
+        """What a drone is told of the others."""
+        others = {other: one for other, one in self._members.items() if other != number}
+        heard_of = {
+            other: one
+            for other, one in others.items()
+            if other not in self.missing(time_s) and not isinstance(one.action, Return)
+        }
+        return Beside(
+            separation=self.separation,
+            announced=tuple(one.path for one in others.values()),
+            listening=tuple(one.path for one in heard_of.values()),
+            left=self._left(number, time_s, list(heard_of.values())),
+        )
+
+    def _left(self, number: int, time_s: float, others: list[_Member]) -> frozenset[int]:
+        """Tags that others reach sooner; none where nothing else would be left to do."""
+        known = [
+            one
+            for tag_id, one in self.beliefs.items()
+            if tag_id not in self.found and _is_known(one)
+        ]
+        if not others or not known:
+            return frozenset()
+        own = self._members[number].state
+        starts = [Start(east_m=own.east_m, north_m=own.north_m)]
+        starts += [
+            Start(
+                east_m=float(one.path.east_m[-1]),
+                north_m=float(one.path.north_m[-1]),
+                after_s=max(0.0, float(one.path.time_s[-1]) - time_s),
+            )
+            for one in others
+        ]
+        places = [one.spread() for one in known]
+        mine, *_ = divided(
+            starts,
+            np.array([one.east_m for one in places]),
+            np.array([one.north_m for one in places]),
+            speed_m_s=self.settings.vehicle.speed_m_s,
+            stay_s=_STAY_S,
+        )
+        if not mine and len(known) + len(self.found) == len(self.beliefs):
+            return frozenset()
+        return frozenset(one.tag_id for number, one in enumerate(known) if number not in mine)
+
+
+def _is_known(belief: TagBelief) -> bool:
+    """Whether it is known in which part of its area a tag is."""
+    area = belief.prior.area
+    width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
+    return belief.spread().rms_m < float(_KNOWN * width)
+
+
+def _begun(state: VehicleState, path: Path) -> Path:
+    """A path with the state that it begins at."""
+    return Path(
+        time_s=np.append(state.time_s, path.time_s),
+        east_m=np.append(state.east_m, path.east_m),
+        north_m=np.append(state.north_m, path.north_m),
+        height_m=np.append(state.height_m, path.height_m),
+        yaw_deg=np.append(state.yaw_deg, path.yaw_deg),
+    )

@@ -1,0 +1,60 @@
+"""The page of the manual on which the tables stand, each with what repeats it."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from uavrt_experiments.result import Row
+from uavrt_experiments.search.scenario import Scenario
+from uavrt_experiments.search.table import asked_and_reached, figure_text
+
+_SECTION = re.compile(r"<!-- begin ([\w-]+) -->\n.*?<!-- end \1 -->\n", re.DOTALL)
+
+
+def page_section(scenario: Scenario, rows: Sequence[Row], command: str, measured: str) -> str:
+    """Markdown of a table; figures that miss what is asked are bold.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    rows : sequence of Row
+        As `results` makes them.
+    command : str
+        What repeats it.
+    measured : str
+        Of which code it is.
+    """
+
+    def cell(one: Row) -> str:
+        text = figure_text(one)
+        return text if one.met else f"**{text}**"
+
+    heads, lines = asked_and_reached(scenario, rows, cell)
+    table = ["| " + " | ".join(one) + " |" for one in (heads, *lines)]
+    table.insert(1, "|---" * len(heads) + "|")
+    parts = [f"## {scenario.name}: {scenario.title}", f"`{command}`", measured]
+    return "\n\n".join([*parts, "\n".join(table)])
+
+
+def put_section(page: Path, name: str, text: str, order: Sequence[str]) -> None:
+    """Put a table into the page, in place of its earlier one; the rest stays.
+
+    Parameters
+    ----------
+    page : Path
+    name : str
+        Of the table.
+    text : str
+    order : sequence of str
+        Of all tables.
+    """
+    old = page.read_text(encoding="utf-8") if page.exists() else ""
+    sections = {found[1]: found[0] for found in _SECTION.finditer(old)}
+    first = _SECTION.search(old)
+    top = old[: first.start()] if first else old
+    sections[name] = f"<!-- begin {name} -->\n\n{text}\n\n<!-- end {name} -->\n"
+    known = [one for one in order if one in sections]
+    page.write_text(
+        "\n".join([top.rstrip("\n") + "\n", *(sections[one] for one in known)]).lstrip("\n"),
+        encoding="utf-8",
+    )
