@@ -1,8 +1,9 @@
 """Other drones of the same search: what they are about to do, and how far apart all stay.
 
-Each drone announces the way that it flies, and stays at its end. A way is only announced if it
-keeps the distance from all that are announced then, each flown to its end. So the way that a
-drone has announced may always be flown on, whatever the others decide meanwhile.
+Each drone announces the way that it flies until some time after its next decision; should
+there be none it stays at that way's end. A way is only announced if it keeps the distance from
+all that are announced then, each flown to its end. So the way that a drone has announced may
+always be flown on, whatever the others decide meanwhile.
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from uavrt.planning.vehicle import Legs, Path, Vehicle, VehicleState, Wind
 _Floats = NDArray[np.float64]
 _STEP_S = 1.0
 _SAMPLES = 8
+AHEAD = 1.6
+"""Cycles for which a way is announced."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,21 +67,20 @@ class Beside:
         east_m: _Floats,
         north_m: _Floats,
         wind: Wind,
+        cycle_s: float,
     ) -> _Floats:
-        """(ways,) least distance from any other, ever, if each then stays at its end."""
-        spans = vehicle.durations(state, east_m, north_m, wind)
-        time = _grid(state.time_s, float(np.max(spans, initial=0.0, where=np.isfinite(spans))))
+        """(ways,) least distance from any other, if each stays where it has announced to."""
+        time = _grid(state.time_s, AHEAD * cycle_s)
         times = np.broadcast_to(time, (len(east_m), len(time)))
         legs = vehicle.along(state, east_m, north_m, wind, times)
         return self._nearest_m(state.time_s + time, legs.east_m, legs.north_m)
 
-    def path_nearest_m(self, state: VehicleState, path: Path) -> float:
-        """The same of a path that begins at a state."""
-        grid = state.time_s + _grid(state.time_s, path.time_s[-1] - state.time_s)
-        time = np.append(state.time_s, path.time_s)
-        east = np.interp(grid, time, np.append(state.east_m, path.east_m))
-        north = np.interp(grid, time, np.append(state.north_m, path.north_m))
-        return float(self._nearest_m(grid, east[None], north[None])[0])
+    def path_nearest_m(self, path: Path) -> float:
+        """The same of a path that is to be announced."""
+        start_s = float(path.time_s[0])
+        time = start_s + _grid(start_s, float(path.time_s[-1]) - start_s)
+        east, north = places_at(path, time)
+        return float(self._nearest_m(time, east[None], north[None])[0])
 
     def _nearest_m(self, time_s: _Floats, east_m: _Floats, north_m: _Floats) -> _Floats:
         least = np.full(len(east_m), np.inf)

@@ -16,7 +16,7 @@ from uavrt.errors import ConfigError, PlanError
 from uavrt.localization import Listening
 from uavrt.planning.actions import Action, Hold, Return
 from uavrt.planning.beliefs import Beliefs, TagBelief
-from uavrt.planning.beside import Beside, Separation
+from uavrt.planning.beside import AHEAD, Beside, Separation
 from uavrt.planning.division import Start, divided
 from uavrt.planning.energy import Battery
 from uavrt.planning.search import Found, Search, SearchSettings
@@ -36,7 +36,9 @@ class _Member:
     state: VehicleState
     action: Action
     path: Path
-    """Announced."""
+    """What it is about to do, to its end."""
+    announced: Path
+    """The first part of that, after which it stands."""
 
 
 class SearchTogether:
@@ -88,9 +90,8 @@ class SearchTogether:
                 replace(settings, area=home), beliefs, planner(), rngs[number], found=self.found
             )
             stands = Hold(duration_s=_STANDS_S)
-            self._members[number] = _Member(
-                search, state, stands, flown(settings.vehicle, state, stands)
-            )
+            path = _begun(state, flown(settings.vehicle, state, stands))
+            self._members[number] = _Member(search, state, stands, path, path)
 
     def _check_start(self, number: int, state: VehicleState) -> None:
         apart = self.separation
@@ -110,8 +111,8 @@ class SearchTogether:
                 )
 
     def announced(self, number: int) -> Path:
-        """Way that a drone flies, at whose end it stays."""
-        return self._members[number].path
+        """Way of a drone until it decides again; if it does not, it stays at its end."""
+        return self._members[number].announced
 
     def report(self, number: int, state: VehicleState) -> None:
         """Tell where a drone is."""
@@ -161,21 +162,25 @@ class SearchTogether:
         beside = self.beside(number, state.time_s)
         decision = member.search.decide(state, wind=wind, battery=battery, beside=beside)
         home = member.search.settings.area.home_m
-        path = flown(
+        way = flown(
             self.settings.vehicle, state, decision.action, home_m=home, wind=wind or Wind()
         )
-        apart = self.separation.distance_m - 1e-6
-        near = beside.path_nearest_m(state, path)
-        if near < apart and not isinstance(decision.action, Return):
+        path = _begun(state, way)
+        announced = path if isinstance(decision.action, Return) else self._cut(path)
+        near = beside.path_nearest_m(announced)
+        limit = self.separation.distance_m - 1e-6
+        if near < limit and not isinstance(decision.action, Return):
             return replace(
                 decision,
                 action=member.action,
-                reason=(
-                    f"goes on: another drone would be {near:.0f} m away; {decision.reason}"
-                ),
+                reason=f"goes on: another drone would be {near:.0f} m away; {decision.reason}",
             )
-        member.action, member.path = decision.action, _begun(state, path)
+        member.action, member.path, member.announced = decision.action, path, announced
         return decision
+
+    def _cut(self, path: Path) -> Path:
+        """What is flown of a path before the next decision, and a little more."""
+        return path.until(path.time_s[0] + AHEAD * self.settings.cycle_s)
 
     def beside(self, number: int, time_s: float) -> Beside:
         """What a drone is told of the others."""
@@ -187,7 +192,7 @@ class SearchTogether:
         }
         return Beside(
             separation=self.separation,
-            announced=tuple(one.path for one in others.values()),
+            announced=tuple(one.announced for one in others.values()),
             listening=tuple(one.path for one in heard_of.values()),
             left=self._left(number, time_s, list(heard_of.values())),
         )

@@ -208,6 +208,7 @@ T6 = replace(
         Contender(planner="mi_rate"),
         Contender(planner="mi_rate", easier=True),
         Contender(planner="mi_rate", stop="ours"),
+        Contender(planner="mi_rate", stop="ours", easier=True),
         Contender(planner="conservationbots"),
     ),
 )

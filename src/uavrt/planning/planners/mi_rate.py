@@ -69,8 +69,8 @@ class MiRate:
         Of a turn in place, which is weighed where the antenna is directional.
     constancy : float
         By how much another tag must promise more than that which it is flying to, where animals
-        are kept away from. Else a drone between two turns about time and again: what they
-        promise changes with every way that is refused.
+        or other drones are kept away from. Else a drone between two turns about time and again:
+        what they promise changes with every way that is refused.
     careful : bool
         Where no way to a tag keeps the distance, all others are weighed before one is flown
         that does not; and it rather waits, or turns to hear where the animals are, than flies
@@ -136,7 +136,8 @@ class MiRate:
         if self._looks_on and len(wanted) > 1:
             rate[weighed] = self._with_round(situation, legs, chance, gives, spans_s)
         goes_on = np.array([self._goal is not None and one == self._goal for one in goals])
-        more = 0.0 if situation.keep_away is None else self._constancy
+        alone = situation.keep_away is None and situation.beside is None
+        more = 0.0 if alone else self._constancy
         kept = rate * np.where(goes_on, 1.0 + more, 1.0)
         best = int(np.argmax(np.where(allowed, kept, -np.inf)))
         self._goal = goals[best]

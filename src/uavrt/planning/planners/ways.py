@@ -105,9 +105,10 @@ def _beside_others(
     if beside is None or not beside.announced:
         return refused
     apart = beside.separation
-    near = beside.nearest_m(situation.vehicle, state, east_m, north_m, situation.wind)
+    air, cycle = situation.wind, situation.cycle_s
+    near = beside.nearest_m(situation.vehicle, state, east_m, north_m, air, cycle)
     place = np.array([state.east_m]), np.array([state.north_m])
-    now = float(beside.nearest_m(situation.vehicle, state, *place, situation.wind)[0])
+    now = float(beside.nearest_m(situation.vehicle, state, *place, air, cycle)[0])
     least = np.clip(now - 1e-6, apart.distance_m, apart.margin * apart.distance_m)
     reason = f"within {apart.distance_m:.0f} m of another drone's way"
     return [
