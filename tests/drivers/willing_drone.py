@@ -1,5 +1,6 @@
 """A drone that does what it is told: it acknowledges, and tells its state and place."""
 
+import contextlib
 import socket
 import threading
 import time
@@ -70,8 +71,8 @@ class WillingDrone:
             hdg=9_000,
         )
         for message in (beat, place):
-            self._sock.send(self._autopilot.encode(message))
-        self._sock.send(self._companion.encode(beat))
+            self._send(self._autopilot.encode(message))
+        self._send(self._companion.encode(beat))
         self._tunnel(heartbeat_to_wire(self.state, 51.5).encode())
 
     def _obey(self, payload: bytes) -> None:
@@ -93,7 +94,11 @@ class WillingDrone:
             payload_length=len(payload),
             payload=payload,
         )
-        self._sock.send(self._companion.encode(message))
+        self._send(self._companion.encode(message))
+
+    def _send(self, datagram: bytes) -> None:
+        with contextlib.suppress(ConnectionRefusedError):  # the station has ended
+            self._sock.send(datagram)
 
     def close(self) -> None:
         """Fall silent."""

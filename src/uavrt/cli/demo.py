@@ -10,10 +10,11 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from uavrt.cli.kinds import Port, Seconds, Seed
+from uavrt.cli.kinds import Between, Port, Seconds, Seed
 from uavrt.cli.outputs import check_place
 from uavrt.cli.screen import has_page, has_screen
-from uavrt.demo import run_demo, run_search_demo
+from uavrt.demo import run_demo, run_fleet_demo, run_search_demo
+from uavrt.errors import UsageError
 
 FLIGHT_S = 120.0
 SEARCH_S = 600.0
@@ -22,6 +23,7 @@ SEARCH_S = 600.0
 def demo(
     *,
     search: Annotated[bool, Parameter(negative="")] = False,
+    drones: Annotated[int, Parameter(validator=Between(least=1, most=4))] = 1,
     duration: Seconds | None = None,
     seed: Seed = 1,
     flight_dir: Path = Path("flights"),
@@ -42,6 +44,9 @@ def demo(
     search
         The drone finds three animals by itself, one of them walking, with nobody touching it;
         its decisions are printed as it takes them. Exits with 1 unless all are found.
+    drones
+        So many drones fly, up to four, each with a receiver of its own, side by side; one
+        ground station has a page for each. Two take about half of a core.
     duration
         Length of the flight in seconds, at least 40; 120 unless given. With --search, after
         which the drone returns at the latest; 600 unless given.
@@ -60,8 +65,16 @@ def demo(
     json_summary
         Print one JSON object as the last line.
     """
+    if drones > 1 and (search or picture is not None):
+        raise UsageError(
+            "several drones neither search together nor have a picture",
+            remedy="Leave out --drones, or --search and --picture",
+        )
     if search:
         _search(seed, duration or SEARCH_S, flight_dir, json_summary=json_summary)
+        return
+    if drones > 1:
+        _fleet(drones, duration or FLIGHT_S, seed, flight_dir, port, browser, json_summary)
         return
     if picture is not None:
         check_place(picture, overwrite=True)
@@ -103,6 +116,36 @@ def _search(seed: int, limit_s: float, flight_dir: Path, *, json_summary: bool) 
         screen.print(f"flight: {summary.flight_directory}", soft_wrap=True)
     if not summary.complete:
         sys.exit(1)
+
+
+def _fleet(
+    drones: int,
+    duration_s: float,
+    seed: int,
+    flight_dir: Path,
+    port: int,
+    browser: bool,
+    json_summary: bool,
+) -> None:
+    """Fly several drones."""
+    screen = Console(stderr=json_summary)
+    summaries = run_fleet_demo(
+        drones=drones,
+        duration_s=duration_s,
+        seed=seed,
+        flight_dir=flight_dir,
+        page_port=port,
+        say=lambda line: screen.print(line, highlight=False),
+        on_page=_opener(browser, screen),
+    )
+    if json_summary:
+        told = {str(number): one.as_dict() for number, one in summaries.items()}
+        print(json.dumps({"drones": told}, allow_nan=False))
+        return
+    for number, summary in summaries.items():
+        screen.print(f"[bold]drone {number}[/bold]", summary.table())
+        screen.print(f"samples lost: {summary.samples_lost}")
+        screen.print(f"flight: {summary.flight_directory}", soft_wrap=True)
 
 
 def _opener(browser: bool, console: Console | None) -> Callable[[str], None]:

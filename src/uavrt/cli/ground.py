@@ -76,7 +76,7 @@ def ground(
     tags
         Tag list to send: TagInfo.txt or tags.toml.
     start
-        Start detection once the tags are sent.
+        Start detection once the tags are sent, on each vehicle that is served.
     output
         Directory for received data; by default "uavrt-flights" in your home for the page,
         otherwise a new one named after the time.

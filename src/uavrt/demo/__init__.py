@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
+    from uavrt.demo.fleet import run_fleet_demo
     from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
     from uavrt.demo.run import run_demo
     from uavrt.demo.search import SearchSummary, run_search_demo
@@ -18,6 +19,7 @@ __all__ = [
     "drone_settings",
     "free_udp_port",
     "run_demo",
+    "run_fleet_demo",
     "run_search_demo",
 ]
 __getattr__ = lazily(
@@ -30,6 +32,7 @@ __getattr__ = lazily(
         "drone_settings": "programs",
         "free_udp_port": "programs",
         "run_demo": "run",
+        "run_fleet_demo": "fleet",
         "run_search_demo": "search",
     },
 )

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from uavrt.simulation.antenna import Antenna
     from uavrt.simulation.antenna_switch import AntennaSwitch, gate, position_weights
     from uavrt.simulation.arrivals import DeliveredStream, Delivery
-    from uavrt.simulation.demo_world import demo_scenario, search_scenario
+    from uavrt.simulation.demo_world import demo_scenario, fleet_scenarios, search_scenario
     from uavrt.simulation.flight import Flight, Leg
     from uavrt.simulation.forwarding import PASS_NS, ForwardRing
     from uavrt.simulation.geometry import from_euler_deg
@@ -61,6 +61,7 @@ __all__ = [
     "Wall",
     "World",
     "demo_scenario",
+    "fleet_scenarios",
     "from_euler_deg",
     "gate",
     "ground_reflection",
@@ -103,6 +104,7 @@ __getattr__ = lazily(
         "Wall": "propagation",
         "World": "world",
         "demo_scenario": "demo_world",
+        "fleet_scenarios": "demo_world",
         "from_euler_deg": "geometry",
         "gate": "antenna_switch",
         "ground_reflection": "propagation",

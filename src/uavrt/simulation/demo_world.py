@@ -16,6 +16,8 @@ SEARCHED_ENR_DB = 24.0
 """Likewise, of the animals that are searched for, from home."""
 _SHORTEST_TURN_S = 7.8
 """A full turn: 46°/s in the mean, 57.7°/s at most."""
+_BESIDE_M = 120.0
+_ABOVE_M = 10.0
 _PEAK_ENR_DB = 33.0
 """With the antenna on a tag, from the middle of the three points, without fading."""
 
@@ -55,6 +57,36 @@ def demo_scenario(duration_s: float = 60.0, seed: int = 1) -> Scenario:
         flight=_flight(duration_s),
     )
     return _levelled(scenario, _amid(duration_s), _PEAK_ENR_DB)
+
+
+def fleet_scenarios(drones: int, duration_s: float = 60.0, seed: int = 1) -> list[Scenario]:
+    """Make the worlds of ``uavrt demo --drones``: the same animals, a flight for each drone.
+
+    Each flies the demo's flight 120 m south of the one before and 10 m above it.
+
+    Parameters
+    ----------
+    drones : int
+    duration_s, seed : float, int
+        As in `demo_scenario`.
+    """
+    first = demo_scenario(duration_s, seed)
+    return [
+        replace(first, flight=_beside(first.flight, number * -_BESIDE_M, number * _ABOVE_M))
+        for number in range(drones)
+    ]
+
+
+def _beside(flight: Flight, north_m: float, up_m: float) -> Flight:
+    legs = tuple(
+        replace(
+            leg,
+            north_m=None if leg.north_m is None else leg.north_m + north_m,
+            height_m=None if leg.height_m is None else leg.height_m + up_m,
+        )
+        for leg in flight.leg
+    )
+    return replace(flight, north_m=flight.north_m + north_m, leg=legs)
 
 
 def search_scenario(seed: int = 1) -> Scenario:

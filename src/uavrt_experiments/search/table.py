@@ -278,4 +278,8 @@ def section(scenario: Scenario, rows: Sequence[Row]) -> str:
 
 def figure_text(one: Row) -> str:
     """A figure with its 95 % interval."""
-    return f"{one.figure:.3g} ({one.low:.3g}–{one.high:.3g})"
+    figure, low, high = (
+        f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+        for value in (one.figure, one.low, one.high)
+    )
+    return f"{figure} ({low}–{high})"

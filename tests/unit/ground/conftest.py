@@ -30,7 +30,9 @@ class Answer:
 class Served:
     """A running station; `ask` sends one request exactly as told."""
 
-    def __init__(self, directory: Path, **server: Any) -> None:
+    def __init__(
+        self, directory: Path, page: dict[str, Any] | None = None, **server: Any
+    ) -> None:
         self.directory = directory
         self.events: list[dict[str, Any]] = []
         self.station: PageStation
@@ -41,6 +43,7 @@ class Served:
             directory=directory,
             address=f"udpin://127.0.0.1:{self.mavlink_port}",
             server=ServerSettings(port=0, **server),
+            **(page or {}),
         )
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()))
         self._thread.start()

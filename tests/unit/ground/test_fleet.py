@@ -11,8 +11,9 @@ import pytest
 from tests.unit.ground.test_session import SECOND_NS, Drone, until
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
+from willing_drone import WillingDrone
 
-from uavrt.messages import SystemState
+from uavrt.messages import SystemState, Tag
 from uavrt.recording import read_flight
 
 TAGS = [
@@ -105,6 +106,27 @@ def test_each_vehicle_has_tags_of_its_own_and_begins_with_the_firsts(
     assert served.ask("PUT", "/vehicle/2/api/tags", []).json["faults"] == []
     assert len(served.ask("GET", "/api/tags").json) == 1
     assert served.ask("GET", "/vehicle/2/api/tags").json == []
+
+
+def test_a_station_that_starts_by_itself_starts_and_stops_all_its_vehicles(
+    tmp_path: Path, serve: Any
+) -> None:
+    tag = Tag(
+        tag_id=2, frequency_hz=148_612_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.3,)
+    )
+    own = {"tags": (tag,), "start": True, "further_vehicles": (2,)}
+    station = serve(tmp_path / "ground", page=own)
+    # The second is there first: it does not become the first page's.
+    drones = {number: WillingDrone(station.mavlink_port, system_id=number) for number in (2, 1)}
+    try:
+        until(station, lambda state: state["drone"]["state"] == "detecting")
+        of_second(station, lambda state: state["drone"]["state"] == "detecting")
+        assert [drone.tags for drone in drones.values()] == [1, 1]
+        station.stop()
+        assert [drone.state for drone in drones.values()] == [SystemState.HAS_TAGS] * 2
+    finally:
+        for drone in drones.values():
+            drone.close()
 
 
 def test_a_restarted_station_serves_them_again_and_mixes_none_up(

@@ -16,7 +16,7 @@ from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import CommandRefused, ConfigError, LinkError
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.link import NO_KEYS, GroundEvent, LinkKeys
-from uavrt.ground.session import ESSENTIAL
+from uavrt.ground.session import ESSENTIAL, GroundSession
 from uavrt.ground.store import GroundStore
 from uavrt.ground.web.server import PageServer, ServerSettings, listening_socket, page_server
 from uavrt.heap import HeapKeeper
@@ -70,7 +70,7 @@ class PageStation:
         self._settings = settings
         self._show = show
         self._stopping = asyncio.Event()
-        self._started = False
+        self._started: set[GroundSession] = set()
         store = GroundStore(settings.directory)
         if settings.address is not None:
             store.set_settings(store.settings.changed({"address": settings.address}))
@@ -130,10 +130,9 @@ class PageStation:
             await self._link_opened()
         self._show({"event": "page", "address": page_address(self._settings.server, sock)})
         if self._settings.start:
-            await self._begin()
+            await asyncio.gather(*(self._begin(one) for one in self.fleet.sessions))
         await self._stopping.wait()
-        if self._started:
-            await self._end()
+        await asyncio.gather(*(self._end(one) for one in self._started))
 
     async def _link_opened(self) -> None:
         """Wait for the link that was asked for by name; without it the page is of no use."""
@@ -142,35 +141,35 @@ class PageStation:
                 raise LinkError(self.session.link_error)
             await asyncio.sleep(0.02)
 
-    async def _begin(self) -> None:
-        """Send the tags and start as soon as the drone is there."""
+    async def _begin(self, session: GroundSession) -> None:
+        """Send a vehicle the tags and start it as soon as it is there."""
         while not self._stopping.is_set():
             try:
-                link = self.session.link
+                link = session.link
                 if link is not None:
                     await link.wait_for_drone(RETRY_S)
-                    await self.session.commands.send_tags()
-                    directory = await self.session.commands.start()
-                    self._started = True
+                    await session.commands.send_tags()
+                    directory = await session.commands.start()
+                    self._started.add(session)
                     self._show({"event": "started", "directory": directory})
                     return
             except LinkError as error:
                 self._show({"event": "waiting", "reason": str(error)})
             await asyncio.sleep(RETRY_S / 10)
 
-    async def _end(self) -> None:
+    async def _end(self, session: GroundSession) -> None:
         """Stop detection; wait until the drone has stopped and no pulse comes any more."""
         with contextlib.suppress(LinkError, CommandRefused):
-            if self.session.state in ESSENTIAL:
-                await self.session.commands.stop()
+            if session.state in ESSENTIAL:
+                await session.commands.stop()
         deadline_s = monotonic_s() + STOP_TIMEOUT_S
         await asyncio.sleep(QUIET_S)
         while monotonic_s() < deadline_s:
-            quiet = monotonic_s() - self.session.last_pulse_s > QUIET_S
-            if self.session.state not in ESSENTIAL and quiet:
+            quiet = monotonic_s() - session.last_pulse_s > QUIET_S
+            if session.state not in ESSENTIAL and quiet:
                 break
             await asyncio.sleep(0.1)
-        self._show({"event": "stopped", "pulses": self.session.flight.pulses})
+        self._show({"event": "stopped", "pulses": session.flight.pulses})
 
     def _take(self, event: GroundEvent) -> None:
         if isinstance(event, PulsePose):
