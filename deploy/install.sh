@@ -9,6 +9,7 @@
 #   --directory DIR  settings and flights (default /var/lib/uavrt)
 #   --prefix DIR     the program (default /opt/uavrt)
 #   --ros2           also the gateway to ROS 2
+#   --update-key FILE  public key (PEM) of who makes updates for `uavrt update`
 #   --root DIR       install below DIR: no system packages, no groups, nothing is started
 set -eu
 
@@ -16,11 +17,11 @@ say() { printf '%s\n' "uavrt: $*"; }
 fail() { printf '%s\n' "uavrt: $*" >&2; exit 1; }
 
 radio=airspy user=uavrt directory=/var/lib/uavrt prefix=/opt/uavrt
-lock=drone.txt root=
+lock=drone.txt root= update_key=
 while [ $# -gt 0 ]; do
     case $1 in
         --ros2) lock=drone-ros2.txt; shift; continue ;;
-        -h | --help) sed -n '2,14s/^# \{0,1\}//p' "$0"; exit 0 ;;
+        -h | --help) sed -n '2,15s/^# \{0,1\}//p' "$0"; exit 0 ;;
     esac
     [ $# -ge 2 ] || fail "$1 needs a value, or is unknown (--help)"
     case $1 in
@@ -29,6 +30,7 @@ while [ $# -gt 0 ]; do
         --directory) directory=$2 ;;
         --prefix) prefix=$2 ;;
         --root) root=${2%/} ;;
+        --update-key) update_key=$2 ;;
         *) fail "unknown option $1 (--help)" ;;
     esac
     shift 2
@@ -44,12 +46,12 @@ case $radio in
     *) fail "unknown radio $radio: airspy, airspyhf, rtlsdr, hackrf or none" ;;
 esac
 
-# 1. Packages of the system: Python's venv, the radio's program, setpriv.
+# 1. Packages of the system: Python's venv, the radio's program, setpriv, openssl for updates.
 if [ -z "$root" ]; then
     [ "$(id -u)" = 0 ] || fail "run it with sudo"
     command -v apt-get >/dev/null || fail "no apt-get: this is for Debian, Ubuntu, Raspberry Pi OS"
     missing=
-    for name in python3-venv util-linux $package; do
+    for name in python3-venv util-linux openssl $package; do
         dpkg-query -W -f '${Status}' "$name" 2>/dev/null | grep -q 'ok installed' ||
             missing="$missing $name"
     done
@@ -65,7 +67,14 @@ fi
 python=${PYTHON:-python3}
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
     fail "Python 3.11 or newer is needed; this is $("$python" --version)"
-environment=$root$prefix/venv
+# A version of its own (uavrt.computer.versions): `uavrt update` puts others beside it.
+environment=$root$prefix/versions/source link=$root$prefix/venv
+mkdir -p "$root$prefix/versions"
+if [ -d "$link" ] && [ ! -L "$link" ]; then
+    say "$link becomes $environment"
+    mv "$link" "$environment"
+    rm -f "$environment/.uavrt-source"
+fi
 [ -x "$environment/bin/python" ] || "$python" -m venv "$environment"
 stamp=$environment/.uavrt-source
 # What the source is: the sum over its files, so that an unchanged one is not built again.
@@ -90,7 +99,13 @@ else
     "$environment/bin/python" -m pip install --quiet --no-deps --force-reinstall "$work"/uavrt-*.whl
     # After the build, which writes the MAVLink dialect into the source.
     fingerprint >"$stamp"
+    rm -f "$link"
 fi
+if [ ! -L "$link" ]; then
+    rm -f "$root$prefix/trial"
+    ln -s versions/source "$link"
+fi
+[ -z "$update_key" ] || install -m 644 "$update_key" "$root$prefix/update-keys.pem"
 
 # The DDS binding has no wheel for 64-bit ARM; all else runs without it.
 if [ "$lock" = drone-ros2.txt ] && ! "$environment/bin/python" -c 'import cyclonedds.core' 2>/dev/null; then
@@ -125,8 +140,8 @@ if [ -z "$root" ]; then
 fi
 
 # 4. Unit and udev rule; the service starts now and at every boot.
-"$environment/bin/uavrt" service install --user "$user" --directory "$directory" \
+"$link/bin/uavrt" service install --user "$user" --directory "$directory" \
     --root "${root:-/}"
 
 say "done. What is missing yet:"
-(cd "$root$directory" && "$environment/bin/uavrt" doctor) || true
+(cd "$root$directory" && "$link/bin/uavrt" doctor) || true

@@ -197,6 +197,7 @@ def test_a_bench_without_autopilot_is_examined_line_by_line(tmp_path: Path) -> N
         "autopilot",
         "clock",
         "disk",
+        "card",
         "processor",
         "temperature",
     ]

@@ -32,6 +32,7 @@ COMMANDS = {
     "monitor": "Watch a running system in a terminal.",
     "doctor": "What is wrong with this computer, and what to do.",
     "service": "Start the drone side at boot.",
+    "update": "Another version, offline, signed, with a way back.",
 }
 """Each is the function of this name in the module of this name, imported when it is called."""
 

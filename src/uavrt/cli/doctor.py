@@ -28,7 +28,7 @@ def doctor(
     port: str | None = None,
     mavlink: str | None = None,
 ) -> None:
-    """Check radio, permissions, autopilot, clock, disk, processor and temperature.
+    """Check radio, permissions, autopilot, clock, disk, card, processor and temperature.
 
     Each line says ok, or what to do. Exits with status 1 if there is something to do.
 

@@ -91,6 +91,10 @@ EXAMPLES: dict[str, list[str]] = {
         "uavrt tags measure tag.sigmf-meta -o tags.toml --name Luna",
         "uavrt tags measure tag.cf32 --sample-rate 3e6 --center-frequency 148.7e6",
     ],
+    "update": [
+        "cd /var/lib/uavrt && sudo /opt/uavrt/venv/bin/uavrt update uavrt-0.2.0.tar",
+        "uavrt update uavrt-0.2.0.tar --check           # what is it, would it go?",
+    ],
     "service install": ['sudo .venv/bin/uavrt service install --directory "$PWD"'],
 }
 

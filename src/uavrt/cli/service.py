@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from uavrt.cli.examples import examples
-from uavrt.computer import ServicePlan
+from uavrt.computer import Installation, ServicePlan
 from uavrt.computer import install as install_service
 from uavrt.computer import remove as remove_service
 from uavrt.computer import status as service_status
@@ -50,12 +50,15 @@ def install(
     """
     place = (directory or Path.cwd()).resolve()
     settings = config.resolve() if config is not None else None
+    installed = Installation.of(sys.executable)
+    environment = Path(sys.executable).parents[1] if installed is None else installed.link
     plan = ServicePlan(
-        program=Path(sys.executable).parent / "uavrt",
+        program=environment / "bin/uavrt",
         user=user or _own_user() or os.environ.get("SUDO_USER") or getpass.getuser(),
         directory=place,
         config=settings,
         writable=_writable(root, place, settings),
+        prefix=None if installed is None else installed.prefix,
     )
     print(f"the service runs as {plan.user} in {plan.directory}")
     _print(install_service(plan, root))

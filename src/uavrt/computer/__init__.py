@@ -1,32 +1,50 @@
-"""The companion computer: pre-flight checks and start at boot."""
+"""The companion computer: pre-flight checks, start at boot, exchange of versions."""
 
 from typing import TYPE_CHECKING
 
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt.computer.autopilot_setup import examine_autopilot
+    from uavrt.computer.autopilot_setup import armed_by_link, examine_autopilot
     from uavrt.computer.checks import Finding, examine
     from uavrt.computer.service import ServicePlan, install, remove, status
+    from uavrt.computer.trial import Needs, Seen, Trial, Verdict, require_still
+    from uavrt.computer.versions import Installation, runs_from
 
 __all__ = [
     "Finding",
+    "Installation",
+    "Needs",
+    "Seen",
     "ServicePlan",
+    "Trial",
+    "Verdict",
+    "armed_by_link",
     "examine",
     "examine_autopilot",
     "install",
     "remove",
+    "require_still",
+    "runs_from",
     "status",
 ]
 __getattr__ = lazily(
     __name__,
     {
         "Finding": "checks",
+        "Installation": "versions",
+        "Needs": "trial",
+        "Seen": "trial",
         "ServicePlan": "service",
+        "Trial": "trial",
+        "Verdict": "trial",
+        "armed_by_link": "autopilot_setup",
         "examine": "checks",
         "examine_autopilot": "autopilot_setup",
         "install": "service",
         "remove": "service",
+        "require_still": "trial",
+        "runs_from": "versions",
         "status": "service",
     },
 )

@@ -11,7 +11,7 @@ from uavrt.computer.autopilot_rules import (
     operator_failsafe,
 )
 from uavrt.computer.checks import Finding
-from uavrt.errors import UavrtError
+from uavrt.errors import LinkError, UavrtError
 from uavrt.mavlink import Address, ParameterClient, parse_address
 from uavrt.mavlink.dialect import MavAutopilot
 
@@ -45,6 +45,19 @@ def examine_autopilot(
     except UavrtError as error:
         remedy = error.remedy or "Try again"
         yield Finding(what=WHAT, ok=False, text=error.message, remedy=remedy)
+
+
+def armed_by_link(address: str) -> bool | None:
+    """Ask the autopilot over a link that nobody else holds; None when none is heard."""
+
+    async def ask() -> bool:
+        async with ParameterClient.connected(parse_address(address), LISTEN_S) as client:
+            return client.armed
+
+    try:
+        return asyncio.run(ask())
+    except LinkError:
+        return None
 
 
 async def _examine(place: Address, port: str | None, baud: int, fix: bool) -> list[Finding]:

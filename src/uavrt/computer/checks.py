@@ -13,6 +13,7 @@ from pathlib import Path
 
 from uavrt import native
 from uavrt.clock import Clock, wall_ns
+from uavrt.computer.card import WORN_TENTHS, battery_clock_off_s, card_of
 from uavrt.config import RADIOS, Settings
 from uavrt.errors import UavrtError
 from uavrt.mavlink import Connection, Handlers, parse_address
@@ -25,6 +26,8 @@ OLDEST_TIME_NS = 1_750_000_000 * 10**9
 """June 2025: a computer that believes in an earlier time has lost its clock."""
 LISTEN_S = 4.0
 """Heartbeats come once a second."""
+BATTERY_CLOCK_OFF_S = 5.0
+"""It counts whole seconds, and is set when the computer is shut down."""
 HOT_C = 80.0
 """A Raspberry Pi 5 slows down from 80 °C (Raspberry Pi documentation, frequency management)."""
 IDLE_CORES_NEEDED = 0.5
@@ -56,6 +59,7 @@ def examine(settings: Settings, running: SystemStatus | None) -> Iterator[Findin
     yield check_autopilot(settings, running)
     yield check_clock()
     yield check_disk(settings)
+    yield check_card(settings)
     yield check_processor()
     yield check_temperature()
 
@@ -201,6 +205,19 @@ def check_clock() -> Finding:
         )
     synchronized = _timedatectl()
     now = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
+    off_s = battery_clock_off_s()
+    if off_s is None:
+        now += ", no battery clock"
+    elif abs(off_s) > BATTERY_CLOCK_OFF_S:
+        return Finding(
+            what=what,
+            ok=False,
+            text=f"{now}, but the battery clock is {off_s:+.0f} s off",
+            remedy="sudo hwclock --systohc when the time is right; if it comes again, change "
+            "the clock's battery",
+        )
+    else:
+        now += ", battery clock agrees"
     if synchronized == "no":
         return Finding(
             what=what,
@@ -241,6 +258,34 @@ def check_disk(settings: Settings) -> Finding:
         remedy=""
         if good
         else f"Make room (at least {limit_mb:.0f} MB), or set recording.directory",
+    )
+
+
+def check_card(settings: Settings) -> Finding:
+    """Is the card that flights lie on in good health?"""
+    what = "card"
+    directory = Path(settings.recording.directory).resolve()
+    present = next(path for path in (directory, *directory.parents) if path.exists())
+    card = card_of(present)
+    if card is None:
+        return Finding(what=what, ok=True, text="this computer does not tell of it")
+    text = f"{card.device} ({card.kind})"
+    if card.written_gb is not None:
+        text += f", {card.written_gb:,.0f} GB written so far"
+    if card.life_used_tenths is not None:
+        text += f", {10 * card.life_used_tenths} % of its life used"
+    faults = []
+    if card.read_only:
+        faults.append("read-only: nothing more is recorded")
+    if card.errors:
+        faults.append(f"{card.errors} errors of the file system")
+    if (card.life_used_tenths or 0) >= WORN_TENTHS:
+        faults.append("worn out")
+    return Finding(
+        what=what,
+        ok=not faults,
+        text=", ".join([text, *faults]),
+        remedy="Fetch the flights, then use a new card" if faults else "",
     )
 
 

@@ -20,6 +20,8 @@ UNIT = "uavrt.service"
 UNIT_PATH = Path("etc/systemd/system") / UNIT
 WANTED_PATH = Path("etc/systemd/system/multi-user.target.wants") / UNIT
 RULE_PATH = Path("etc/udev/rules.d/60-uavrt.rules")
+UPDATE_UNIT_PATH = Path("etc/systemd/system/uavrt-update.service")
+UPDATE_WANTED_PATH = Path("etc/systemd/system/multi-user.target.wants/uavrt-update.service")
 WATCHDOG_S = 15
 """The supervisor speaks every second; the tuner may hold it for 10 s as a flight starts."""
 
@@ -51,6 +53,8 @@ class ServicePlan:
     """Settings file; None: ``uavrt.toml`` in the directory, if it is there."""
     writable: tuple[Path, ...] = ()
     """Directories outside of `directory` that the settings name: flights, save logs."""
+    prefix: Path | None = None
+    """Where versions can be exchanged (`uavrt.computer.versions`); None: nowhere."""
 
 
 def unit_text(plan: ServicePlan) -> str:
@@ -123,6 +127,27 @@ WantedBy=multi-user.target
 """
 
 
+def update_unit_text(plan: ServicePlan, prefix: Path) -> str:
+    """Write the unit that ends the trial of a version after a power cut."""
+    config = ["--config", str(plan.config)] if plan.config is not None else []
+    program = str(prefix / "trial/bin/python")
+    words = (program, "-m", "uavrt.cli", "update", "--resume", "--prefix", str(prefix), *config)
+    return f"""\
+[Unit]
+Description=uavrt: end the trial of a version that was interrupted
+ConditionPathIsSymbolicLink={str(prefix / "trial").replace("%", "%%")}
+After={UNIT}
+
+[Service]
+Type=exec
+ExecStart={" ".join(_quoted(word) for word in words)}
+WorkingDirectory={plan.directory}
+
+[Install]
+WantedBy=multi-user.target
+"""
+
+
 def _place(path: str) -> str:
     """Quote a path for ``ReadWritePaths=``, which expands ``%`` but not ``$``."""
     return _quoted(f"-{path}").replace("$$", "$")
@@ -187,6 +212,9 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
         _write(root / RULE_PATH, rule_text()),
         _link(root / WANTED_PATH, f"/{UNIT_PATH}"),
     ]
+    if plan.prefix is not None:
+        done.append(_write(root / UPDATE_UNIT_PATH, update_unit_text(plan, plan.prefix)))
+        done.append(_link(root / UPDATE_WANTED_PATH, f"/{UPDATE_UNIT_PATH}"))
     if root == Path("/"):
         done += _call(
             ("udevadm", "control", "--reload"),
@@ -206,7 +234,7 @@ def remove(root: Path = Path("/")) -> list[str]:
         No permission.
     """
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
-    for path in (WANTED_PATH, UNIT_PATH, RULE_PATH):
+    for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):
         try:
             (root / path).unlink()
         except FileNotFoundError:
@@ -251,13 +279,13 @@ def _link(path: Path, target: str) -> str:
     """Enable as ``systemctl enable`` does, which needs no running systemd this way."""
     try:
         if path.is_symlink() and str(path.readlink()) == target:
-            return f"{UNIT} starts at boot"
+            return f"{path.name} starts at boot"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.unlink(missing_ok=True)
         path.symlink_to(target)
     except OSError as error:
         raise _not_allowed(path, error) from error
-    return f"{UNIT} will start at boot"
+    return f"{path.name} will start at boot"
 
 
 def _not_allowed(path: Path, error: OSError) -> UsageError:

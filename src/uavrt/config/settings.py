@@ -233,7 +233,10 @@ class RecordingSettings:
     save_directory: str | None = None
     """Where "save logs" copies the flights; left out: the only drive under /media."""
     remove_oldest_flights: bool = False
-    """Below that, remove the oldest flight directories, never the present one."""
+    """Below that, remove the oldest flight directories, never the present one, a starred one or
+    one of the newest."""
+    keep_newest_flights: Annotated[int, Interval(ge=1, le=100_000)] = 3
+    """So many of the newest flights are never removed for room."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -233,6 +233,9 @@ class Connection:
             for name, count in ({} if way.link is None else way.link.health()).items():
                 own = name if way.number == 0 else name.replace("link_", f"link{way.number}_")
                 counters[own] = count
+        discovery = self.component.discovery
+        if discovery.autopilot_present(self._clock_ns()):
+            counters["autopilot_armed"] = float(discovery.autopilot_armed)
         clock = self.component.time_sync.counters(self._clock_ns())
         return {**counters, **clock, **self.tunnel.counters()}
 

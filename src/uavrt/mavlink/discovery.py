@@ -2,7 +2,14 @@
 
 from dataclasses import dataclass, field
 
-from uavrt.mavlink.dialect import Heartbeat, MavAutopilot, MavComponent, MavState, MavType
+from uavrt.mavlink.dialect import (
+    Heartbeat,
+    MavAutopilot,
+    MavComponent,
+    MavModeFlag,
+    MavState,
+    MavType,
+)
 from uavrt.units import ns_from_s
 
 AUTOPILOT_SILENCE_NS = ns_from_s(5.0)
@@ -71,6 +78,8 @@ class Discovery:
         self.autopilot: Peer | None = None
         self.autopilot_kind = 0
         """MAV_AUTOPILOT of its heartbeat."""
+        self.autopilot_armed = False
+        """Whether its motors may turn, by its last heartbeat."""
         self._autopilot_heard_ns = 0
         self._stations: dict[Peer, int] = {}
         self._others: set[Peer] = set()
@@ -92,6 +101,7 @@ class Discovery:
             return False  # another vehicle, heard through a shared radio
         self.autopilot = peer
         self.autopilot_kind = heartbeat.autopilot
+        self.autopilot_armed = bool(heartbeat.base_mode & MavModeFlag.SAFETY_ARMED)
         self._autopilot_heard_ns = now_ns
         return lost
 

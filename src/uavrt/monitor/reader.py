@@ -2,6 +2,7 @@
 
 import select
 import socket
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -67,6 +68,12 @@ class StatusReader:
     def is_open(self) -> bool:
         """Whether the supervisor is still there."""
         return self._open
+
+    @property
+    def process_id(self) -> int:
+        """Of the supervisor (unix(7), SO_PEERCRED)."""
+        credentials = self._sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
+        return int.from_bytes(credentials[:4], sys.byteorder)
 
     def read(self, wait_s: float) -> list[tuple[str, Any]]:
         """Get the topics and records that came within `wait_s`; none after the end."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         write_detector_config,
     )
     from uavrt.recording.fields import fields_of
+    from uavrt.recording.flight_order import flights_in_order, note_flight
     from uavrt.recording.flight_reader import (
         Flight,
         read_flight,
@@ -87,11 +88,13 @@ __all__ = [
     "detector_config",
     "ended",
     "fields_of",
+    "flights_in_order",
     "heard_tags",
     "home_note",
     "mark_note",
     "new_flight_directory",
     "note_deliveries",
+    "note_flight",
     "open_plain",
     "places_of",
     "pose_row",
@@ -141,10 +144,12 @@ __getattr__ = lazily(
         "detector_config": "detector_configs",
         "ended": "plain_database",
         "fields_of": "fields",
+        "flights_in_order": "flight_order",
         "heard_tags": "heard",
         "home_note": "places",
         "mark_note": "places",
         "new_flight_directory": "layout",
+        "note_flight": "flight_order",
         "note_deliveries": "spool",
         "open_plain": "plain_database",
         "places_of": "places",

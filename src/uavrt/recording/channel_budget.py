@@ -4,11 +4,10 @@ from collections import deque
 from pathlib import Path
 
 from uavrt.log import get_logger
+from uavrt.recording.flight_order import flights_in_order
 from uavrt.recording.layout import FlightLayout
 
 log = get_logger()
-
-FLIGHTS = "flight_log_*"
 
 
 class ChannelBudget:
@@ -37,13 +36,16 @@ class ChannelBudget:
     def look(self) -> None:
         """Find what earlier flights, and this one before a restart, have left."""
         found = sorted(self._found())
-        self._pieces = deque((path, size) for _, path, size in found)
-        self.bytes = sum(size for _, _, size in found)
+        self._pieces = deque((path, size) for _, _, path, size in found)
+        self.bytes = sum(size for *_, size in found)
 
-    def _found(self) -> list[tuple[int, Path, int]]:
-        """Time of the last change, file and size."""
+    def _found(self) -> list[tuple[int, int, Path, int]]:
+        """Place of the flight among all, time of the last change, file and size."""
         found = []
-        for flight in {self._flight, *self._flight.parent.glob(FLIGHTS)}:
+        flights = [
+            path for path in flights_in_order(self._flight.parent) if path != self._flight
+        ]
+        for number, flight in enumerate((*flights, self._flight)):
             if flight != self._flight and FlightLayout(flight).star.exists():
                 continue
             for path in FlightLayout(flight).channels_directory.glob("*.sigmf-data"):
@@ -51,7 +53,7 @@ class ChannelBudget:
                     about = path.stat()
                 except OSError:  # removed just now
                     continue
-                found.append((about.st_mtime_ns, path, about.st_size))
+                found.append((number, about.st_mtime_ns, path, about.st_size))
         return found
 
     def closed(self, path: Path, size: int) -> None:

@@ -106,7 +106,10 @@ def test_the_oldest_go_first_and_the_present_flight_stays(
     other = tmp_path / "photographs"
     other.mkdir()
     guard = DiskGuard(
-        tmp_path, RecordingSettings(minimum_free_mb=100.0, remove_oldest_flights=True)
+        tmp_path,
+        RecordingSettings(
+            minimum_free_mb=100.0, remove_oldest_flights=True, keep_newest_flights=1
+        ),
     )
     # Each flight here "weighs" 40 MB of a disk of 200.
     monkeypatch.setattr(
@@ -131,7 +134,9 @@ def test_kept_channels_of_old_flights_go_before_any_flight(
         channels = FlightLayout(flight).channels_directory
         channels.mkdir(parents=True)
         (channels / "channel_1_Hz_0001.sigmf-data").write_bytes(b"1234")
-    settings = RecordingSettings(minimum_free_mb=100.0, remove_oldest_flights=True)
+    settings = RecordingSettings(
+        minimum_free_mb=100.0, remove_oldest_flights=True, keep_newest_flights=1
+    )
     guard = DiskGuard(tmp_path, settings)
     guard.flying(present)
 
@@ -152,7 +157,9 @@ def test_kept_channels_of_old_flights_go_before_any_flight(
 
 def test_the_only_flight_is_never_removed(tmp_path: Path) -> None:
     (only,) = flights(tmp_path, "2026-01-01")
-    settings = RecordingSettings(minimum_free_mb=1e12, remove_oldest_flights=True)
+    settings = RecordingSettings(
+        minimum_free_mb=1e12, remove_oldest_flights=True, keep_newest_flights=1
+    )
     guard = DiskGuard(tmp_path, settings)
     guard.flying(only)
     assert "Detection goes on" in guard.check()[0][1]
@@ -166,7 +173,9 @@ def test_a_link_to_elsewhere_is_not_followed(tmp_path: Path) -> None:
     directory = tmp_path / "flights"
     directory.mkdir()
     (directory / "flight_log_2020").symlink_to(elsewhere)
-    settings = RecordingSettings(minimum_free_mb=1e12, remove_oldest_flights=True)
+    settings = RecordingSettings(
+        minimum_free_mb=1e12, remove_oldest_flights=True, keep_newest_flights=1
+    )
     DiskGuard(directory, settings).check()
     assert (elsewhere / "thesis.tex").exists()
 

@@ -10,11 +10,9 @@ from pathlib import Path
 
 from uavrt.config import RecordingSettings
 from uavrt.log import get_logger
-from uavrt.recording import FlightLayout
+from uavrt.recording import FlightLayout, flights_in_order, note_flight
 
 log = get_logger()
-
-FLIGHT_PREFIX = "flight_log_"
 
 
 class DiskGuard:
@@ -32,6 +30,8 @@ class DiskGuard:
         self._directory = directory
         self._limit_mb = settings.minimum_free_mb
         self._may_prune = settings.remove_oldest_flights
+        self._kept = settings.keep_newest_flights
+        self._to_note: Path | None = None
         self._flight: Path | None = None
         self._warned = False
         self.free_mb: float | None = None
@@ -40,9 +40,13 @@ class DiskGuard:
     def flying(self, flight: Path | None) -> None:
         """Report which flight is being written; it is never removed."""
         self._flight = flight
+        self._to_note = flight or self._to_note
 
     def check(self) -> list[tuple[int, str]]:
         """Measure; get texts (severity, text) for the operator. Runs in a thread of its own."""
+        if self._to_note is not None:
+            note_flight(self._to_note)
+            self._to_note = None
         self.free_mb = self._measure()
         texts: list[tuple[int, str]] = []
         while self._is_short(self.free_mb) and self._may_prune:
@@ -85,15 +89,14 @@ class DiskGuard:
         return None
 
     def _may_go(self) -> list[Path]:
-        """Flights that may be removed, oldest first: neither starred nor the present one."""
-        return sorted(
+        """Flights that may be removed, oldest first; not the newest, starred, present ones."""
+        flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]
+        return [
             path
-            for path in self._directory.glob(f"{FLIGHT_PREFIX}*")
-            if path.is_dir()
-            and not path.is_symlink()
-            and not FlightLayout(path).star.exists()
+            for path in flights[: -self._kept]
+            if not FlightLayout(path).star.exists()
             and (self._flight is None or path.resolve() != self._flight.resolve())
-        )
+        ]
 
 
 def _removed(directory: Path) -> bool:

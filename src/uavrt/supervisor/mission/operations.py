@@ -16,9 +16,9 @@ from uavrt.config import RecordingSettings
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.log import get_logger
 from uavrt.messages import CommandName, Operation
+from uavrt.recording import flights_in_order
 from uavrt.supervisor.mission.background import in_background
 from uavrt.supervisor.mission.copying import Step, remove_flights, save_flights
-from uavrt.supervisor.mission.disk_guard import FLIGHT_PREFIX
 from uavrt.supervisor.mission.flight_removal import REPEATED_S, SecondStep, removable
 
 log = get_logger()
@@ -94,7 +94,7 @@ class Operations:
         """
         self.check_free()
         root = Path(self._settings.directory)
-        flights = sorted(path for path in root.glob(f"{FLIGHT_PREFIX}*") if path.is_dir())
+        flights = flights_in_order(root)
         if name == "save_logs":
             target = save_directory(self._settings)
             start, end = "#Saving logs", "#Log save complete"

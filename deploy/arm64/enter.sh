@@ -1,0 +1,43 @@
+#!/bin/sh
+# Run a command in the emulated root: enter.sh DIRECTORY COMMAND...
+#
+# In a user, mount and process namespace of its own: the emulator is registered in a binfmt_misc
+# of that namespace (Linux 6.7 or newer), and nothing of this machine is touched; everything ends
+# with the command. The network is this machine's.
+set -eu
+
+if [ "${1:-}" != --inside ]; then
+    work=$(cd "$1" && pwd)
+    shift
+    [ -x "$work/qemu-aarch64-static" ] || { echo "enter.sh: no emulator in $work" >&2; exit 2; }
+    exec unshare --user --map-root-user --mount --pid --fork --kill-child \
+        "$0" --inside "$work" "$@"
+fi
+work=$2
+shift 2
+root=$work/root
+mount --make-rprivate /
+mount -t binfmt_misc binfmt_misc /proc/sys/fs/binfmt_misc 2>/dev/null || {
+    echo "enter.sh: this kernel has no binfmt_misc for a user namespace (Linux 6.7 has)" >&2
+    exit 3
+}
+magic='\x7fELF\x02\x01\x01\x00\x00\x00\x00\x00\x00\x00\x00\x00\x02\x00\xb7\x00'
+mask='\xff\xff\xff\xff\xff\xff\xff\x00\xff\xff\xff\xff\xff\xff\xff\xff\xfe\xff\xff\xff'
+# F: the emulator is opened now, so that it need not be in the root.
+printf '%s' ":uavrt-arm64:M::$magic:$mask:$work/qemu-aarch64-static:F" \
+    >/proc/sys/fs/binfmt_misc/register
+mount --bind "$root" "$root"
+mount -t proc proc "$root/proc"
+mount --rbind /dev "$root/dev"
+mount -t tmpfs tmpfs "$root/run"
+for share in ${SHARE:-}; do # HOST:PLACE below the root
+    mkdir -p "$root${share#*:}"
+    mount --bind "${share%%:*}" "$root${share#*:}"
+done
+cp /etc/resolv.conf /etc/hosts "$root/etc/"
+[ ! -e /etc/ssl/certs/ca-certificates.crt ] || {
+    mkdir -p "$root/etc/ssl/certs"
+    cp -L /etc/ssl/certs/ca-certificates.crt "$root/etc/ssl/certs/"
+}
+exec chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 \
+    PIP_CERT=/etc/ssl/certs/ca-certificates.crt "$@"

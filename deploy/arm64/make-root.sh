@@ -1,0 +1,78 @@
+#!/bin/sh
+# A Debian root for 64-bit ARM below DIRECTORY/root, and an emulator for it: make-root.sh DIRECTORY
+#
+# The packages are fetched by this machine's apt into lists of their own, their signatures checked
+# with this machine's Debian keys, and unpacked. Their scripts are not run, which debootstrap's
+# second stage would do slowly in the emulator; what uavrt needs of them is done here. Needs no
+# root. What is there already stays.
+set -eu
+
+work=$1
+suite=${SUITE:-bookworm} mirror=${MIRROR:-http://deb.debian.org/debian}
+here=$(cd "$(dirname "$0")" && pwd)
+packages="$(sed 's/#.*//' "$here/packages.txt" | tr '\n' ' ') ${PACKAGES:-}"
+mkdir -p "$work/apt/lists/partial" "$work/apt/cache/archives/partial" "$work/apt/empty"
+: >"$work/apt/status"
+keys=/usr/share/keyrings/debian-archive-keyring.gpg
+printf 'deb [arch=arm64 signed-by=%s] %s %s main\n' "$keys" "$mirror" "$suite" >"$work/apt/sources"
+cat >"$work/apt/apt.conf" <<APT
+APT::Architecture "arm64";
+APT::Architectures { "arm64"; };
+APT::Sandbox::User "";
+APT::Install-Recommends "false";
+Dir::State "$work/apt";
+Dir::State::lists "$work/apt/lists";
+Dir::State::status "$work/apt/status";
+Dir::Cache "$work/apt/cache";
+Dir::Etc::sourcelist "$work/apt/sources";
+Dir::Etc::sourceparts "$work/apt/empty";
+Dir::Etc::preferencesparts "$work/apt/empty";
+Debug::NoLocking "true";
+APT
+export APT_CONFIG="$work/apt/apt.conf"
+if [ ! -e "$work/apt/done" ]; then
+    apt-get update -qq
+    # shellcheck disable=SC2086
+    apt-get install -y -qq --download-only $packages >/dev/null
+    touch "$work/apt/done"
+fi
+if [ ! -x "$work/qemu-aarch64-static" ]; then
+    found=$(command -v qemu-aarch64-static || true)
+    if [ -n "$found" ]; then
+        cp "$found" "$work/"
+    else
+        # Of this machine's own architecture, unpacked, not installed.
+        (cd "$work" && APT_CONFIG= apt-get download -qq qemu-user-static 2>/dev/null &&
+            dpkg-deb --fsys-tarfile qemu-user-static_*.deb | tar -x ./usr/bin/qemu-aarch64-static &&
+            mv usr/bin/qemu-aarch64-static . && rm -rf usr qemu-user-static_*.deb)
+    fi
+fi
+[ ! -e "$work/root/.complete" ] || exit 0
+
+root=$work/root
+rm -rf "$root"
+mkdir -p "$root/usr/bin" "$root/usr/sbin" "$root/usr/lib" "$root/var/lib/dpkg/info"
+for name in bin sbin lib; do ln -s "usr/$name" "$root/$name"; done
+for deb in $(printf '%s\n' "$work"/apt/cache/archives/*.deb | LC_ALL=C sort); do
+    dpkg-deb --fsys-tarfile "$deb" |
+        tar -x --keep-directory-symlink --no-same-owner -C "$root"
+    {
+        dpkg-deb -f "$deb" | sed '/^Package:/a Status: install ok installed'
+        echo
+    } >>"$root/var/lib/dpkg/status"
+    package=$(dpkg-deb -f "$deb" Package)
+    dpkg-deb --fsys-tarfile "$deb" | tar -t | sed 's/^\.//; s/^$/\/./' \
+        >"$root/var/lib/dpkg/info/$package.list"
+done
+# What the packages' own scripts would have done.
+[ -e "$root/etc/passwd" ] || cp "$root/usr/share/base-passwd/passwd.master" "$root/etc/passwd"
+[ -e "$root/etc/group" ] || cp "$root/usr/share/base-passwd/group.master" "$root/etc/group"
+[ -e "$root/bin/sh" ] || ln -s dash "$root/bin/sh"
+ln -sf mawk "$root/usr/bin/awk"
+for alternative in gcc:cc; do
+    [ ! -e "$root/usr/bin/${alternative%:*}" ] ||
+        ln -sf "${alternative%:*}" "$root/usr/bin/${alternative#*:}"
+done
+mkdir -p "$root/proc" "$root/dev" "$root/sys" "$root/run" "$root/tmp" "$root/etc"
+chmod 1777 "$root/tmp"
+touch "$root/.complete"

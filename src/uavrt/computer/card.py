@@ -1,0 +1,101 @@
+"""The memory card, and the clock's battery: what the kernel knows of them.
+
+ext4 (kernel documentation, "ext4 General Information", sysfs) counts the errors that it has met
+and the kilobytes ever written; after an error it turns read-only where ``errors=remount-ro``,
+as Debian and Raspberry Pi OS have it. An SD card says nothing of its wear; an eMMC tells
+``life_time`` in tenths (JEDEC JESD84, EXT_CSD [268], [269]).
+"""
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.clock import wall_ns
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+MOUNTS = Path("/proc/self/mounts")
+SYSFS = Path("/sys")
+WORN_TENTHS = 9
+"""An eMMC that has used 80 to 90 % of its life."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Card:
+    """The file system that flights lie on."""
+
+    device: str
+    """As mounted: ``/dev/mmcblk0p2``."""
+    kind: str
+    read_only: bool
+    errors: int | None
+    """Met since it was last checked; None where the file system does not count."""
+    written_gb: float | None
+    """Ever written to it."""
+    life_used_tenths: int | None
+    """Of an eMMC."""
+
+
+def card_of(directory: Path) -> Card | None:
+    """Look at the file system of a directory; None where the kernel does not tell it."""
+    place = directory.resolve()
+    mounted = {Path(where): (device, kind) for device, where, kind in _mounts()}
+    for above in (place, *place.parents):
+        if above in mounted:
+            device, kind = mounted[above]
+            break
+    else:
+        return None
+    name = os.path.basename(os.path.realpath(device)) if device.startswith("/dev/") else ""
+    about = SYSFS / "fs" / kind / name
+    written_kb = _number(about / "lifetime_write_kbytes") if name else None
+    return Card(
+        device=device,
+        kind=kind,
+        read_only=_is_read_only(place),
+        errors=_number(about / "errors_count") if name else None,
+        written_gb=None if written_kb is None else written_kb / 1e6,
+        life_used_tenths=_life_used(name) if name else None,
+    )
+
+
+def _is_read_only(directory: Path) -> bool:
+    """Try it, with a file that gets no name: since Linux 6.15 an error sets no flag."""
+    try:
+        os.close(os.open(directory, os.O_TMPFILE | os.O_WRONLY, 0o600))
+    except OSError as error:
+        return error.errno == errno.EROFS
+    return False
+
+
+def _mounts() -> Iterator[tuple[str, str, str]]:
+    """Device, place and kind of what is mounted, later ones over earlier ones (proc(5))."""
+    with suppress(OSError):
+        for line in MOUNTS.read_text(encoding="utf-8", errors="replace").splitlines():
+            device, where, kind, *_ = line.split(" ")
+            yield device, where.encode().decode("unicode_escape"), kind
+
+
+def _life_used(name: str) -> int | None:
+    with suppress(OSError, ValueError):
+        disk = (SYSFS / "class/block" / name).resolve().parent
+        used = (disk / "device/life_time").read_text().split()
+        return max(int(tenths, 16) for tenths in used)
+    return None
+
+
+def _number(path: Path) -> int | None:
+    with suppress(OSError, ValueError):
+        return int(path.read_text())
+    return None
+
+
+def battery_clock_off_s() -> float | None:
+    """Get how far the clock that a battery keeps is ahead of ours; None: there is none.
+
+    It counts whole seconds.
+    """
+    kept_s = _number(SYSFS / "class/rtc/rtc0/since_epoch")
+    return None if kept_s is None else kept_s - wall_ns() / NANOSECONDS_PER_SECOND

@@ -1,0 +1,183 @@
+"""Is a version fit to fly? Judged by what the running system shows. Pure.
+
+A new version is taken for good when, for a minute without a gap, the autopilot's heartbeat and
+fresh poses were there and no process had to be restarted; otherwise the one before comes back.
+While the vehicle is armed nothing is exchanged: a version that is short of something flies on.
+"""
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+from uavrt.config import Settings
+from uavrt.errors import UsageError
+from uavrt.messages import Poses, SystemState, SystemStatus
+
+HOLD_S = 60.0
+"""So long must everything be there."""
+PATIENCE_S = 180.0
+"""So long after the start, or after landing, it may take until that has happened."""
+GAP_S = 5.0
+"""Status comes every second, poses every half; the autopilot is lost after five heartbeats."""
+HEARD = ("waiting for ground station", "ready")
+ARMED = "autopilot_armed"
+"""The connection's counter: 1 while the autopilot says that it is armed, 0 while not."""
+
+
+class Verdict(Enum):
+    """What is to become of a version that is tried."""
+
+    OPEN = "open"
+    GOOD = "good"
+    BAD = "bad"
+
+
+@dataclass(frozen=True, slots=True)
+class Needs:
+    """What must be there."""
+
+    heartbeat: bool
+    poses: bool
+
+    @classmethod
+    def of(cls, settings: Settings) -> "Needs":
+        """Get what a drone or a station with these settings has when all is well."""
+        own = settings.pose.source != "autopilot"
+        heartbeat = bool(settings.mavlink.address) and not own
+        return cls(heartbeat=heartbeat, poses=heartbeat or own)
+
+
+@dataclass(slots=True)
+class Seen:
+    """What the running system has shown, and when [s]."""
+
+    status_s: float | None = None
+    heartbeat_s: float | None = None
+    poses_s: float | None = None
+    armed: bool | None = None
+    """None: nobody knows."""
+    state: SystemState | None = None
+    restarts: dict[str, int] = field(default_factory=dict)
+    restarted: tuple[str, ...] = ()
+    """Processes that had to be restarted since the record before."""
+
+    def take(self, record: Any, now_s: float) -> None:
+        """Look at a record of the system."""
+        match record:
+            case Poses():
+                self.poses_s = now_s
+            case SystemStatus():
+                self._take_status(record, now_s)
+
+    def _take_status(self, status: SystemStatus, now_s: float) -> None:
+        self.status_s, self.state = now_s, status.state
+        restarts = {process.process: process.restarts for process in status.processes}
+        self.restarted = tuple(
+            name for name, count in restarts.items() if count > self.restarts.get(name, 0)
+        )
+        self.restarts = restarts
+        for process in status.processes:
+            if process.process == "connection" and process.status in HEARD:
+                self.heartbeat_s = now_s
+                armed = process.counters.get(ARMED)
+                self.armed = None if armed is None else bool(armed)
+
+    def missing(self, needs: Needs, now_s: float) -> str:
+        """Name what is not there now; nothing when all is."""
+        wanted = [(self.status_s, "the service")]
+        wanted += [(self.heartbeat_s, "the autopilot's heartbeat")] * needs.heartbeat
+        wanted += [(self.poses_s, "poses")] * needs.poses
+        gone = [name for seen_s, name in wanted if seen_s is None or now_s - seen_s > GAP_S]
+        return ", ".join(gone)
+
+
+class Trial:
+    """Watches a version from its start.
+
+    Parameters
+    ----------
+    needs : Needs
+    now_s : float
+        When it was started [s].
+    hold_s : float
+        How long everything must be there [s].
+    patience_s : float
+        How long that may take to come [s].
+    """
+
+    def __init__(
+        self,
+        needs: Needs,
+        now_s: float,
+        *,
+        hold_s: float = HOLD_S,
+        patience_s: float = PATIENCE_S,
+    ) -> None:
+        self._needs, self._hold_s = needs, hold_s
+        self._patience_s = max(patience_s, hold_s)
+        self._from_s = now_s
+        self._good_from_s: float | None = None
+        self.seen = Seen()
+        self.fault = "nothing was heard of the service"
+        """What was missing last."""
+
+    def judge(self, records: list[Any], now_s: float) -> Verdict:
+        """Take the records that have come, and say how it is."""
+        for record in records:
+            self.seen.take(record, now_s)
+            if self.seen.restarted:
+                self._good_from_s = None
+                self.fault = f"{', '.join(self.seen.restarted)} had to be restarted"
+        if missing := self.seen.missing(self._needs, now_s):
+            self._good_from_s = None
+            self.fault = f"not there: {missing}"
+        elif self._good_from_s is None:
+            self._good_from_s = now_s
+        if self._good_from_s is not None and now_s - self._good_from_s >= self._hold_s:
+            return Verdict.GOOD
+        if self.seen.armed:
+            self._from_s = now_s
+        late = now_s - self._from_s > self._patience_s
+        return Verdict.BAD if late and self._good_from_s is None else Verdict.OPEN
+
+
+def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:
+    """Make sure that nothing flies, and get what the new version must show.
+
+    Parameters
+    ----------
+    seen : Seen
+        What the version that runs has shown.
+    needs : Needs
+        What it should show.
+    bench : bool
+        Ask of the new version only for what is there now.
+
+    Raises
+    ------
+    UsageError
+        Armed, recording, or nobody knows.
+    """
+    if seen.armed:
+        raise UsageError("the vehicle is armed: nothing was changed", remedy="Disarm it first")
+    if seen.state in (SystemState.DETECTING, SystemState.CAPTURING):
+        remedy = "Stop it first: uavrt monitor --stop, or on the page"
+        raise UsageError("a flight is being recorded: nothing was changed", remedy=remedy)
+    if bench:
+        now = Needs(heartbeat=True, poses=True)
+        gone = seen.missing(now, now_s)
+        return Needs(
+            heartbeat=needs.heartbeat and "heartbeat" not in gone,
+            poses=needs.poses and "poses" not in gone,
+        )
+    if needs.heartbeat and seen.armed is None:
+        raise UsageError(
+            "no autopilot is heard, so nobody knows whether it is armed: nothing was changed",
+            remedy="Switch it on, or give --bench if the drone is on a bench",
+        )
+    if needs.poses and seen.status_s is not None and "poses" in seen.missing(needs, now_s):
+        raise UsageError(
+            "there are no poses by which the new version could be tried: nothing was changed",
+            remedy="Take the drone under the open sky, or give --bench",
+        )
+    return needs

@@ -1,0 +1,259 @@
+"""``uavrt update``: another version beside the one that runs, tried, and taken or taken back.
+
+The steps, each of which may be the last before a power cut:
+
+1. The new version is made in a directory of its own, and rehearsed there: it loads all that a
+   flight needs, and reads the settings. The running version notices nothing.
+2. ``trial`` is pointed at the version before, ``venv`` at the new one, the service restarted.
+3. The new one is watched (`uavrt.computer.trial`). If it is good, its keys are taken and
+   ``trial`` goes; if not, ``venv`` is pointed back and the service restarted once more.
+
+A cut before 2 leaves what was; after it, ``uavrt-update.service`` goes on with 3 at the next
+boot, by the program of the version before. Flights and settings are not touched.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from uavrt.computer.trial import Verdict
+from uavrt.computer.update_file import Update, read_update, unpack_wheels, version_key
+from uavrt.computer.versions import COMPLETE, Installation, version_of
+from uavrt.config import write_text_atomically
+from uavrt.errors import UavrtError, UsageError
+
+Say = Callable[[str], None]
+Restart = Callable[[], None]
+Judge = Callable[[], tuple[Verdict, str]]
+"""Watches the system until it is known; the verdict, and what was missing."""
+
+EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
+"""An extra, and a distribution by which an environment with it is known."""
+KEYS = ".update-keys.pem"
+"""In a version's directory: the keys that it brings."""
+SPACE_FACTOR = 2.2
+"""The new version, and its wheels beside it, take at most so much of the one before."""
+
+
+def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update:
+    """Read an update and decide whether it may be installed here.
+
+    Raises
+    ------
+    UavrtError
+        It is damaged, not signed, not newer, or there is no room.
+    """
+    place.require()
+    update = read_update(path, place.keys)
+    if place.before() is not None:
+        text = "the version before is still on trial"
+        raise UsageError(text, remedy="Let that end first: uavrt update --resume")
+    present = place.current()
+    if present.name == update.name:
+        raise UsageError(f"{update.version} is installed already, just this build of it")
+    version = version_of(present)
+    if version_key(update.version) <= version_key(version) and not downgrade:
+        raise UsageError(
+            f"{update.version} is not newer than {version}, which is installed",
+            remedy="--downgrade installs it nevertheless",
+        )
+    _require_room(place, present)
+    return update
+
+
+def _require_room(place: Installation, present: Path) -> None:
+    taken = sum(file.lstat().st_size for file in present.rglob("*") if not file.is_symlink())
+    needed_mb, free_mb = (
+        SPACE_FACTOR * taken / 1e6,
+        shutil.disk_usage(place.prefix).free / 1e6,
+    )
+    if free_mb < needed_mb:
+        raise UsageError(
+            f"{free_mb:.0f} MB are free at {place.prefix}, an update needs {needed_mb:.0f}",
+            remedy="Make room: fetch the flights and remove some",
+        )
+
+
+def install_beside(
+    update: Update, place: Installation, *, config: Path, directory: Path
+) -> Path:
+    """Make the new version beside the present one, and rehearse it; get where it is.
+
+    Parameters
+    ----------
+    config : Path
+        Settings that it must be able to read, if they exist.
+    directory : Path
+        Where the service runs.
+
+    Raises
+    ------
+    UavrtError
+        It cannot be installed, or does not run; nothing has changed then.
+    """
+    made = place.version_directory(update.name)
+    if not (made / COMPLETE).exists():
+        shutil.rmtree(made, ignore_errors=True)
+        try:
+            _make(update, place.current(), made)
+            (made / COMPLETE).touch()
+        except BaseException as error:
+            shutil.rmtree(made, ignore_errors=True)
+            if isinstance(error, OSError):
+                text = f"the new version cannot be written: {error.strerror or error}"
+                raise UsageError(text, remedy="Make room, and check the disk") from error
+            raise
+    rehearse(made, update.version, config=config, directory=directory)
+    os.sync()
+    return made
+
+
+def _make(update: Update, present: Path, made: Path) -> None:
+    """Make an environment: new from all wheels, or the present one with another program."""
+    pip = [str(made / "bin/python"), "-m", "pip", "install", "--quiet", "--no-index"]
+    if update.alone:
+        shutil.copytree(present, made, symlinks=True)
+        for name in (COMPLETE, KEYS):
+            (made / name).unlink(missing_ok=True)
+        _run([*pip, "--no-deps", "--force-reinstall", str(update.path)], update)
+        _require_libraries(made, update)
+        return
+    _run([str(present / "bin/python"), "-m", "venv", str(made)], update)
+    extras = [name for name, known in EXTRAS.items() if _has(present, known)]
+    wanted = f"uavrt[{','.join(extras)}]=={update.version}"
+    with tempfile.TemporaryDirectory(prefix=".wheels-", dir=made) as wheels:
+        unpack_wheels(update, Path(wheels))
+        _run([*pip, "--find-links", wheels, wanted], update)
+    if update.manifest is not None and update.manifest.keys is not None:
+        write_text_atomically(made / KEYS, update.manifest.keys)
+
+
+def _require_libraries(made: Path, update: Update) -> None:
+    """Make sure that what is there suffices for the new program; raises `UsageError`."""
+    done = subprocess.run(
+        [str(made / "bin/python"), "-m", "pip", "check"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=_environment(),
+        cwd="/",
+    )
+    lacks = [line for line in done.stdout.splitlines() if line.startswith("uavrt ")]
+    if lacks:
+        raise UsageError(
+            f"{update.version} needs other libraries: {lacks[0]}",
+            remedy="Take the .tar, which has them (deploy/make-update.py)",
+        )
+
+
+def _has(environment: Path, distribution: str) -> bool:
+    return any(environment.glob(f"lib/python3*/site-packages/{distribution}-*.dist-info"))
+
+
+def _run(command: Sequence[str], update: Update) -> None:
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=_environment(), cwd="/"
+    )
+    if done.returncode:
+        said = (done.stderr + done.stdout).strip().splitlines() or ["no word"]
+        errors = [line for line in said if line.startswith("ERROR:")] or said
+        python = f"{sys.version_info.major}.{sys.version_info.minor}"
+        raise UsageError(
+            f"{update.version} cannot be installed here: {errors[0]}",
+            remedy=f"Make one for Python {python} on {os.uname().machine}, with all libraries "
+            "(deploy/make-update.py)",
+        )
+
+
+def _environment() -> dict[str, str]:
+    """Nothing of the caller's Python or pip, and no network."""
+    kept = {name: value for name, value in os.environ.items() if name in ("PATH", "LANG")}
+    return kept | {"PIP_CONFIG_FILE": "/dev/null", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+
+
+def rehearse(made: Path, version: str, *, config: Path, directory: Path) -> None:
+    """Let the new version load what a flight needs; raises `UsageError`."""
+    command = [str(made / "bin/python"), "-m", "uavrt.cli", "update", "--rehearse"]
+    if (directory / config).exists():
+        command += ["--config", str(config)]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=_environment(), cwd=directory
+    )
+    if done.returncode or done.stdout.split() != [version]:
+        said = (done.stderr.strip() or f"it says it is {done.stdout.strip()!r}").splitlines()
+        raise UsageError(
+            f"{version} does not start here: {said[-1]}",
+            remedy="The version before goes on; report this, and see whether a setting in "
+            "uavrt.toml is the reason",
+        )
+
+
+def exchange(
+    made: Path, place: Installation, *, restart: Restart, judge: Judge, say: Say
+) -> bool:
+    """Let the new version run, watch it, and take it or go back; whether it was taken."""
+    before = place.current()
+    place.point(place.trial, before)
+    place.point(place.link, made)
+    say(f"{made.name} runs, on trial; the one before is {before.name}")
+    _restart(restart, say)
+    return finish(place, restart=restart, judge=judge, say=say)
+
+
+def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> bool:
+    """Watch a version on trial, and take it or go back; whether it was taken.
+
+    This is also what is left to do after a power cut, whenever that was.
+    """
+    before = place.before()
+    if before is None:
+        say("no version is on trial")
+        return True
+    current = place.current()
+    if current == before:  # cut off before the exchange, or while going back
+        _restart(restart, say)
+        place.forget_trial()
+        return False
+    verdict, fault = judge()
+    if verdict is Verdict.GOOD:
+        _take_keys(current, place)
+        place.forget_trial()
+        place.remove_others(current, before)
+        say(f"{current.name} is good, and stays")
+        return True
+    place.point(place.link, before)
+    say(f"{current.name} was not good ({fault}): back to {before.name}")
+    _restart(restart, say)
+    place.forget_trial()
+    return False
+
+
+def _restart(restart: Restart, say: Say) -> None:
+    """Restart the service; where that fails, the watch will find that it is not there."""
+    try:
+        restart()
+    except UavrtError as error:
+        say(str(error))
+
+
+def _take_keys(version: Path, place: Installation) -> None:
+    """Let the keys count that came with a version, if any did."""
+    try:
+        text = (version / KEYS).read_text(encoding="ascii")
+    except FileNotFoundError:
+        return
+    write_text_atomically(place.keys, text)
+
+
+def restart_by(command: Sequence[str]) -> None:
+    """Restart the service; raises `UavrtError` when that is not possible."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError as error:
+        raise UavrtError(f"{command[0]}: {error.strerror}") from error
+    if done.returncode:
+        raise UavrtError(f"{' '.join(command)} failed: {done.stderr.strip()}")

@@ -1,0 +1,279 @@
+"""An update as a file: what is in it, who has signed it, and whether it is whole.
+
+A ``.tar`` holds a program and all its libraries::
+
+    update.json        the manifest: version, and of each wheel its name, size and SHA-256
+    update.sig         Ed25519 signature (RFC 8032) of the manifest's bytes, 64 bytes
+    wheels/NAME.whl    for several processors and Pythons, if wanted
+
+A ``.whl`` holds the program alone, for the libraries that are there; its signature is beside it
+in ``FILE.whl.sig``. Nothing of either is unpacked or run before the signature is found good.
+
+Signatures are checked by ``openssl`` (``pkeyutl -rawin``, OpenSSL 3). The keys that count are
+one file of public keys, PEM blocks one after the other; only root may write it.
+"""
+
+import hashlib
+import os
+import re
+import stat
+import subprocess
+import tarfile
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from uavrt.errors import FormatError, UsageError
+
+MANIFEST, SIGNATURE, WHEELS = "update.json", "update.sig", "wheels"
+FORMAT = 1
+MOST_MANIFEST_BYTES = 1_000_000
+MOST_WHEEL_BYTES = 500_000_000
+SIGNATURE_BYTES = 64
+_WHEEL = re.compile(r"[A-Za-z0-9_.]+-[A-Za-z0-9_.!+]+(-\d\w*)?(-[A-Za-z0-9_.]+){3}\.whl")
+_KEY = re.compile(r"-----BEGIN PUBLIC KEY-----\n[A-Za-z0-9+/=\n]+-----END PUBLIC KEY-----\n")
+_VERSION = re.compile(
+    r"(\d+(?:\.\d+)*)(?:(a|b|rc)(\d+))?(?:\.post(\d+))?(?:\.dev(\d+))?(?:\+([a-z0-9.]+))?"
+)
+COPY_AGAIN = "Copy the file once more, and compare its size with the original's"
+
+
+class Wheel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A file of an update."""
+
+    name: str
+    bytes: Annotated[int, msgspec.Meta(ge=1, le=MOST_WHEEL_BYTES)]
+    sha256: Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}$")]
+
+
+class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What an update says of itself."""
+
+    format: int
+    version: str
+    files: Annotated[tuple[Wheel, ...], msgspec.Meta(min_length=1, max_length=500)]
+    keys: str | None = None
+    """Public keys that count from now on, instead of those before; None: as before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Update:
+    """An update whose signature is good."""
+
+    path: Path
+    version: str
+    name: str
+    """Version and the first digits of its hash: two builds of a version differ."""
+    alone: bool
+    """Without libraries: it needs those that are there."""
+    manifest: Manifest | None
+    """None for a wheel alone."""
+
+
+def version_key(version: str) -> tuple[object, ...]:
+    """Make versions comparable (PEP 440, without epochs); raises `FormatError`.
+
+    >>> version_key("0.10.0") > version_key("0.9.1") > version_key("0.9.1rc2")
+    True
+    """
+    found = _VERSION.fullmatch(version)
+    if found is None:
+        raise FormatError(f"{version!r} is no version of uavrt", remedy=COPY_AGAIN)
+    numbers, stage, stage_number, post, dev, local = found.groups()
+    release = [int(number) for number in numbers.split(".")]
+    while release and release[-1] == 0:
+        release.pop()
+    before = -1 if stage is None and post is None and dev is not None else 3
+    rank = {"a": 0, "b": 1, "rc": 2, None: before}[stage]
+    return (
+        tuple(release),
+        rank,
+        int(stage_number or 0),
+        -1 if post is None else int(post),
+        1 if dev is None else 0,
+        int(dev or 0),
+        local or "",
+    )
+
+
+def read_update(path: Path, keys: Path) -> Update:
+    """Find out what an update is, once its signature is good; nothing is unpacked.
+
+    Parameters
+    ----------
+    path : Path
+        The ``.tar`` or ``.whl``.
+    keys : Path
+        File of the public keys that count.
+
+    Raises
+    ------
+    FormatError
+        It is damaged, truncated, or none.
+    UsageError
+        No key counts, or none of them has signed it.
+    """
+    try:
+        if path.suffix == ".whl":
+            return _read_wheel(path, keys)
+        with _opened(path) as archive:
+            text, signature = (_member(archive, name) for name in (MANIFEST, SIGNATURE))
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    require_signed(text, signature, keys, path)
+    manifest = _manifest(text, path)
+    return Update(
+        path=path,
+        version=manifest.version,
+        name=f"{manifest.version}-{hashlib.sha256(text).hexdigest()[:8]}",
+        alone=False,
+        manifest=manifest,
+    )
+
+
+def _read_wheel(path: Path, keys: Path) -> Update:
+    if not _WHEEL.fullmatch(path.name) or not path.name.startswith("uavrt-"):
+        raise FormatError(f"{path} is not named as a wheel of uavrt", remedy=COPY_AGAIN)
+    content = path.read_bytes()
+    beside = path.with_name(f"{path.name}.sig")
+    try:
+        signature = beside.read_bytes()
+    except FileNotFoundError:
+        remedy = "Copy the signature, too, or use a .tar, which has its own inside"
+        raise UsageError(f"there is no {beside}", remedy=remedy) from None
+    require_signed(content, signature, keys, path)
+    if not zipfile.is_zipfile(path):
+        raise FormatError(f"{path} is no wheel", remedy=COPY_AGAIN)
+    version = path.name.split("-")[1]
+    version_key(version)
+    name = f"{version}-{hashlib.sha256(content).hexdigest()[:8]}"
+    return Update(path=path, version=version, name=name, alone=True, manifest=None)
+
+
+def unpack_wheels(update: Update, directory: Path) -> None:
+    """Write the wheels of a ``.tar``, each compared with the signed manifest.
+
+    Raises
+    ------
+    FormatError
+        One is missing, truncated, or not the one that was signed.
+    """
+    assert update.manifest is not None
+    with _opened(update.path) as archive:
+        for wheel in update.manifest.files:
+            content = _member(archive, f"{WHEELS}/{wheel.name}", wheel.bytes)
+            if hashlib.sha256(content).hexdigest() != wheel.sha256:
+                text = f"{update.path}: {wheel.name} is not the file that was signed"
+                raise FormatError(text, remedy=COPY_AGAIN)
+            (directory / wheel.name).write_bytes(content)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tarfile.TarFile]:
+    try:
+        with tarfile.open(path, "r:") as archive:
+            yield archive
+    except (tarfile.TarError, EOFError, ValueError) as error:
+        raise FormatError(
+            f"{path} is no update, or damaged: {error}", remedy=COPY_AGAIN
+        ) from error
+
+
+def _member(archive: tarfile.TarFile, name: str, size: int | None = None) -> bytes:
+    """Read a plain file of the archive; `size` is what the manifest says of it."""
+    try:
+        member = archive.getmember(name)
+    except KeyError:
+        text = f"{archive.name!s}: {name} is missing; the file is truncated, or no update"
+        raise FormatError(text, remedy=COPY_AGAIN) from None
+    most = MOST_MANIFEST_BYTES if size is None else size
+    if not member.isreg() or member.size > most or (size is not None and member.size != size):
+        raise FormatError(f"{archive.name!s}: {name} is not what it says", remedy=COPY_AGAIN)
+    file = archive.extractfile(member)
+    content = b"" if file is None else file.read()
+    if len(content) != member.size:
+        raise FormatError(f"{archive.name!s}: {name} is truncated", remedy=COPY_AGAIN)
+    return content
+
+
+def _manifest(text: bytes, path: Path) -> Manifest:
+    try:
+        manifest = msgspec.json.decode(text, type=Manifest)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise FormatError(f"{path}: {MANIFEST} cannot be read: {error}") from error
+    if manifest.format != FORMAT:
+        text_ = f"{path} is an update of format {manifest.format}; this version knows {FORMAT}"
+        raise FormatError(text_, remedy="Update to a version in between first")
+    if not all(_WHEEL.fullmatch(wheel.name) for wheel in manifest.files):
+        raise FormatError(f"{path}: {MANIFEST} names files that are no wheels")
+    if manifest.keys is not None and not split_keys(manifest.keys):
+        raise FormatError(f"{path}: the keys that it brings are none")
+    version_key(manifest.version)
+    return manifest
+
+
+def split_keys(text: str) -> list[str]:
+    """Get the public keys of a text: its PEM blocks."""
+    return _KEY.findall(text)
+
+
+def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> None:
+    """Make sure that one of the keys has signed the content.
+
+    Raises
+    ------
+    UsageError
+        None has, there is no key, or others than their owner may change the keys.
+    """
+    trusted = _trusted(keys)
+    if len(signature) == SIGNATURE_BYTES:
+        with tempfile.TemporaryDirectory(prefix="uavrt-update-") as name:
+            place = Path(name)
+            (place / "content").write_bytes(content)
+            (place / "signature").write_bytes(signature)
+            for key in trusted:
+                (place / "key").write_text(key, encoding="ascii")
+                if _signed_by(place):
+                    return
+    raise UsageError(
+        f"{path} is not signed with a key that counts here, or was changed since",
+        remedy=f"{COPY_AGAIN}; the keys that count are in {keys}",
+    )
+
+
+def _trusted(keys: Path) -> list[str]:
+    try:
+        with open(keys, encoding="ascii", errors="replace") as file:
+            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+            trusted = split_keys(file.read(MOST_MANIFEST_BYTES))
+    except OSError as error:
+        raise UsageError(
+            f"no key counts here: {keys}: {error.strerror}",
+            remedy=f"Put the public key of who makes the updates there: sudo cp KEY.pem {keys}",
+        ) from error
+    if mode & 0o022:
+        remedy = f"sudo chmod 644 {keys}, after a look at who wrote to it"
+        raise UsageError(f"others than root may change {keys}", remedy=remedy)
+    if not trusted:
+        remedy = "A public key begins with -----BEGIN PUBLIC KEY-----"
+        raise UsageError(f"there is no key in {keys}", remedy=remedy)
+    return trusted
+
+
+def _signed_by(place: Path) -> bool:
+    command = ["openssl", "pkeyutl", "-verify", "-rawin", "-pubin", "-inkey", "key"]
+    command += ["-in", "content", "-sigfile", "signature"]
+    try:
+        done = subprocess.run(command, cwd=place, capture_output=True, check=False)
+    except FileNotFoundError:
+        remedy = "sudo apt install openssl"
+        raise UsageError(
+            "there is no openssl to check signatures with", remedy=remedy
+        ) from None
+    return done.returncode == 0

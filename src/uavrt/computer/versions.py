@@ -1,0 +1,144 @@
+"""The versions that are installed, and the link that says which one runs.
+
+::
+
+    /opt/uavrt/
+    ├── venv -> versions/0.2.0-1f0c33a9    what the service starts
+    ├── trial -> versions/source           while the new one is tried: the one before
+    ├── update-keys.pem                    whose updates are taken
+    └── versions/
+        ├── source/                        made by deploy/install.sh
+        └── 0.2.0-1f0c33a9/                made by `uavrt update`
+
+Each is an environment of its own and complete before a link leads to it. A link is replaced as
+a whole (rename(2)), so at every instant there is a version that runs. `trial` is also the
+journal: while it is there, the new version is not taken for good.
+"""
+
+import fcntl
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import distributions
+from pathlib import Path
+
+from uavrt.errors import UsageError
+
+COMPLETE = ".complete"
+
+
+@dataclass(frozen=True, slots=True)
+class Installation:
+    """Where the versions are."""
+
+    prefix: Path
+
+    @classmethod
+    def of(cls, executable: str) -> "Installation | None":
+        """Get the one that a Python belongs to; None for an environment outside of one."""
+        environment = Path(executable).parent.resolve().parent
+        prefix = environment.parent.parent
+        if environment.parent.name != "versions" or not (prefix / "venv").is_symlink():
+            return None
+        return cls(prefix)
+
+    @property
+    def link(self) -> Path:
+        """What the service starts from."""
+        return self.prefix / "venv"
+
+    @property
+    def trial(self) -> Path:
+        """The version before, while a new one is tried."""
+        return self.prefix / "trial"
+
+    @property
+    def keys(self) -> Path:
+        """The public keys of who makes updates."""
+        return self.prefix / "update-keys.pem"
+
+    def version_directory(self, name: str) -> Path:
+        """Where a version lies."""
+        return self.prefix / "versions" / name
+
+    def current(self) -> Path:
+        """Get the version that the service starts; raises `UsageError`."""
+        return _target(self.link, self.prefix)
+
+    def before(self) -> Path | None:
+        """Get the version before one that is tried; None when none is."""
+        return _target(self.trial, self.prefix) if self.trial.is_symlink() else None
+
+    def require(self) -> None:
+        """Make sure that versions can be exchanged here; raises `UsageError`."""
+        if not self.link.is_symlink():
+            raise UsageError(
+                f"{self.link} is not a link to a version",
+                remedy="Install it once with deploy/install.sh of this version, then update",
+            )
+        if not os.access(self.prefix, os.W_OK):
+            raise UsageError(f"{self.prefix} cannot be written", remedy="Run it with sudo")
+
+    def point(self, link: Path, version: Path) -> None:
+        """Let a link lead to a version, at one instant and for good."""
+        beside = link.with_name(f".{link.name}.new")
+        beside.unlink(missing_ok=True)
+        beside.symlink_to(version.relative_to(self.prefix))
+        beside.replace(link)
+        self.sync()
+
+    def forget_trial(self) -> None:
+        """Take what runs for good."""
+        self.trial.unlink(missing_ok=True)
+        self.sync()
+
+    def sync(self) -> None:
+        """Bring the links to the disk."""
+        place = os.open(self.prefix, os.O_RDONLY)
+        try:
+            os.fsync(place)
+        finally:
+            os.close(place)
+
+    def remove_others(self, *kept: Path) -> None:
+        """Remove versions that no link needs, and what an interrupted update has left."""
+        for path in (self.prefix / "versions").iterdir():
+            if path not in kept:
+                shutil.rmtree(path, ignore_errors=True)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Let only one program exchange versions; raises `UsageError`."""
+        with open(self.prefix / ".update-lock", "w", encoding="ascii") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                remedy = "Wait until it has ended"
+                raise UsageError("another update is going on", remedy=remedy) from None
+            yield
+
+
+def runs_from(process_id: int, environment: Path) -> bool:
+    """Whether a process is a Python of an environment."""
+    try:
+        words = Path(f"/proc/{process_id}/cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return False
+    return Path(os.fsdecode(words[0])).parent.resolve() == (environment / "bin").resolve()
+
+
+def version_of(environment: Path) -> str:
+    """Get the version of uavrt in an environment; raises `UsageError`."""
+    for place in environment.glob("lib/python3*/site-packages"):
+        for found in distributions(name="uavrt", path=[str(place)]):
+            return found.version
+    raise UsageError(f"there is no uavrt in {environment}", remedy="Run deploy/install.sh")
+
+
+def _target(link: Path, prefix: Path) -> Path:
+    try:
+        return prefix / link.readlink()
+    except OSError as error:
+        raise UsageError(f"{link}: {error.strerror}", remedy="Run deploy/install.sh") from error

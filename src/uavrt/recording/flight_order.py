@@ -1,0 +1,56 @@
+"""The order in which flights were flown, also where the clock was wrong.
+
+A flight is named after the clock, and a computer without a battery for its clock may begin in
+1970: its newest flight would be taken for the oldest, and removed first. So each flight is
+noted in a file beside them as it begins, one name a line. Flights that are not noted are older
+than the file; among them the names decide.
+"""
+
+import os
+from pathlib import Path
+
+from uavrt.log import get_logger
+
+log = get_logger()
+
+ORDER = "flights_in_order.txt"
+PREFIX = "flight_log_"
+
+
+def note_flight(flight: Path) -> None:
+    """Note that a flight begins now; a disk that cannot be written stops nothing."""
+    path = flight.parent / ORDER
+    try:
+        names = _noted(path)
+        if names and names[-1] == flight.name:
+            return  # it goes on, after a restart
+        with open(path, "a", encoding="utf-8") as file:
+            # What a power cut left half-written becomes a name that no flight has.
+            file.write("\n" * _is_torn(path) + f"{flight.name}\n")
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        log.warning("order of flights not noted", file=str(path), reason=str(error))
+
+
+def flights_in_order(directory: Path) -> list[Path]:
+    """List the flights below a directory, the oldest first."""
+    place = {name: number for number, name in enumerate(_noted(directory / ORDER))}
+    found = (path for path in directory.glob(f"{PREFIX}*") if path.is_dir())
+    return sorted(found, key=lambda path: (place.get(path.name, -1), path.name))
+
+
+def _noted(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return []
+
+
+def _is_torn(path: Path) -> bool:
+    try:
+        with open(path, "rb") as file:
+            file.seek(-1, os.SEEK_END)
+            return file.read(1) != b"\n"
+    except OSError:  # none yet, or empty
+        return False

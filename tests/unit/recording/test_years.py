@@ -1,0 +1,259 @@
+"""Years on a memory card: what was promised stays, whatever disk, stars and clock do."""
+
+import contextlib
+import random
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from uavrt.computer import card as card_module
+from uavrt.computer import checks
+from uavrt.config.settings import RecordingSettings, Settings
+from uavrt.errors import RecordingError
+from uavrt.messages import FlightInfo, PulsePose
+from uavrt.recording import (
+    FlightLayout,
+    FlightRecorder,
+    flights_in_order,
+    new_flight_directory,
+    note_flight,
+    read_flight,
+)
+from uavrt.supervisor.mission import DiskGuard
+
+DAY_NS = 86_400 * 10**9
+SPRING_NS = 1_777_600_000 * 10**9
+"""May 2026."""
+CARD_MB, FREE_MB = 32, 4.0
+
+
+class LoopCard:
+    """A small ext4 in a file, mounted as Debian mounts a card."""
+
+    def __init__(self, directory: Path) -> None:
+        self.image, self.place = directory / "card.img", directory / "card"
+        self.place.mkdir()
+        with open(self.image, "wb") as file:
+            file.truncate(CARD_MB * 1_000_000)
+        self._run("mkfs.ext4", "-q", "-m", "0", str(self.image))
+        self.mount()
+
+    def mount(self) -> None:
+        options = "loop,errors=remount-ro"
+        self._run("mount", "-t", "ext4", "-o", options, str(self.image), str(self.place))
+
+    def unmount(self) -> None:
+        self._run("umount", str(self.place))
+
+    def fail(self) -> None:
+        """Let the kernel meet an error, as with a card that is failing."""
+        said = self._run("losetup", "-n", "-O", "NAME", "-j", str(self.image))
+        name = Path(said.strip()).name
+        Path(f"/sys/fs/ext4/{name}/trigger_fs_error").write_text("1")
+
+    def check(self) -> None:
+        """Do what a computer does at boot (e2fsck(8); 1: errors were corrected)."""
+        finished = subprocess.run(["e2fsck", "-p", str(self.image)], check=False)
+        assert finished.returncode in (0, 1)
+
+    @staticmethod
+    def _run(*command: str) -> str:
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        return done.stdout
+
+
+@pytest.fixture
+def card(tmp_path: Path) -> Iterator[LoopCard]:
+    memory = Path("/dev/shm")  # a flush of a real disk takes longer than all else here
+    try:
+        made = LoopCard(Path(tempfile.mkdtemp(dir=memory if memory.is_dir() else tmp_path)))
+    except (OSError, subprocess.CalledProcessError) as error:
+        said = getattr(error, "stderr", "") or str(error)
+        pytest.skip(f"a file cannot be mounted here (needs root and a loop device): {said}")
+    yield made
+    subprocess.run(["umount", "--lazy", str(made.place)], check=False)
+    made.image.unlink()
+    made.place.rmdir()
+    made.place.parent.rmdir()
+
+
+def test_a_thousand_flights_on_a_small_card_lose_nothing_that_was_promised(
+    card: LoopCard,
+    make_info: Callable[[Path], FlightInfo],
+    make_pulse_pose: Callable[[int], PulsePose],
+) -> None:
+    """Some begin in 1970, some are starred, at times somebody fills the card to the brim."""
+    rng = random.Random(1970)
+    settings = RecordingSettings(
+        minimum_free_mb=FREE_MB, remove_oldest_flights=True, keep_newest_flights=5
+    )
+    # The kernel's own time of a flight on this card would be an hour; one commit stands for it.
+    flown: list[Path] = []
+    starred: set[Path] = set()
+    filled = refused = 0
+    guard = DiskGuard(card.place, settings)
+    for number in range(1000):
+        clock_ns = rng.choice((0, SPRING_NS, SPRING_NS)) + number * DAY_NS // 40
+        flight = new_flight_directory(card.place, clock_ns)
+        if rng.random() < 0.04:
+            filled += 1
+            video = open(card.place / "holiday.mp4", "wb", buffering=0)  # noqa: SIM115
+            with video, contextlib.suppress(OSError):
+                while video.write(bytes(500_000)) == 500_000:
+                    pass
+        guard.flying(flight)
+        info = replace(make_info(flight), tags=())
+        guard.check()
+        try:
+            recorder = FlightRecorder.create(info, None)
+        except RecordingError:  # told to the operator, and tried again
+            refused += 1
+            (card.place / "holiday.mp4").unlink(missing_ok=True)
+            recorder = FlightRecorder.open(info, None)
+        recorder.write_pulse_poses([make_pulse_pose(n) for n in range(3)])
+        channels = FlightLayout(flight).channels_directory
+        if number % 7 == 0:
+            channels.mkdir(parents=True)
+            with contextlib.suppress(OSError):  # samples are what a full disk costs first
+                (channels / "channel_1_Hz_0001.sigmf-data").write_bytes(bytes(120_000))
+        try:
+            recorder.close()
+        except RecordingError:
+            refused += 1
+            (card.place / "holiday.mp4").unlink(missing_ok=True)
+            recorder.commit()
+            recorder.close()
+        (card.place / "holiday.mp4").unlink(missing_ok=True)
+        flown.append(flight)
+        if len(starred) < 20 and rng.random() < 0.03:
+            FlightLayout(flight).star.touch()
+            starred.add(flight)
+        guard.flying(None)
+        if number % 50 == 0:  # a reboot
+            guard = DiskGuard(card.place, settings)
+    there = [flight for flight in flown if flight.exists()]
+    assert filled > 20
+    assert refused > 0
+    assert len(there) < 900  # room had to be made
+    assert flights_in_order(card.place) == there
+    assert starred <= set(there)
+    plain = [flight for flight in there if flight not in starred]
+    assert plain == [flight for flight in flown if flight not in starred][-len(plain) :]
+    assert set(flown[-5:]) <= set(there)
+    for flight in there:
+        assert len(read_flight(flight).pulse_poses) == 3
+
+
+def test_a_card_that_turns_read_only_keeps_what_was_recorded_and_is_told(
+    card: LoopCard,
+    make_info: Callable[[Path], FlightInfo],
+    make_pulse_pose: Callable[[int], PulsePose],
+) -> None:
+    flight = card.place / "flight_log_2026-05-01_08-15-00"
+    recorder = FlightRecorder.open(make_info(flight), durable=True)
+    recorder.write_pulse_poses([make_pulse_pose(n) for n in range(40)])
+    recorder.commit()
+    settings = Settings(recording=RecordingSettings(directory=str(card.place)))
+    healthy = checks.check_card(settings)
+    assert healthy.ok
+    assert "(ext4)" in healthy.text
+    card.fail()
+    recorder.write_pulse_poses([make_pulse_pose(n) for n in range(40, 60)])
+    for _ in range(2):
+        with pytest.raises(RecordingError) as caught:
+            recorder.commit()
+        assert caught.value.remedy
+    assert recorder.waiting_records == 20
+    told = checks.check_card(settings)
+    assert not told.ok
+    assert "read-only: nothing more is recorded" in told.text
+    assert told.remedy
+    assert not checks.check_disk(settings).ok
+    guard = DiskGuard(card.place, RecordingSettings(minimum_free_mb=0.0))
+    guard.flying(flight)
+    guard.check()  # the order of flights cannot be noted; that stops nothing
+    assert len(read_flight(flight).pulse_poses) == 40
+    # The card comes back with the next boot; the process has kept what it could not write.
+    recorder._disconnect()
+    card.unmount()
+    card.check()
+    card.mount()
+    recorder.commit()
+    recorder.close()
+    assert len(read_flight(flight).pulse_poses) == 60
+
+
+def test_flights_of_1970_are_as_old_as_they_are(tmp_path: Path) -> None:
+    """Before the file, names decide; a line that a power cut has torn harms no other."""
+    old = new_flight_directory(tmp_path, SPRING_NS - DAY_NS)
+    old.mkdir()
+    flown = []
+    for clock_ns in (SPRING_NS, 0, 60 * 10**9, SPRING_NS + DAY_NS, 30 * 10**9):
+        flight = new_flight_directory(tmp_path, clock_ns)
+        flight.mkdir()
+        note_flight(flight)
+        note_flight(flight)  # the supervisor was restarted
+        flown.append(flight)
+    assert flights_in_order(tmp_path) == [old, *flown]
+    path = tmp_path / "flights_in_order.txt"
+    assert len(path.read_text().splitlines()) == 5
+    path.write_text(path.read_text()[:-7])
+    last = new_flight_directory(tmp_path, 90 * 10**9)
+    last.mkdir()
+    note_flight(last)
+    order = flights_in_order(tmp_path)
+    assert order[-1] == last
+    assert [flight for flight in order if flight in flown[:4]] == flown[:4]
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "ok", "says"),
+    [
+        (0.4, True, "battery clock agrees"),
+        (-3600.0, False, "-3600 s off"),
+        (None, True, "no battery"),
+    ],
+)
+def test_the_battery_of_the_clock_is_looked_at(
+    ahead_s: float | None,
+    ok: bool,
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(card_module, "SYSFS", tmp_path)
+    monkeypatch.setattr(card_module, "wall_ns", lambda: SPRING_NS)
+    monkeypatch.setattr(checks, "wall_ns", lambda: SPRING_NS)
+    monkeypatch.setattr(checks, "_timedatectl", lambda: "yes")
+    if ahead_s is not None:
+        kept = tmp_path / "class/rtc/rtc0/since_epoch"
+        kept.parent.mkdir(parents=True)
+        kept.write_text(f"{SPRING_NS // 10**9 + int(ahead_s)}\n")
+    finding = checks.check_clock()
+    assert finding.ok == ok
+    assert says in finding.text
+    monkeypatch.setattr(checks, "wall_ns", lambda: 86_400 * 10**9)
+    lost = checks.check_clock()
+    assert not lost.ok
+    assert "fit a battery" in lost.remedy
+
+
+def test_a_worn_emmc_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    worn = card_module.Card(
+        device="/dev/mmcblk0p2",
+        kind="ext4",
+        read_only=False,
+        errors=3,
+        written_gb=812.0,
+        life_used_tenths=9,
+    )
+    monkeypatch.setattr(checks, "card_of", lambda _directory: worn)
+    settings = Settings(recording=RecordingSettings(directory=str(tmp_path)))
+    finding = checks.check_card(settings)
+    assert not finding.ok
+    assert "3 errors of the file system, worn out" in finding.text
+    assert "812 GB written" in finding.text
