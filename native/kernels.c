@@ -8,6 +8,7 @@
 #include "anchors.h"
 #include "band.h"
 #include "bank.h"
+#include "codes.h"
 #include "fir.h"
 #include "levels.h"
 #include "terrain.h"
@@ -33,6 +34,8 @@ static PyMethodDef methods[] = {
      "Filter and keep every D-th sample: uavrt.dsp.decimator."},
     {"edges", (PyCFunction)(void (*)(void))edges, METH_FASTCALL,
      "Profiles of the ground to all cells: uavrt.terrain.viewshed."},
+    {"folds", (PyCFunction)(void (*)(void))folds, METH_FASTCALL,
+     "Best sums of several bursts: uavrt.detection.coded.sums."},
     {"follow", (PyCFunction)(void (*)(void))follow, METH_FASTCALL,
      "Levels that change: uavrt.detection.search.levelling."},
     {"largest", (PyCFunction)(void (*)(void))largest, METH_FASTCALL,
@@ -47,11 +50,13 @@ static PyMethodDef methods[] = {
      "Keep new columns and find anchors among them: uavrt.detection.search.anchors."},
     {"rate", (PyCFunction)(void (*)(void))rate, METH_FASTCALL,
      "Best sums of anchors: uavrt.detection.search.anchors."},
+    {"seeds", (PyCFunction)(void (*)(void))seeds, METH_FASTCALL,
+     "Sums of the cells of bursts: uavrt.detection.coded.sums."},
     {NULL, NULL, 0, NULL},
 };
 
 /* The number that uavrt/native.py asks for: raised when arguments of a kernel change. */
-#define INTERFACE 4
+#define INTERFACE 5
 
 static int fill(PyObject *module)
 {

@@ -70,6 +70,12 @@ typedef struct {
                       Py_ssize_t reach, float *work);
     void (*profile)(const view_t *view, float step_c, float step_r, Py_ssize_t points, float tag,
                     float bulge, float best[3]);
+    void (*code_sums)(const uint8_t *line, Py_ssize_t length, const int32_t *offsets,
+                      Py_ssize_t stretches, Py_ssize_t pulses, uint8_t clip, uint8_t *best,
+                      uint8_t *work);
+    void (*code_add)(const uint8_t *cells, Py_ssize_t length, uint8_t clip, uint8_t *sums);
+    void (*code_windows)(const uint8_t *work, Py_ssize_t room, const int32_t *places,
+                         Py_ssize_t intervals, Py_ssize_t bursts, int16_t *sums, int32_t *out);
 } loops_t;
 
 INLINE Py_ssize_t modulo(Py_ssize_t value, Py_ssize_t length)

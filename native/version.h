@@ -9,6 +9,7 @@ typedef float lanes_t __attribute__((vector_size(4 * LANES), aligned(4), may_ali
 
 #include "anchors_loops.h"
 #include "bank_loops.h"
+#include "codes_loops.h"
 #include "fir_loops.h"
 /* After the filters, whose sums it uses. */
 #include "band_loops.h"
@@ -23,6 +24,9 @@ static const loops_t NAMED(loops) = {
     .find_anchors = NAMED(find_anchors),
     .best_sum = NAMED(best_sum),
     .profile = NAMED(profile),
+    .code_sums = NAMED(code_sums),
+    .code_add = NAMED(code_add),
+    .code_windows = NAMED(code_windows),
 };
 
 #undef lanes_t

@@ -45,6 +45,19 @@ class Tag:
     false_alarm_probability: float = DEFAULT_FALSE_ALARM_PROBABILITY
     """Expected false groups for each decision interval over the whole search."""
     name: str | None = None
+    gaps_s: tuple[float, ...] = ()
+    """Of a coded tag: from pulse start to pulse start within a burst. Its one interval is then
+    that from burst to burst, and K the bursts summed at most; empty for a tag that beeps."""
+
+    @property
+    def coded(self) -> bool:
+        """Whether it sends bursts whose gaps say who it is."""
+        return bool(self.gaps_s)
+
+    @property
+    def length_s(self) -> float:
+        """From the start to the end of a pulse; of a coded tag, of a burst."""
+        return sum(self.gaps_s) + self.pulse_width_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +95,11 @@ class Pulse:
     """The stronger tag of which the receiver made it: its image, or by saturation."""
     clipped: bool = False
     """The receiver's converter was at its limits during it: `snr_db` is a lower bound."""
+    burst_starts_ns: tuple[int, ...] = ()
+    """Of a coded tag's burst, which is one record: starts of the pulses in it, as measured.
+    Pulses on which another signal lies, and lost ones, are left out; empty for a beep."""
+    burst_snrs_db: tuple[float, ...] = ()
+    """SNR of each of them; `snr_db` is their mean, of linear values."""
 
     @property
     def key(self) -> "PulseKey":

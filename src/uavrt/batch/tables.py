@@ -246,8 +246,9 @@ def read_pulses(path: Path) -> Iterator[Pulse]:
 
 def pulse_of(row: dict[str, Any]) -> Pulse:
     """Make a pulse of a row of the table, whatever else is in it."""
-    values = {one.name: row[one.name] for one in PULSE_FIELDS}
-    return Pulse(**(values | {"also_possible_tag_ids": tuple(row["also_possible_tag_ids"])}))
+    values = {one.name: row[one.name] for one in PULSE_FIELDS if one.name in row}
+    listed = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
+    return Pulse(**(values | listed))
 
 
 def _write(path: Path, record: type, rows: Sequence[Any], more: dict[str, list[Any]]) -> None:

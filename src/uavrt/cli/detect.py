@@ -21,7 +21,7 @@ from uavrt.analysis.measure import DetectionSummary, FlightWriter, TagSource, re
 from uavrt.analysis.measure import detect as run_detectors
 from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import parse_iso_utc
-from uavrt.config import DetectionSettings, OperatingModeName
+from uavrt.config import DetectionSettings, OperatingModeName, words_of_near_codes
 from uavrt.detection import OperatingMode
 from uavrt.errors import ConfigError, RecordingError, UavrtError
 from uavrt.messages import Pulse, Tag
@@ -128,12 +128,15 @@ def detect(
         if source.total_samples is not None:
             from uavrt.cli.listeners import Outside  # 4 MB
 
-            listeners.append(Outside(wanted, frequency_window))
+            beeping = [tag for tag in wanted if not tag.coded]
+            if beeping:
+                listeners.append(Outside(beeping, frequency_window))
         _warn_of_cost(wanted, frequency_window, live=source.total_samples is None)
         writer = None
         if flown is None:
             keep_inputs(output or "-", (recording, tags))
-            write = stack.enter_context(_pulse_output(output or "-"))
+            coded = any(tag.coded for tag in wanted)
+            write = stack.enter_context(_pulse_output(output or "-", bursts=coded))
         else:
             directory = None if output in (None, "-") else Path(str(output))
             searched = _searched(known, frequency_window)
@@ -169,6 +172,8 @@ def detect(
 
 def _warn_of_cost(tags: Sequence[Tag], frequency_window_hz: float, *, live: bool) -> None:
     """Say before the work begins that a tag list needs more than a core in real time."""
+    for words in words_of_near_codes(tags, frequency_window_hz):
+        print(f"warning: {words}", file=sys.stderr)
     cores = search_cost(
         tags, settings=DetectionSettings(frequency_window_hz=frequency_window_hz)
     )
@@ -329,7 +334,7 @@ def open_source(
 
 
 @contextmanager
-def _pulse_output(name: str) -> Iterator[Write]:
+def _pulse_output(name: str, *, bursts: bool) -> Iterator[Write]:
     """Open the output at once, so that a wrong place shows before the work."""
     if Path(name).suffix.lower() in (".xls", ".xlsx", ".ods"):
         raise ConfigError(
@@ -340,7 +345,7 @@ def _pulse_output(name: str) -> Iterator[Write]:
         stream = sys.stdout
         if name != "-":
             stream = stack.enter_context(Path(name).open("w", newline="", encoding="utf-8"))
-        writer = PulseWriter(stream, pulse_format(name))
+        writer = PulseWriter(stream, pulse_format(name), bursts=bursts)
 
         def write(pulses: Sequence[Pulse]) -> None:
             with _naming_faults(name):

@@ -244,11 +244,12 @@ def _progress(what: str) -> Iterator[Callable[[float], None] | None]:
 
 def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
     """Report which tags of one band may be taken for each other, and what would part them."""
-    from uavrt.config import DetectionSettings, tags_by_band
+    from uavrt.config import DetectionSettings, tags_by_band, words_of_near_codes
     from uavrt.detection.track import part
 
     window_hz = DetectionSettings().frequency_window_hz
-    for together in tags_by_band(found, window_hz):
+    yield from words_of_near_codes(found, window_hz)
+    for together in tags_by_band([tag for tag in found if not tag.coded], window_hz):
         for one, two in combinations(together, 2):
             if abs(one.frequency_hz - two.frequency_hz) >= 2.0 * window_hz:
                 continue
@@ -274,6 +275,14 @@ def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
 def _sentence(tag: "Tag") -> str:
     intervals = " and ".join(f"{interval * 1000:.10g}" for interval in tag.pulse_intervals_s)
     name = "" if tag.name is None else f" {tag.name}"
+    if tag.coded:
+        gaps = ", ".join(f"{1e3 * gap_s:.10g}" for gap_s in tag.gaps_s)
+        return (
+            f"tag {tag.tag_id}{name}: {tag.frequency_hz / 1e6:.6f} MHz, coded, "
+            f"{tag.pulse_width_s * 1000:.10g} ms, gaps {gaps} ms, a burst every "
+            f"{tag.pulse_intervals_s[0]:.10g} s (± {tag.interval_uncertainty_s * 1000:.10g} "
+            f"ms), up to {tag.k} summed"
+        )
     return (
         f"tag {tag.tag_id}{name}: {tag.frequency_hz / 1e6:.6f} MHz, "
         f"{tag.pulse_width_s * 1000:.10g} ms every {intervals} ms "

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
+    from uavrt.config.code_rules import GAP_TOLERANCE_S, near_codes, words_of_near_codes
     from uavrt.config.ghost_places import Receiver
     from uavrt.config.key_files import read_key_file
     from uavrt.config.loader import (
@@ -70,6 +71,7 @@ if TYPE_CHECKING:
     from uavrt.config.text_files import write_text_atomically
 
 __all__ = [
+    "GAP_TOLERANCE_S",
     "MAX_FALSE_ALARM_PROBABILITY",
     "MAX_FREQUENCY_HZ",
     "MAX_ID",
@@ -110,6 +112,7 @@ __all__ = [
     "format_tags_toml",
     "is_ros_namespace",
     "load_settings",
+    "near_codes",
     "overlapping",
     "parameter_values",
     "parse_settings",
@@ -122,6 +125,7 @@ __all__ = [
     "tags_from_drafts",
     "tags_with_overrides",
     "with_parameter",
+    "words_of_near_codes",
     "write_default_settings",
     "write_tags",
     "write_text_atomically",
@@ -133,6 +137,7 @@ __getattr__ = lazily(
         "DetectionSettings": "settings",
         "Entry": "tag_rules",
         "Fault": "tag_rules",
+        "GAP_TOLERANCE_S": "code_rules",
         "GuidanceSettings": "settings",
         "MAX_FALSE_ALARM_PROBABILITY": "tag_rules",
         "MAX_FREQUENCY_HZ": "tag_rules",
@@ -169,6 +174,7 @@ __getattr__ = lazily(
         "format_tags_toml": "tags_toml",
         "is_ros_namespace": "settings",
         "load_settings": "loader",
+        "near_codes": "code_rules",
         "overlapping": "tag_bands",
         "parameter_values": "parameters",
         "parse_settings": "loader",
@@ -181,6 +187,7 @@ __getattr__ = lazily(
         "tags_from_drafts": "tag_rules",
         "tags_with_overrides": "parameters",
         "with_parameter": "parameters",
+        "words_of_near_codes": "code_rules",
         "write_default_settings": "loader",
         "write_tags": "tag_files",
         "write_text_atomically": "text_files",

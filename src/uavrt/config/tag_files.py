@@ -2,9 +2,10 @@
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from uavrt.config.code_lists import is_code_csv, parse_code_csv, parse_code_yaml
 from uavrt.config.tag_info import format_tag_info, parse_tag_info
 from uavrt.config.tag_rules import Entry, Fault, Quantity, TagDraft, tags_from_drafts
 from uavrt.config.tags_toml import format_tags_toml, parse_tags_toml
@@ -38,7 +39,8 @@ def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
 def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
     """Read tags from a file's bytes; `name` is for messages and tells the format.
 
-    A name that ends in ``.toml`` is TOML; in another file a line that begins with ``[`` tells.
+    A name that ends in ``.toml`` is TOML, in ``.yaml`` a list of codes; in another file a line
+    that begins with ``[``, or a heading with gaps, tells.
 
     Raises
     ------
@@ -50,8 +52,7 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
     except ValueError as error:
         raise TagFileError(name, [str(error)]) from None
     faults: list[Fault] = []
-    toml = name.lower().endswith(".toml") or _TOML_LINE.search(text) is not None
-    drafts = parse_tags_toml(text, faults) if toml else parse_tag_info(text, faults)
+    drafts = _reader(text, name.lower())(text, faults)
     tags = tags_from_drafts(drafts, faults)
     if faults:
         ordered = sorted(faults, key=lambda fault: fault.line)
@@ -59,6 +60,16 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
     if not tags:
         raise TagFileError(name, ["line 1: there is no tag in this file"])
     return tags
+
+
+def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]]:
+    """What reads a text: by its name, else by a line that no other format has."""
+    if name.endswith((".yaml", ".yml")):
+        return parse_code_yaml
+    if not name.endswith(".toml") and is_code_csv(text):
+        return parse_code_csv
+    toml = name.endswith(".toml") or _TOML_LINE.search(text) is not None
+    return parse_tags_toml if toml else parse_tag_info
 
 
 def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
@@ -103,7 +114,10 @@ def _draft(tag: Tag, place: int) -> TagDraft:
         )
         for quantity, name, number, unit in numbers
     }
-    return TagDraft(line=place, entries=entries, name=tag.name)
+    gaps = [Entry(number=1e3 * gap, label="gaps_ms", line=place) for gap in tag.gaps_s]
+    return TagDraft(
+        line=place, entries=entries, name=tag.name, gaps=tuple(gaps) if gaps else None
+    )
 
 
 def check_tag_file_name(path: str | os.PathLike[str]) -> None:
@@ -146,6 +160,12 @@ def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
         if double:
             raise ConfigError(
                 f"TagInfo.txt has no column for a second interval (tags {double})",
+                remedy="Write a file whose name ends in .toml",
+            )
+        coded = [tag.tag_id for tag in tags if tag.coded]
+        if coded:
+            raise ConfigError(
+                f"TagInfo.txt has no columns for coded tags (tags {coded})",
                 remedy="Write a file whose name ends in .toml",
             )
         text = format_tag_info(tags)

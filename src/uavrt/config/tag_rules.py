@@ -7,23 +7,20 @@ Bounds are those of wildlife tags with room to spare: pulses of 15 to 20 ms ever
 """
 
 import math
-from dataclasses import dataclass, field
-from typing import Literal
 
+from uavrt.config.code_rules import (
+    BURST_TOLERANCE_MS,
+    CODED_K,
+    CODED_PULSE_WIDTH_MS,
+    faults_of_codes,
+    faults_of_gaps,
+)
+from uavrt.config.tag_drafts import Entry as Entry
+from uavrt.config.tag_drafts import Fault as Fault
+from uavrt.config.tag_drafts import Quantity as Quantity
+from uavrt.config.tag_drafts import TagDraft as TagDraft
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
 from uavrt.units import hz_from_mhz, s_from_ms
-
-Quantity = Literal[
-    "id",
-    "frequency",
-    "interval",
-    "second_interval",
-    "pulse_width",
-    "interval_uncertainty",
-    "interval_jitter",
-    "k",
-    "false_alarm_probability",
-]
 
 MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
 MAX_INTERVAL_MS = 60_000.0
@@ -35,36 +32,6 @@ MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
 MAX_ID = 2**32 - 1  # uint32 on the wire
 
 _FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
-    """One fault of a file and its line."""
-
-    line: int
-    text: str
-
-    def __str__(self) -> str:
-        return f"line {self.line}: {self.text}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
-    """A number as typed, with its name in the file."""
-
-    number: float
-    label: str
-    line: int
-    unit: str = ""
-
-
-@dataclass(slots=True, kw_only=True)
-class TagDraft:
-    """A tag as typed: times in milliseconds, the frequency in the unit of its entry."""
-
-    line: int
-    entries: dict[Quantity, Entry] = field(default_factory=dict)
-    name: str | None = None
 
 
 def tags_from_drafts(drafts: list[TagDraft], faults: list[Fault]) -> tuple[Tag, ...]:
@@ -82,6 +49,7 @@ def tags_from_drafts(drafts: list[TagDraft], faults: list[Fault]) -> tuple[Tag, 
                         text=f"id {identity.number:.0f} is already the tag of line {first}",
                     )
                 )
+    faults += faults_of_codes(drafts)
     return () if faults else tuple(_tag(draft) for draft in drafts)
 
 
@@ -100,15 +68,18 @@ def _tag(draft: TagDraft) -> Tag:
         frequency_hz=(
             hz_from_mhz(frequency.number) if frequency.unit == "MHz" else frequency.number
         ),
-        pulse_width_s=s_from_ms(entries["pulse_width"].number),
+        pulse_width_s=s_from_ms(number("pulse_width", CODED_PULSE_WIDTH_MS)),
         pulse_intervals_s=tuple(s_from_ms(interval.number) for interval in intervals),
-        interval_uncertainty_s=s_from_ms(number("interval_uncertainty", 0.0)),
+        interval_uncertainty_s=s_from_ms(
+            number("interval_uncertainty", 0.0 if draft.gaps is None else BURST_TOLERANCE_MS)
+        ),
         interval_jitter_s=s_from_ms(number("interval_jitter", 0.0)),
-        k=int(number("k", 3)),
+        k=int(number("k", 3 if draft.gaps is None else CODED_K)),
         false_alarm_probability=number(
             "false_alarm_probability", DEFAULT_FALSE_ALARM_PROBABILITY
         ),
         name=draft.name,
+        gaps_s=tuple(round(s_from_ms(gap.number), 9) for gap in draft.gaps or ()),
     )
 
 
@@ -120,7 +91,10 @@ def _check(draft: TagDraft, faults: list[Fault]) -> None:
             good[quantity] = entry
         else:
             faults.append(Fault(line=entry.line, text=f"{entry.label} {text}"))
-    for entry, text in _fault_of_pairs(good):
+    pairs = _fault_of_pairs(good)
+    if draft.gaps is not None:
+        pairs = faults_of_gaps(draft.gaps, good.get("interval"), good.get("pulse_width"))
+    for entry, text in pairs:
         faults.append(Fault(line=entry.line, text=f"{entry.label} {text}"))
 
 

@@ -30,6 +30,12 @@ _REQUIRED: dict[Quantity, str] = {
     "interval": "interval_ms",
     "pulse_width": "pulse_width_ms",
 }
+_REQUIRED_OF_CODED: dict[Quantity, str] = {
+    "id": "id",
+    "frequency": "frequency_mhz",
+    "interval": "burst_interval_s",
+}
+_CODED_KEYS = ("kind", "gaps_ms", "burst_interval_s")
 _HEADING = """\
 # Tags for uavrt. Each tag is one [[tag]]; id, frequency, interval and pulse width are needed.
 #   interval_ms              from the start of a pulse to the start of the next
@@ -39,6 +45,10 @@ _HEADING = """\
 #   k                        pulses summed for one decision; more reach farther, answer later
 #   false_alarm_probability  false detections accepted for each decision, 0.01 is 1 %
 # What all tags share may stand once, under [defaults].
+"""
+_CODED_HEADING = """\
+# A coded tag has kind = "coded", gaps_ms, from pulse to pulse within a burst, and
+# burst_interval_s in place of an interval; k are the bursts summed at most.
 """
 
 
@@ -75,12 +85,18 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
         path: Path = ("tag", index)
         draft = TagDraft(line=line_of(lines, path) or 1)
         before = len(faults)
-        _read_table(table, path, lines, draft, faults)
+        plain = {key: value for key, value in table.items() if key not in _CODED_KEYS}
+        _read_table(plain, path, lines, draft, faults)
+        _read_code(table, path, lines, draft, faults)
+        coded = draft.gaps is not None
         for quantity, entry in shared.entries.items():
-            if quantity not in table_quantities(table):
+            if quantity not in table_quantities(table) and (
+                not coded or quantity == "frequency"
+            ):
                 draft.entries[quantity] = entry
         if len(faults) == before:
-            for quantity, key in _REQUIRED.items():
+            required = _REQUIRED_OF_CODED if coded else _REQUIRED
+            for quantity, key in required.items():
                 if quantity not in draft.entries:
                     faults.append(Fault(line=draft.line, text=f"this tag has no {key}"))
         drafts.append(draft)
@@ -94,16 +110,24 @@ def table_quantities(table: dict[str, object]) -> set[Quantity]:
 
 def format_tags_toml(tags: Sequence[Tag]) -> str:
     """Write tags, with comments for the person who edits the file."""
-    blocks = [_HEADING]
+    blocks = [_HEADING + _CODED_HEADING if any(tag.coded for tag in tags) else _HEADING]
     for tag in tags:
         lines = ["[[tag]]", f"id = {tag.tag_id}"]
         if tag.name is not None:
             lines.append(f"name = {_quoted(tag.name)}")
         lines.append(f"frequency_mhz = {tag.frequency_hz / 1e6:.13g}")
-        for key, seconds in zip(
-            ("interval_ms", "second_interval_ms"), tag.pulse_intervals_s, strict=False
-        ):
-            lines.append(f"{key} = {seconds * 1000:.13g}")
+        if tag.coded:
+            gaps = ", ".join(f"{1e3 * gap_s:.13g}" for gap_s in tag.gaps_s)
+            lines += [
+                'kind = "coded"',
+                f"gaps_ms = [{gaps}]",
+                f"burst_interval_s = {tag.pulse_intervals_s[0]:.13g}",
+            ]
+        else:
+            for key, seconds in zip(
+                ("interval_ms", "second_interval_ms"), tag.pulse_intervals_s, strict=False
+            ):
+                lines.append(f"{key} = {seconds * 1000:.13g}")
         lines += [
             f"pulse_width_ms = {tag.pulse_width_s * 1000:.13g}",
             f"interval_uncertainty_ms = {tag.interval_uncertainty_s * 1000:.13g}",
@@ -130,13 +154,91 @@ def _read_table(
             else:
                 faults.append(Fault(line=line, text='name must be text: name = "Luna"'))
         elif key not in KEYS or (key == "id" and path[0] == "defaults"):
-            _unknown(key, (*KEYS, "name"), line, faults)
+            _unknown(key, (*KEYS, "name", *_CODED_KEYS), line, faults)
         elif isinstance(value, bool) or not isinstance(value, int | float):
             faults.append(Fault(line=line, text=f"{key} must be a number without quotes"))
         elif KEYS[key] in draft.entries:
             faults.append(Fault(line=line, text="frequency is given twice, in MHz and in Hz"))
         else:
             draft.entries[KEYS[key]] = _entry(key, value, line)
+
+
+def _read_code(
+    table: dict[str, object],
+    path: Path,
+    lines: dict[Path, int],
+    draft: TagDraft,
+    faults: list[Fault],
+) -> None:
+    """Read what only a coded tag has."""
+    given = [key for key in _CODED_KEYS if key in table]
+    if not given:
+        return
+
+    def fault(key: str, text: str) -> None:
+        faults.append(Fault(line=line_of(lines, (*path, key)) or draft.line, text=text))
+
+    kind = table.get("kind")
+    if kind not in ("coded", "beeping"):
+        fault(given[0], 'write kind = "coded" for a tag with gaps_ms, else kind = "beeping"')
+        return
+    if kind == "beeping":
+        for key in given[1:]:
+            fault(key, f'{key} is of a coded tag: write kind = "coded", or leave it out')
+        return
+    for key in ("interval_ms", "second_interval_ms"):
+        if key in table:
+            fault(key, f"{key} is of a beeping tag: a coded one has burst_interval_s")
+    read_code(
+        draft,
+        table.get("gaps_ms"),
+        table.get("burst_interval_s"),
+        line_of(lines, (*path, "gaps_ms")) or draft.line,
+        line_of(lines, (*path, "burst_interval_s")) or draft.line,
+        faults,
+    )
+
+
+def read_code(
+    draft: TagDraft,
+    gaps: object,
+    interval_s: object,
+    gaps_line: int,
+    interval_line: int,
+    faults: list[Fault],
+) -> None:
+    """Put a code's gaps [ms] and burst interval [s] into a draft, if they are numbers."""
+
+    def is_number(value: object) -> bool:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+
+    draft.gaps = ()
+    if not isinstance(gaps, list) or not gaps or not all(map(is_number, gaps)):
+        text = "a coded tag has gaps_ms, numbers in brackets: gaps_ms = [22.1, 48.8, 36.6]"
+        faults.append(Fault(line=gaps_line, text=text))
+    else:
+        shown = ", ".join(f"{gap:.13g}" for gap in gaps)
+        draft.gaps = tuple(
+            Entry(number=float(gap), label=f"gaps_ms = [{shown}]", line=gaps_line)
+            for gap in gaps
+        )
+    if interval_s is None:
+        return
+    if not isinstance(interval_s, int | float) or isinstance(interval_s, bool):
+        faults.append(Fault(line=interval_line, text="burst_interval_s must be a number"))
+        return
+    hint = ""
+    if 60.0 < interval_s <= 60_000.0:
+        hint = f": looks like ms but is read as s: write {interval_s / 1e3:.10g}"
+        faults.append(
+            Fault(line=interval_line, text=f"burst_interval_s = {interval_s:.13g}{hint}")
+        )
+        return
+    draft.entries["interval"] = Entry(
+        number=1e3 * float(interval_s),
+        label=f"burst_interval_s = {interval_s:.13g}",
+        line=interval_line,
+    )
 
 
 def _entry(key: str, value: float, line: int) -> Entry:

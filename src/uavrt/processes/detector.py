@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from uavrt.config import DetectionSettings
 from uavrt.detection import DetectorGroup, PulseDetector, Receiver
+from uavrt.detection.coded import CodedDetector
 from uavrt.dsp import ClippedTimes
 from uavrt.errors import UavrtError
 from uavrt.ipc import ChannelReceiver, ProcessFrame
 from uavrt.log import get_logger
-from uavrt.messages import ChannelBlock, FlightInfo, Pulse, Tag
+from uavrt.messages import ChannelBlock, FlightInfo, Pulse, SearchReport, Tag
 from uavrt.processes.hang_watch import HangWatch
 from uavrt.processes.latencies import Latencies
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -60,6 +61,8 @@ class DetectorBank:
         if flight is not None:
             self._receiver = Receiver(flight.center_frequency_hz, flight.sample_rate_hz)
         self._group = DetectorGroup(self._receiver)
+        self._coded: dict[int, CodedDetector] = {}
+        self._bursts: list[Pulse] = []
         self._watch = HangWatch(lambda: self._group.in_hand)
         self._clipped = ClippedTimes()
         self._clipped_ns: tuple[tuple[int, int], ...] = ()
@@ -88,13 +91,39 @@ class DetectorBank:
             self._group.carriers_hz = block.carriers_hz
             if block.channel in self._group or self._add(block):
                 self._group.put(block.channel, self._finite(block.samples), block.time_ns)
+        self._put_coded(block)
+
+    def _put_coded(self, block: ChannelBlock) -> None:
+        """Search a block for coded tags; if that fails twice they are left out."""
+        codes = [tag for tag in self._of_channel(block) if tag.coded]
+        if not codes:
+            return
+        try:
+            if block.channel not in self._coded:
+                self._coded[block.channel] = CodedDetector(
+                    codes,
+                    sample_rate_hz=block.sample_rate_hz,
+                    center_frequency_hz=block.center_frequency_hz,
+                    frequency_window_hz=self._settings.frequency_window_hz,
+                )
+            coded = self._coded[block.channel]
+            self._bursts += coded.process(self._finite(block.samples), block.time_ns)
+        except Exception as error:
+            log.exception("search failed", tags=[tag.tag_id for tag in codes])
+            self._coded.pop(block.channel, None)
+            self.failures += 1
+            for tag in codes:
+                self._faults[tag.tag_id] += 1
+                if self._faults[tag.tag_id] >= FAULTS_OF_A_TAG:
+                    self._leave_out(tag, error)
 
     def collect(self) -> list[Pulse]:
         """Search what came since the last call; get the pulses found."""
         pulses: list[Pulse] = []
         with self._surviving():
             pulses = self._group.collect()
-        return self._marked(pulses)
+        bursts, self._bursts = self._bursts, []
+        return self._marked(pulses + bursts)
 
     def _marked(self, pulses: list[Pulse]) -> list[Pulse]:
         """Mark the pulses that were clipped."""
@@ -154,18 +183,27 @@ class DetectorBank:
     @property
     def complete(self) -> bool:
         """Whether samples have come for every tag."""
-        return len(self.all()) >= len(self._tags) - len(self.left_out)
+        coded = sum(len(one.tags) for one in self._coded.values())
+        return len(self.all()) + coded >= len(self._tags) - len(self.left_out)
 
     def flush(self) -> list[Pulse]:
         """Get what the samples so far still hold."""
         pulses: list[Pulse] = []
         with self._surviving():
             pulses = self._group.flush()
-        return self._marked(pulses)
+        bursts = [pulse for coded in self._coded.values() for pulse in coded.flush()]
+        return self._marked(pulses + bursts)
 
     def all(self) -> list[PulseDetector]:
-        """Get every detector made so far."""
+        """Get every detector of a single tag made so far."""
         return self._group.detectors
+
+    def search_reports(self) -> list[SearchReport]:
+        """Take what all detectors have searched in vain."""
+        return [report for one in self._searching() for report in one.search_reports()]
+
+    def _searching(self) -> list[PulseDetector | CodedDetector]:
+        return [*self.all(), *self._coded.values()]
 
     def counters(self) -> dict[str, float]:
         """Count over all detectors."""
@@ -179,26 +217,30 @@ class DetectorBank:
             "detector_failures": self.failures,
             "tags_left_out": len(self.left_out),
         }
-        for detector in self.all():
+        for detector in self._searching():
             for name, count in _numbers(detector):
                 total[name] = total.get(name, 0) + count
         return total
 
-    def _make(self, block: ChannelBlock) -> list[PulseDetector]:
-        """Make the detectors of the tags whose channel this is.
+    def _of_channel(self, block: ChannelBlock) -> list[Tag]:
+        """Find the tags whose channel this is, and that are not left out.
 
         The receiver sends this worker only the channels of its tags, and a tag belongs to the
         channel whose centre is nearest; neighbouring centres are half the rate apart at least.
         """
         half_spacing_hz = block.sample_rate_hz / 4
-        nearest = [
+        return [
             tag
             for tag in self._tags
             if abs(tag.frequency_hz - block.center_frequency_hz) <= half_spacing_hz * 1.0001
+            and tag.tag_id not in self.left_out
         ]
+
+    def _make(self, block: ChannelBlock) -> list[PulseDetector]:
+        """Make the detectors of the beeping tags whose channel this is."""
         made = []
-        for tag in nearest:
-            if tag.tag_id in self.left_out:
+        for tag in self._of_channel(block):
+            if tag.coded:
                 continue
             try:
                 detector = PulseDetector(
@@ -216,7 +258,7 @@ class DetectorBank:
         return made
 
 
-def _numbers(detector: PulseDetector) -> Iterator[tuple[str, int]]:
+def _numbers(detector: PulseDetector | CodedDetector) -> Iterator[tuple[str, int]]:
     """Everything a detector has counted, but the samples, which the bank counts once."""
     counters = asdict(detector.counters)
     for reason, count in counters.pop("rejected").items():
@@ -285,9 +327,8 @@ class Searcher:
     def flush(self) -> None:
         """Search what came; send what was found, and what was searched in vain."""
         self._search()
-        for detector in self._bank.all():
-            for report in detector.search_reports():
-                self._frame.send("search_report", report)
+        for report in self._bank.search_reports():
+            self._frame.send("search_report", report)
 
     def finish(self) -> None:
         """Send what the samples so far still hold."""

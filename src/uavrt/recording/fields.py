@@ -19,6 +19,7 @@ SQL_TYPES: dict[Kind, str] = {
     "switch": "INTEGER",
     "word": "TEXT",
     "wholes": "TEXT",
+    "reals": "TEXT",
 }
 
 
@@ -35,7 +36,7 @@ class RecordField:
     choices: tuple[str, ...] = ()
     """Of a word: what it may be; empty: anything."""
     length: int | None = None
-    """Of reals: how many."""
+    """Of reals: how many; None: any number of them."""
 
     def from_record(self, value: Any) -> Any:
         """Read a value of JSON or of a CSV cell.
@@ -59,8 +60,8 @@ class RecordField:
             case "wholes":
                 return tuple(map(int, value or ()))
             case "reals":
-                numbers = tuple(map(float, value))
-                if len(numbers) != self.length:
+                numbers = tuple(map(float, value or ()))
+                if self.length is not None and len(numbers) != self.length:
                     raise ValueError(f"{self.name} has {self.length} numbers")
                 return numbers
         if self.choices and value not in self.choices:
@@ -70,7 +71,7 @@ class RecordField:
     @property
     def to_sql(self) -> Callable[[Any], Any] | None:
         """What turns a value into a cell of the database; None where it is one already."""
-        return _joined if self.kind == "wholes" else None
+        return _joined if self.kind in ("wholes", "reals") else None
 
     @property
     def from_sql(self) -> Callable[[Any], Any] | None:
@@ -83,6 +84,8 @@ class RecordField:
                 return bool
             case "wholes":
                 return _parted
+            case "reals":
+                return _parted_reals
         return None
 
 
@@ -112,7 +115,7 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
         choices = get_args(hint)
     elif get_origin(hint) is tuple:
         kind = "reals" if get_args(hint)[0] is float else "wholes"
-        length = len(get_args(hint))
+        length = None if Ellipsis in get_args(hint) else len(get_args(hint))
     elif hint in _KINDS:
         kind = _KINDS[hint]
     else:
@@ -127,9 +130,13 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
     )
 
 
-def _joined(numbers: tuple[int, ...]) -> str | None:
-    return " ".join(map(str, numbers)) if numbers else None
+def _joined(numbers: tuple[float, ...]) -> str | None:
+    return " ".join(map(repr, numbers)) if numbers else None
 
 
 def _parted(text: str | None) -> tuple[int, ...]:
     return tuple(map(int, str(text).split())) if text else ()
+
+
+def _parted_reals(text: str | None) -> tuple[float, ...]:
+    return tuple(map(float, str(text).split())) if text else ()

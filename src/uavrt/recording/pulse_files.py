@@ -27,7 +27,11 @@ _POSE = {
 }
 PULSE_FIELDS = tuple(name for name, one in _PULSE.items() if not one.defaulted)
 POSE_FIELDS = tuple(_POSE)
-DOUBT_FIELDS = tuple(name for name, one in _PULSE.items() if one.defaulted)
+BURST_FIELDS = ("burst_starts_ns", "burst_snrs_db")
+"""Of bursts of coded tags; a file without such tags has none."""
+DOUBT_FIELDS = tuple(
+    name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
+)
 """Last, for programs that go by the place of a column; files of older versions have none."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
@@ -41,6 +45,9 @@ def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
         record[name] = None if pose is None else _known(getattr(pose, name))
     for name in DOUBT_FIELDS:
         record[name] = getattr(pulse, name)
+    if pulse.burst_starts_ns:
+        for name in BURST_FIELDS:
+            record[name] = getattr(pulse, name)
     return record
 
 
@@ -82,15 +89,18 @@ class PulseWriter:
         Where to; the caller opens and closes it (files with ``newline=""``).
     form : {"csv", "jsonl"}
         The format.
+    bursts : bool
+        There are coded tags: CSV gets columns for the pulses in a burst.
     """
 
-    def __init__(self, stream: TextIO, form: PulseFormat) -> None:
+    def __init__(self, stream: TextIO, form: PulseFormat, *, bursts: bool = False) -> None:
         self._stream = stream
+        self._names = FIELDS + BURST_FIELDS if bursts else FIELDS
         self._csv = csv.writer(stream, lineterminator="\n") if form == "csv" else None
         self.written = 0
         """Pulses written."""
         if self._csv is not None:
-            self._csv.writerow(FIELDS)
+            self._csv.writerow(self._names)
             stream.flush()
 
     def write(self, pulse: Pulse | PulsePose) -> None:
@@ -101,7 +111,7 @@ class PulseWriter:
         if self._csv is None:
             self._stream.write(json.dumps(record, allow_nan=False) + "\n")
         else:
-            self._csv.writerow([_cell(record[name]) for name in FIELDS])
+            self._csv.writerow([_cell(record.get(name)) for name in self._names])
         self._stream.flush()
         self.written += 1
 

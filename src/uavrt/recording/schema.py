@@ -7,6 +7,7 @@ where a float may be NaN (SQLite stores NaN as NULL): one odd record must not ba
 import json
 import math
 import sqlite3
+from collections.abc import Iterable
 from operator import attrgetter
 from typing import Any
 
@@ -24,8 +25,8 @@ from uavrt.messages import (
 )
 from uavrt.recording.fields import SQL_TYPES, fields_of
 
-VERSION = 3
-"""2: pulses say what is in doubt about them; 3: searches are noted."""
+VERSION = 4
+"""2: pulses say what is in doubt about them; 3: searches are noted; 4: coded tags."""
 
 _PULSE_FIELDS = fields_of(Pulse)
 _PULSE_TYPES = {one.name: SQL_TYPES[one.kind] for one in _PULSE_FIELDS}
@@ -53,7 +54,7 @@ CREATE TABLE IF NOT EXISTS flight (
 CREATE TABLE IF NOT EXISTS tags (
     tag_id INTEGER PRIMARY KEY, name TEXT, frequency_hz REAL, pulse_width_s REAL,
     pulse_intervals_s TEXT, interval_uncertainty_s REAL, interval_jitter_s REAL, k INTEGER,
-    false_alarm_probability REAL
+    false_alarm_probability REAL, gaps_s TEXT
 );
 CREATE TABLE IF NOT EXISTS pulses (
     pulse_id INTEGER PRIMARY KEY, {_declared(_PULSE_TYPES)},
@@ -87,7 +88,7 @@ CREATE TABLE IF NOT EXISTS notes (time_ns INTEGER, text TEXT);
 
 TAG_COLUMNS = (
     "tag_id, name, frequency_hz, pulse_width_s, pulse_intervals_s, interval_uncertainty_s, "
-    "interval_jitter_s, k, false_alarm_probability"
+    "interval_jitter_s, k, false_alarm_probability, gaps_s"
 )
 
 Row = tuple[Any, ...]
@@ -137,8 +138,10 @@ def bring_up_to_date(database: sqlite3.Connection) -> None:
         The database cannot be written.
     """
     database.executescript(TABLES)
-    for column in _lacking(database):
+    for column in _lacking(database, "pulses", _PULSE_TYPES):
         database.execute(f"ALTER TABLE pulses ADD COLUMN {column} {_PULSE_TYPES[column]}")
+    if _lacking(database, "tags", ("gaps_s",)):
+        database.execute("ALTER TABLE tags ADD COLUMN gaps_s TEXT")
     database.execute(f"PRAGMA user_version={VERSION}")
 
 
@@ -150,18 +153,19 @@ def read_older(database: sqlite3.Connection) -> None:
     sqlite3.Error
         The database cannot be read.
     """
-    if lacking := _lacking(database):
-        nulls = ", ".join(f"NULL AS {column}" for column in lacking)
-        database.execute("PRAGMA temp_store=MEMORY")
-        # What is temporary comes before what is stored under the same name.
-        database.execute(f"CREATE TEMP VIEW pulses AS SELECT *, {nulls} FROM main.pulses")
+    for table, columns in (("pulses", tuple(_PULSE_TYPES)), ("tags", ("gaps_s",))):
+        if lacking := _lacking(database, table, columns):
+            nulls = ", ".join(f"NULL AS {column}" for column in lacking)
+            database.execute("PRAGMA temp_store=MEMORY")
+            # What is temporary comes before what is stored under the same name.
+            database.execute(f"CREATE TEMP VIEW {table} AS SELECT *, {nulls} FROM main.{table}")
 
 
-def _lacking(database: sqlite3.Connection) -> list[str]:
-    """Columns that the table of pulses lacks; none when there is no table either."""
-    rows = database.execute("SELECT name FROM pragma_table_info('pulses', 'main')")
+def _lacking(database: sqlite3.Connection, table: str, columns: Iterable[str]) -> list[str]:
+    """Columns that a table lacks; none when there is no table either."""
+    rows = database.execute("SELECT name FROM pragma_table_info(?, 'main')", (table,))
     present = {name for (name,) in rows}
-    return [column for column in _PULSE_TYPES if present and column not in present]
+    return [column for column in columns if present and column not in present]
 
 
 _pulse_values = attrgetter(*_PULSE_TYPES)
@@ -240,6 +244,7 @@ def tag_row(tag: Tag) -> Row:
         tag.interval_jitter_s,
         tag.k,
         tag.false_alarm_probability,
+        json.dumps(tag.gaps_s) if tag.gaps_s else None,
     )
 
 
@@ -255,6 +260,7 @@ def tag_from_row(row: Row) -> Tag:
         interval_jitter_s=row[6],
         k=row[7],
         false_alarm_probability=row[8],
+        gaps_s=tuple(json.loads(row[9])) if row[9] else (),
     )
 
 

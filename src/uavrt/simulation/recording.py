@@ -139,13 +139,14 @@ def _record(
     write_scenario(scenario, result.scenario)
     if scenario.tags:
         # TagInfo.txt has no column for a second interval: there a tag has its first one only.
-        write_tags(
-            result.tag_info,
-            [
-                replace(tag, pulse_intervals_s=tag.pulse_intervals_s[:1])
-                for tag in scenario.tags
-            ],
-        )
+        # Coded tags have no place in it at all.
+        beeping = [
+            replace(tag, pulse_intervals_s=tag.pulse_intervals_s[:1])
+            for tag in scenario.tags
+            if not tag.coded
+        ]
+        if beeping:
+            write_tags(result.tag_info, beeping)
         write_tags(result.tags, scenario.tags)
     write_truth(result.truth, pulses)
     _write_telemetry(result.telemetry, scenario, end_ns)

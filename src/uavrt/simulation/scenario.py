@@ -70,6 +70,8 @@ class SimulatedTag(ScenarioRecord):
     k: Annotated[int, Ge(1)] = 3
     false_alarm_probability: Annotated[float, Gt(0), Le(1)] = DEFAULT_FALSE_ALARM_PROBABILITY
     name: str | None = None
+    gaps_s: tuple[Positive, ...] = ()
+    """Of a coded tag: from pulse to pulse within a burst; its interval is that of bursts."""
 
     listed: bool = True
     """False makes it a neighbour that the operator does not look for."""
@@ -95,6 +97,8 @@ class SimulatedTag(ScenarioRecord):
     true_pulse_width_s: Annotated[float, Gt(0), Le(1)] | None = None
     interval_error_s: float = 0.0
     """Added to every interval."""
+    crystal_error_ppm: Annotated[float, Ge(-20_000), Le(20_000)] = 0.0
+    """Stretches all gaps and intervals alike."""
     jitter_s: NonNegative = 0.0
     """Each pulse is off by up to this much, evenly distributed, not accumulating."""
     first_pulse_s: NonNegative = 0.5
@@ -117,6 +121,7 @@ class SimulatedTag(ScenarioRecord):
             k=self.k,
             false_alarm_probability=self.false_alarm_probability,
             name=self.name,
+            gaps_s=self.gaps_s,
         )
 
 

@@ -115,6 +115,12 @@ def scenario_faults(scenario: Scenario) -> list[str]:
                 f"{place}.pulse_intervals_s: with its error and jitter the interval can be "
                 f"{shortest_s:g} s, not longer than the pulse of {width_s:g} s"
             )
+        if tag.gaps_s and len(tag.pulse_intervals_s) > 1:
+            faults.append(f"{place}.gaps_s: a coded tag has one interval, that of its bursts")
+        if sum(tag.gaps_s) + width_s >= min(tag.pulse_intervals_s):
+            faults.append(f"{place}.gaps_s: the burst is longer than its interval")
+        if tag.gaps_s and min(tag.gaps_s) <= width_s:
+            faults.append(f"{place}.gaps_s: a gap is not longer than the pulse")
         if list(tag.rate_switches_s) != sorted(set(tag.rate_switches_s)):
             faults.append(f"{place}.rate_switches_s: the times must rise")
         if tag.rate_switches_s and tag.rate_pattern:

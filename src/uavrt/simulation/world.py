@@ -240,6 +240,7 @@ class _PulseTrain:
     def __init__(self, scenario: Scenario, tag: SimulatedTag) -> None:
         self._tag = tag
         self._jitter_key = stream_key(scenario.seed, "jitter", tag.tag_id)
+        self._steps_s = tag.gaps_s
         self._grid_s = [tag.first_pulse_s]
         self._rates = [self._rate(0, tag.first_pulse_s)]
 
@@ -255,6 +256,12 @@ class _PulseTrain:
         tag = self._tag
         while self._grid_s[-1] < end_s + tag.jitter_s:
             interval = tag.pulse_intervals_s[self._rates[-1] - 1] + tag.interval_error_s
+            if self._steps_s:
+                # The gaps of a burst, then what is left of the time to the next.
+                place = (len(self._grid_s) - 1) % (len(self._steps_s) + 1)
+                left = interval - sum(self._steps_s)
+                interval = left if place == len(self._steps_s) else self._steps_s[place]
+            interval *= 1.0 + 1e-6 * tag.crystal_error_ppm
             self._grid_s.append(self._grid_s[-1] + interval)
             self._rates.append(self._rate(len(self._rates), self._grid_s[-1]))
 

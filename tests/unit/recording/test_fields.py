@@ -10,20 +10,22 @@ from pulses import pulse_at
 from uavrt.messages import Pulse, PulsePose, Tag
 from uavrt.recording import schema
 from uavrt.recording.fields import fields_of
-from uavrt.recording.pulse_files import FIELDS, pulse_from_record, pulse_record
+from uavrt.recording.pulse_files import BURST_FIELDS, FIELDS, pulse_from_record, pulse_record
 
 FULL = replace(
     pulse_at(5_000),
     also_possible_tag_ids=(4, 6),
     ghost_of_tag_id=8,
     clipped=True,
+    burst_starts_ns=(5_000, 9_000),
+    burst_snrs_db=(12.5, 11.0),
 )
 
 
 def test_every_field_of_a_pulse_is_a_column_of_the_database_and_of_the_files() -> None:
     names = [one.name for one in fields(Pulse)]
     assert schema.PULSE_COLUMNS.split(", ") == names
-    assert set(names) <= set(FIELDS)
+    assert set(names) <= {*FIELDS, *BURST_FIELDS}
 
 
 def test_every_field_of_a_pulse_comes_back_from_the_database_and_from_the_files() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from uavrt.clock import monotonic_s
 from uavrt.detection import DetectorGroup, OperatingMode, PulseDetector, Receiver
+from uavrt.detection.coded import CodedDetector
 from uavrt.dsp import Carriers, Clipping, FrontEnd
 from uavrt.errors import ConfigError, UavrtError
 from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
@@ -87,7 +88,11 @@ class DetectionChain:
         self._memory_s = 2.0 * plan.latency_s
         centers_hz = dict(zip(plan.channels_in_use, plan.channel_centers_hz, strict=True))
         detectors: dict[int, list[PulseDetector]] = {}
+        codes: dict[int, list[Tag]] = {}
         for tag, channel in zip(tags, plan.frequency_channels, strict=True):
+            if tag.coded:
+                codes.setdefault(channel, []).append(tag)
+                continue
             detectors.setdefault(channel, []).append(
                 PulseDetector(
                     tag,
@@ -101,6 +106,15 @@ class DetectionChain:
         self._group = DetectorGroup(Receiver(center_frequency_hz, sample_rate_hz))
         for channel, some in detectors.items():
             self._group.add(channel, some)
+        self._coded = {
+            channel: CodedDetector(
+                some,
+                sample_rate_hz=plan.channel_rate_hz,
+                center_frequency_hz=centers_hz[channel],
+                frequency_window_hz=frequency_window_hz,
+            )
+            for channel, some in codes.items()
+        }
 
     def process(self, block: IQBlock) -> list[Pulse]:
         """Process the next block; get the pulses that are certain by now."""
@@ -116,6 +130,7 @@ class DetectionChain:
             if not np.isfinite(np.dot(values, values)):
                 self._suspect_s = self._memory_s + len(values) / band.sample_rate_hz
             channels = self._front_end.channelize(band)
+        bursts: list[Pulse] = []
         suspect = self._suspect_s > 0.0
         self._suspect_s -= len(band.samples) / band.sample_rate_hz
         for channel in channels:
@@ -123,8 +138,11 @@ class DetectionChain:
                 channel = self._finite(channel)
             if self._on_channel is not None:
                 self._on_channel(channel)
-            self._group.put(channel.channel, channel.samples, channel.time_ns)
-        return self._reported(self._group.collect())
+            if channel.channel in self._group:
+                self._group.put(channel.channel, channel.samples, channel.time_ns)
+            if (coded := self._coded.get(channel.channel)) is not None:
+                bursts += coded.process(channel.samples, channel.time_ns)
+        return self._reported(self._group.collect() + bursts)
 
     def _finite(self, channel: ChannelBlock) -> ChannelBlock:
         """Replace values that are not numbers by zeros."""
@@ -136,11 +154,14 @@ class DetectionChain:
 
     def flush(self) -> list[Pulse]:
         """End the stream: get the pulses of all groups that are complete."""
-        return self._reported(self._group.flush())
+        bursts = [pulse for coded in self._coded.values() for pulse in coded.flush()]
+        return self._reported(self._group.flush() + bursts)
 
     def search_reports(self) -> list[SearchReport]:
         """Return what was searched in vain since the last call, about one a second and tag."""
-        return [r for detector in self._group.detectors for r in detector.search_reports()]
+        searching: list[PulseDetector | CodedDetector] = [*self._group.detectors]
+        searching += self._coded.values()
+        return [report for detector in searching for report in detector.search_reports()]
 
     def _reported(self, pulses: list[Pulse]) -> list[Pulse]:
         """Leave out the pulses in excluded stretches; mark those that were clipped."""

@@ -181,6 +181,12 @@ def export_text(tags: Sequence[Tag], name: str) -> str:
                 f"TagInfo.txt has no column for a second interval (tags {double})",
                 remedy="Export tags.toml or tags.csv",
             )
+        coded = [tag.tag_id for tag in tags if tag.coded]
+        if coded:
+            raise UsageError(
+                f"TagInfo.txt has no columns for coded tags (tags {coded})",
+                remedy="Download tags.toml",
+            )
         return format_tag_info(tags)
     if name == "tags.csv":
         stream = io.StringIO()

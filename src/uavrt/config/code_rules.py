@@ -1,0 +1,123 @@
+"""Plausibility checks for the codes of coded tags, and which codes are hard to tell apart.
+
+A burst is known by the gaps between its pulses. What the trade allows for them is what
+registering a tag leaves open: the gaps together within 1.5 ms, the interval from burst to burst
+within 4 ms.
+"""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from uavrt.config.tag_bands import tags_by_band
+from uavrt.config.tag_drafts import Entry, Fault, TagDraft
+from uavrt.messages import Tag
+
+MAX_CODES = 500
+"""In a list: what a core searches beside everything else that a flight does."""
+MAX_GAPS = 7
+MAX_GAP_MS = 1_000.0
+CODED_PULSE_WIDTH_MS = 2.5
+CODED_K = 10
+"""Bursts summed at most."""
+GAP_TOLERANCE_S = 1.5e-3
+"""All gaps of a burst together may differ by so much from those listed."""
+BURST_TOLERANCE_MS = 4.0
+_UNLIKE_MS = 0.01
+"""Gaps nearer than this are the same number, written twice."""
+_MHZ = {"Hz": 1e-6, "MHz": 1.0}
+
+
+def faults_of_gaps(
+    gaps: Sequence[Entry], interval: Entry | None, width: Entry | None
+) -> list[tuple[Entry, str]]:
+    """Judge the gaps of one code, and its interval from burst to burst; all in milliseconds."""
+    if not gaps:
+        return []  # told when they were read
+    if len(gaps) > MAX_GAPS:
+        return [(gaps[0], f": a burst has 1 to {MAX_GAPS} gaps, these are {len(gaps)}")]
+    width_ms = CODED_PULSE_WIDTH_MS if width is None else width.number
+    found = _faults_of_numbers(gaps, width_ms)
+    if found or interval is None:
+        return found
+    length_ms = sum(gap.number for gap in gaps) + width_ms
+    if length_ms >= interval.number:
+        text = f"must be longer than the burst, whose gaps make {length_ms:.10g} ms"
+        found.append((interval, text))
+    return found
+
+
+def _faults_of_numbers(gaps: Sequence[Entry], width_ms: float) -> list[tuple[Entry, str]]:
+    if all(0.0 < 1e3 * gap.number < MAX_GAP_MS and gap.number < width_ms for gap in gaps):
+        seconds = ", ".join(f"{1e3 * gap.number:.10g}" for gap in gaps)
+        return [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
+    if all(gap.number > MAX_GAP_MS for gap in gaps):
+        smaller = ", ".join(f"{1e-3 * gap.number:.10g}" for gap in gaps)
+        return [(gaps[0], f"looks like µs but is read as ms: write {smaller}")]
+    found: list[tuple[Entry, str]] = []
+    for gap in gaps:
+        if not gap.number <= MAX_GAP_MS:
+            found.append((gap, f"must be at most {MAX_GAP_MS:.0f} ms"))
+        elif not gap.number > 2.0 * width_ms:
+            text = f"must be longer than two pulses of {width_ms:.10g} ms: they would overlap"
+            found.append((gap, text))
+    return found
+
+
+def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
+    """Judge the codes of a list together: too many of them, or two that are the same."""
+    coded = [draft for draft in drafts if draft.gaps]
+    found: list[Fault] = []
+    if len(coded) > MAX_CODES:
+        text = f"{len(coded)} codes in one list, at most {MAX_CODES}: leave out those not here"
+        found.append(Fault(line=coded[MAX_CODES].line, text=text))
+    first: dict[tuple[object, ...], int] = {}
+    for draft in coded:
+        interval, frequency = draft.entries.get("interval"), draft.entries.get("frequency")
+        if interval is None or frequency is None:
+            continue
+        key = (
+            tuple(round(gap.number / _UNLIKE_MS) for gap in draft.gaps or ()),
+            round(interval.number / BURST_TOLERANCE_MS),
+            round(1e3 * frequency.number * _MHZ.get(frequency.unit, 1e-6)),
+        )
+        line = first.setdefault(key, draft.line)
+        if line != draft.line:
+            text = f"the same code, gaps and burst interval, as the tag of line {line}"
+            found.append(Fault(line=draft.line, text=text))
+    return found
+
+
+def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
+    """Find codes of one band that are nearer to each other than the tolerance of gaps.
+
+    Returns
+    -------
+    list of (Tag, Tag, float)
+        Two tags, and by how much their gaps differ together [s].
+    """
+    found = []
+    for band in tags_by_band([tag for tag in tags if tag.coded], window_hz):
+        for count in sorted({len(tag.gaps_s) for tag in band}):
+            same = [tag for tag in band if len(tag.gaps_s) == count]
+            gaps_s = np.array([tag.gaps_s for tag in same])
+            apart_s = np.abs(gaps_s[:, None] - gaps_s[None]).sum(axis=2)
+            near = apart_s <= GAP_TOLERANCE_S
+            found += [
+                (same[i], same[j], float(apart_s[i, j]))
+                for i, j in combinations(range(len(same)), 2)
+                if near[i, j]
+                and abs(same[i].frequency_hz - same[j].frequency_hz) < 2.0 * window_hz
+            ]
+    return found
+
+
+def words_of_near_codes(tags: Sequence[Tag], window_hz: float) -> list[str]:
+    """Name the codes of a list that are hard to tell apart, a sentence for each pair."""
+    return [
+        f"codes {one.tag_id} and {two.tag_id} differ by {1e3 * apart_s:.2g} ms in all gaps "
+        f"together, less than the {1e3 * GAP_TOLERANCE_S:.2g} ms that a burst is known to: "
+        "each may be reported as the other"
+        for one, two, apart_s in near_codes(tags, window_hz)
+    ]

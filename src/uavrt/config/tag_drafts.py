@@ -1,0 +1,48 @@
+"""Tags as typed, before they are judged, and what is wrong with them."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Quantity = Literal[
+    "id",
+    "frequency",
+    "interval",
+    "second_interval",
+    "pulse_width",
+    "interval_uncertainty",
+    "interval_jitter",
+    "k",
+    "false_alarm_probability",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """One fault of a file and its line."""
+
+    line: int
+    text: str
+
+    def __str__(self) -> str:
+        return f"line {self.line}: {self.text}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """A number as typed, with its name in the file."""
+
+    number: float
+    label: str
+    line: int
+    unit: str = ""
+
+
+@dataclass(slots=True, kw_only=True)
+class TagDraft:
+    """A tag as typed: times in milliseconds, the frequency in the unit of its entry."""
+
+    line: int
+    entries: dict[Quantity, Entry] = field(default_factory=dict)
+    name: str | None = None
+    gaps: tuple[Entry, ...] | None = None
+    """Of a coded tag, whose interval is that of its bursts; None for a tag that beeps."""

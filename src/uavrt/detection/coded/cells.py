@@ -1,0 +1,142 @@
+"""Energies of pulses at every instant and frequency of a channel, over the noise.
+
+The matched filter of a rectangular pulse is a sum over its samples, at a row of frequencies;
+all codes share it. What is kept of the past has a byte a cell.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+STEP = 0.25
+"""Of the cells kept as bytes, in noise energies."""
+CLIP = 63
+"""Most of a kept cell: four of them fit into a byte."""
+NEUTRAL = round(1.0 / STEP)
+"""What noise alone has on average."""
+_ROW_SPACING = 0.3125
+"""Of the frequencies, in parts of the inverse of the pulse width: 125 Hz for 2.5 ms, which
+loses 0.3 dB half-way."""
+_COLUMNS_PER_PULSE = 9.0
+_LEVELS = 25
+"""Stretches of samples whose medians make the noise: 10 s."""
+_LEAST_RISE = 0.85
+"""The noise of now counts at least with this part: a rise must not look like bursts."""
+
+
+class Cells:
+    """Makes and keeps the cells of one channel.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+    pulse_width_s : float
+    low_hz, high_hz : float
+        Band that is searched, relative to the channel's centre.
+    kept_s, recent_s : float
+        How long cells are kept as bytes, and as they are.
+    """
+
+    def __init__(
+        self,
+        *,
+        sample_rate_hz: float,
+        pulse_width_s: float,
+        low_hz: float,
+        high_hz: float,
+        kept_s: float,
+        recent_s: float,
+    ) -> None:
+        self.length = max(2, round(pulse_width_s * sample_rate_hz))
+        """Samples of a pulse."""
+        self.hop = max(1, int(pulse_width_s * sample_rate_hz / _COLUMNS_PER_PULSE))
+        """Samples from column to column."""
+        self.column_s = self.hop / sample_rate_hz
+        self.pulse = max(1, round(pulse_width_s / self.column_s))
+        """Columns of a pulse."""
+        spacing_hz = _ROW_SPACING / pulse_width_s
+        rows = max(1, math.ceil((high_hz - low_hz) / spacing_hz)) + 1
+        self.offsets_hz = np.linspace(low_hz, high_hz, rows)
+        self._turns = -2j * np.pi * self.offsets_hz[:, None] / sample_rate_hz
+        self._kept = math.ceil(kept_s / self.column_s)
+        self._recent = math.ceil(recent_s / self.column_s)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all cells; the columns count from zero."""
+        rows = len(self.offsets_hz)
+        self.base = 0
+        """Column of the first byte kept."""
+        self.end = 0
+        """Column after the last."""
+        self.kept = np.full((rows, self._kept + self._kept // 4 + 4096), NEUTRAL, np.uint8)
+        self.recent = np.zeros((rows, 0), np.float32)
+        """Cells up to `end`, in noise energies."""
+        self._medians: list[NDArray[np.float64]] = []
+        self.noise = np.ones(rows)
+        """Energy of noise in a cell of each row."""
+
+    @property
+    def recent_from(self) -> int:
+        """Column of the first of the recent cells."""
+        return self.end - self.recent.shape[1]
+
+    def push(self, samples: NDArray[np.complex64]) -> int:
+        """Make the columns that some samples complete.
+
+        Parameters
+        ----------
+        samples : ndarray of complex64, shape (n,)
+            From the first sample of column `end` on.
+
+        Returns
+        -------
+        int
+            How many columns came.
+        """
+        count = (len(samples) - self.length) // self.hop + 1
+        if count <= 0:
+            return 0
+        used = samples[: (count - 1) * self.hop + self.length]
+        turned = used[None] * np.exp(self._turns * np.arange(len(used)))
+        total = np.zeros((len(turned), len(used) + 1), np.complex128)
+        np.cumsum(turned, axis=1, out=total[:, 1:])
+        sums = (total[:, self.length :] - total[:, : -self.length])[:, :: self.hop]
+        energy = (sums.real**2 + sums.imag**2) / self.length
+        self._level(energy)
+        cells = (energy / self.noise[:, None]).astype(np.float32)
+        self.recent = np.concatenate((self.recent, cells), axis=1)[:, -self._recent :]
+        self._keep(cells)
+        self.end += count
+        return count
+
+    def _level(self, energy: NDArray[np.float64]) -> None:
+        """Learn the noise; cells of lost samples are none."""
+        heard = energy[:, energy.max(axis=0) > 0.0]
+        if heard.shape[1] < 4 * self.pulse:
+            return
+        now = np.median(heard, axis=1) / math.log(2.0)
+        self._medians = [*self._medians, now][-_LEVELS:]
+        usual = np.median(self._medians, axis=0)
+        self.noise = np.maximum(np.maximum(usual, _LEAST_RISE * now), 1e-30)
+
+    def _keep(self, cells: NDArray[np.float32]) -> None:
+        over = cells.shape[1] - self.kept.shape[1]
+        if over > 0:
+            self.base, cells = self.end + over, cells[:, over:]
+        used, count = max(0, self.end - self.base), cells.shape[1]
+        if used + count > self.kept.shape[1]:
+            stay = min(used, self._kept)
+            if stay + count > self.kept.shape[1]:
+                stay = max(0, self.kept.shape[1] - count)
+            self.kept[:, :stay] = self.kept[:, used - stay : used].copy()
+            self.kept[:, stay:] = NEUTRAL
+            self.base, used = self.end - stay, stay
+        bytes_ = np.minimum(np.rint(cells / STEP), CLIP).astype(np.uint8)
+        self.kept[:, used : used + count] = bytes_
+
+    def hide(self, column: int, columns: int) -> None:
+        """Take kept cells for noise, from a column on, in all rows."""
+        first = max(0, column - self.base)
+        self.kept[:, first : max(first, column + columns - self.base)] = NEUTRAL

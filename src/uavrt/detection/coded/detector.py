@@ -1,0 +1,513 @@
+"""The detector of coded tags: samples of a channel in, one record for each burst out.
+
+A pure stage, as `uavrt.detection.PulseDetector` is, but for all codes of a channel together
+(docs/explanation/coded-tags.md).
+"""
+
+import bisect
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.checks import check_searchable
+from uavrt.detection.coded.cells import CLIP, STEP, Cells
+from uavrt.detection.coded.folds import Folds, Found
+from uavrt.detection.coded.judging import (
+    Burst,
+    OnAir,
+    decide,
+    least_pulses,
+    measure,
+    weigh,
+)
+from uavrt.detection.coded.limits import limit, sum_limit
+from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, make_code_book
+from uavrt.detection.coded.tracks import Tracks
+from uavrt.detection.signal import Cleaner, Counters, Intake
+from uavrt.messages import Pulse, SearchReport, Tag
+from uavrt.units import NANOSECONDS_PER_SECOND, db_from_power, ns_from_s
+
+FALSE_PER_HOUR = 1e-4
+KEPT_S = 130.0
+"""Cells from which several bursts are summed."""
+_STEP_S = 0.4
+"""Samples gathered before the search goes on."""
+_STRONG = 25.0
+"""Cells above this are none of a tag that only several bursts show [noise energies]."""
+_ECHOING, _ECHO_PULSES = 200.0, 5
+"""Of cells above this filters leave an echo that is not small, for so many pulse widths."""
+_TRACKED = 1e-6
+"""Chance of noise in a cell where a burst of an identified tag is expected."""
+_EXPECTED = 6.0
+"""Log odds of an identified tag's burst where it is expected, over other times."""
+_SAME_S = 0.02
+"""Bursts of one tag that begin within this are one."""
+_LEAST_ENERGY = 0.25
+"""Of a burst's pulses on average over the noise: what has less is not told as a record."""
+_CODES_PER_REPORT_S = 20
+"""Reports of fruitless search in a second."""
+
+
+class CodedDetector:
+    """Finds the bursts of coded tags in the samples of a channel.
+
+    Parameters
+    ----------
+    tags : sequence of Tag
+        Coded tags of this channel.
+    sample_rate_hz : float
+        Rate of the channel's samples.
+    center_frequency_hz : float
+        Frequency of the channel's centre, absolute.
+    frequency_window_hz : float
+        Half-width of the search around the tags' nominal frequencies.
+    false_per_hour : float
+        Identities that noise may make, of each code.
+
+    Raises
+    ------
+    ConfigError
+        A tag lies outside the channel, or a number makes no sense.
+    """
+
+    def __init__(
+        self,
+        tags: Sequence[Tag],
+        *,
+        sample_rate_hz: float,
+        center_frequency_hz: float,
+        frequency_window_hz: float = 500.0,
+        false_per_hour: float = FALSE_PER_HOUR,
+    ) -> None:
+        self.tags = tuple(tags)
+        self.sample_rate_hz = float(sample_rate_hz)
+        self.center_frequency_hz = float(center_frequency_hz)
+        for tag in self.tags:
+            check_searchable(tag, sample_rate_hz, center_frequency_hz, frequency_window_hz)
+        window_hz = min(frequency_window_hz, sample_rate_hz / 2.0)
+        self._bandwidth_hz = 2.0 * window_hz
+        self._false_per_hour = false_per_hour
+        self.counters = Counters()
+        self.collisions = 0
+        """Bursts that lay on others so that they could not be told."""
+        self._width_s = min(tag.pulse_width_s for tag in self.tags)
+        self._cells = self._make_cells(window_hz)
+        column_s = self._cells.column_s
+        self._books = [
+            make_code_book(tuple(t for t in self.tags if len(t.gaps_s) == n), column_s)
+            for n in sorted({len(tag.gaps_s) for tag in self.tags})
+        ]
+        self._place = {
+            tag.tag_id: (book, code)
+            for book in self._books
+            for code, tag in enumerate(book.tags)
+        }
+        self._span = max(book.span for book in self._books) + 3 * self._cells.pulse
+        self._least = {
+            book.pulses: {
+                n: max(self._limit(tag, n) for tag in book.tags)
+                for n in range(least_pulses(book.pulses), book.pulses + 1)
+            }
+            for book in self._books
+        }
+        self._intake = Intake(
+            replace(
+                self.tags[0],
+                pulse_width_s=self._width_s,
+                pulse_intervals_s=(2.0,),
+                interval_uncertainty_s=0.0,
+                interval_jitter_s=0.0,
+                k=1,
+            ),
+            sample_rate_hz=self.sample_rate_hz,
+            counters=self.counters,
+        )
+        self._tracks = Tracks(self.tags)
+        self._sequence = dict.fromkeys((tag.tag_id for tag in self.tags), 0)
+        self._told: dict[int, list[int]] = {tag.tag_id: [] for tag in self.tags}
+        self._pulses: list[Pulse] = []
+        self._reports: list[SearchReport] = []
+        self._reported_ns = 0
+        self._start()
+
+    def _make_cells(self, window_hz: float) -> Cells:
+        center_hz, half_hz = self.center_frequency_hz, 0.5 * self.sample_rate_hz
+        low_hz = min(tag.frequency_hz for tag in self.tags) - window_hz - center_hz
+        high_hz = max(tag.frequency_hz for tag in self.tags) + window_hz - center_hz
+        span_s = max(tag.length_s for tag in self.tags)
+        most_s = max(2.0 * tag.k * tag.pulse_intervals_s[0] for tag in self.tags)
+        self._kept_s = min(KEPT_S, most_s)
+        return Cells(
+            sample_rate_hz=self.sample_rate_hz,
+            pulse_width_s=self._width_s,
+            low_hz=max(low_hz, -half_hz),
+            high_hz=min(high_hz, half_hz),
+            kept_s=self._kept_s + 4.0 * span_s + 2.0,
+            recent_s=4.0 * span_s + 2.0,
+        )
+
+    def _limit(self, tag: Tag, pulses: int) -> float:
+        return sum_limit(
+            tag,
+            bandwidth_hz=self._bandwidth_hz,
+            bursts=1,
+            pulses=pulses,
+            false_per_hour=self._false_per_hour,
+        )
+
+    def _start(self) -> None:
+        """(Re)start all that hangs on unbroken samples."""
+        self._intake.clear()
+        self._cells.restart()
+        self._cleaner = Cleaner(
+            sample_rate_hz=self.sample_rate_hz,
+            pulse_width_s=self._width_s,
+            counters=self.counters,
+        )
+        self._clean = 0
+        self._searched = 0
+        """Columns at which a burst may begin that were searched for single bursts."""
+        self._claims: list[Burst] = []
+        self._ahead: list[Burst] = []
+        """Accepted, but what comes may yet explain them."""
+        self._on_air = OnAir(self._cells)
+        self._folds = [
+            Folds(
+                *(book, self._cells),
+                kept_s=self._kept_s,
+                bandwidth_hz=self._bandwidth_hz,
+                false_per_hour=self._false_per_hour,
+            )
+            for book in self._books
+        ]
+        self._stamps: tuple[list[int], list[int]] = ([], [])
+
+    def process(self, samples: NDArray[np.complex64], time_ns: int) -> list[Pulse]:
+        """Process a block of samples.
+
+        Parameters
+        ----------
+        samples : ndarray of complex64, shape (n,)
+        time_ns : int
+            Time at the antenna of the first sample [ns, UTC].
+
+        Returns
+        -------
+        list of Pulse
+            A record for each burst found since the last call.
+        """
+        samples = np.ascontiguousarray(samples, np.complex64)
+        if len(samples):
+            after = self._clean + self._cleaner.flank
+            outcome = self._intake.admit(samples, time_ns, after=after)
+            if outcome in ("later", "earlier"):
+                if outcome == "later":
+                    self._finish()
+                self._start()
+                self._intake.admit(samples, time_ns, after=0)
+            self._go_on(last=False)
+        return self._drain()
+
+    def flush(self) -> list[Pulse]:
+        """End the stream: search what is left."""
+        self._finish()
+        self._start()
+        return self._drain()
+
+    def search_reports(self) -> list[SearchReport]:
+        """Take the reports of stretches searched since the last call."""
+        reports, self._reports = self._reports, []
+        return reports
+
+    def _drain(self) -> list[Pulse]:
+        found, self._pulses = self._pulses, []
+        return sorted(found, key=lambda pulse: pulse.start_time_ns)
+
+    def _finish(self) -> None:
+        """Search what is left, with nothing behind it."""
+        buffer, cells = self._intake.buffer, self._cells
+        if not buffer.empty:
+            beyond = 2 * self._span * cells.hop + cells.length + self._cleaner.margin
+            buffer.append_hole(beyond)
+            self._go_on(last=True)
+
+    def _go_on(self, *, last: bool) -> None:
+        """Search as far as the samples reach."""
+        buffer = self._intake.buffer
+        step = round(_STEP_S * self.sample_rate_hz)
+        while True:
+            end = buffer.end - self._cleaner.margin
+            if end - self._clean < (1 if last else step):
+                break
+            upto = min(end, self._clean + 2 * step)
+            if not last and self._intake.may_be_filled(upto):
+                break
+            self._cleaner.clean(buffer, self._clean, upto, renew=True)
+            self._clean = upto
+            first = self._cells.end * self._cells.hop
+            self._stamps[0].append(first)
+            self._stamps[1].append(buffer.time_ns(first))
+            self._cells.push(buffer.view(first, upto))
+            self._search(last=last and upto == end)
+        if self._stamps[0]:
+            self._report_search(buffer.time_ns(self._clean))
+
+    def _search(self, *, last: bool) -> None:
+        """Search the bursts that are complete; decide those that nothing can hide."""
+        whole = self._cells.end - self._span
+        if whole <= self._searched:
+            return
+        for book in self._books:
+            self._claims += self._claimed(book, whole)
+        self._claims += self._expected(whole)
+        self._decide(self._cells.end if last else whole - self._span)
+        seeds_from, seeds_to = self._searched - self._span, whole - self._span
+        self._hide(self._searched, self._cells.end if last else whole)
+        for folds in self._folds:
+            folds.note(max(seeds_from, 0), seeds_to - max(seeds_from, 0))
+            for found in folds.complete(whole, last=last):
+                self._tell_several(found)
+        self._searched = whole
+        self._on_air.forget(whole - 3 * self._span)
+
+    def _claimed(self, book: CodeBook, whole: int) -> list[Burst]:
+        """Bursts of any code that are strong enough by themselves."""
+        limits = self._least[book.pulses]
+        clip = min(CLIP, 255 // book.pulses)
+        fewest = least_pulses(book.pulses)
+        level = min(0.9 * limits[fewest], 0.95 * clip * STEP * fewest)
+        seeds = find_seeds(
+            *(self._cells, book, self._searched, whole - self._searched),
+            clip=clip,
+            level=int(level / STEP),
+        )
+        return [one for one in measure(self._cells, book, seeds) if weigh(one, limits)]
+
+    def _expected(self, whole: int) -> list[Burst]:
+        """Bursts of identified tags, where they are expected; weaker ones do."""
+        cells, found = self._cells, []
+        upto_ns = self._time_ns(whole)
+        self._tracks.forget(upto_ns)
+        for track in self._tracks.alive.values():
+            book, code = self._place[track.tag.tag_id]
+            limits = {n: limit(n, 1.0, _TRACKED) for n in self._least[book.pulses]}
+            for at_ns, error_s in track.expected(upto_ns):
+                middle, half = self._column(at_ns), math.ceil(error_s / cells.column_s)
+                first = max(round(middle) - half, self._searched)
+                last = min(round(middle) + half + 1, whole)
+                if first >= last:
+                    continue
+                seed = self._best_seed(book, code, track.row, first, last)
+                for one in measure(cells, book, seed):
+                    one.prior = _EXPECTED
+                    if weigh(one, limits):
+                        found.append(one)
+        return found
+
+    def _best_seed(
+        self, book: CodeBook, code: int, row: int, first: int, last: int
+    ) -> NDArray[np.int32]:
+        """The largest sum of one code at some columns, near a row."""
+        cells = self._cells
+        low, high = max(0, row - 1), min(len(cells.recent), row + 2)
+        at = np.arange(first, last) - cells.recent_from
+        columns = at[None, :, None] + book.offsets[code][:, None, :]
+        sums = cells.recent[low:high][:, columns].sum(axis=3)
+        place, stretch, column = np.unravel_index(int(sums.argmax()), sums.shape)
+        seed = np.zeros((1, FIELDS), np.int32)
+        seed[0] = code, low + int(place), int(stretch), first + int(column), 0
+        return seed
+
+    def _decide(self, sure: int) -> None:
+        """Accept bursts that begin before a column; those after it may yet be explained."""
+        accepted, lost = decide(self._claims, self._on_air, self._least, before=sure)
+        self.collisions += lost
+        for burst in accepted:
+            if burst.column < sure:
+                self._on_air.add(burst)
+                self._tell_one(burst)
+        self._claims = [one for one in self._claims if one.column >= sure]
+        self._ahead = [one for one in accepted if one.column >= sure]
+
+    def _hide(self, first: int, upto: int) -> None:
+        """Take for noise, in sums of several bursts, what is a burst by itself or strong."""
+        cells = self._cells
+        recent = cells.recent[:, first - cells.recent_from : upto - cells.recent_from]
+        tall = recent.max(axis=0, initial=0.0)
+        for level, reach in ((_STRONG, cells.pulse), (_ECHOING, _ECHO_PULSES * cells.pulse)):
+            for column in (np.flatnonzero(tall > level) + first).tolist():
+                cells.hide(column - reach, reach + min(reach + 1, upto - column))
+        for burst in (*self._on_air.bursts, *self._ahead):
+            for column in burst.columns.tolist():
+                begin, end = column - self._on_air.guard, column + self._on_air.guard + 1
+                if begin < upto:
+                    cells.hide(begin, min(end, upto) - begin)
+
+    def _time_ns(self, column: float) -> int:
+        """Time of the start of a pulse in a column."""
+        index = column * self._cells.hop
+        at = max(0, bisect.bisect_right(self._stamps[0], index) - 1)
+        ahead_s = (index - self._stamps[0][at]) / self.sample_rate_hz
+        return self._stamps[1][at] + ns_from_s(ahead_s)
+
+    def _column(self, time_ns: int) -> float:
+        at = max(0, bisect.bisect_right(self._stamps[1], time_ns) - 1)
+        ahead_s = (time_ns - self._stamps[1][at]) / NANOSECONDS_PER_SECOND
+        return (self._stamps[0][at] + ahead_s * self.sample_rate_hz) / self._cells.hop
+
+    def _tell_one(self, burst: Burst) -> None:
+        """Report a burst that was found by itself."""
+        cells, good = self._cells, burst.good
+        tag = burst.book.tags[burst.code]
+        columns = burst.columns[good]
+        offsets = burst.book.offsets[burst.code, burst.stretch][good]
+        places = columns + self._beside(burst.row, columns)
+        start = float(np.mean(places - offsets))
+        energies = self._energies(burst.row, start + offsets)
+        offset_hz, gained = self._frequency(burst.row, columns)
+        self._tell(
+            tag,
+            start_ns=self._time_ns(start),
+            starts_ns=[self._time_ns(place) for place in places.tolist()],
+            energies=np.maximum(energies * gained - 1.0, 0.05),
+            offset_hz=offset_hz,
+            noise=float(cells.noise[burst.row]),
+            row=burst.row,
+            score=burst.score,
+            rivals=tuple(burst.rivals),
+        )
+
+    def _beside(self, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
+        """How far the pulses lie from the columns in which their cells are the largest.
+
+        A matched filter of a rectangular pulse falls off linearly to both sides: amplitudes
+        beside the top say how far it lies between.
+        """
+        cells = self._cells
+        at = columns - cells.recent_from
+        reach = max(1, cells.pulse // 3)
+        left = np.sqrt(cells.recent[row, np.maximum(at - reach, 0)])
+        right = np.sqrt(cells.recent[row, np.minimum(at + reach, cells.recent.shape[1] - 1)])
+        top = np.sqrt(np.maximum(cells.recent[row, at], 1e-6))
+        shift: NDArray[np.float64] = 0.5 * cells.pulse * (right - left) / top
+        return shift.clip(-1.0, 1.0)
+
+    def _energies(self, row: int, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Energies of pulses at places between columns."""
+        cells = self._cells
+        near = np.rint(places).astype(np.intp)
+        lost = 1.0 - np.abs(places - near) / cells.pulse
+        at = np.clip(near - cells.recent_from, 0, cells.recent.shape[1] - 1)
+        energies: NDArray[np.float64] = cells.recent[row, at] / lost**2
+        return energies
+
+    def _frequency(self, row: int, columns: NDArray[np.intp]) -> tuple[float, float]:
+        """Frequency [Hz from the channel's centre] and what lies between rows of the energy."""
+        cells = self._cells
+        rows = len(cells.offsets_hz)
+        if rows < 3:
+            return float(cells.offsets_hz[row]), 1.0
+        middle = min(max(row, 1), rows - 2)
+        at = columns - cells.recent_from
+        low, top, high = cells.recent[middle - 1 : middle + 2, at].sum(axis=1).tolist()
+        bend = low - 2.0 * top + high
+        shift = 0.0 if bend >= 0.0 else min(1.0, max(-1.0, 0.5 * (low - high) / bend))
+        spacing_hz = float(cells.offsets_hz[1] - cells.offsets_hz[0])
+        offset_hz = float(cells.offsets_hz[middle]) + shift * spacing_hz
+        away = float(np.sinc((offset_hz - float(cells.offsets_hz[row])) * self._width_s))
+        return offset_hz, 1.0 / max(away**2, 0.5)
+
+    def _tell_several(self, found: Found) -> None:
+        """Report the bursts that only together were found."""
+        over = found.energies.mean(axis=1) - 1.0
+        # Before the tag came and after it went there are none.
+        own = np.flatnonzero(over >= 0.5 * over.mean())
+        heard = np.flatnonzero(over >= _LEAST_ENERGY)
+        for place in heard[(heard >= own[0]) & (heard <= own[-1])].tolist():
+            columns, energies = found.columns[place], found.energies[place]
+            if columns[0] < 0:
+                continue
+            starts_ns = [self._time_ns(float(column)) for column in columns]
+            self._tell(
+                found.tag,
+                start_ns=starts_ns[0],
+                starts_ns=starts_ns,
+                energies=np.maximum(energies - 1.0, 0.05),
+                offset_hz=float(self._cells.offsets_hz[found.row]),
+                noise=float(self._cells.noise[found.row]),
+                row=found.row,
+                score=found.score,
+                rivals=found.rivals,
+            )
+
+    def _tell(
+        self,
+        tag: Tag,
+        *,
+        start_ns: int,
+        starts_ns: list[int],
+        energies: NDArray[np.float64],
+        offset_hz: float,
+        noise: float,
+        row: int,
+        score: float,
+        rivals: tuple[int, ...],
+    ) -> None:
+        told = self._told[tag.tag_id]
+        if any(abs(start_ns - other) < ns_from_s(_SAME_S) for other in told):
+            return
+        told.append(start_ns)
+        del told[:-64]
+        track = self._tracks.hear(tag.tag_id, start_ns, row) if not rivals else None
+        interval_s = tag.pulse_intervals_s[0] if track is None else track.interval_s
+        error_s = tag.interval_uncertainty_s if track is None else track.error_s
+        self._sequence[tag.tag_id] += 1
+        self.counters.pulses += 1
+        self.counters.groups += 1
+        snr_db = db_from_power(float(energies.mean()))
+        next_ns = start_ns + ns_from_s(interval_s)
+        length_ns = ns_from_s(tag.length_s)
+        self._pulses.append(
+            Pulse(
+                tag_id=tag.tag_id,
+                frequency_hz=self.center_frequency_hz + offset_hz,
+                start_time_ns=start_ns,
+                end_time_ns=start_ns + length_ns,
+                snr_db=snr_db,
+                group_snr_db=snr_db,
+                score=score,
+                group_index=1,
+                group_sequence=self._sequence[tag.tag_id],
+                noise_psd=noise / self.sample_rate_hz,
+                detection_status="detected" if rivals else "confirmed",
+                confirmed=not rivals,
+                rate=1,
+                predicted_next_start_ns=next_ns - ns_from_s(error_s),
+                predicted_next_end_ns=next_ns + ns_from_s(error_s) + length_ns,
+                also_possible_tag_ids=rivals,
+                burst_starts_ns=tuple(starts_ns),
+                burst_snrs_db=tuple(db_from_power(float(one)) for one in energies),
+            )
+        )
+
+    def _report_search(self, now_ns: int) -> None:
+        """Say what was searched, for a tag once a second; of many codes more seldom."""
+        every_s = max(1.0, len(self.tags) / _CODES_PER_REPORT_S)
+        if now_ns - self._reported_ns < ns_from_s(every_s):
+            return
+        self._reported_ns = now_ns
+        noise = float(np.median(self._cells.noise)) / self.sample_rate_hz
+        self._reports += [
+            SearchReport(
+                tag_id=tag.tag_id,
+                time_ns=now_ns,
+                frequency_hz=tag.frequency_hz,
+                noise_psd=noise,
+                best_score=0.0,
+            )
+            for tag in self.tags
+        ]
+        del self._reports[:-3600]

@@ -1,0 +1,228 @@
+"""Sums of several bursts: what no single burst shows.
+
+A seed, a sum of one burst that stands out a little, waits until the bursts after it have come;
+then the best of all sums of three, and of as many bursts as K says, that hold it is looked at.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.coded.cells import CLIP, STEP, Cells
+from uavrt.detection.coded.limits import longest, sum_limit
+from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, fold
+from uavrt.messages import Tag
+
+_CLIP = 8.0
+"""Most that a cell counts [noise energies]: twice that of a tag that only this finds."""
+_SEED_OF_MANY, _SEED_OF_THREE = 3.6, 4.4
+"""Cells of a seed on average: three of four sums of bursts at the limit hold one so large, and
+noise has few."""
+_COLUMNS_PER_STEP = 2.0
+"""By which the last burst moves from one interval tried to the next."""
+THREE = 3
+_CERTAIN = 20.0
+"""A sum must be better by so much than that of another code with the same pulses."""
+_AWAY = 10
+"""Columns within which two codes' pulses are the same."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """Several bursts of a code, together larger than noise.
+
+    Attributes
+    ----------
+    tag : Tag
+    row : int
+    columns : ndarray of int, shape (bursts, pulses)
+        Of the pulses.
+    energies : ndarray of float, shape (bursts, pulses)
+        In noise energies.
+    score : float
+        Sum over its least.
+    total : float
+        The sum.
+    interval : float
+        Columns from burst to burst.
+    rivals : tuple of int
+        Ids of tags that may have sent them as well.
+    """
+
+    tag: Tag
+    row: int
+    columns: NDArray[np.int64]
+    energies: NDArray[np.float64]
+    score: float
+    total: float
+    interval: float
+    rivals: tuple[int, ...] = ()
+
+
+class Folds:
+    """Seeds of the codes with as many pulses as each other, and what becomes of them.
+
+    Parameters
+    ----------
+    book : CodeBook
+    cells : Cells
+    kept_s : float
+        How long cells are kept.
+    bandwidth_hz : float
+        That is searched.
+    false_per_hour : float
+        Identities that noise may make, of each code.
+    """
+
+    def __init__(
+        self,
+        book: CodeBook,
+        cells: Cells,
+        *,
+        kept_s: float,
+        bandwidth_hz: float,
+        false_per_hour: float,
+    ) -> None:
+        self._book, self._cells = book, cells
+        self._false_per_hour = false_per_hour
+        self._bandwidth_hz = bandwidth_hz
+        self._bursts = np.array([longest(tag, kept_s) for tag in book.tags])
+        self._error = np.array([t.interval_uncertainty_s for t in book.tags]) / cells.column_s
+        most = 255 // book.pulses
+        self._clip = min(round(_CLIP / STEP), most)
+        self._clip_of_three = min(CLIP, most)
+        self._waiting = {
+            bursts: np.zeros((0, FIELDS), np.int32)
+            for bursts in sorted({THREE, *self._bursts.tolist()})
+            if bursts >= THREE
+        }
+
+    def note(self, first: int, count: int) -> None:
+        """Look for seeds among bursts that begin at some columns."""
+        pulses = self._book.pulses
+        seeds = find_seeds(
+            *(self._cells, self._book, first, count),
+            clip=self._clip,
+            level=round(_SEED_OF_MANY * pulses / STEP),
+        )
+        most = self._bursts[seeds[:, 0]]
+        for bursts, waiting in self._waiting.items():
+            own = seeds[most == bursts] if bursts != THREE else seeds[most >= THREE]
+            if bursts == THREE:
+                own = own[own[:, 4] >= round(_SEED_OF_THREE * pulses / STEP)]
+            self._waiting[bursts] = np.concatenate((waiting, own))
+
+    def complete(self, whole: int, *, last: bool) -> list[Found]:
+        """Sum about the seeds all of whose later bursts have come.
+
+        Parameters
+        ----------
+        whole : int
+            Columns before which a burst is complete.
+        last : bool
+            Nothing comes any more.
+        """
+        hits: list[Found] = []
+        for bursts, waiting in self._waiting.items():
+            reach = self._error[waiting[:, 0]] + self._book.intervals[waiting[:, 0]]
+            ends = waiting[:, 3] + (bursts - 1) * reach + self._book.span + self._cells.pulse
+            due = (ends < whole) | last
+            self._waiting[bursts] = waiting[~due]
+            seeds = waiting[due]
+            for error in np.unique(self._error[seeds[:, 0]]):
+                hits += self._hits(seeds[self._error[seeds[:, 0]] == error], bursts, error)
+        return self._apart(hits)
+
+    def _hits(self, seeds: NDArray[np.int32], bursts: int, error: float) -> list[Found]:
+        steps = math.ceil((bursts - 1) * error / _COLUMNS_PER_STEP)
+        best = fold(
+            *(self._cells, self._book, seeds),
+            bursts=bursts,
+            reach=error,
+            steps=steps,
+            clip=self._clip_of(bursts),
+        )
+        found = []
+        least = {}
+        for code in np.unique(seeds[:, 0]).tolist():
+            least[code] = self._least(code, bursts, bursts * self._book.pulses)
+        enough = best[:, 0] * STEP >= np.array([least[c] for c in seeds[:, 0].tolist()])
+        for seed, one in zip(seeds[enough].tolist(), best[enough].tolist(), strict=True):
+            off = error * one[1] / max(steps, 1)
+            found.append(self._found(seed, one[2], off, bursts, least[seed[0]]))
+        return [one for one in found if self._steady(one)]
+
+    def _clip_of(self, bursts: int) -> int:
+        """Most that a cell counts: pulses that three bursts show are stronger."""
+        return self._clip_of_three if bursts == THREE else self._clip
+
+    def _least(self, code: int, bursts: int, pulses: int) -> float:
+        tag = self._book.tags[code]
+        return sum_limit(
+            tag,
+            bandwidth_hz=self._bandwidth_hz,
+            bursts=bursts,
+            pulses=pulses,
+            false_per_hour=self._false_per_hour,
+        )
+
+    def _found(
+        self, seed: list[int], first: int, off: float, bursts: int, least: float
+    ) -> Found:
+        code, row, stretch, column, _ = seed
+        interval = float(self._book.intervals[code])
+        places = np.arange(first, first + bursts)
+        begins = column + np.floor(places * interval + 0.5) + np.floor(places * off + 0.5)
+        columns = begins.astype(np.int64)[:, None] + self._book.offsets[code, stretch]
+        cells = self._cells
+        at = np.clip(columns - cells.base, 0, cells.kept.shape[1] - 1)
+        energies = np.minimum(cells.kept[row, at], self._clip_of(bursts)) * STEP
+        total = float(energies.sum())
+        return Found(
+            tag=self._book.tags[code],
+            row=row,
+            columns=columns,
+            energies=energies,
+            score=total / least,
+            total=total,
+            interval=interval + off,
+        )
+
+    def _steady(self, one: Found) -> bool:
+        """Whether no single burst makes the sum: each counts twice the median at most."""
+        sums = one.energies.sum(axis=1)
+        limited = np.minimum(sums, 2.5 * np.median(sums))
+        return bool(limited.sum() >= 0.93 * one.total / max(one.score, 1.0))
+
+    def _apart(self, hits: list[Found]) -> list[Found]:
+        """Of hits with the same pulses the best; it names those that are nearly as good."""
+        chosen: list[Found] = []
+        for one in sorted(hits, key=lambda hit: -hit.score):
+            shared = [
+                place
+                for place, other in enumerate(chosen)
+                if _common(one.columns, other.columns) > 0.25
+            ]
+            if not shared:
+                chosen.append(one)
+                continue
+            for place in shared:
+                other = chosen[place]
+                near = one.energies.shape == other.energies.shape and (
+                    one.total > other.total - _CERTAIN
+                )
+                if near and one.tag.tag_id not in (other.tag.tag_id, *other.rivals):
+                    chosen[place] = _with_rival(other, one.tag.tag_id)
+        return chosen
+
+
+def _common(one: NDArray[np.int64], other: NDArray[np.int64]) -> float:
+    """Part of one's pulses that are the other's."""
+    apart = np.abs(one.reshape(-1, 1) - other.reshape(1, -1))
+    return float((apart <= _AWAY).any(axis=1).mean())
+
+
+def _with_rival(found: Found, tag_id: int) -> Found:
+    return replace(found, rivals=(*found.rivals, tag_id))

@@ -1,0 +1,356 @@
+"""Whether a sum of cells is a burst, and whose of several codes that claim it.
+
+The pulses of a burst come from one tag within a quarter of a second: they are equally strong,
+each is where its cell is largest, and each is as short as a pulse. What lies within a stronger
+burst is explained by it; a code is told apart from another by the likelihood of the pulses that
+they do not share (equal priors, noncoherent: I0 of the matched filter).
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.special import i0e
+
+from uavrt.detection.coded.cells import Cells
+from uavrt.detection.coded.sums import CodeBook
+
+_POOL = 1
+"""Columns about a pulse's place in which its cell is the largest."""
+_LEAK = 0.35
+"""Of the amplitude of the strongest at any frequency, what may be only that one's leak."""
+_UNEQUAL = 18.0
+"""Chi square of the pulses' amplitudes at most: of 3 degrees 2 in 10 000 are beyond it."""
+_FADING = 0.12
+"""Standard deviation of the strength within a burst, of its amplitude, beside the noise."""
+_HIGHER = 2.3
+"""Noise amplitudes by which a cell near a pulse may be above that of the pulse."""
+_BESIDE = 0.6
+"""Of a pulse's amplitude, most that is just before and after it, beside noise."""
+_GUARD_S = 0.5e-3
+"""Beyond a pulse width from a pulse, its filters' ringing."""
+_CERTAIN = 10.0
+"""Log likelihood by which a code must be better than all that share pulses with it."""
+_MOST_SWAPS = 3
+"""Of codes that explain pulses for others that explain more."""
+_NAMED, _SURE_PULSE = 2, 12.0
+"""Pulses that must be alone on air, and how strong each, for a burst that is not identified."""
+_SATURATED = 12.0
+"""Noise energies from which on kept cells do not tell where a pulse is best."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Burst:
+    """A burst that one code claims.
+
+    Attributes
+    ----------
+    book : CodeBook
+    code, row, stretch : int
+    column : int
+        Of the first pulse, by the code.
+    columns : ndarray of int, shape (pulses,)
+        Where the pulses' cells are largest.
+    energies : ndarray of float, shape (pulses,)
+        In noise energies.
+    good : ndarray of bool, shape (pulses,)
+        Pulses that count: alone on air, and like the others.
+    likelihood : float
+        Log, over noise.
+    """
+
+    book: CodeBook
+    code: int
+    row: int
+    stretch: int
+    column: int
+    columns: NDArray[np.intp]
+    energies: NDArray[np.float64]
+    good: NDArray[np.bool_]
+    likelihood: float = 0.0
+    prior: float = 0.0
+    """Log odds that it is sent now, over any other time."""
+    score: float = 0.0
+    """Sum over its least."""
+    rivals: list[int] = field(default_factory=list)
+    """Ids of tags that may have sent it as well."""
+
+    @property
+    def tag_id(self) -> int:
+        """Whose it is."""
+        return self.book.tags[self.code].tag_id
+
+
+def measure(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> list[Burst]:
+    """Look at the pulses of seeds among the recent cells; leave out what is no burst.
+
+    Parameters
+    ----------
+    cells : Cells
+    book : CodeBook
+    seeds : ndarray of int32, shape (n, 5)
+        All pulses lie among the recent cells.
+    """
+    if not len(seeds):
+        return []
+    seeds = _centred(cells, book, seeds)
+    offsets = book.offsets[seeds[:, 0], seeds[:, 2]]
+    at = seeds[:, 3:4] + offsets - cells.recent_from
+    rows = seeds[:, 1][:, None]
+    last = cells.recent.shape[1] - 1
+    # What counts lies exactly at the gaps: each further column would be one more chance.
+    energies = cells.recent[rows, np.clip(at, 0, last)]
+    at = at + _best(cells, rows, at, _POOL)[1]
+    tall = np.maximum(
+        _best(cells, rows, at, cells.pulse)[0],
+        np.maximum(
+            cells.recent[np.maximum(rows - 1, 0), at],
+            cells.recent[np.minimum(rows + 1, len(cells.recent) - 1), at],
+        ),
+    )
+    amplitude = np.sqrt(energies)
+    far = round(1.2 * cells.pulse)
+    before = np.sqrt(cells.recent[rows, np.maximum(at - far, 0)])
+    after = np.sqrt(cells.recent[rows, np.minimum(at + far, last)])
+    beside = np.maximum(before, after)
+    good = np.sqrt(tall) <= amplitude * (1.0 + _FADING) + _HIGHER
+    good &= beside <= _BESIDE * amplitude + _HIGHER
+    # A much stronger signal at another frequency leaks into all rows.
+    everywhere = sliding_window_view(
+        np.pad(cells.recent.max(axis=0), cells.pulse), 2 * cells.pulse + 1
+    )
+    loudest = everywhere[np.clip(at, 0, last)].max(axis=2)
+    good &= amplitude >= _LEAK * np.sqrt(loudest)
+    tall = np.maximum(tall, loudest)
+    found = []
+    for i, seed in enumerate(seeds.tolist()):
+        if np.count_nonzero(good[i]) < least_pulses(book.pulses):
+            continue
+        usual = float(np.median(amplitude[i][good[i]]))
+        if (np.sqrt(tall[i][~good[i]]) < usual).any():
+            continue  # not hit by anything, yet not like a pulse
+        columns = at[i] + cells.recent_from
+        burst = Burst(
+            book=book,
+            code=seed[0],
+            row=seed[1],
+            stretch=seed[2],
+            column=seed[3],
+            columns=columns,
+            energies=energies[i].astype(np.float64),
+            good=good[i].copy(),
+        )
+        found.append(burst)
+    return found
+
+
+def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Move strong seeds, of which many columns and stretches look alike, to the best."""
+    offsets = book.offsets[seeds[:, 0]]
+    last = cells.recent.shape[1] - 1
+    at = seeds[:, 3] - cells.recent_from
+    here = cells.recent[seeds[:, 1, None], np.clip(at[:, None] + offsets[:, 0], 0, last)]
+    strong = np.flatnonzero(here.max(axis=1) >= _SATURATED)
+    if not len(strong):
+        return seeds
+    shifts = np.arange(-cells.pulse, cells.pulse + 1)
+    columns = at[strong, None, None, None] + shifts[:, None] + offsets[strong, :, None, :]
+    rows = seeds[strong, 1][:, None, None, None]
+    amplitude = np.sqrt(cells.recent[rows, np.clip(columns, 0, last)]).sum(axis=3)
+    best = amplitude.reshape(len(strong), -1).argmax(axis=1)
+    moved = seeds.copy()
+    moved[strong, 2] = best // len(shifts)
+    moved[strong, 3] += shifts[best % len(shifts)].astype(np.int32)
+    _, first = np.unique(moved[:, :4], axis=0, return_index=True)
+    return moved[first]
+
+
+def _best(
+    cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp], reach: int
+) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
+    """Largest cells within so many columns, and where."""
+    places = np.arange(-reach, reach + 1)
+    columns = np.clip(at[:, :, None] + places, 0, cells.recent.shape[1] - 1)
+    near = cells.recent[rows[:, :, None], columns]
+    which = near.argmax(axis=2)
+    best = np.take_along_axis(near, which[:, :, None], axis=2)[:, :, 0]
+    return best, which - reach
+
+
+def least_pulses(pulses: int) -> int:
+    """Pulses of a burst that must be heard alone: two gaps at least, where there are two."""
+    return max(min(3, pulses), pulses - 1) if pulses <= 4 else pulses - 2
+
+
+def weigh(burst: Burst, limits: dict[int, float]) -> bool:
+    """Whether a burst's good pulses suffice; its score and likelihood are noted.
+
+    Parameters
+    ----------
+    burst : Burst
+    limits : dict of int to float
+        Least sum by the number of pulses.
+    """
+    while True:
+        count = int(burst.good.sum())
+        if count < least_pulses(len(burst.good)):
+            return False
+        own = burst.energies[burst.good]
+        amplitude = np.sqrt(own)
+        middle = float(amplitude.mean())
+        variance = 0.5 + (_FADING * middle) ** 2
+        if float(((amplitude - middle) ** 2).sum()) <= _UNEQUAL * variance:
+            break
+        # One that stands out may be hit by another signal; one that is not there speaks
+        # against the code.
+        usual = float(np.median(amplitude))
+        if float(amplitude.max()) - usual < usual - float(amplitude.min()):
+            return False
+        burst.good[int(np.where(burst.good, burst.energies, 0.0).argmax())] = False
+    # A pulse that is much stronger than the others does not stand for them.
+    least = limits[count]
+    burst.score = float(np.minimum(own, 0.5 * least).sum()) / least
+    burst.likelihood = _likelihood(own) + burst.prior
+    return burst.score >= 1.0
+
+
+def _likelihood(energies: NDArray[np.float64]) -> float:
+    """Log likelihood, over noise, of pulses that are equally strong."""
+    strength = max(float(energies.mean()) - 1.0, 0.1)
+    z = 2.0 * np.sqrt(strength * energies)
+    return float((np.log(i0e(z)) + z - strength).sum())
+
+
+class OnAir:
+    """Bursts that were accepted: what lies within their pulses is theirs.
+
+    Parameters
+    ----------
+    cells : Cells
+    """
+
+    def __init__(self, cells: Cells) -> None:
+        self.guard = cells.pulse + round(_GUARD_S / cells.column_s)
+        """Columns to either side of a pulse's that are its own."""
+        self.bursts: list[Burst] = []
+        self._cells = cells
+
+    def copy(self) -> "OnAir":
+        """The same bursts, to add others."""
+        same = OnAir(self._cells)
+        same.bursts = self.bursts.copy()
+        return same
+
+    def forget(self, before: int) -> None:
+        """Drop the bursts that ended before a column."""
+        self.bursts = [one for one in self.bursts if one.columns[-1] >= before]
+
+    def add(self, burst: Burst) -> None:
+        """Take an accepted burst."""
+        self.bursts.append(burst)
+
+    def sends(self, burst: Burst) -> bool:
+        """Whether the burst's tag is sending another at that time: this is an echo of it."""
+        length = int(burst.columns[-1] - burst.columns[0])
+        return any(
+            one.tag_id == burst.tag_id and abs(one.column - burst.column) <= length
+            for one in self.bursts
+        )
+
+    def covers(self, burst: Burst) -> tuple[NDArray[np.bool_], list[Burst]]:
+        """Which pulses of a burst lie on those of accepted ones, and on whose."""
+        covered = np.zeros(len(burst.columns), np.bool_)
+        whose = []
+        for other in self.bursts:
+            apart = np.abs(burst.columns[:, None] - other.columns[None])
+            hit = (apart <= self.guard).any(axis=1)
+            if hit.any():
+                covered |= hit
+                whose.append(other)
+        return covered, whose
+
+
+def decide(
+    claims: list[Burst], on_air: OnAir, limits: dict[int, dict[int, float]], *, before: int
+) -> tuple[list[Burst], int]:
+    """Accept the bursts that together explain the pulses best.
+
+    The likeliest first; then it is tried whether without one of them the others explain more:
+    of two bursts that lie in each other a third code may have pulses of both.
+
+    Parameters
+    ----------
+    claims : list of Burst
+        Weighed; those of one sent burst come in several versions and codes.
+    on_air : OnAir
+        What was accepted before.
+    limits : dict of int to dict
+        Least sums by the pulses of a burst, and by those that count.
+    before : int
+        Lost bursts that begin before this column are counted.
+
+    Returns
+    -------
+    list of Burst, int
+        The accepted ones, and how many collided with others and could not be told.
+    """
+    without: frozenset[int] = frozenset()
+    best, lost = _greedy(claims, on_air, limits, before, without)
+    for _ in range(_MOST_SWAPS):
+        collided = [one for one in best if not one.good.all() or one.rivals]
+        around = {one.tag_id for one in best if any(_meet(one, hit) for hit in collided)}
+        others = []
+        for tag_id in around:
+            tried = without | {tag_id}
+            others.append((*_greedy(claims, on_air, limits, before, tried), tried))
+        better = max(others, key=lambda one: _total(one[0]), default=None)
+        if better is None or _total(better[0]) <= _total(best):
+            break
+        best, lost, without = better
+    return best, lost
+
+
+def _total(bursts: list[Burst]) -> float:
+    return sum(one.likelihood for one in bursts)
+
+
+def _meet(one: Burst, other: Burst) -> bool:
+    """Whether two bursts overlap in time."""
+    return bool(one.columns[0] <= other.columns[-1] and other.columns[0] <= one.columns[-1])
+
+
+def _greedy(
+    claims: list[Burst],
+    before_now: OnAir,
+    limits: dict[int, dict[int, float]],
+    before: int,
+    without: frozenset[int],
+) -> tuple[list[Burst], int]:
+    """Accept the likeliest first, without some tags."""
+    on_air = before_now.copy()
+    accepted: list[Burst] = []
+    lost = 0
+    for claim in sorted(claims, key=lambda one: -one.likelihood):
+        if claim.tag_id in without or on_air.sends(claim):
+            continue
+        burst = replace(claim, good=claim.good.copy(), rivals=[])
+        covered, whose = on_air.covers(burst)
+        if covered.any():
+            shared = int(covered.sum()) >= len(covered) - 1
+            for other in whose if shared else ():
+                near = burst.likelihood > other.likelihood - _CERTAIN
+                if near and burst.tag_id not in other.rivals:
+                    other.rivals.append(burst.tag_id)
+            burst.good &= ~covered
+            if not weigh(burst, limits[burst.book.pulses]):
+                alone = burst.energies[burst.good]
+                lost += len(alone) > 0 and burst.column < before
+                if len(alone) < _NAMED or alone.min() < _SURE_PULSE:
+                    continue
+                # Too much of it is hit; it is named, and others may not have its pulses.
+                burst.likelihood = _likelihood(alone)
+                burst.rivals += [other.tag_id for other in whose]
+        accepted.append(burst)
+        on_air.add(burst)
+    return accepted, lost

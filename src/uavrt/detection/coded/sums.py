@@ -1,0 +1,209 @@
+"""Sums of cells at the gaps of many codes: the search of all codes of a channel.
+
+A burst is the sum of the cells of its pulses, noncoherent, at the gaps of its code; the tag's
+crystal stretches all gaps alike, so a few stretches are tried. Several bursts are summed at the
+burst interval about a sum that stands out, a seed: of three or ten bursts that are heard one
+does so nearly always.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.config import GAP_TOLERANCE_S
+from uavrt.detection.coded.cells import Cells
+from uavrt.messages import Tag
+from uavrt.native import kernels
+
+_STRETCHES = (0.0, -0.5, 0.5, -1.0, 1.0)
+"""Of the tolerance of all gaps together."""
+APART = 4
+"""Columns within which a seed is the largest sum of its row and code."""
+FIELDS = 5
+"""Of a seed: code, row, stretch, column, sum."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CodeBook:
+    """Codes with as many pulses in a burst, in columns of cells.
+
+    Attributes
+    ----------
+    tags : tuple of Tag
+    offsets : ndarray of int32, shape (codes, stretches, pulses)
+        Columns of the pulses from the first.
+    intervals : ndarray of float32, shape (codes,)
+        Columns from burst to burst.
+    """
+
+    tags: tuple[Tag, ...]
+    offsets: NDArray[np.int32]
+    intervals: NDArray[np.float32]
+
+    @property
+    def pulses(self) -> int:
+        """Pulses of a burst."""
+        return int(self.offsets.shape[2])
+
+    @property
+    def span(self) -> int:
+        """Columns from the first to the last pulse of the longest burst."""
+        return int(self.offsets.max())
+
+
+def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
+    """Lay out codes that have as many gaps as each other."""
+    gaps_s = np.array([tag.gaps_s for tag in tags])
+    starts_s = np.concatenate((np.zeros((len(tags), 1)), np.cumsum(gaps_s, axis=1)), axis=1)
+    parts = GAP_TOLERANCE_S * np.array(_STRETCHES)[None, :] / starts_s[:, -1:]
+    offsets = np.rint(starts_s[:, None, :] * (1.0 + parts[:, :, None]) / column_s)
+    return CodeBook(
+        tags=tags,
+        offsets=np.ascontiguousarray(offsets, np.int32),
+        intervals=np.array([tag.pulse_intervals_s[0] / column_s for tag in tags], np.float32),
+    )
+
+
+def find_seeds(
+    cells: Cells, book: CodeBook, first: int, count: int, *, clip: int, level: int
+) -> NDArray[np.int32]:
+    """Find the sums of bursts that reach a level.
+
+    Parameters
+    ----------
+    cells : Cells
+    book : CodeBook
+    first, count : int
+        Columns at which bursts begin.
+    clip : int
+        Most that a cell counts.
+    level : int
+        In steps of the kept cells, as `clip`.
+
+    Returns
+    -------
+    ndarray of int32, shape (seeds, 5)
+        Code, row, stretch, column, sum.
+    """
+    at = first - cells.base
+    if at < APART:
+        count, at = count - (APART - at), APART
+    if count <= 0:
+        return np.zeros((0, FIELDS), np.int32)
+    rows, width = cells.kept.shape
+    native = kernels()
+    if native is None:
+        found = _seeds_in_numpy(cells.kept, book, at, count, clip, level)
+    else:
+        codes, stretches, pulses = book.offsets.shape
+        raw = native.seeds(
+            *(cells.kept, rows, width, at, count, book.offsets, codes, stretches, pulses),
+            *(clip, level, APART),
+        )
+        found = np.frombuffer(raw, np.int32).reshape(-1, FIELDS).copy()
+    found[:, 3] += cells.base
+    return found
+
+
+def _seeds_in_numpy(
+    kept: NDArray[np.uint8], book: CodeBook, at: int, count: int, clip: int, level: int
+) -> NDArray[np.int32]:
+    limited = np.minimum(kept, clip)
+    found = [np.zeros((0, FIELDS), np.int32)]
+    begin, length = at - APART, count + 2 * APART
+    for code, offsets in enumerate(book.offsets):
+        sums = np.stack(
+            [
+                sum(limited[:, begin + o : begin + o + length] for o in own)
+                for own in offsets.tolist()
+            ]
+        )
+        best = sums.max(axis=0)
+        inner = best[:, APART:-APART]
+        top = inner >= level
+        for k in range(1, APART + 1):
+            top &= best[:, APART - k : APART - k + count] < inner
+            top &= best[:, APART + k : APART + k + count] <= inner
+        row, column = np.nonzero(top)
+        which = sums[:, row, column + APART].argmax(axis=0)
+        code_of = np.full(len(row), code)
+        columns = (code_of, row, which, column + at, inner[row, column])
+        found.append(np.stack(columns, axis=1).astype(np.int32))
+    return np.concatenate(found)
+
+
+def fold(
+    cells: Cells,
+    book: CodeBook,
+    seeds: NDArray[np.int32],
+    *,
+    bursts: int,
+    reach: float,
+    steps: int,
+    clip: int,
+) -> NDArray[np.int32]:
+    """Sum the bursts about seeds at the burst interval.
+
+    Parameters
+    ----------
+    cells : Cells
+    book : CodeBook
+    seeds : ndarray of int32, shape (n, 5)
+    bursts : int
+        In a row, of which the seed is one.
+    reach : float
+        Columns by which the interval may be off.
+    steps : int
+        Intervals tried on either side.
+    clip : int
+
+    Returns
+    -------
+    ndarray of int32, shape (n, 3)
+        Sum, which of the intervals (from -steps), place of the first burst (0: the seed).
+    """
+    own = np.ascontiguousarray(seeds, np.int32).copy()
+    own[:, 3] -= cells.base
+    out = np.zeros((len(own), 3), np.int32)
+    rows = cells.kept.shape[0]
+    native = kernels()
+    if native is None:
+        for seed, best in zip(own, out, strict=True):
+            best[:] = _fold_in_numpy(cells.kept, book, seed, bursts, reach, steps, clip)
+        return out
+    kept = np.ascontiguousarray(cells.kept)
+    _, stretches, pulses = book.offsets.shape
+    native.folds(
+        *(kept, rows, kept.shape[1], own, len(own), book.offsets, stretches, pulses),
+        *(book.intervals, float(reach), steps, bursts, clip, out),
+    )
+    return out
+
+
+def _fold_in_numpy(
+    kept: NDArray[np.uint8],
+    book: CodeBook,
+    seed: NDArray[np.int32],
+    bursts: int,
+    reach: float,
+    steps: int,
+    clip: int,
+) -> tuple[int, int, int]:
+    code, row, stretch, column, _ = seed.tolist()
+    interval, own = float(book.intervals[code]), book.offsets[code, stretch]
+    places = np.arange(1 - bursts, bursts)
+    off = reach * np.arange(-steps, steps + 1) / max(steps, 1)
+    base = column + np.floor(places * interval + 0.5).astype(np.int64)
+    at = base[None] + np.floor(places[None] * off[:, None] + 0.5).astype(np.int64)
+    where = at[:, :, None] + own
+    # A burst whose search does not lie within the cells counts nothing.
+    half = (reach * np.abs(places)).astype(np.int64) + 2
+    inside = (base - half >= 0) & (base + half + 1 + own[-1] <= kept.shape[1])
+    picked = np.minimum(kept[row, np.clip(where, 0, kept.shape[1] - 1)], clip)
+    sums = picked.sum(axis=2, dtype=np.int64) * inside
+    total = np.concatenate((np.zeros((len(off), 1), np.int64), np.cumsum(sums, axis=1)), axis=1)
+    windows = total[:, bursts:] - total[:, :-bursts]
+    # The first of equals by place, then by interval, as the kernel has it.
+    first, which = np.unravel_index(int(windows.T.argmax()), windows.T.shape)
+    return int(windows[which, first]), int(which) - steps, int(first) + 1 - bursts

@@ -1,0 +1,94 @@
+"""Where a tag that was identified is expected to send its next burst."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from uavrt.messages import Tag
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+MISSES = 8
+"""So many bursts may be missed before a tag must be identified anew."""
+_OWN_ERROR = 5e-6
+"""Of an interval that was measured: a crystal's drift with temperature."""
+_TIMING_S = 1e-3
+
+
+@dataclass(slots=True)
+class BurstTrack:
+    """A tag that was identified.
+
+    Attributes
+    ----------
+    tag : Tag
+    time_ns : int
+        Start of its newest burst.
+    row : int
+        Frequency, as a row of the cells.
+    interval_s, error_s : float
+        From burst to burst, and how far that may be off.
+    """
+
+    tag: Tag
+    time_ns: int
+    row: int
+    interval_s: float
+    error_s: float
+
+    def hear(self, time_ns: int, row: int) -> None:
+        """Take a burst that comes after the newest."""
+        passed_s = (time_ns - self.time_ns) / NANOSECONDS_PER_SECOND
+        count = round(passed_s / self.interval_s)
+        if count >= 1:
+            measured_s, error_s = passed_s / count, 2.0 * _TIMING_S / count
+            nominal_s, most_s = self.tag.pulse_intervals_s[0], self.tag.interval_uncertainty_s
+            if abs(measured_s - nominal_s) <= most_s + error_s and error_s < self.error_s:
+                self.interval_s = measured_s
+                self.error_s = error_s + _OWN_ERROR * measured_s
+        self.time_ns, self.row = time_ns, row
+
+    def expected(self, upto_ns: int) -> Iterator[tuple[int, float]]:
+        """Starts of the bursts that may come before a time, and how far they may be off [s]."""
+        for count in range(1, MISSES + 1):
+            at_ns = self.time_ns + round(count * self.interval_s * NANOSECONDS_PER_SECOND)
+            if at_ns >= upto_ns:
+                return
+            yield at_ns, _TIMING_S + count * self.error_s
+
+
+class Tracks:
+    """All tags of a channel that were identified.
+
+    Parameters
+    ----------
+    tags : sequence of Tag
+    """
+
+    def __init__(self, tags: Sequence[Tag]) -> None:
+        self._tags = {tag.tag_id: tag for tag in tags}
+        self.alive: dict[int, BurstTrack] = {}
+
+    def hear(self, tag_id: int, time_ns: int, row: int) -> BurstTrack:
+        """Note a burst of a tag."""
+        track = self.alive.get(tag_id)
+        if track is None:
+            tag = self._tags[tag_id]
+            track = BurstTrack(
+                tag=tag,
+                time_ns=time_ns,
+                row=row,
+                interval_s=tag.pulse_intervals_s[0],
+                error_s=tag.interval_uncertainty_s,
+            )
+            self.alive[tag_id] = track
+        elif time_ns > track.time_ns:
+            track.hear(time_ns, row)
+        return track
+
+    def forget(self, now_ns: int) -> None:
+        """Drop the tags that have been silent too long."""
+        self.alive = {
+            tag_id: track
+            for tag_id, track in self.alive.items()
+            if now_ns - track.time_ns
+            <= (MISSES + 1) * track.interval_s * NANOSECONDS_PER_SECOND
+        }

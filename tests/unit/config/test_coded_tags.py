@@ -1,0 +1,121 @@
+"""Coded tags in tag files: TOML as ours, lists in CSV and YAML, and all faults at once."""
+
+from pathlib import Path
+
+import pytest
+
+from uavrt.config import near_codes, parse_tags, read_tags, words_of_near_codes, write_tags
+from uavrt.errors import ConfigError, TagFileError
+from uavrt.messages import Tag
+
+TOML = """\
+[defaults]
+frequency_mhz = 166.38
+interval_ms = 1254      # of the beeping tags
+pulse_width_ms = 20
+
+[[tag]]
+id = 12
+name = "Robin"
+kind = "coded"
+gaps_ms = [22.0, 48.8, 36.6]
+burst_interval_s = 5.3
+
+[[tag]]
+id = 14
+"""
+CODE = Tag(
+    tag_id=12,
+    name="Robin",
+    frequency_hz=166_380_000.0,
+    pulse_width_s=0.0025,
+    pulse_intervals_s=(5.3,),
+    interval_uncertainty_s=0.004,
+    k=10,
+    gaps_s=(0.022, 0.0488, 0.0366),
+)
+
+
+def test_a_coded_tag_stands_beside_a_beeping_one() -> None:
+    coded, beeping = parse_tags(TOML.encode(), name="tags.toml")
+    assert coded == CODE
+    assert coded.coded
+    assert coded.length_s == pytest.approx(0.1099)
+    assert not beeping.coded
+    assert beeping.pulse_intervals_s == (1.254,)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("list.csv", "proj,id,name,tagFreq,g1,g2,g3,bi\nx,12,Robin,166.38,22,48.8,36.6,5.3\n"),
+        ("list.txt", "id;name;nomFreq;gaps_ms;period\n12;Robin;166.38;22 48.8 36.6;5.3\n"),
+        (
+            "list.yaml",
+            "tags:\n  - id: 12\n    name: Robin\n    frequency_mhz: 166.38\n"
+            "    gaps_ms: [22.0, 48.8, 36.6]  # as registered\n    burst_interval_s: 5.3\n",
+        ),
+    ],
+)
+def test_lists_as_people_have_them_are_read(name: str, text: str, tmp_path: Path) -> None:
+    tags = parse_tags(text.encode(), name=name)
+    assert tags == (CODE,)
+    write_tags(tmp_path / "tags.toml", tags)
+    assert read_tags(tmp_path / "tags.toml") == tags
+    with pytest.raises(ConfigError, match="no columns for coded tags"):
+        write_tags(tmp_path / "TagInfo.txt", tags)
+
+
+def _entry(number: int, gaps: str, interval_s: str) -> str:
+    head = f"[[tag]]\nid = {number}\nfrequency_mhz = 166.38\n"
+    return f'{head}kind = "coded"\ngaps_ms = {gaps}\nburst_interval_s = {interval_s}\n'
+
+
+def test_all_faults_of_codes_are_told_at_once_each_with_its_line() -> None:
+    text = (
+        _entry(1, "[0.022, 0.0488, 0.0366]", "5.3")
+        + _entry(2, "[22, 48.8, 36.6]", "5300")
+        + _entry(3, "[22, 48.8, 3.6]", "5.3")
+        + _entry(4, "[22, 48.8, 36]", "0.1")
+        + _entry(5, "[22, 48.8, 36]", "5.3")
+        + _entry(6, "[22, 48.8, 36]", "5.3")
+        + "[[tag]]\nid = 7\nfrequency_mhz = 166.38\ngaps_ms = [22, 48.8, 36]\n"
+        + _entry(8, '"22"', "5.3")
+        + _entry(9, "[22000, 48800, 36600]", "5.3")
+    )
+    with pytest.raises(TagFileError) as caught:
+        parse_tags(text.encode(), name="tags.toml")
+    told = {
+        5: "looks like seconds but is read as ms: write 22, 48.8, 36.6",
+        12: "looks like ms but is read as s: write 5.3",
+        17: "they would overlap",
+        24: "must be longer than the burst, whose gaps make 109.3 ms",
+        31: "the same code, gaps and burst interval, as the tag of line 25",
+        40: 'write kind = "coded"',
+        45: "a coded tag has gaps_ms",
+        51: "looks like µs",
+    }
+    assert len(caught.value.faults) == len(told)
+    for fault, (line, words) in zip(caught.value.faults, told.items(), strict=True):
+        assert fault.startswith(f"line {line}: ")
+        assert words in fault
+
+
+def test_too_many_codes_are_refused_and_faults_of_a_csv_have_lines() -> None:
+    rows = "\n".join(f"{i},166.38,{20 + 0.1 * i:.1f},48.8,36.6,5.3" for i in range(1, 601))
+    with pytest.raises(TagFileError, match="line 502: 600 codes in one list, at most 500"):
+        parse_tags(f"id,tagFreq,g1,g2,g3,bi\n{rows}\n".encode(), name="list.csv")
+    with pytest.raises(
+        TagFileError, match=r"(?s)line 2: g2 is 'x'.*line 3: this tag has no bur"
+    ):
+        parse_tags(b"id,freq,g1,g2,bi\n1,150,22,x,5\n2,150,22,30,\n", name="list.csv")
+
+
+def test_codes_nearer_than_the_tolerance_are_named() -> None:
+    texts = [_entry(1, "[22, 48.8, 36]", "5.3"), _entry(2, "[22.5, 48.8, 36.5]", "5.9")]
+    tags = parse_tags(
+        (texts[0] + texts[1] + _entry(3, "[24, 48.8, 36]", "5.3")).encode(), name=""
+    )
+    assert [(a.tag_id, b.tag_id) for a, b, _ in near_codes(tags, 500.0)] == [(1, 2)]
+    (words,) = words_of_near_codes(tags, 500.0)
+    assert words.startswith("codes 1 and 2 differ by 1 ms in all gaps together")
