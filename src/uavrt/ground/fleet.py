@@ -49,8 +49,15 @@ class Fleet:
         own = (GCS_SYSTEM_ID if keys.as_gcs else STATION_SYSTEM_ID, keys.component_id)
         signing = None if keys.signing is None else Signing(keys.signing, clock.now_ns)
         self._links = Links(own, signing=signing)
+        self._estimating = asyncio.Lock()
         self.first = GroundSession(
-            store, clock, on_event, keys, links=self._links, companions=self._beside
+            store,
+            clock,
+            on_event,
+            keys,
+            links=self._links,
+            companions=self._beside,
+            estimating=self._estimating,
         )
         self._others: dict[int, GroundSession] = {}
         self._tasks: dict[int, asyncio.Task[None]] = {}
@@ -102,6 +109,7 @@ class Fleet:
             links=self._links,
             companions=self._beside,
             my_place=self.first.my_place,
+            estimating=self._estimating,
         )
         self._others[system_id] = session
         self.first.identity.excluded.add(system_id)

@@ -66,7 +66,8 @@ LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
 """A pulse heard this long after the stop is of another flight, unless it was before it."""
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
-"""Estimates run again after eight times as long as they took: at most 11 % of a core."""
+"""Estimates run again after eight times as long as they took, and as many times more as there
+are vehicles: at most 11 % of a core in all."""
 
 FOREIGN_REMEDY = "give each vehicle a number of its own (MAV_SYS_ID), or choose this one"
 
@@ -92,6 +93,8 @@ class GroundSession:
         Get this session; give those of the other vehicles.
     my_place : MyPlace, optional
         Of the first; without it there is one of its own.
+    estimating : asyncio.Lock, optional
+        Held while estimates are worked out, by one session at a time.
     """
 
     def __init__(
@@ -104,6 +107,7 @@ class GroundSession:
         links: Links | None = None,
         companions: Callable[["GroundSession"], Sequence["GroundSession"]] = lambda _own: (),
         my_place: MyPlace | None = None,
+        estimating: asyncio.Lock | None = None,
     ) -> None:
         self.store = store
         self._links, self._companions = links, companions
@@ -136,6 +140,7 @@ class GroundSession:
         self._estimator = Estimator()
         self._estimate_due = False
         self._estimate_at_s = 0.0
+        self._one_at_a_time = asyncio.Lock() if estimating is None else estimating
         self.vehicle: VehicleWatch | None = None
         self._serving: asyncio.Task[None] | None = None
         self._estimating: asyncio.Task[None] | None = None
@@ -505,6 +510,10 @@ class GroundSession:
         self._estimating = asyncio.get_running_loop().create_task(self._estimate())
 
     async def _estimate(self) -> None:
+        async with self._one_at_a_time:
+            await self._estimate_now()
+
+    async def _estimate_now(self) -> None:
         columns = self.flight.columns()
         flight_id = self.flight.flight_id
         begun_s = monotonic_s()
@@ -522,7 +531,8 @@ class GroundSession:
             return
         finally:
             took_s = monotonic_s() - begun_s
-            wait_s = max(ESTIMATE_LEAST_S, ESTIMATE_SHARE * took_s)
+            vehicles = 1 + len(self.companions)
+            wait_s = max(ESTIMATE_LEAST_S, ESTIMATE_SHARE * vehicles * took_s)
             self._estimate_at_s = monotonic_s() + wait_s
         if flight_id == self.flight.flight_id:
             if found.told != self.estimates.told:

@@ -97,11 +97,16 @@ class Estimates:
 
 
 class Estimator:
-    """Estimates with a cache: does not recompute a turn and tag that have not changed."""
+    """Estimates with a cache: does not recompute a turn and tag that have not changed.
+
+    It holds what the last estimate was made of: what has changed since is not asked for again.
+    """
 
     def __init__(self) -> None:
         self._bearings: dict[tuple[Any, ...], tuple[Bearing, Record] | None] = {}
         self._positions: dict[tuple[Any, ...], Record | None] = {}
+        self._used_bearings: dict[tuple[Any, ...], tuple[Bearing, Record] | None] = {}
+        self._used_positions: dict[tuple[Any, ...], Record | None] = {}
         self._learnt: tuple[Hashable, AntennaPattern] | None = None
         self._ground: tuple[Hashable, OverGround | None] | None = None
 
@@ -122,6 +127,20 @@ class Estimator:
         A bearing of the drone's own stands where it knows of more pulses of that turn than
         have reached the ground.
         """
+        self._used_bearings, self._used_positions = {}, {}
+        try:
+            return self._estimate(columns, antenna, from_drone, tags, beside)
+        finally:
+            self._bearings, self._positions = self._used_bearings, self._used_positions
+
+    def _estimate(
+        self,
+        columns: Columns,
+        antenna: AntennaChoice,
+        from_drone: Sequence[LiveBearing],
+        tags: Sequence[Tag],
+        beside: Sequence[Found],
+    ) -> Estimates:
         poses = _pose_columns(columns)
         over = self._over_ground(columns, poses, antenna.dem)
         if antenna.pattern == MONOPOLE:
@@ -189,7 +208,7 @@ class Estimator:
                     if found.position is None
                     else _position_record(tag_id, found.position, end_ns)
                 )
-            position = self._positions[key]
+            position = self._used_positions[key] = self._positions[key]
             if position is not None:
                 positions.append(position)
         return Estimates(bearings=[], positions=positions)
@@ -232,6 +251,7 @@ class Estimator:
         key = (heard.tag_id, turn.start_time_ns, turn.end_time_ns, count, pattern[1])
         if key not in self._bearings:
             self._bearings[key] = _bearing(number, heard, pattern[1])
+        self._used_bearings[key] = self._bearings[key]
         return self._bearings[key]
 
     def _position(
@@ -251,6 +271,7 @@ class Estimator:
         )
         if key not in self._positions:
             self._positions[key] = _position(tag_id, found, over)
+        self._used_positions[key] = self._positions[key]
         return self._positions[key]
 
 
