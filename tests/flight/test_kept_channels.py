@@ -1,4 +1,4 @@
-"""Two tags too weak for any group of pulses, found afterwards from what the drone kept."""
+"""Two tags too weak for any group of pulses, found in flight and afterwards by what is kept."""
 
 import json
 import subprocess
@@ -12,7 +12,8 @@ import msgspec
 import pytest
 import sigmf
 
-from uavrt.recording import read_flight, read_health
+from uavrt.config.settings import IntegrationSettings
+from uavrt.recording import read_flight, read_health, read_integrated
 from uavrt.simulation import Scenario, World
 from uavrt.simulation.flight import Flight, Leg
 from uavrt.simulation.scenario import Radio, SimulatedTag
@@ -62,23 +63,31 @@ def weak_scenario() -> Scenario:
 
 @pytest.mark.flight
 @pytest.mark.timeout(300)
-def test_weak_tags_are_found_from_the_channels_that_the_drone_kept(
+def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone_kept(
     drone_bay: Any, tmp_path: Path
 ) -> None:
     scenario = weak_scenario()
     flights = tmp_path / "drone1" / "flights"
-    drone = drone_bay.launch(scenario, msgspec.json.encode(scenario.tags).decode())
+    drone = drone_bay.launch(
+        scenario,
+        msgspec.json.encode(scenario.tags).decode(),
+        integration=IntegrationSettings(on_drone=True),
+    )
     kept_s = 0.0
     counters: dict[str, float] = {}
+    told: dict[str, str] = {}
     deadline_s = time.monotonic() + 150.0
-    while kept_s < KEPT_S and time.monotonic() < deadline_s:
+    while (kept_s < KEPT_S or len(told) < 2) and time.monotonic() < deadline_s:
         for topic, record in drone.status.read(0.5):
+            if topic == "status_text" and "found over the flight so far" in record.text:
+                told.setdefault(record.text.split()[1], record.text)
             if topic == "system_status":
                 for process in record.processes:
                     if process.process == "receiver":
                         counters = process.counters
                 kept_s = counters.get("kept_samples", 0.0) / 2 / 7500.0
     drone.supervisor.stop()
+    assert set(told) == {"2", "3"}
     (directory,) = flights.glob("flight_log_*")
     pieces = sorted((directory / "iq" / "channels").glob("*.sigmf-meta"))
     assert len({piece.name[:20] for piece in pieces}) == 2
@@ -89,6 +98,9 @@ def test_weak_tags_are_found_from_the_channels_that_the_drone_kept(
     kept = sum(piece.with_suffix(".sigmf-data").stat().st_size for piece in pieces)
     assert last.counters["kept_samples"] == kept / 2  # of 8 bits: no signal asked for more
 
+    verdicts, pulses = read_integrated(directory)
+    assert {one.tag_id for one in verdicts if one.found} == {2, 3}
+    assert {one.pulse.detection_status for one in pulses} == {"integrated"}
     groups = [one.pulse.confirmed for one in read_flight(directory).pulse_poses]
     assert sum(groups) < 6  # what the detectors made of it: next to nothing
     said = subprocess.run(

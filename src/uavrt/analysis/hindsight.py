@@ -107,6 +107,11 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     return found
 
 
+def verdict_of(flight: Flight, one: IntegratedTag) -> IntegratedVerdict:
+    """Sum up what a flight shows of a tag."""
+    return _verdict(one, len(integrated_pulses(flight, one)))
+
+
 def _verdict(one: IntegratedTag, pulses: int) -> IntegratedVerdict:
     place = one.place
     train = len(one.pulses.time_s) if one.found else 0

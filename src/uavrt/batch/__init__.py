@@ -18,12 +18,13 @@ if TYPE_CHECKING:
     from uavrt.batch.questions import QUESTIONS, ask
     from uavrt.batch.recordings import Found, Recording, find_recordings, read_manifest
     from uavrt.batch.run import run_batch
-    from uavrt.batch.settings import STEPS, BatchSettings, BatchSummary, BatchWatch
+    from uavrt.batch.settings import STEPS, USUAL_STEPS, BatchSettings, BatchSummary, BatchWatch
     from uavrt.batch.tables import FlightRow, RecordingRow
 
 __all__ = [
     "QUESTIONS",
     "STEPS",
+    "USUAL_STEPS",
     "BatchSettings",
     "BatchSummary",
     "BatchWatch",
@@ -46,6 +47,7 @@ __getattr__ = lazily(
     {
         "QUESTIONS": "questions",
         "STEPS": "settings",
+        "USUAL_STEPS": "settings",
         "BatchSettings": "settings",
         "BatchSummary": "settings",
         "BatchWatch": "settings",

@@ -20,10 +20,10 @@ from uavrt.analysis.tracks import attach_poses, estimate_offset, read_track
 from uavrt.attitude import yaw_deg
 from uavrt.batch.tables import BearingOfTag, PoseRow, PositionOfTag, read_pulses
 from uavrt.errors import UavrtError
-from uavrt.localization import HEIGHT_SIGMA_M, PositionMethod
+from uavrt.localization import HEIGHT_SIGMA_M, PositionMethod, pattern_named
 from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import Pulse, PulsePose, Tag
-from uavrt.recording import Flight, read_flight
+from uavrt.recording import Flight, IntegratedVerdict, read_flight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +67,7 @@ class FlightResult:
     clock_offset_s: float | None = None
     bearings: tuple[BearingOfTag, ...] = ()
     positions: tuple[PositionOfTag, ...] = ()
+    integrated: tuple[IntegratedVerdict, ...] = ()
     cpu_s: float = 0.0
 
 
@@ -136,21 +137,52 @@ def _place(task: FlightTask) -> FlightResult:
         poses=tuple(_pose_rows(task, posed)) if "attach" in task.steps else (),
         clock_offset_s=offset_s,
     )
+    if "integrate" in task.steps and flight is not None:
+        verdicts, fault = _integrated(task, flight)
+        found = replace(found, integrated=verdicts, fault=fault)
     if "bearing" not in task.steps:
         return found
     try:
         bearings, positions = _located(task, flight, posed)
     except UavrtError as error:  # no pulse has a pose: the pulses count all the same
-        return replace(found, fault=str(error))
+        return replace(found, fault=_both(found.fault, str(error)))
     without = [f"tag {one.tag_id}: {one.reason}" for one in positions if not one.position]
     return replace(
         found,
-        fault="; ".join(without) or None,
+        fault=_both(found.fault, "; ".join(without)),
         bearings=tuple(map(_bearing_row, bearings)),
         positions=tuple(
             row for one in positions if (row := _position_row(one, bearings, posed)) is not None
         ),
     )
+
+
+def _both(first: str | None, then: str) -> str | None:
+    """Two faults in words; None where there is none."""
+    return "; ".join(filter(None, (first, then))) or None
+
+
+def _integrated(
+    task: FlightTask, flight: Flight
+) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
+    """Judge each tag whose channel was kept by the whole flight; and what could not be."""
+    from uavrt.analysis import channel_of, integrate_kept, kept_channels, verdict_of
+
+    if task.settings.antenna == MONOPOLE:
+        return (), "integrate: a whole flight is judged by an antenna's pattern: name one"
+    pattern = pattern_named(_antenna(task.settings.antenna))
+    channels = kept_channels(Path(flight.info.directory))
+    verdicts, faults = [], []
+    for tag in flight.info.tags:
+        if channel_of(channels, tag) is None:
+            continue
+        try:
+            (result,) = integrate_kept(flight, [tag], pattern)
+        except UavrtError as error:
+            faults.append(f"integrate tag {tag.tag_id}: {error}")
+        else:
+            verdicts.append(verdict_of(flight, result))
+    return tuple(verdicts), "; ".join(faults) or None
 
 
 def _attached(

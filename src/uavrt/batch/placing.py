@@ -15,6 +15,7 @@ from uavrt.batch.recordings import Found, Recording
 from uavrt.batch.settings import BatchSettings
 from uavrt.batch.tables import (
     BEARINGS,
+    INTEGRATED,
     POSES,
     POSITIONS,
     PULSES,
@@ -28,7 +29,7 @@ from uavrt.batch.tables import (
     write_rows,
 )
 from uavrt.clock import Clock
-from uavrt.recording import FlightLayout
+from uavrt.recording import FlightLayout, IntegratedVerdict
 
 R = TypeVar("R")
 
@@ -117,6 +118,7 @@ class Placing:
         self._write(task, POSES, PoseRow, result.poses)
         self._write(task, BEARINGS, BearingOfTag, result.bearings)
         self._write(task, POSITIONS, PositionOfTag, result.positions)
+        self._write(task, INTEGRATED, IntegratedVerdict, result.integrated)
         row = FlightRow(
             path=task.path,
             flight=task.flight,
@@ -184,7 +186,10 @@ def _key(task: FlightTask) -> str:
         *(task.path, [one.file.stem for one in task.searched], sorted(map(repr, task.tags))),
         *(task.steps, task.clock_offset_s, repr(task.settings), uavrt.__version__),
     ]
-    return _hashed(facts, [*_files(task), Path(task.settings.antenna)])
+    kept: list[Path] = []
+    if "integrate" in task.steps and task.is_flight:
+        kept = sorted(FlightLayout(Path(task.path)).channels_directory.glob("*.sigmf-*"))
+    return _hashed(facts, [*_files(task), Path(task.settings.antenna), *kept])
 
 
 def _recorded_key(task: FlightTask) -> str:

@@ -29,6 +29,7 @@ from uavrt.batch.settings import BatchSettings, BatchSummary, BatchWatch
 from uavrt.batch.tables import (
     BEARINGS,
     FLIGHTS,
+    INTEGRATED,
     POSES,
     POSITIONS,
     PULSES,
@@ -101,7 +102,7 @@ def _run(
 ) -> BatchSummary:
     (output / UNFINISHED).mkdir(parents=True, exist_ok=True)
     recordings = Ledger(output, DONE, RecordingRow, [PULSES])
-    flights = Ledger(output, PLACED, FlightRow, [POSES, BEARINGS, POSITIONS])
+    flights = Ledger(output, PLACED, FlightRow, [POSES, BEARINGS, POSITIONS, INTEGRATED])
     detecting = Detecting(sought, output, settings, recordings)
     rows = [row for one in found.recordings if (row := detecting.plan(one)) is not None]
     for row in rows:

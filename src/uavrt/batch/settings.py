@@ -9,14 +9,16 @@ from uavrt.batch.tables import FlightRow, RecordingRow
 from uavrt.errors import UsageError
 
 CHUNK_S = 600.0
-STEPS = ("detect", "attach", "bearing", "localize")
+STEPS = ("detect", "attach", "bearing", "localize", "integrate")
+USUAL_STEPS = STEPS[:-1]
+"""The last takes longer than all others together, and memory; who wants it asks for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchSettings:
     """How recordings are searched, and flights placed."""
 
-    steps: tuple[str, ...] = STEPS
+    steps: tuple[str, ...] = USUAL_STEPS
     frequency_window_hz: float = 500.0
     cell_s: float = CELL_S
     lead_in_s: float = LEAD_IN_S
@@ -39,7 +41,11 @@ class BatchSettings:
             raise UsageError(
                 f"there is no step {unknown[0]}", remedy=f"Choose from {', '.join(STEPS)}"
             )
-        for before, step in (("attach", "bearing"), ("bearing", "localize")):
+        for before, step in (
+            ("attach", "bearing"),
+            ("bearing", "localize"),
+            ("attach", "integrate"),
+        ):
             if step in self.steps and before not in self.steps:
                 raise UsageError(f"{step} needs {before}", remedy=f"Add the step {before}")
 

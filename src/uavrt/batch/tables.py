@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from uavrt.errors import FormatError, needs_extra
 from uavrt.messages import Pulse
-from uavrt.recording import fields_of
+from uavrt.recording import IntegratedVerdict, fields_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA_VERSION = "1"
 PULSES, POSES, BEARINGS, POSITIONS = "pulses", "poses", "bearings", "positions"
+INTEGRATED = "integrated"
 RECORDINGS, FLIGHTS = "recordings.parquet", "flights.parquet"
 PULSE_FIELDS = fields_of(Pulse)
 _ROWS = 100_000
@@ -156,6 +157,7 @@ TABLES: dict[str, type] = {
     POSES: PoseRow,
     BEARINGS: BearingOfTag,
     POSITIONS: PositionOfTag,
+    INTEGRATED: IntegratedVerdict,
 }
 """In folders, a file for each recording or flight."""
 

@@ -210,6 +210,17 @@ class BearingSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class IntegrationSettings:
+    """``[integration]``: whether the drone itself looks for tags below the noise in flight."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
+    on_drone: bool = False
+    """Judge each tag by the whole flight so far, twice a minute or as often as a tenth of a
+    core allows, and tell what is found. Needs ``recording.channels``, and 400 MB of memory."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingSettings:
     """``[recording]``: what is kept."""
 
@@ -340,6 +351,7 @@ class Settings:
     antenna: AntennaSettings = field(default_factory=AntennaSettings)
     detection: DetectionSettings = field(default_factory=DetectionSettings)
     bearings: BearingSettings = field(default_factory=BearingSettings)
+    integration: IntegrationSettings = field(default_factory=IntegrationSettings)
     recording: RecordingSettings = field(default_factory=RecordingSettings)
     guidance: GuidanceSettings = field(default_factory=GuidanceSettings)
     udp_channels: UdpChannelSettings = field(default_factory=UdpChannelSettings)

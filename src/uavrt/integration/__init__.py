@@ -14,8 +14,16 @@ if TYPE_CHECKING:
     from uavrt.integration.drifting import even_time_s, search_drifting
     from uavrt.integration.energy_grid import SlotEnergies, gather, slot_energies
     from uavrt.integration.folding import base_periods, fold, fold_rows, interval_slots
+    from uavrt.integration.growing import BLOCK_S, GrowingEnergies
     from uavrt.integration.judging import Judgement, OtherTrain, judge
-    from uavrt.integration.places import Places, common_gains, distinct, places_around
+    from uavrt.integration.places import (
+        ALIKE,
+        QUICK_ALIKE,
+        Places,
+        common_gains,
+        distinct,
+        places_around,
+    )
     from uavrt.integration.together import JointTrain, Listened, search_together
     from uavrt.integration.train_place import (
         HeardTrain,
@@ -26,6 +34,8 @@ if TYPE_CHECKING:
         train_pulses,
     )
     from uavrt.integration.whole_flight import (
+        KEPT_VARIANCE,
+        QUICK_VARIANCE,
         FoldedTrain,
         Weights,
         chance,
@@ -36,7 +46,13 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "ALIKE",
+    "BLOCK_S",
+    "KEPT_VARIANCE",
+    "QUICK_ALIKE",
+    "QUICK_VARIANCE",
     "FoldedTrain",
+    "GrowingEnergies",
     "HeardTrain",
     "JointTrain",
     "Judgement",
@@ -72,6 +88,12 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
+        "QUICK_ALIKE": "places",
+        "ALIKE": "places",
+        "QUICK_VARIANCE": "whole_flight",
+        "KEPT_VARIANCE": "whole_flight",
+        "GrowingEnergies": "growing",
+        "BLOCK_S": "growing",
         "FoldedTrain": "whole_flight",
         "HeardTrain": "train_place",
         "JointTrain": "together",

@@ -8,13 +8,13 @@ pulse, and not like an impulse, its slot is marked, and trains of marks are look
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search import Spectrogram, make_grid, sliding_maximum
+from uavrt.detection.search import Grid, Spectrogram, make_grid, sliding_maximum
 from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -72,6 +72,19 @@ class SlotEnergies:
         length_s = len(self.heard) * self.slot_s
         return self.start_ns + round(length_s * NANOSECONDS_PER_SECOND)
 
+    def between(self, first: int, end: int) -> "SlotEnergies":
+        """Some of the slots, standardised as they are."""
+        start_s = first * self.slot_s
+        return replace(
+            self,
+            energy=self.energy[:, first:end],
+            heard=self.heard[first:end],
+            start_ns=self.start_ns + round(start_s * NANOSECONDS_PER_SECOND),
+            level=self.level[:, first:end],
+            loud=self.loud[:, first:end],
+            listened=self.listened[first:end],
+        )
+
     def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
         """The same as if nothing had been heard at some times, nor just beside them.
 
@@ -94,6 +107,83 @@ class SlotEnergies:
             loud=self.loud & kept,
             listened=self.listened & kept,
         )
+
+
+def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
+    """Put energies of neighbouring slots together, and standardise them as a whole.
+
+    Parameters
+    ----------
+    parts : sequence of SlotEnergies
+        Of one tag, each beginning where the one before ends. Columns left out beside the slots
+        that were kept of a part are counted with it.
+
+    Raises
+    ------
+    ValueError
+        There is none.
+    """
+    first = parts[0] if parts else None
+    if first is None:
+        raise ValueError("no energies to put together")
+    level = np.concatenate([one.level for one in parts], axis=1)
+    heard = np.concatenate([one.heard for one in parts])
+    energy, mean, sigma = _centred(
+        np.where(heard, level, np.float32(0.0)), heard, round(_LEVEL_S / first.slot_s)
+    )
+    return replace(
+        first,
+        energy=energy,
+        heard=heard,
+        mean=mean,
+        sigma=sigma,
+        left_out=sum(one.left_out for one in parts),
+        level=level,
+        loud=np.concatenate([one.loud for one in parts], axis=1),
+        listened=np.concatenate([one.listened for one in parts]),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotLayout:
+    """How a tag's slots lie over the samples of its channel."""
+
+    grid: Grid
+    columns_per_slot: int
+    reach: int
+    """Columns on each side of a slot's middle that are looked at."""
+
+    @property
+    def samples_per_slot(self) -> int:
+        """Samples from one slot to the next."""
+        return self.columns_per_slot * self.grid.hop
+
+    @property
+    def slots_beside(self) -> int:
+        """Slots on each side of a stretch whose samples its energies depend on."""
+        columns = 2 * self.reach + 2 * _HOPS_BESIDE + -(-self.grid.window // self.grid.hop)
+        return math.ceil(columns / self.columns_per_slot) + 2
+
+
+def slot_layout(
+    tag: Tag,
+    *,
+    sample_rate_hz: float,
+    center_frequency_hz: float,
+    frequency_window_hz: float,
+    slots_per_pulse: int = 2,
+) -> SlotLayout:
+    """Lay a tag's slots over a channel; parameters as those of `slot_energies`."""
+    grid = make_grid(
+        sample_rate_hz=sample_rate_hz,
+        pulse_width_s=tag.pulse_width_s,
+        offset_hz=tag.frequency_hz - center_frequency_hz,
+        half_width_hz=frequency_window_hz,
+    )
+    per_slot = max(1, round(tag.pulse_width_s / slots_per_pulse / grid.hop_s))
+    half_s = 0.5 * per_slot * grid.hop_s
+    reach = math.ceil((tag.interval_jitter_s + half_s) / grid.hop_s - 0.5)
+    return SlotLayout(grid=grid, columns_per_slot=per_slot, reach=reach)
 
 
 def gather(
@@ -161,18 +251,18 @@ def slot_energies(
     frequency_window_hz : float
         Half-width of the search around the tag's nominal frequency.
     slots_per_pulse : int
-        2, or 4 for a tag without jitter.
+        2, or 4 for a tag without jitter; 1 for a quick look.
     """
-    grid = make_grid(
+    layout = slot_layout(
+        tag,
         sample_rate_hz=sample_rate_hz,
-        pulse_width_s=tag.pulse_width_s,
-        offset_hz=tag.frequency_hz - center_frequency_hz,
-        half_width_hz=frequency_window_hz,
+        center_frequency_hz=center_frequency_hz,
+        frequency_window_hz=frequency_window_hz,
+        slots_per_pulse=slots_per_pulse,
     )
+    grid, per_slot, reach = layout.grid, layout.columns_per_slot, layout.reach
     spectrogram = Spectrogram(grid)
     hop = grid.hop
-    per_slot = max(1, round(tag.pulse_width_s / slots_per_pulse / grid.hop_s))
-    reach = math.ceil((tag.interval_jitter_s + 0.5 * per_slot * grid.hop_s) / grid.hop_s - 0.5)
     middle = grid.rows // 2
     # Rows a quarter of a bin apart; every second loses 0.1 dB in the mean (sinc² at 1/8 bin).
     rows = np.arange(middle % 2, grid.rows, 2)

@@ -23,8 +23,10 @@ _RANGES = 14
 RANGE_STEP = (_FARTHEST_M / _NEAREST_M) ** (1.0 / (_RANGES - 1))
 """Of one ring's radius to the next."""
 _STEP_S = 0.25
-_ALIKE = 0.97
+ALIKE = 0.97
 """Correlation of two places' weights from which one is folded for both: 0.13 dB at most."""
+QUICK_ALIKE = 0.90
+"""The same for a quick look, with 2.5 times fewer places: 0.46 dB at most, 0.2 in the mean."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -179,7 +181,7 @@ def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats
     return np.asarray(range_m * np.sin(turn)), np.asarray(range_m * np.cos(turn))
 
 
-def distinct(weights: _Floats, alike_from: float = _ALIKE) -> NDArray[np.intp]:
+def distinct(weights: _Floats, alike_from: float = ALIKE) -> NDArray[np.intp]:
     """Places whose weights stand for all others'.
 
     Parameters

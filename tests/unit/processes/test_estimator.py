@@ -50,7 +50,7 @@ def test_the_estimator_is_one_row_that_the_settings_put_on_the_drone() -> None:
     assert [one.name for one in consumers_of("bearing")] == ["connection"]
     without = tuple(one for one in PROCESSES if one.name != "estimator")
     assert rows_for(Settings()) == tuple(
-        one for one in without if one.name not in {"ros2", "guide"}
+        one for one in without if one.name not in {"ros2", "guide", "integrator"}
     )
 
 

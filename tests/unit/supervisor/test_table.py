@@ -6,6 +6,7 @@ from uavrt.config.settings import (
     BearingSettings,
     DetectionSettings,
     GuidanceSettings,
+    IntegrationSettings,
     Ros2Settings,
     Settings,
     Shape,
@@ -70,7 +71,7 @@ def test_only_the_sample_chain_depends_on_the_state() -> None:
     running = {
         state: {row.name for row in PROCESSES if row.runs(state)} for state in SystemState
     }
-    always = {"recorder", "connection", "estimator", "guide", "ros2"}
+    always = {"recorder", "connection", "estimator", "integrator", "guide", "ros2"}
     assert running[SystemState.DETECTING] == {*always, "detector", "receiver"}
     assert running[SystemState.IDLE] == always
 
@@ -79,11 +80,12 @@ def test_the_gateway_and_the_guide_run_only_where_they_are_asked_for() -> None:
     asked = Settings(
         ros2=Ros2Settings(enabled=True),
         bearings=BearingSettings(on_drone=True),
+        integration=IntegrationSettings(on_drone=True),
         guidance=GuidanceSettings(enabled=True),
     )
     assert set(rows_for(asked)) == set(PROCESSES)
     left_out = {row.name for row in set(PROCESSES) - set(rows_for(Settings()))}
-    assert left_out == {"ros2", "estimator", "guide"}
+    assert left_out == {"ros2", "estimator", "integrator", "guide"}
 
 
 @pytest.mark.parametrize("shape", SHAPES)

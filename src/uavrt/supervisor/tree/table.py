@@ -40,6 +40,11 @@ def with_bearings_on_drone(settings: Settings) -> bool:
     return settings.bearings.on_drone
 
 
+def with_integration_on_drone(settings: Settings) -> bool:
+    """Run where the flight is judged on the drone, by the channels that it keeps."""
+    return settings.integration.on_drone and settings.recording.channels
+
+
 def with_ros2(settings: Settings) -> bool:
     """Run where the gateway to ROS 2 is asked for."""
     return settings.ros2.enabled
@@ -158,6 +163,18 @@ PROCESSES: tuple[ProcessRow, ...] = (
         backlog=500,
         cpu_budget_percent=10.0,
         memory_limit_mb=120.0,
+    ),
+    ProcessRow(
+        name="integrator",
+        module="uavrt.analysis.integrator",
+        meaning="tags below the noise, judged over the flight so far",
+        runs=always,
+        configured=with_integration_on_drone,
+        consumes=("flight", "flight_end"),
+        produces=("health", "status_text"),
+        backlog=10,
+        cpu_budget_percent=10.0,
+        memory_limit_mb=500.0,
     ),
     ProcessRow(
         name="guide",

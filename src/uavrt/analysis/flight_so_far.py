@@ -1,0 +1,180 @@
+"""Judge a flight while it is flown, from the channels that it keeps.
+
+The same judgement as after the flight (`uavrt.analysis.whole_flight`), of what has been heard
+so far; energies are measured once (`uavrt.integration.growing`). Each look at a flight is
+another chance to be wrong, so the k-th may be wrong with p / (k (k + 1)) only: these add up to
+p, however many looks there are (Boole's inequality).
+"""
+
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.kept_samples import KeptChannel, channel_of, kept_channels
+from uavrt.analysis.whole_flight import (
+    LEAST_PART,
+    POSITION_M,
+    IntegratedTag,
+    antenna_poses,
+    chance_in_words,
+    channel_samples,
+    hills_under,
+    judged_tag,
+)
+from uavrt.dsp import FrontEnd
+from uavrt.errors import FormatError
+from uavrt.integration import GrowingEnergies, SlotEnergies
+from uavrt.localization import AntennaPattern
+from uavrt.messages import Tag
+from uavrt.planning import LEAST_PULSES
+from uavrt.radio import JoinedRecording, sigmf_layout
+from uavrt.recording import read_flight
+from uavrt.terrain import Elevation
+
+FALSE_ALARM_PROBABILITY = 0.01
+"""Of a flight and tag, over all looks at it."""
+
+
+class FlightSoFar:
+    """Judges tags of a flight that goes on.
+
+    Parameters
+    ----------
+    directory : Path
+        The flight's.
+    pattern : AntennaPattern
+    frequency_window_hz : float
+        Half-width of the search around each tag's nominal frequency.
+    elevation : Elevation, optional
+        Heights of the ground.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        pattern: AntennaPattern,
+        *,
+        frequency_window_hz: float = 500.0,
+        elevation: Elevation | None = None,
+    ) -> None:
+        self._directory, self._pattern = directory, pattern
+        self._window_hz, self._elevation = frequency_window_hz, elevation
+        self._heard: dict[int, _Heard] = {}
+
+    def judge(self, tag: Tag) -> IntegratedTag | None:
+        """Judge a tag by all that was heard so far; None if nothing new was, or too little.
+
+        Raises
+        ------
+        FormatError
+            The flight's database cannot be read.
+        """
+        channel = channel_of(kept_channels(self._directory), tag)
+        if channel is None:
+            return None
+        heard = self._heard.get(tag.tag_id)
+        if heard is None or heard.channel_hz != channel.center_frequency_hz:
+            heard = self._heard[tag.tag_id] = _Heard(tag, channel, self._window_hz)
+        try:
+            new = heard.listen(channel)
+        except FormatError:  # its only piece has no samples yet
+            return None
+        if not new or heard.length_s < LEAST_PULSES * tag.pulse_intervals_s[0]:
+            return None
+        flight = read_flight(self._directory)
+        if len(flight.poses) < 2:
+            return None
+        heard.looks += 1
+        hills = hills_under(flight, self._elevation)
+        return judged_tag(
+            flight,
+            tag,
+            heard.energies(),
+            antenna_poses(flight),
+            self._pattern,
+            FALSE_ALARM_PROBABILITY / (heard.looks * (heard.looks + 1)),
+            0.0,
+            None if hills is None else hills.at(tag.frequency_hz),
+            quick=True,
+        )
+
+
+class _Heard:
+    """What was heard of one tag's channel."""
+
+    def __init__(self, tag: Tag, channel: KeptChannel, frequency_window_hz: float) -> None:
+        self.channel_hz = channel.center_frequency_hz
+        self.looks = 0
+        self._tag, self._window_hz = tag, frequency_window_hz
+        self._growing: GrowingEnergies | None = None
+
+    @property
+    def length_s(self) -> float:
+        return 0.0 if self._growing is None else self._growing.length_s
+
+    def listen(self, channel: KeptChannel) -> int:
+        """Take what the channel holds beyond what is known; get how many blocks are new."""
+        growing = self._growing
+        paths = channel.paths
+        if growing is not None:
+            paths = _reaching(paths, growing.needed_from_ns)
+        with closing(JoinedRecording(paths)) as source:
+            front_end = FrontEnd(
+                sample_rate_hz=source.sample_rate_hz,
+                center_frequency_hz=source.center_frequency_hz,
+                frequencies_hz=[self._tag.frequency_hz],
+            )
+            plan = front_end.plan
+            found: tuple[NDArray[np.complex64], NDArray[np.bool_], int]
+            (found,) = channel_samples(source, front_end, None).values()
+        samples, there, start_ns = found
+        if not len(samples):
+            return 0
+        if growing is None:
+            growing = self._growing = GrowingEnergies(
+                self._tag,
+                start_ns=start_ns,
+                sample_rate_hz=plan.channel_rate_hz,
+                center_frequency_hz=plan.channel_centers_hz[0],
+                frequency_window_hz=self._window_hz,
+                slots_per_pulse=1,
+            )
+        return growing.take(samples, there, start_ns)
+
+    def energies(self) -> SlotEnergies:
+        assert self._growing is not None
+        return self._growing.energies()
+
+
+def _reaching(paths: tuple[Path, ...], needed_ns: int) -> tuple[Path, ...]:
+    """The pieces from the one in which a time lies."""
+    starts: list[tuple[int, Path]] = []
+    for path in paths:
+        try:
+            starts.append((sigmf_layout(path).segments[0].time_ns, path))
+        except (FormatError, IndexError):  # removed meanwhile, or still empty
+            continue
+    starts.sort()
+    later = [number for number, (start_ns, _) in enumerate(starts) if start_ns > needed_ns]
+    first = max(0, (later[0] if later else len(starts)) - 1)
+    return tuple(path for _, path in starts[first:])
+
+
+def told_in_flight(one: IntegratedTag) -> str:
+    """Say what a flight shows so far of a tag that it has found, in one short line."""
+    chance = chance_in_words(one.train.false_alarm_probability)
+    place = one.place
+    assert place is not None
+    parts = [part for part in place.cells.parts() if part.probability >= LEAST_PART]
+    if len(parts) > 1:
+        where = f"in one of {len(parts)} places"
+    elif place.radius95_m > POSITION_M:
+        where = f"at {place.bearing_deg:.0f}° ± {0.5 * place.arc95_deg:.0f}° (95 %)"
+    else:
+        where = (
+            f"at {place.latitude_deg:.5f}, {place.longitude_deg:.5f}, "
+            f"within {place.radius95_m:.0f} m (95 %)"
+        )
+    return f"Tag {one.tag.tag_id} found over the flight so far, {where}; {chance}"

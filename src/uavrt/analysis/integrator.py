@@ -1,0 +1,224 @@
+"""The integrator process: tags below the noise, told while the drone is still in the air.
+
+An onlooker like the estimator, at the lowest priority: it reads what the flight has kept of its
+channels, judges one tag after another by all that was heard so far, writes what it found beside
+the flight as ``uavrt integrate`` does, and tells the ground. It takes a tenth of a core.
+"""
+
+import os
+import queue
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+from uavrt.analysis.flight_so_far import FlightSoFar, told_in_flight
+from uavrt.analysis.hindsight import save_integrated
+from uavrt.analysis.whole_flight import IntegratedTag
+from uavrt.clock import cpu_s, monotonic_s
+from uavrt.config import Settings
+from uavrt.errors import UavrtError, UsageError
+from uavrt.integration import BLOCK_S
+from uavrt.ipc import ProcessFrame
+from uavrt.localization import pattern_named
+from uavrt.log import get_logger
+from uavrt.messages import FlightInfo, Tag
+from uavrt.recording import read_flight
+from uavrt.terrain import Elevation, open_elevation
+
+log = get_logger()
+
+NICENESS = 15
+"""It must not take time from the detectors, nor from the estimator."""
+TICK_S = 0.5
+SHARE = 9.0
+"""It rests nine times as long as it worked: a tenth of a core."""
+LOOK_AGAIN_S = 5.0
+"""After a look at a tag of which nothing new was heard."""
+FEW_PULSES = 3
+"""A tag with as many confirmed pulses is found without us, and not told of."""
+CLOSER = 0.5
+"""A place is told again when its radius has shrunk to so much of what was told."""
+
+
+class Looks:
+    """Which tag is looked at next, and when; pure.
+
+    Parameters
+    ----------
+    tags : sequence of Tag
+    """
+
+    def __init__(self, tags: Sequence[Tag]) -> None:
+        self._due_s = dict.fromkeys((tag.tag_id for tag in tags), 0.0)
+        self._tags = {tag.tag_id: tag for tag in tags}
+        self._rest_until_s = 0.0
+
+    def due(self, now_s: float) -> Tag | None:
+        """Get the tag that has waited longest, if one is due and there was rest enough."""
+        if not self._due_s or now_s < self._rest_until_s:
+            return None
+        tag_id, due_s = min(self._due_s.items(), key=lambda item: item[1])
+        return self._tags[tag_id] if due_s <= now_s else None
+
+    def looked(self, tag: Tag, now_s: float, worked_s: float, *, new: bool) -> None:
+        """Know that a look has ended, and what it cost [s of a core]."""
+        self._rest_until_s = now_s + SHARE * worked_s
+        self._due_s[tag.tag_id] = now_s + (BLOCK_S if new else LOOK_AGAIN_S)
+
+
+class Teller:
+    """What the ground is told: a tag that is found, and a place that becomes much closer."""
+
+    def __init__(self) -> None:
+        self._radius_m: dict[int, float] = {}
+
+    def text(self, one: IntegratedTag) -> str | None:
+        """Get what is to be said, if anything is."""
+        place = one.place
+        if place is None or one.heard_alone >= FEW_PULSES:
+            return None
+        told_m = self._radius_m.get(one.tag.tag_id)
+        if told_m is not None and place.radius95_m > CLOSER * told_m:
+            return None
+        self._radius_m[one.tag.tag_id] = place.radius95_m
+        return told_in_flight(one)
+
+
+class Integration:
+    """The state of the process; see the module's text.
+
+    Raises
+    ------
+    UsageError
+        There is no such antenna.
+    """
+
+    def __init__(self, frame: ProcessFrame) -> None:
+        self._frame = frame
+        settings = frame.assignment.settings
+        self._pattern = pattern_named(settings.bearings.antenna)
+        self._window_hz = settings.detection.frequency_window_hz
+        self._elevation = self._ground(settings)
+        self._flight: FlightSoFar | None = None
+        self._directory = Path()
+        self._looks, self._teller = Looks(()), Teller()
+        self._jobs: queue.SimpleQueue[tuple[FlightSoFar, Path, Tag] | None]
+        self._jobs = queue.SimpleQueue()
+        self._done: queue.SimpleQueue[tuple[FlightSoFar, Tag, IntegratedTag | None, float]]
+        self._done = queue.SimpleQueue()
+        self._working = False
+        self.judged = self.found = 0
+        self.fault: str | None = None
+        self.longest_s = 0.0
+        if frame.assignment.flight is not None:
+            self._begin(frame.assignment.flight)
+        threading.Thread(target=self._work, name="integration", daemon=True).start()
+
+    def take(self, topic: str, record: object) -> None:
+        """Handle a record of the hub."""
+        if isinstance(record, FlightInfo) and topic == "flight":
+            self._begin(record)
+        elif topic == "flight_end":
+            self._flight = None  # the whole of it is judged on the ground
+
+    def _ground(self, settings: Settings) -> Elevation | None:
+        """The ground that orders of motion are checked against; level if it is not known."""
+        terrain = settings.guidance.terrain
+        if terrain is None:
+            return None
+        try:
+            return open_elevation(Path(terrain))
+        except UavrtError as error:
+            self._frame.tell(4, f"integrated as over level ground: {error}")
+            return None
+
+    def _begin(self, flight: FlightInfo) -> None:
+        self._directory = Path(flight.directory)
+        self._flight = FlightSoFar(
+            self._directory,
+            self._pattern,
+            frequency_window_hz=self._window_hz,
+            elevation=self._elevation,
+        )
+        self._looks, self._teller = Looks(flight.tags), Teller()
+
+    def tick(self) -> None:
+        """Tell what was found, and look at the next tag."""
+        while not self._done.empty():
+            flight, tag, result, worked_s = self._done.get()
+            self._working = False
+            self.longest_s = max(self.longest_s, worked_s)
+            if flight is not self._flight:
+                continue
+            self._looks.looked(tag, monotonic_s(), worked_s, new=result is not None)
+            if result is not None:
+                self._tell(result)
+        tag_due = self._looks.due(monotonic_s())
+        if self._flight is not None and tag_due is not None and not self._working:
+            self._working = True
+            self._jobs.put((self._flight, self._directory, tag_due))
+
+    def _tell(self, result: IntegratedTag) -> None:
+        self.judged += 1
+        self.found += result.found
+        text = self._teller.text(result)
+        if text is not None:
+            self._frame.tell(5, text)
+
+    def _work(self) -> None:
+        """Judge what is asked for, in a thread: the process goes on showing that it lives."""
+        while (job := self._jobs.get()) is not None:
+            flight, directory, tag = job
+            began_s = cpu_s()
+            result = None
+            try:
+                result = flight.judge(tag)
+                if result is not None:
+                    save_integrated(read_flight(directory), [result])
+            except (UavrtError, OSError, MemoryError) as error:
+                if str(error) != self.fault:
+                    log.warning("not judged", tag=tag.tag_id, reason=str(error))
+                self.fault = str(error)
+            self._done.put((flight, tag, result, cpu_s() - began_s))
+
+    def counters(self) -> dict[str, float]:
+        """Counts with names for a health record."""
+        return {
+            "looks": self.judged,
+            "looks_that_found": self.found,
+            "longest_look_s": round(self.longest_s, 2),
+        }
+
+
+def main() -> None:
+    """Judge until told to stop."""
+    os.nice(NICENESS)
+    with ProcessFrame.start() as frame:
+        try:
+            integration = Integration(frame)
+        except UsageError as error:
+            log.error("nothing is integrated", reason=str(error))
+            frame.tell(4, f"nothing is integrated on the drone: {error.message}")
+            idle(frame, error.message)
+            return
+        while frame.running:
+            for topic, record in frame.receive(timeout_s=TICK_S):
+                integration.take(topic, record)
+            integration.tick()
+            fault = integration.fault
+            frame.report(
+                "ready" if fault is None else fault,
+                ok=fault is None,
+                counters=integration.counters,
+            )
+
+
+def idle(frame: ProcessFrame, reason: str) -> None:
+    """Stay alive without doing anything: a restart would change nothing."""
+    while frame.running:
+        frame.receive(timeout_s=TICK_S)
+        frame.report(reason, ok=False)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+"""A batch judges whole flights by the channels that they kept, as `uavrt integrate` does."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import uavrt
+from tests.unit.integration.conftest import RATE_HZ, rotation
+
+from uavrt.analysis.measure import TagSource
+from uavrt.batch import USUAL_STEPS, BatchSettings, ask, find_recordings, run_batch
+from uavrt.errors import UsageError
+from uavrt.messages import ChannelBlock, Poses
+from uavrt.recording import ChannelRecorder, FlightRecorder
+from uavrt_experiments.detection.signals import START_NS
+
+ASKED = BatchSettings(steps=(*USUAL_STEPS, "integrate"))
+
+
+def test_an_archive_tells_which_tags_whole_flights_show(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    weak = rotation(3, 6.0)
+    directory = tmp_path / "archive" / "flight_log_2023-11-14_22-13-20"
+    unkept = replace(weak.tag, tag_id=9, frequency_hz=weak.tag.frequency_hz + 50_000.0)
+    info = replace(weak.flight.info, directory=str(directory), tags=(weak.tag, unkept))
+    log = FlightRecorder.create(info, None)
+    log.write_poses(Poses(poses=weak.flight.poses))
+    log.close()
+    found = find_recordings([directory.parent], None)
+    sought = TagSource(tags=info.tags)
+    output = tmp_path / "searched"
+    before = run_batch(found, sought, output, ASKED)
+    assert (before.placed_now, before.flights[0].state) == (1, "done")
+    assert not ask(output, "SELECT * FROM integrated").num_rows
+
+    keeping = ChannelRecorder(directory, budget_mb=100.0, minimum_free_mb=0.0)
+    keeping.put(
+        [
+            ChannelBlock(
+                channel=0,
+                center_frequency_hz=weak.tag.frequency_hz,
+                samples=weak.samples.astype(np.complex64),
+                sample_index=0,
+                time_ns=START_NS,
+                sample_rate_hz=RATE_HZ,
+            )
+        ]
+    )
+    keeping.close()
+    found = find_recordings([directory.parent], None)
+    after = run_batch(found, sought, output, ASKED)
+    assert after.placed_now == 1  # its samples have come: it is judged again
+    assert run_batch(found, sought, output, ASKED).placed_now == 0
+    (row,) = ask(output, "SELECT * FROM integrated").to_pylist()
+    capsys.readouterr()
+    assert uavrt("integrate", str(directory), "--tag", str(weak.tag.tag_id), "--json") == 0
+    (alone,) = json.loads(capsys.readouterr().out)
+    assert row["found"]
+    assert row["flight"] == directory.name
+    for name in ("tag_id", "false_alarm_probability", "interval_s", "frequency_hz"):
+        assert row[name] == alone[name], name
+    assert abs((row["bearing_deg"] - weak.bearing_deg + 180.0) % 360.0 - 180.0) < 15.0
+
+
+def test_a_monopole_judges_no_whole_flight_and_says_so(tmp_path: Path) -> None:
+    flown = rotation(4, None, pulses=20)
+    directory = tmp_path / "archive" / "flight_log_2023-11-14_22-13-20"
+    log = FlightRecorder.create(replace(flown.flight.info, directory=str(directory)), None)
+    log.write_poses(Poses(poses=flown.flight.poses))
+    log.close()
+    placing = replace(ASKED.placing, antenna="monopole")
+    done = run_batch(
+        find_recordings([directory.parent], None),
+        TagSource(tags=flown.flight.info.tags),
+        tmp_path / "searched",
+        replace(ASKED, placing=placing),
+    )
+    assert "antenna's pattern" in str(done.flights[0].fault)
+    with pytest.raises(UsageError, match="integrate needs attach"):
+        replace(ASKED, steps=("detect", "integrate")).check()
