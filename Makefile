@@ -12,7 +12,7 @@ PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: demo test lint types bench locks licences browser screenshots video docs clean setup wheels
+.PHONY: demo test lint types bench locks licences browser screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
@@ -53,6 +53,9 @@ browser:                ## Chromium, which the tests of the page drive
 
 screenshots: $(STAMP) browser  ## pictures of the page, by its test, into docs/images
 	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/browser/test_page.py tests/flight/browser/test_page_past.py tests/flight/browser/test_page_strength.py tests/flight/browser/test_page_hands.py tests/flight/browser/test_page_fly.py
+
+try-arm64: $(STAMP)     ## install and fly in an emulated Debian for 64-bit ARM (ten to twenty minutes)
+	deploy/try-arm64.sh $(ARM64)
 
 video: $(STAMP) browser  ## captioned films of a flight and of a search through the page, *.webm
 	UAVRT_VIDEO=uavrt.webm $(BIN)/pytest tests/flight/browser/test_page.py -k whole_flight

@@ -44,9 +44,11 @@ RADIO = """\
 echo "$@" >/shared/tuned
 exec cat /shared/samples
 """
+NOTHING = "#!/bin/sh\n"
 FLY = f"""\
 #!/bin/sh
 cd /shared
+PATH=/shared:$PATH
 {UAVRT} run --tags tags.toml &
 while read -r order; do
     [ "$order" != end ] || {{ kill "$!"; wait "$!"; exit 0; }}
@@ -233,10 +235,11 @@ class Feeder(threading.Thread):
                 time.sleep(FEED_S)
                 continue
             os.set_blocking(pipe, True)
-            arguments = (self._shared / "tuned").read_text().split()
-            module = [sys.executable, "-m", "uavrt.simulation.airspy_rx"]
-            world = ["--world", str(self._shared / "scenario.toml")]
-            radio = subprocess.Popen([*module, *world, *arguments], stdout=pipe)
+            words = (self._shared / "tuned").read_text().split()
+            tuned = [words[words.index(option) + 1] for option in ("-f", "-s")]
+            world = str(self._shared / "scenario.toml")
+            command = [sys.executable, str(HERE / "air.py"), world, *tuned]
+            radio = subprocess.Popen(command, stdout=pipe)
             os.close(pipe)
             while self.going and radio.poll() is None:
                 time.sleep(FEED_S)
@@ -254,12 +257,13 @@ def check_flight(there: Emulated) -> str:
     os.mkfifo(shared / "samples")
     os.mkfifo(shared / "orders")
     (shared / "uavrt.toml").write_text(
-        '[radio]\nprogram = ["/shared/radio"]\n'
+        '[radio]\nkind = "rtlsdr"\nsample_rate_hz = 250000.0\n'
+        'program = ["/shared/rtl_sdr"]\n'
         f'[mavlink]\naddress = "udpin://127.0.0.1:{companion}"\n'
         '[recording]\ndirectory = "/shared/flights"\nchannels = false\n',
         encoding="ascii",
     )
-    for name, text in (("radio", RADIO), ("fly", FLY)):
+    for name, text in (("rtl_sdr", RADIO), ("rtl_biast", NOTHING), ("fly", FLY)):
         (shared / name).write_text(text)
         (shared / name).chmod(0o755)
     orders = os.open(shared / "orders", os.O_RDWR)

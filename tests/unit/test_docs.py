@@ -24,7 +24,7 @@ LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 CODE_SPAN = re.compile(r"`([^`\n]+)`")
 COMMAND = re.compile(r"(?:^|[|&;]\s*|\.venv/bin/|\s)uavrt (\w[\w-]*)")
-MAKE = re.compile(r"(?:^|\s)make (\w+)")
+MAKE = re.compile(r"(?:^|\s)make ([\w-]+)")
 
 
 def name_of(document: Path) -> str:
@@ -118,7 +118,7 @@ def test_the_lesson_on_recordings_works_as_it_is_written(
 @pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
 def test_every_make_target_in_the_documents_exists(document: Path) -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    targets = set(re.findall(r"^(\w+):", makefile, re.MULTILINE))
+    targets = set(re.findall(r"^([\w-]+):", makefile, re.MULTILINE))
     text = document.read_text(encoding="utf-8")
     assert {target for line in code_in(text) for target in MAKE.findall(line)} <= targets
 

@@ -13,7 +13,12 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.ipc.assignment import Assignment
     from uavrt.ipc.link import LINK_VARIABLE, ChildLink, LineBuffer, SupervisorGone
-    from uavrt.ipc.parent import PARENT_VARIABLE, adopt_orphans, die_with_parent
+    from uavrt.ipc.parent import (
+        PARENT_VARIABLE,
+        adopt_orphans,
+        adopts_orphans,
+        die_with_parent,
+    )
     from uavrt.ipc.process import ProcessFrame
     from uavrt.ipc.pulse_datagram import PulseDatagramSender
     from uavrt.ipc.sample_sockets import make_sample_sockets
@@ -34,6 +39,7 @@ __all__ = [
     "SupervisorGone",
     "Topic",
     "adopt_orphans",
+    "adopts_orphans",
     "decode_record",
     "die_with_parent",
     "encode_record",
@@ -56,6 +62,7 @@ __getattr__ = lazily(
         "TOPICS": "topics",
         "Topic": "topics",
         "adopt_orphans": "parent",
+        "adopts_orphans": "parent",
         "decode_record": "topics",
         "die_with_parent": "parent",
         "encode_record": "topics",

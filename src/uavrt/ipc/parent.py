@@ -11,12 +11,21 @@ _PR_SET_PDEATHSIG = 1
 """prctl(2): signal to get when the parent thread ends."""
 _PR_SET_CHILD_SUBREAPER = 36
 """prctl(2): children that lose their parent become ours."""
+_PR_GET_CHILD_SUBREAPER = 37
 
 
 def adopt_orphans() -> None:
     """Become the parent of orphaned descendants, so that they can be ended."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+def adopts_orphans() -> bool:
+    """Whether that worked; not in an emulator of another processor."""
+    adopts = ctypes.c_int(0)
+    if sys.platform.startswith("linux"):
+        ctypes.CDLL(None).prctl(_PR_GET_CHILD_SUBREAPER, ctypes.byref(adopts), 0, 0, 0)
+    return bool(adopts.value)
 
 
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> None:

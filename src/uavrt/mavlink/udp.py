@@ -12,6 +12,7 @@ import socket
 import struct
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from uavrt.clock import monotonic_s, wall_ns
@@ -64,7 +65,9 @@ class UdpLink(Link):
                 opened.setblocking(False)
                 opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
                 if sys.platform == "linux":
-                    opened.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+                    # An emulator has no stamps: a frame is then as old as its reading.
+                    with suppress(OSError):
+                        opened.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
                 if listen:
                     opened.bind(place)
                 else:

@@ -6,8 +6,14 @@ from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt_experiments.resources.flight import Reading, SteadyFlight
-    from uavrt_experiments.resources.report import ResourceReport
-    from uavrt_experiments.resources.run import THESIS_MINUTES, Plan, run_resources, run_shapes
+    from uavrt_experiments.resources.report import ResourceReport, Written
+    from uavrt_experiments.resources.run import (
+        THESIS_MINUTES,
+        Plan,
+        run_resources,
+        run_shapes,
+        run_written,
+    )
 
 __all__ = [
     "THESIS_MINUTES",
@@ -15,8 +21,10 @@ __all__ = [
     "Reading",
     "ResourceReport",
     "SteadyFlight",
+    "Written",
     "run_resources",
     "run_shapes",
+    "run_written",
 ]
 __getattr__ = lazily(
     __name__,
@@ -26,7 +34,9 @@ __getattr__ = lazily(
         "ResourceReport": "report",
         "SteadyFlight": "flight",
         "THESIS_MINUTES": "run",
+        "Written": "report",
         "run_resources": "run",
         "run_shapes": "run",
+        "run_written": "run",
     },
 )

@@ -73,6 +73,25 @@ def run_resources(plan: Plan, *, say: Say = lambda _line: None) -> ResourceRepor
     )
 
 
+def run_written(tags: int, minutes: float) -> Written:
+    """Fly, and measure what is written; the start is left out.
+
+    Raises
+    ------
+    UavrtError
+        The drone side did not start, or ended by itself.
+    """
+    with SteadyFlight(tags) as flight:
+        flight.upload()
+        flight.start()
+        flight.wait(
+            lambda: flight.counter("recorder", "pulses_recorded") > 0, "the first pulses"
+        )
+        disk = _DiskMeter(flight)
+        _fly_until(flight, monotonic_s() + 60.0 * minutes)
+        return disk.read()
+
+
 def _long_flight(plan: Plan, say: Say) -> tuple[list[Moment], Written, float]:
     with SteadyFlight(plan.tags) as flight:
         flight.upload()

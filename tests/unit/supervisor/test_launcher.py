@@ -102,6 +102,16 @@ class Started:
         os.close(self._through)
 
 
+def test_where_orphans_are_not_adopted_processes_are_executed(launcher: Launcher) -> None:
+    """An emulator knows no PR_SET_CHILD_SUBREAPER: nobody could wait for what is forked."""
+    ready(launcher)
+    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
+    executed = Started(launcher, "forked")
+    assert executed.first_line().startswith("True green -m stand_in ")
+    code, _, through = executed.end()  # waits for it
+    assert (code, through) == (7, "through the descriptor")
+
+
 def test_a_forked_process_is_like_an_executed_one(launcher: Launcher) -> None:
     executed = Started(launcher)
     assert executed.first_line() == "True green -m stand_in"

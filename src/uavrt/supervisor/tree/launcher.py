@@ -14,6 +14,7 @@ import time
 from collections.abc import Mapping, Sequence
 
 from uavrt.blas import blas_environment
+from uavrt.ipc import adopts_orphans
 from uavrt.log import get_logger
 from uavrt.supervisor.tree.nursery import NURSERY_VARIABLE
 from uavrt.supervisor.tree.restarts import Restarts
@@ -212,7 +213,8 @@ class Launcher:
         arguments: Sequence[str],
     ) -> int | None:
         """Ask the nursery; None when it cannot."""
-        if not self._ready or self._sock is None:
+        # What is forked twice becomes our child only where orphans do.
+        if not self._ready or self._sock is None or not adopts_orphans():
             return None
         request = {
             "module": module,

@@ -1,0 +1,45 @@
+#!/bin/sh
+# Install uavrt in an emulated root as on a Raspberry Pi: install-uavrt.sh DIRECTORY [OPTION...]
+#
+# DIRECTORY is one of make-root.sh; options are those of deploy/install.sh. Wheels for 64-bit ARM
+# are fetched by this machine's pip, with the hashes of deploy/locks.
+set -eu
+
+source=$(cd "$(dirname "$0")/../.." && pwd)
+python=${PYTHON:-$source/.venv/bin/python}
+work=$(cd "$1" && pwd)
+shift
+wheels=$work/wheels
+if [ ! -e "$wheels/.complete" ]; then
+    mkdir -p "$wheels"
+    fetch() {
+        "$python" -m pip download -qq --disable-pip-version-check --only-binary=:all: \
+            --dest "$wheels" --implementation cp --python-version 3.11 --abi cp311 --abi abi3 \
+            --abi none --platform manylinux_2_36_aarch64 --platform manylinux_2_34_aarch64 \
+            --platform manylinux_2_28_aarch64 --platform manylinux_2_17_aarch64 \
+            --platform manylinux2014_aarch64 --platform linux_aarch64 "$@"
+    }
+    fetch --require-hashes -r "$source/deploy/locks/drone.txt"
+    fetch --require-hashes -r "$source/deploy/locks/build.txt"
+    # The page: what a drone may serve, too.
+    # shellcheck disable=SC2046
+    fetch $("$python" -c 'import sys, tomllib
+wanted = tomllib.load(open(sys.argv[1], "rb"))["project"]["optional-dependencies"]["ground"]
+print(*(name.replace(" ", "") for name in wanted))' "$source/pyproject.toml")
+    touch "$wheels/.complete"
+fi
+
+# The source as it is now, and the page, which needs Node to build.
+copy=$work/root/src
+rm -rf "$copy"
+mkdir -p "$copy"
+(cd "$source" && git ls-files -z src deploy native page pyproject.toml hatch_build.py README.md \
+    LICENSE | tar -c --null -T - | tar -x -C "$copy")
+[ ! -d "$source/src/uavrt/ground/static" ] ||
+    cp -r "$source/src/uavrt/ground/static" "$copy/src/uavrt/ground/"
+
+# The namespace has no other user than root.
+SHARE="$wheels:/wheels" "$source/deploy/arm64/enter.sh" "$work" /usr/bin/env PIP_NO_INDEX=1 \
+    PIP_FIND_LINKS=/wheels PIP_NO_COMPILE=1 /src/deploy/install.sh --radio none --user root "$@"
+SHARE="$wheels:/wheels" "$source/deploy/arm64/enter.sh" "$work" /opt/uavrt/venv/bin/python -m pip \
+    install --quiet --no-index --find-links /wheels --no-compile 'uavrt[ground]'

@@ -1,0 +1,142 @@
+"""The image of a drone: what is in its root, and that two made of one root are the same."""
+
+import configparser
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+IMAGE = Path(__file__).parents[2] / "deploy/image"
+TOOLS = ("sfdisk", "mkfs.ext4", "mkfs.vfat", "mcopy", "debugfs")
+SEARCHED = os.pathsep.join((os.environ["PATH"], "/usr/sbin", "/sbin"))
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """What deploy/install.sh leaves in a root, in small."""
+    root = tmp_path / "root"
+    version = root / "opt/uavrt/versions/source/bin"
+    version.mkdir(parents=True)
+    (version / "uavrt").write_text("#!/bin/sh\n")
+    (root / "opt/uavrt/venv").symlink_to("versions/source")
+    (root / "var/lib/uavrt").mkdir(parents=True)
+    (root / "var/lib/uavrt/uavrt.toml").write_text('[mavlink]\naddress = ""\n')
+    (root / "etc/ssh").mkdir(parents=True)
+    (root / "etc/ssh/ssh_host_rsa_key").write_text("of the machine that built it")
+    (root / "boot").mkdir()
+    (root / "boot/vmlinuz-6.1.0-arm64").write_bytes(b"MZ kernel")
+    (root / "boot/initrd.img-6.1.0-arm64").write_bytes(b"initrd")
+    loader = root / "usr/lib/systemd/boot/efi"
+    loader.mkdir(parents=True)
+    (loader / "systemd-bootaa64.efi").write_bytes(b"MZ loader")
+    return root
+
+
+def configure(root: Path, *words: str) -> "subprocess.CompletedProcess[str]":
+    command = [str(IMAGE / "configure-root.sh"), str(root), *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def contents(root: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(root).as_posix(): os.fsencode(path.readlink())
+        if path.is_symlink()
+        else path.read_bytes()
+        for path in root.rglob("*")
+        if path.is_symlink() or path.is_file()
+    }
+
+
+def test_the_root_is_read_only_and_what_changes_lies_on_the_data_partition(root: Path) -> None:
+    assert configure(root, "lynx-1").returncode == 0
+    lines = (root / "etc/fstab").read_text().splitlines()
+    mounts = {place: (what, options) for what, place, _, options, *_ in map(str.split, lines)}
+    assert "ro" in mounts["/"][1].split(",")
+    assert mounts["/var/lib/uavrt"][0] == "/data/uavrt"
+    assert mounts["/opt/uavrt"][0] == "/data/opt"
+    for place in mounts:
+        assert (root / place.lstrip("/")).is_dir() or mounts[place][0] == "tmpfs"
+    assert (root / "etc/hostname").read_text() == "lynx-1\n"
+    again = contents(root)
+    assert configure(root, "lynx-1").returncode == 0
+    assert contents(root) == again
+
+
+@pytest.mark.parametrize("name", ["Lynx", "a b", "-x", "x;reboot", "lynx_1"])
+def test_a_name_that_is_no_hostname_is_refused(root: Path, name: str) -> None:
+    refused = configure(root, name)
+    assert refused.returncode == 1
+    assert "no hostname" in refused.stderr
+
+
+def test_units_and_first_boot_are_well_formed_and_no_secret_is_in_the_root(root: Path) -> None:
+    configure(root)
+    for unit in root.glob("etc/systemd/system/*.service"):
+        parser = configparser.ConfigParser(interpolation=None, strict=True)
+        parser.optionxform = str  # type: ignore[assignment, method-assign]
+        parser.read_string(unit.read_text())
+        wanted = parser["Install"]["WantedBy"]
+        link = root / f"etc/systemd/system/{wanted}.wants" / unit.name
+        assert str(link.readlink()) == f"/etc/systemd/system/{unit.name}"
+    first = root / "usr/local/sbin/uavrt-first-boot"
+    subprocess.run(["sh", "-n", str(first)], check=True)
+    said = b"".join(contents(root).values()).decode(errors="replace")
+    assert "psk=$wifi" in said  # made when it starts, not now
+    assert "PRIVATE KEY" not in said
+
+
+@pytest.mark.skipif(
+    any(shutil.which(tool, path=SEARCHED) is None for tool in TOOLS),
+    reason="needs fdisk, e2fsprogs, dosfstools and mtools",
+)
+def test_an_image_built_twice_is_the_same_and_holds_what_it_should(
+    root: Path, tmp_path: Path
+) -> None:
+    configure(root)
+    environment = os.environ | {"EFI_MIB": "40", "PATH": SEARCHED}
+    sums = []
+    for name in ("one.img", "two.img"):
+        command = [str(IMAGE / "pack.sh"), str(root), str(tmp_path / name)]
+        subprocess.run(command, check=True, env=environment)
+        sums.append(hashlib.sha256((tmp_path / name).read_bytes()).hexdigest())
+        (root / "etc/hostname").touch()  # times of the building machine do not count
+    assert sums[0] == sums[1]
+    image = tmp_path / "one.img"
+    listed = subprocess.run(
+        ["sfdisk", "-J", str(image)], check=True, capture_output=True, env=environment
+    )
+    table = json.loads(listed.stdout)["partitiontable"]
+    parts = {part["name"]: part for part in table["partitions"]}
+    assert table["label"] == "gpt"
+    assert list(parts) == ["uavrt-efi", "uavrt-root", "uavrt-data"]
+
+    def read(part: str, path: str) -> bytes:
+        cut = tmp_path / part
+        with open(image, "rb") as whole:
+            whole.seek(512 * parts[part]["start"])
+            cut.write_bytes(whole.read(512 * parts[part]["size"]))
+        words = ["debugfs", "-R", f"cat {path}", str(cut)]
+        return subprocess.run(words, check=True, capture_output=True, env=environment).stdout
+
+    assert b"LABEL=uavrt-data" in read("uavrt-root", "/etc/fstab")
+    assert read("uavrt-root", "/etc/ssh/ssh_host_rsa_key") == b""
+    assert read("uavrt-root", "/opt/uavrt/versions/source/bin/uavrt") == b""
+    assert read("uavrt-data", "/opt/versions/source/bin/uavrt") == b"#!/bin/sh\n"
+    assert b"address" in read("uavrt-data", "/uavrt/uavrt.toml")
+    efi = tmp_path / "efi"
+    with open(image, "rb") as whole:
+        whole.seek(512 * parts["uavrt-efi"]["start"])
+        efi.write_bytes(whole.read(512 * parts["uavrt-efi"]["size"]))
+    entry = subprocess.run(
+        ["mtype", "-i", str(efi), "::loader/entries/uavrt.conf"],
+        check=True,
+        capture_output=True,
+        text=True,
+        env=environment,
+    ).stdout
+    assert f"root=partuuid={parts['uavrt-root']['uuid']}".lower() in entry.lower()
+    assert "initrd /initrd" in entry
