@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 _Floats = NDArray[np.float64]
 _PASSES = 4
+CHANGE_S = 8.0
+"""What a drone must be done sooner for it to take a tag that was another's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +29,7 @@ def divided(
     *,
     speed_m_s: float,
     stay_s: float,
+    owners: Sequence[int | None] = (),
 ) -> list[list[int]]:
     """Rounds of the drones, as numbers of tags in their order.
 
@@ -42,8 +45,11 @@ def divided(
     speed_m_s : float
     stay_s : float
         At each tag.
+    owners : sequence
+        Which drone had each tag before, if any: another takes it only if the time that it
+        saves is worth the change.
     """
-    rounds = _Rounds(starts, east_m, north_m, speed_m_s, stay_s)
+    rounds = _Rounds(starts, east_m, north_m, speed_m_s, stay_s, owners)
     tours: list[list[int]] = [[] for _ in starts]
     left = set(range(len(east_m)))
     while left:
@@ -69,6 +75,7 @@ class _Rounds:
         north_m: _Floats,
         speed_m_s: float,
         stay_s: float,
+        owners: Sequence[int | None],
     ) -> None:
         def off(x: _Floats, y: _Floats) -> list[list[float]]:
             away = np.hypot(x[:, None] - east_m, y[:, None] - north_m)
@@ -76,6 +83,7 @@ class _Rounds:
 
         own = np.array([(one.east_m, one.north_m) for one in starts])
         self._between, self._first = off(east_m, north_m), off(own[:, 0], own[:, 1])
+        self._owners = owners or [None] * len(east_m)
         self._after = [one.after_s for one in starts]
 
     def time_s(self, drone: int, tour: Sequence[int]) -> float:
@@ -83,7 +91,9 @@ class _Rounds:
         if not tour:
             return 0.0
         legs = (self._between[a][b] for a, b in pairwise(tour))
-        return self._after[drone] + self._first[drone][tour[0]] + sum(legs)
+        changed = sum(self._owners[tag] not in (None, drone) for tag in tour)
+        way = self._first[drone][tour[0]] + sum(legs)
+        return self._after[drone] + way + CHANGE_S * changed
 
     def improve(self, tours: list[list[int]], tag: int) -> bool:
         """Move one tag to where it costs least; False where it stays."""

@@ -83,6 +83,8 @@ class SearchTogether:
         self.separation, self._missing_s = separation or Separation(), missing_s
         self.found: dict[int, Found] = {}
         self._members: dict[int, _Member] = {}
+        self._owners: dict[int, int] = {}
+        """Who had each tag when they were last divided."""
         for number, state in starts.items():
             self._check_start(number, state)
             home = replace(settings.area, home_m=(state.east_m, state.north_m))
@@ -194,10 +196,10 @@ class SearchTogether:
             separation=self.separation,
             announced=tuple(one.announced for one in others.values()),
             listening=tuple(one.path for one in heard_of.values()),
-            left=self._left(number, time_s, list(heard_of.values())),
+            left=self._left(number, time_s, heard_of),
         )
 
-    def _left(self, number: int, time_s: float, others: list[_Member]) -> frozenset[int]:
+    def _left(self, number: int, time_s: float, others: dict[int, _Member]) -> frozenset[int]:
         """Tags that others reach sooner; none where nothing else would be left to do."""
         known = [
             one
@@ -214,19 +216,24 @@ class SearchTogether:
                 north_m=float(one.path.north_m[-1]),
                 after_s=max(0.0, float(one.path.time_s[-1]) - time_s),
             )
-            for one in others
+            for one in others.values()
         ]
+        drones = [number, *others]
+        place: dict[int | None, int] = {drone: at for at, drone in enumerate(drones)}
         places = [one.spread() for one in known]
-        mine, *_ = divided(
+        mine, *theirs = divided(
             starts,
             np.array([one.east_m for one in places]),
             np.array([one.north_m for one in places]),
             speed_m_s=self.settings.vehicle.speed_m_s,
             stay_s=_STAY_S,
+            owners=[place.get(self._owners.get(one.tag_id)) for one in known],
         )
+        for drone, tags in zip(drones, (mine, *theirs), strict=True):
+            self._owners |= {known[tag].tag_id: drone for tag in tags}
         if not mine and len(known) + len(self.found) == len(self.beliefs):
             return frozenset()
-        return frozenset(one.tag_id for number, one in enumerate(known) if number not in mine)
+        return frozenset(one.tag_id for at, one in enumerate(known) if at not in mine)
 
 
 def _is_known(belief: TagBelief) -> bool:

@@ -50,6 +50,20 @@ def test_two_groups_of_tags_are_a_round_for_each_of_two_drones() -> None:
     assert sorted(rounds[0]) == list(range(6))
 
 
+def test_a_tag_changes_hands_only_where_that_saves_enough() -> None:
+    starts = [Start(east_m=0.0, north_m=0.0), Start(east_m=100.0, north_m=0.0)]
+    middle, far = np.array([49.0]), np.array([10.0])
+    rounds = {
+        (float(east[0]), owner): divided(
+            starts, east, np.zeros(1), speed_m_s=5.0, stay_s=5.0, owners=[owner]
+        )
+        for east in (middle, far)
+        for owner in (0, 1)
+    }
+    assert [rounds[49.0, owner][owner] for owner in (0, 1)] == [[0], [0]]
+    assert [rounds[10.0, owner][0] for owner in (0, 1)] == [[0], [0]]
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_no_single_tag_could_be_moved_to_end_the_longest_round_sooner(seed: int) -> None:
     rng = np.random.default_rng(seed)
