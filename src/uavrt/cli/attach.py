@@ -54,7 +54,8 @@ def attach(
     settings = AntennaSettings(yaw_offset_deg=yaw_offset)
     attached = attach_poses(log.pulse_poses, way, found.offset_s, settings)
     with output.open("w", newline="", encoding="utf-8") as stream:
-        writer = PulseWriter(stream, pulse_format(output.name))
+        coded = any(one.pulse.burst_starts_ns for one in attached)
+        writer = PulseWriter(stream, pulse_format(output.name), bursts=coded)
         for one in attached:
             writer.write(one)
     placed = sum(one.pose is not None for one in attached)

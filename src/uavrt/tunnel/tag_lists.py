@@ -21,8 +21,15 @@ def tag_list_digest(tags: Iterable[Tag]) -> str:
     What the wire does not carry, names and fractions of a millisecond, does not count: the
     drone may have the list from a wire or from a file.
     """
-    encoded = sorted(tag_to_wire(tag).encode() for tag in tags)
+    encoded = sorted(_of_code(tag) if tag.coded else tag_to_wire(tag).encode() for tag in tags)
     return hashlib.blake2b(b"".join(encoded), digest_size=4).hexdigest()
+
+
+def _of_code(tag: Tag) -> bytes:
+    """What tells a coded tag, for which the wire has no message: times in microseconds."""
+    times_s = (*tag.gaps_s, *tag.pulse_intervals_s, tag.pulse_width_s)
+    numbers = (tag.tag_id, round(tag.frequency_hz), *(round(1e6 * one) for one in times_s))
+    return b"coded" + repr(numbers).encode()
 
 
 def searched_text(tags: Iterable[Tag]) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from uavrt.analysis.export import tables
+from uavrt.analysis.export import bursts, tables
 from uavrt.analysis.export.geojson import geojson_text
 from uavrt.analysis.export.geopackage import write_geopackage
 from uavrt.analysis.export.geotiff import geotiff_bytes
@@ -56,7 +56,8 @@ def export_survey(
         ``csv`` (pulses, track, positions), ``uavrt`` (the original's bearings.csv,
         positions.csv and TagTracker's pulse CSV), ``geojson``, ``kmz``, ``gpx``,
         ``geopackage``, ``movebank``, ``geotiff`` (one heat map for each tag with one; of a
-        survey with a monopole the strength, and that of each layer of heights). None: all.
+        survey with a monopole the strength, and that of each layer of heights), ``motus``
+        (bursts of coded tags, where there are any). None: all.
 
     Returns
     -------
@@ -148,6 +149,17 @@ def as_grid(surface: SignalSurface) -> PositionGrid:
     )
 
 
+def _motus(survey: Survey, directory: Path) -> list[Path]:
+    """Write bursts of coded tags; of a flight without them nothing."""
+    if not bursts.has_bursts(survey):
+        return []
+    files = {
+        "sensorgnome.txt": bursts.sensorgnome_text(survey),
+        "detections.csv": bursts.detections_csv(survey),
+    }
+    return _written(directory, files)
+
+
 def _written(directory: Path, files: Mapping[str, str | bytes]) -> list[Path]:
     for name, content in files.items():
         write_whole(directory / name, content)
@@ -167,6 +179,7 @@ _WRITERS: dict[str, Callable[[Survey, Path], list[Path]]] = {
         },
     ),
     "geotiff": _geotiff,
+    "motus": _motus,
 }
 EXPORT_FORMATS = tuple(_WRITERS)
 

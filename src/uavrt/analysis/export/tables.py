@@ -31,8 +31,9 @@ REFERENCE_COLUMNS = (
 def pulses_csv(survey: Survey) -> str:
     """All pulses, in the columns of ``uavrt detect -o``, *integrated* ones among them."""
     stream = io.StringIO(newline="")
-    writer = PulseWriter(stream, "csv")
-    for one in survey.every_pulse:
+    pulses = survey.every_pulse
+    writer = PulseWriter(stream, "csv", bursts=any(one.pulse.burst_starts_ns for one in pulses))
+    for one in pulses:
         writer.write(one)
     return stream.getvalue()
 

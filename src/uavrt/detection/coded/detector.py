@@ -363,7 +363,7 @@ class CodedDetector:
         cells, good = self._cells, burst.good
         tag = burst.book.tags[burst.code]
         columns = burst.columns[good]
-        offsets = burst.book.offsets[burst.code, burst.stretch][good]
+        offsets = burst.offsets[good] - burst.offsets[0]
         places = columns + self._beside(burst.row, columns)
         start = float(np.mean(places - offsets))
         energies = self._energies(burst.row, start + offsets)

@@ -15,9 +15,9 @@ from uavrt.detection.coded.limits import longest, sum_limit
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, fold
 from uavrt.messages import Tag
 
-_CLIP = 8.0
-"""Most that a cell counts [noise energies]: twice that of a tag that only this finds."""
-_SEED_OF_MANY, _SEED_OF_THREE = 3.6, 4.4
+_CLIP = 10.0
+"""Most that a cell counts [noise energies]: thrice that of a tag that only this finds."""
+_SEED_OF_MANY, _SEED_OF_THREE = 3.5, 4.3
 """Cells of a seed on average: three of four sums of bursts at the limit hold one so large, and
 noise has few."""
 _COLUMNS_PER_STEP = 2.0

@@ -20,6 +20,8 @@ _POOL = 1
 """Columns about a pulse's place in which its cell is the largest."""
 _LEAK = 0.35
 """Of the amplitude of the strongest at any frequency, what may be only that one's leak."""
+_LOUD = 40.0
+"""Noise energies from which on a leak is looked for."""
 _UNEQUAL = 18.0
 """Chi square of the pulses' amplitudes at most: of 3 degrees 2 in 10 000 are beyond it."""
 _FADING = 0.12
@@ -49,7 +51,9 @@ class Burst:
     book : CodeBook
     code, row, stretch : int
     column : int
-        Of the first pulse, by the code.
+        Of the first pulse, nearly.
+    offsets : ndarray of int, shape (pulses,)
+        Columns of the pulses from there, by the code.
     columns : ndarray of int, shape (pulses,)
         Where the pulses' cells are largest.
     energies : ndarray of float, shape (pulses,)
@@ -65,6 +69,7 @@ class Burst:
     row: int
     stretch: int
     column: int
+    offsets: NDArray[np.int32]
     columns: NDArray[np.intp]
     energies: NDArray[np.float64]
     good: NDArray[np.bool_]
@@ -95,10 +100,10 @@ def measure(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> list[Burs
     if not len(seeds):
         return []
     seeds = _centred(cells, book, seeds)
-    offsets = book.offsets[seeds[:, 0], seeds[:, 2]]
-    at = seeds[:, 3:4] + offsets - cells.recent_from
     rows = seeds[:, 1][:, None]
     last = cells.recent.shape[1] - 1
+    offsets = _finely(cells, book, seeds)
+    at = seeds[:, 3:4] + offsets - cells.recent_from
     # What counts lies exactly at the gaps: each further column would be one more chance.
     energies = cells.recent[rows, np.clip(at, 0, last)]
     at = at + _best(cells, rows, at, _POOL)[1]
@@ -121,7 +126,7 @@ def measure(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> list[Burs
         np.pad(cells.recent.max(axis=0), cells.pulse), 2 * cells.pulse + 1
     )
     loudest = everywhere[np.clip(at, 0, last)].max(axis=2)
-    good &= amplitude >= _LEAK * np.sqrt(loudest)
+    good &= (amplitude >= _LEAK * np.sqrt(loudest)) | (loudest < _LOUD)
     tall = np.maximum(tall, loudest)
     found = []
     for i, seed in enumerate(seeds.tolist()):
@@ -137,6 +142,7 @@ def measure(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> list[Burs
             row=seed[1],
             stretch=seed[2],
             column=seed[3],
+            offsets=offsets[i],
             columns=columns,
             energies=energies[i].astype(np.float64),
             good=good[i].copy(),
@@ -164,6 +170,18 @@ def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[
     moved[strong, 3] += shifts[best % len(shifts)].astype(np.int32)
     _, first = np.unique(moved[:, :4], axis=0, return_index=True)
     return moved[first]
+
+
+def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Offsets (n, pulses) from the seeds' columns: the best, a little about those searched."""
+    shifts = np.array([0, -1, 1], np.int32)
+    tried = book.fine[seeds[:, 0], seeds[:, 2]][:, None] + shifts[:, None, None]
+    tried = tried.reshape(len(seeds), -1, book.pulses)
+    at = tried + (seeds[:, 3] - cells.recent_from)[:, None, None]
+    at = np.clip(at, 0, cells.recent.shape[1] - 1)
+    sums = cells.recent[seeds[:, 1][:, None, None], at].sum(axis=2)
+    best: NDArray[np.int32] = tried[np.arange(len(seeds)), sums.argmax(axis=1)]
+    return best
 
 
 def _best(

@@ -11,7 +11,7 @@ from scipy.special import gammainccinv
 
 from uavrt.messages import Tag
 
-_SHARES = {1: 0.3, 3: 0.3}
+_SHARES = {1: 0.4, 3: 0.2}
 """Of the sums of so many bursts; the rest is of the longest."""
 _PER_CELL = 60.0
 """Independent sums for each pulse width and its inverse: cells overlap, gaps stretch."""

@@ -33,12 +33,15 @@ class CodeBook:
     tags : tuple of Tag
     offsets : ndarray of int32, shape (codes, stretches, pulses)
         Columns of the pulses from the first.
+    fine : ndarray of int32, shape (codes, stretches, 3, pulses)
+        The same a little shorter, as it is, and a little longer.
     intervals : ndarray of float32, shape (codes,)
         Columns from burst to burst.
     """
 
     tags: tuple[Tag, ...]
     offsets: NDArray[np.int32]
+    fine: NDArray[np.int32]
     intervals: NDArray[np.float32]
 
     @property
@@ -56,11 +59,13 @@ def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
     """Lay out codes that have as many gaps as each other."""
     gaps_s = np.array([tag.gaps_s for tag in tags])
     starts_s = np.concatenate((np.zeros((len(tags), 1)), np.cumsum(gaps_s, axis=1)), axis=1)
-    parts = GAP_TOLERANCE_S * np.array(_STRETCHES)[None, :] / starts_s[:, -1:]
-    offsets = np.rint(starts_s[:, None, :] * (1.0 + parts[:, :, None]) / column_s)
+    stretches = np.add.outer(np.array(_STRETCHES), (-0.25, 0.0, 0.25))
+    parts = GAP_TOLERANCE_S * stretches / starts_s[:, -1, None, None]
+    fine = np.rint(starts_s[:, None, None, :] * (1.0 + parts[..., None]) / column_s)
     return CodeBook(
         tags=tags,
-        offsets=np.ascontiguousarray(offsets, np.int32),
+        offsets=np.ascontiguousarray(fine[:, :, 1], np.int32),
+        fine=fine.astype(np.int32),
         intervals=np.array([tag.pulse_intervals_s[0] / column_s for tag in tags], np.float32),
     )
 

@@ -27,7 +27,13 @@ class Writing:
         self._last_id = random.randrange(1, NUMBERED_FROM)
 
     def upload(self, tags: Sequence[Tag]) -> list[bytes]:
-        """Write the messages of an upload, in order."""
+        """Write the messages of an upload, in order; `LinkError` for tags that have none."""
+        if coded := [tag.tag_id for tag in tags if tag.coded]:
+            raise LinkError(
+                f"the link carries no codes yet (tags {coded})",
+                remedy="Give the drone its list itself: `uavrt run --tags tags.toml`, or send "
+                "the beeping tags alone",
+            )
         if self._generation != "G2":
             older: Generation = "G0" if self._generation == "G0" else "G1"
             return [

@@ -1,0 +1,137 @@
+"""Bursts of coded tags for the programs of automated telemetry: SensorGnome and Motus.
+
+SensorGnome's pulse file has a line for each pulse, which ``find_tags`` looks for codes in. The
+detections have a row for each burst, with the columns of ``find_tags``' hits.
+"""
+
+import csv
+import io
+import math
+import statistics
+from collections.abc import Sequence
+
+from uavrt.analysis.survey import Survey
+from uavrt.messages import Pose, Pulse, PulsePose, Tag
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+
+_PORT = 1
+"""Of a receiver that has one."""
+_RUN_S = 60.0
+"""A tag that was silent for longer begins another run."""
+DETECTION_COLUMNS = (
+    *("ant", "ts", "id", "name", "runID", "posInRun", "sig", "sigsd", "noise"),
+    *("freq", "freqsd", "slop", "burstSlop", "lat", "lon", "alt"),
+)
+
+
+def has_bursts(survey: Survey) -> bool:
+    """Whether a coded tag was heard."""
+    return any(one.pulse.burst_starts_ns for one in survey.every_pulse)
+
+
+def _bursts(survey: Survey) -> list[PulsePose]:
+    found = [one for one in survey.every_pulse if one.pulse.burst_starts_ns]
+    return sorted(found, key=lambda one: one.pulse.start_time_ns)
+
+
+def sensorgnome_text(survey: Survey) -> str:
+    """Pulses of all bursts, and where the drone was, as a SensorGnome writes them.
+
+    ``p<port>,<time>,<kHz from the tuned frequency>,<signal dB>,<noise dB>``; ``S`` tells the
+    tuned frequency in megahertz, ``G`` a place. Levels are over 1 unit² of the samples.
+    """
+    bursts = _bursts(survey)
+    if not bursts:
+        return ""
+    tuned_hz = round(statistics.median(one.pulse.frequency_hz for one in bursts), -3)
+    first = _seconds(bursts[0].pulse.start_time_ns)
+    lines = [f"S,{first},{_PORT},-m,{tuned_hz / 1e6:.3f},0,"]
+    rows: list[tuple[int, str]] = []
+    for one in bursts:
+        pulse = one.pulse
+        if one.pose is not None:
+            rows.append((pulse.start_time_ns, _place_line(pulse.start_time_ns, one.pose)))
+        away_khz = (pulse.frequency_hz - tuned_hz) / 1e3
+        noise_db = _noise_db(pulse)
+        for start_ns, snr_db in zip(pulse.burst_starts_ns, pulse.burst_snrs_db, strict=True):
+            level = f"{noise_db + snr_db:.2f},{noise_db:.2f}"
+            rows.append((start_ns, f"p{_PORT},{_seconds(start_ns)},{away_khz:.3f},{level}"))
+    lines += [line for _, line in sorted(rows, key=lambda row: row[0])]
+    return "\n".join(lines) + "\n"
+
+
+def detections_csv(survey: Survey) -> str:
+    """Confirmed bursts with their runs, in the columns of ``find_tags``."""
+    stream = io.StringIO(newline="")
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(DETECTION_COLUMNS)
+    last_ns: dict[int, int] = {}
+    run: dict[int, tuple[int, int]] = {}
+    runs = 0
+    for one in _bursts(survey):
+        pulse, tag = one.pulse, survey.tag(one.pulse.tag_id)
+        if not pulse.confirmed:
+            continue
+        before_ns = last_ns.get(pulse.tag_id)
+        if before_ns is None or pulse.start_time_ns - before_ns > ns_from_s(_RUN_S):
+            runs += 1
+            run[pulse.tag_id], before_ns = (runs, 0), None
+        number, place = run[pulse.tag_id]
+        run[pulse.tag_id] = number, place + 1
+        last_ns[pulse.tag_id] = pulse.start_time_ns
+        noise_db = _noise_db(pulse)
+        spread = statistics.stdev(pulse.burst_snrs_db) if len(pulse.burst_snrs_db) > 1 else 0.0
+        nominal_hz = pulse.frequency_hz if tag is None else tag.frequency_hz
+        writer.writerow(
+            (
+                *(_PORT, _seconds(pulse.start_time_ns), pulse.tag_id),
+                "" if tag is None else tag.name or "",
+                *(number, place + 1, f"{noise_db + pulse.snr_db:.2f}", f"{spread:.2f}"),
+                *(f"{noise_db:.2f}", f"{(pulse.frequency_hz - nominal_hz) / 1e3:.3f}", "0"),
+                *(_slop(pulse, tag), _burst_slop(pulse, tag, before_ns)),
+                *(_place(one.pose)),
+            )
+        )
+    return stream.getvalue()
+
+
+def _seconds(time_ns: int) -> str:
+    whole, part = divmod(time_ns, NANOSECONDS_PER_SECOND)
+    return f"{whole}.{part // 1000:06d}"
+
+
+def _noise_db(pulse: Pulse) -> float:
+    return 10.0 * math.log10(pulse.noise_psd) if pulse.noise_psd > 0.0 else 0.0
+
+
+def _slop(pulse: Pulse, tag: Tag | None) -> str:
+    """How much the gaps differ from those of the code, together [s]."""
+    starts_ns: Sequence[int] = pulse.burst_starts_ns
+    if tag is None or len(starts_ns) != len(tag.gaps_s) + 1:
+        return ""
+    pairs = zip(starts_ns, starts_ns[1:], tag.gaps_s, strict=False)
+    off_s = (abs((b - a) / NANOSECONDS_PER_SECOND - gap_s) for a, b, gap_s in pairs)
+    return f"{sum(off_s):.5f}"
+
+
+def _burst_slop(pulse: Pulse, tag: Tag | None, before_ns: int | None) -> str:
+    """How much the time since the last burst differs from whole burst intervals [s]."""
+    if tag is None or before_ns is None:
+        return "0"
+    passed_s = (pulse.start_time_ns - before_ns) / NANOSECONDS_PER_SECOND
+    interval_s = tag.pulse_intervals_s[0]
+    return f"{passed_s - max(1, round(passed_s / interval_s)) * interval_s:.5f}"
+
+
+def _place_line(time_ns: int, pose: Pose) -> str:
+    return f"G,{_seconds(time_ns)}," + ",".join(_place(pose))
+
+
+def _place(pose: Pose | None) -> tuple[str, str, str]:
+    if pose is None:
+        return "", "", ""
+    return (
+        f"{pose.latitude_deg:.7f}",
+        f"{pose.longitude_deg:.7f}",
+        f"{pose.altitude_amsl_m:.1f}" if math.isfinite(pose.altitude_amsl_m) else "",
+    )

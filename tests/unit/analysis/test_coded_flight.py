@@ -1,0 +1,105 @@
+"""A burst goes wherever a pulse goes: recorded, posed, a bearing, exported."""
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from uavrt.analysis import read_survey
+from uavrt.analysis.export import export_survey
+from uavrt.analysis.export.bursts import DETECTION_COLUMNS
+from uavrt.analysis.measure import detect
+from uavrt.messages import FlightInfo, Pulse, PulsePose
+from uavrt.radio import open_recording
+from uavrt.recording import FlightRecorder, read_flight
+from uavrt.simulation import parse_scenario, simulate_to_directory
+
+SCENARIO = """
+duration_s = 70
+[radio]
+sample_rate_hz = 60000
+center_frequency_hz = 166360000
+[[tag]]
+tag_id = 12
+frequency_hz = 166370000
+pulse_width_s = 0.0025
+pulse_intervals_s = [2.3]
+gaps_s = [0.022, 0.0488, 0.0366]
+crystal_error_ppm = 40
+k = 10
+interval_uncertainty_s = 0.004
+north_m = 200
+east_m = 200
+erp_dbm = -55
+[flight]
+height_m = 40
+[[flight.leg]]
+duration_s = 5
+[[flight.leg]]
+duration_s = 60
+turn_deg = 360
+[[flight.leg]]
+duration_s = 5
+"""
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A flight around a coded tag, detected in its recording, with true poses."""
+    folder = tmp_path_factory.mktemp("coded")
+    scenario = parse_scenario(SCENARIO)
+    recording = simulate_to_directory(scenario, folder / "simulated")
+    source = open_recording(recording.metadata, None)
+    found: list[Pulse] = []
+    detect(source, scenario.tags, found.extend)
+    source.close()
+    info = FlightInfo(
+        directory=str(folder / "flight"),
+        start_time_ns=scenario.start_time_ns,
+        clock_offset_ns=0,
+        center_frequency_hz=166_360_000.0,
+        sample_rate_hz=60_000.0,
+        tags=scenario.tags,
+    )
+    recorder = FlightRecorder.create(info, None)
+    for pulse in found:
+        middle_ns = (pulse.start_time_ns + pulse.end_time_ns) // 2
+        pose = scenario.antenna_pose(middle_ns)
+        recorder.write_pulse_poses((PulsePose(pulse=pulse, pose=pose),))
+    recorder.commit()
+    recorder.close()
+    return folder / "flight"
+
+
+def test_bursts_make_a_bearing(flight: Path) -> None:
+    stored = read_flight(flight)
+    assert stored.info.tags[0].gaps_s == (0.022, 0.0488, 0.0366)
+    assert len(stored.pulse_poses) == pytest.approx(30, abs=4)
+    assert all(len(one.pulse.burst_starts_ns) >= 3 for one in stored.pulse_poses)
+    survey = read_survey(flight)
+    (bearing,) = survey.bearings_of(12)
+    assert bearing.bearing.bearing_deg == pytest.approx(45.0, abs=12.0)
+
+
+def test_bursts_are_exported_for_find_tags_and_beeps_have_no_such_files(
+    flight: Path, tmp_path: Path
+) -> None:
+    survey = read_survey(flight)
+    names = {path.name for path in export_survey(survey, tmp_path, ["motus", "csv"])}
+    assert {"sensorgnome.txt", "detections.csv", "pulses.csv"} <= names
+    lines = (tmp_path / "sensorgnome.txt").read_text().splitlines()
+    assert lines[0].startswith("S,1700205419")
+    assert lines[0].endswith(",1,-m,166.370,0,")
+    first = [line.split(",") for line in lines if line.startswith("p1,")][:4]
+    times = [float(line[1]) for line in first]
+    gaps = [b - a for a, b in pairwise(times)]
+    assert gaps == pytest.approx([0.022, 0.0488, 0.0366], abs=1e-3)
+    assert all(abs(float(line[2])) < 0.1 for line in first)
+    assert all(float(line[3]) > float(line[4]) for line in first)
+    head, *rows = (tmp_path / "detections.csv").read_text().splitlines()
+    assert head == ",".join(DETECTION_COLUMNS)
+    assert [row.split(",")[5] for row in rows] == [str(1 + i) for i in range(len(rows))]
+    assert "burst_starts_ns" in (tmp_path / "pulses.csv").read_text().splitlines()[0]
+    beeping = replace(survey, pulse_poses=())
+    assert export_survey(beeping, tmp_path / "none", ["motus"]) == []

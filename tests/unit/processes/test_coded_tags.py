@@ -1,0 +1,47 @@
+"""Coded tags in flight: a worker searches them beside others; the link says what it cannot."""
+
+import numpy as np
+import pytest
+
+from uavrt.config import DetectionSettings
+from uavrt.errors import LinkError
+from uavrt.ground.link.command_payloads import Writing
+from uavrt.messages import ChannelBlock, Pulse
+from uavrt.processes.detector import DetectorBank
+from uavrt.tunnel import searched_text, tag_list_digest
+from uavrt_experiments.detection.coded import RATE_HZ, add_burst, some_codes
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, noise
+
+CODES = some_codes(np.random.default_rng(4), 3)
+
+
+def test_a_worker_finds_coded_tags_beside_beeping_ones() -> None:
+    tag = CODES[1]
+    rng = np.random.default_rng(1)
+    samples = noise(rng, round(12.0 * RATE_HZ))
+    add_burst(samples, tag, start_s=4.0, offset_hz=50.0, enr_db=20.0, stretch=0.0, rng=rng)
+    bank = DetectorBank((*CODES, THESIS_TAG), DetectionSettings())
+    found: list[Pulse] = []
+    for first in range(0, len(samples), 655):
+        block = ChannelBlock(
+            channel=0,
+            center_frequency_hz=tag.frequency_hz,
+            samples=samples[first : first + 655],
+            sample_index=first,
+            time_ns=START_NS + round(1e9 * first / RATE_HZ),
+            sample_rate_hz=RATE_HZ,
+        )
+        bank.put(block)
+        found += bank.collect()
+    assert [one.tag_id for one in found] == [tag.tag_id]
+    assert bank.failures == 0
+    assert {report.tag_id for report in bank.search_reports()} == {1, 2, 3}
+    assert not bank.complete  # the beeping tag's channel has not come
+
+
+def test_a_list_with_codes_is_told_by_its_digest_but_does_not_go_over_the_link() -> None:
+    assert tag_list_digest(CODES) == tag_list_digest(CODES[::-1])
+    assert tag_list_digest(CODES[:2]) != tag_list_digest(CODES[1:])
+    assert searched_text(CODES).startswith("tags 1, 2, 3 (list ")
+    with pytest.raises(LinkError, match="the link carries no codes yet"):
+        Writing("G2").upload([THESIS_TAG, CODES[0]])
