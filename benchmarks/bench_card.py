@@ -21,8 +21,8 @@ def run() -> list[Table]:
             header=["tags", "all but samples MB", "kept samples MB", "fsyncs", "GB a year"],
             rows=[_row(tags, run_written(tags, MINUTES)) for tags in LOADS],
             notes=[
-                f"{MINUTES:g} minutes each. The first minutes of kept samples may wait in the "
-                "kernel's cache: up to 30 s of them are not in the figure.",
+                f"{MINUTES:g} minutes each. The last 30 s or so of kept samples wait in the "
+                "kernel's cache and are not in the figure.",
                 f"A year: {HOURS_A_YEAR:g} hours of flight. A 32 GB card that is written 500 "
                 "times over takes 16 000 GB.",
             ],

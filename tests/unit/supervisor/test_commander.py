@@ -217,7 +217,9 @@ def test_the_newest_and_the_starred_flights_are_never_removed(tmp_path: Path) ->
 def test_a_full_disk_removes_no_starred_flight(tmp_path: Path) -> None:
     flights = flights_in(tmp_path, 3)
     FlightLayout(flights[0]).star.touch()
-    settings = RecordingSettings(minimum_free_mb=1e12, remove_oldest_flights=True)
+    settings = RecordingSettings(
+        minimum_free_mb=1e12, remove_oldest_flights=True, keep_newest_flights=1
+    )
     DiskGuard(tmp_path, settings).check()
     assert flights[0].is_dir()
     assert not flights[1].exists()
