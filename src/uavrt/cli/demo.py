@@ -79,6 +79,9 @@ def demo(
     if picture is not None:
         check_place(picture, overwrite=True)
     console = None if headless else Console(stderr=json_summary)
+    if headless:
+        text = f"Flying for {duration or FLIGHT_S:.0f} s without a display; then the result."
+        print(text, file=sys.stderr, flush=True)
     summary = run_demo(
         duration_s=duration or FLIGHT_S,
         seed=seed,

@@ -69,6 +69,11 @@ def report(
     output
         Directory to write into; by default the flight directory, or beside the log.
     """
+    if output is not None and output.suffix in (".pdf", ".html") and not output.is_dir():
+        raise UsageError(
+            f"{output} is named as a file; a report is written into a directory",
+            remedy=f"Give the directory: -o {output.parent}",
+        )
     from uavrt.analysis import maps_in, read_survey
     from uavrt.analysis.measure import antenna_named
     from uavrt.analysis.report import write_report

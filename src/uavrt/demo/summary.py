@@ -65,12 +65,13 @@ class DemoSummary:
         table.add_column("tag")
         for title in (
             "sent",
-            "of 14 dB or more",
             "found",
+            "14 dB or more",
+            "of them found",
             "on the ground",
             "false",
             "SNR bias",
-            "frequency rms",
+            "freq. rms",
             "time rms",
         ):
             table.add_column(title, justify="right")
@@ -78,8 +79,9 @@ class DemoSummary:
             table.add_row(
                 tag_id,
                 str(tag.transmitted),
+                str(tag.detected),
                 str(tag.detectable),
-                f"{tag.detected} ({tag.detectable_detected} of these)",
+                str(tag.detectable_detected),
                 str(tag.delivered),
                 str(tag.false),
                 _with_unit(tag.snr_error_db, "dB"),

@@ -288,6 +288,10 @@ def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
     )
 
 
+_MOST_LABELS = 4
+"""Of a side: more of them run into each other."""
+
+
 def nice_below(value: float) -> float:
     """Largest 1, 2 or 5 times a power of ten that is not above a value."""
     power = 10.0 ** math.floor(math.log10(value))
@@ -297,7 +301,10 @@ def nice_below(value: float) -> float:
 def _round_values(low: float, high: float) -> list[float]:
     step = nice_below(max(high - low, 1e-6) / 2.5)
     first = math.ceil(low / step)
-    return [index * step for index in range(first, math.floor(high / step) + 1)]
+    values = [index * step for index in range(first, math.floor(high / step) + 1)]
+    if len(values) <= _MOST_LABELS:
+        return values
+    return [value for value in values if round(value / step) % 2 == 0]
 
 
 def _decimals(values: Sequence[float]) -> int:

@@ -192,11 +192,20 @@ def health_table(survey: Survey) -> Table:
     rows = []
     for process in sorted({one.process for one in survey.health}):
         own = [one for one in survey.health if one.process == process]
-        counters = {name: n for name, n in own[-1].counters.items() if n}
-        text = ", ".join(f"{name.replace('_', ' ')} {n:g}" for name, n in counters.items())
+        counters = {
+            name: n for name, n in own[-1].counters.items() if n and not name.endswith("_ns")
+        }
+        text = ", ".join(
+            f"{name.replace('_', ' ')} {_plain(n)}" for name, n in counters.items()
+        )
         share = sum(one.ok for one in own) / len(own)
         rows.append([process, own[-1].status, f"{100 * share:.0f} % of the time", text or "–"])
     return header, rows
+
+
+def _plain(count: float) -> str:
+    """Write a count in full; anything else with four digits."""
+    return f"{count:,.0f}" if count == round(count) else f"{count:.4g}"
 
 
 def events(survey: Survey) -> list[tuple[str, str]]:
