@@ -16,8 +16,9 @@ from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError, TagFileError, UavrtError
 
 if TYPE_CHECKING:
-    from uavrt.analysis.measure import MeasuredRate, MeasuredTag, TagSource
+    from uavrt.analysis.measure import MeasuredCode, MeasuredRate, MeasuredTag, TagSource
     from uavrt.messages import Tag
+    from uavrt.radio import SampleSource
 
 tags = App(
     name="tags", help="Check and convert tag files (TagInfo.txt, tags.toml); measure tags."
@@ -125,7 +126,7 @@ def measure(
     overwrite
         Replace the output if it exists.
     """
-    from uavrt.analysis.measure import measure_tags
+    from uavrt.analysis.measure import MeasuredTag, measure_tags
     from uavrt.config import MAX_ID, check_tag_file_name, format_tags_toml, write_tags
     from uavrt.radio import open_recording
 
@@ -137,23 +138,34 @@ def measure(
         keep_inputs(output, (recording,))
         check_tag_file_name(output)
     faults: list[UavrtError] = []
+
+    def opened() -> "SampleSource":
+        return open_recording(
+            recording,
+            format,
+            sample_rate_hz=sample_rate,
+            center_frequency_hz=center_frequency,
+        )
+
     with _progress("measuring") as on_progress, _telling(faults):
         found = measure_tags(
-            lambda: open_recording(
-                recording,
-                format,
-                sample_rate_hz=sample_rate,
-                center_frequency_hz=center_frequency,
-            ),
+            opened,
             frequency_hz=frequency,
             window_hz=window,
             on_progress=on_progress,
             on_fault=faults.append,
         )
-    names = _numbered(name, len(found))
-    entries = [tag.entry(id + 2 * place, names[place]) for place, tag in enumerate(found)]
-    for tag, entry in zip(found, entries, strict=True):
-        print("\n".join(_measured_lines(entry.tag_id, tag)), file=sys.stderr)
+    codes = _codes(found, opened)
+    found = tuple(tag for tag in found if not any(_beside(tag, code) for code in codes))
+    names = _numbered(name, len(found) + len(codes))
+    both: list[MeasuredTag | MeasuredCode] = [*found, *codes]
+    entries = [tag.entry(id + 2 * place, names[place]) for place, tag in enumerate(both)]
+    for one, entry in zip(both, entries, strict=True):
+        if isinstance(one, MeasuredTag):
+            lines = _measured_lines(entry.tag_id, one)
+        else:
+            lines = _code_lines(entry.tag_id, one)
+        print("\n".join(lines), file=sys.stderr)
     with _telling(faults):
         _check_entries(entries)
         if output is None:
@@ -163,6 +175,42 @@ def measure(
             print(f"{output}: {len(entries)} tag(s) written", file=sys.stderr)
     if faults:
         raise faults[0]
+
+
+def _codes(
+    found: "Sequence[MeasuredTag]", opened: "Callable[[], SampleSource]"
+) -> "list[MeasuredCode]":
+    """Look for codes where pulses are short; what beats there are parts of bursts."""
+    from uavrt.analysis.measure import LONGEST_PULSE_S, measure_codes
+
+    codes: list[MeasuredCode] = []
+    for tag in found:
+        short = tag.pulse_width_s <= LONGEST_PULSE_S
+        if short and not any(_beside(tag, code) for code in codes):
+            codes += measure_codes(opened, tag.frequency_hz)
+    return codes
+
+
+def _beside(tag: "MeasuredTag", code: "MeasuredCode") -> bool:
+    """Whether what beeps at a frequency is part of a coded tag's bursts."""
+    from uavrt.analysis.measure import LONGEST_PULSE_S
+
+    near = abs(tag.frequency_hz - code.frequency_hz) < 1000.0
+    return near and tag.pulse_width_s <= LONGEST_PULSE_S
+
+
+def _code_lines(tag_id: int, code: "MeasuredCode") -> list[str]:
+    gaps = ", ".join(
+        f"{1e3 * gap_s:.2f} ± {1e3 * sigma_s:.2f}"
+        for gap_s, sigma_s in zip(code.gaps_s, code.gaps_sigma_s, strict=True)
+    )
+    return [
+        f"tag {tag_id}: this looks coded: {code.bursts} bursts with the same gaps",
+        f"  frequency  {code.frequency_hz / 1e6:.6f} MHz",
+        f"  gaps       {gaps} ms",
+        f"  bursts     every {1e3 * code.burst_interval_s:.2f} "
+        f"± {1e3 * code.burst_interval_sigma_s:.2f} ms",
+    ]
 
 
 def _check_center(center_frequency_hz: float | None) -> None:

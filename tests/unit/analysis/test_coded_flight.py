@@ -5,11 +5,13 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from command_line import uavrt
 
 from uavrt.analysis import read_survey
 from uavrt.analysis.export import export_survey
 from uavrt.analysis.export.bursts import DETECTION_COLUMNS
 from uavrt.analysis.measure import detect
+from uavrt.config import parse_tags
 from uavrt.messages import FlightInfo, Pulse, PulsePose
 from uavrt.radio import open_recording
 from uavrt.recording import FlightRecorder, read_flight
@@ -103,3 +105,15 @@ def test_bursts_are_exported_for_find_tags_and_beeps_have_no_such_files(
     assert "burst_starts_ns" in (tmp_path / "pulses.csv").read_text().splitlines()[0]
     beeping = replace(survey, pulse_poses=())
     assert export_survey(beeping, tmp_path / "none", ["motus"]) == []
+
+
+def test_a_coded_tag_is_measured_as_one_not_as_several_that_beep(
+    flight: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = flight.parent / "simulated" / "simulation.sigmf-meta"
+    assert uavrt("tags", "measure", str(recording)) == 0
+    written, told = capsys.readouterr()
+    assert "this looks coded: " in told
+    (tag,) = parse_tags(written.encode(), name="tags.toml")
+    assert tag.gaps_s == pytest.approx((0.022, 0.0488, 0.0366), abs=5e-4)
+    assert tag.pulse_intervals_s[0] == pytest.approx(2.3, abs=1e-3)

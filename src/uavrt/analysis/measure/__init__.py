@@ -18,6 +18,11 @@ if TYPE_CHECKING:
         plan_channels,
         ports_of,
     )
+    from uavrt.analysis.measure.coded_bursts import (
+        LONGEST_PULSE_S,
+        MeasuredCode,
+        measure_codes,
+    )
     from uavrt.analysis.measure.interval_fit import Beat, fit_beat
     from uavrt.analysis.measure.measure_tag import measure_tags
     from uavrt.analysis.measure.measured_tag import MeasuredRate, MeasuredTag
@@ -40,6 +45,7 @@ if TYPE_CHECKING:
     from uavrt.analysis.measure.waterfall import MaximumHold, Waterfall
 
 __all__ = [
+    "LONGEST_PULSE_S",
     "REGION_SHARES",
     "Beat",
     "ChannelizeSummary",
@@ -47,6 +53,7 @@ __all__ = [
     "DetectionSummary",
     "FlightWriter",
     "MaximumHold",
+    "MeasuredCode",
     "MeasuredRate",
     "MeasuredTag",
     "OutsideSearch",
@@ -59,6 +66,7 @@ __all__ = [
     "export_bag",
     "fit_beat",
     "flight_settings",
+    "measure_codes",
     "measure_tags",
     "plan_channels",
     "ports_of",
@@ -84,6 +92,8 @@ __getattr__ = lazily(
         "FlightWriter": "redetect",
         "flight_settings": "redetect",
         "MaximumHold": "waterfall",
+        "LONGEST_PULSE_S": "coded_bursts",
+        "MeasuredCode": "coded_bursts",
         "MeasuredRate": "measured_tag",
         "MeasuredTag": "measured_tag",
         "OutsideSearch": "outside",
@@ -96,6 +106,7 @@ __getattr__ = lazily(
         "detect": "recorded_pulses",
         "export_bag": "bag",
         "fit_beat": "interval_fit",
+        "measure_codes": "coded_bursts",
         "measure_tags": "measure_tag",
         "plan_channels": "channel_files",
         "ports_of": "channel_files",

@@ -20,7 +20,7 @@ _POOL = 1
 """Columns about a pulse's place in which its cell is the largest."""
 _LEAK = 0.35
 """Of the amplitude of the strongest at any frequency, what may be only that one's leak."""
-_LOUD = 40.0
+_LOUD = 20.0
 """Noise energies from which on a leak is looked for."""
 _UNEQUAL = 18.0
 """Chi square of the pulses' amplitudes at most: of 3 degrees 2 in 10 000 are beyond it."""

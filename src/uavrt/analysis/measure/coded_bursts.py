@@ -1,0 +1,164 @@
+"""Find coded tags in a recording: bursts that come again and again with the same gaps.
+
+Pulses are found by themselves, since whoever measures a tag has it near by. Those that follow
+each other within a quarter of a second are a burst; bursts with as many pulses and the same
+gaps are one tag, and the times of its bursts tell the burst interval.
+"""
+
+import math
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.measure.interval_fit import fit_beat
+from uavrt.config import GAP_TOLERANCE_S
+from uavrt.detection.coded import Cells
+from uavrt.dsp import FrontEnd
+from uavrt.messages import Tag
+from uavrt.radio import SampleSource
+
+LONGEST_PULSE_S: Final = 0.006
+"""Pulses of coded tags are short: 2.5 ms; those that beep have 8 ms and more."""
+_WIDTH_S: Final = 0.0025
+_LEAST: Final = 30.0
+"""Of a pulse's energy over that of noise: 15 dB."""
+_APART_S: Final = 0.25
+"""Pulses further apart are of two bursts."""
+_FEWEST: Final = 3
+"""Bursts with the same gaps."""
+_MOST_PULSES: Final = 8
+_WINDOW_HZ: Final = 1000.0
+_MOST_S: Final = 600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredCode:
+    """A coded tag as a recording shows it; each sigma is one standard deviation."""
+
+    frequency_hz: float
+    gaps_s: tuple[float, ...]
+    gaps_sigma_s: tuple[float, ...]
+    burst_interval_s: float
+    burst_interval_sigma_s: float
+    bursts: int
+
+    def entry(self, tag_id: int, name: str | None = None) -> Tag:
+        """Make a tag entry, with the tolerances of the trade."""
+        return Tag(
+            tag_id=tag_id,
+            frequency_hz=float(round(self.frequency_hz)),
+            pulse_width_s=_WIDTH_S,
+            pulse_intervals_s=(round(self.burst_interval_s, 4),),
+            interval_uncertainty_s=max(
+                0.004, math.ceil(3e3 * self.burst_interval_sigma_s) / 1e3
+            ),
+            k=10,
+            gaps_s=tuple(round(gap_s, 5) for gap_s in self.gaps_s),
+            name=name,
+        )
+
+
+def measure_codes(
+    open_source: Callable[[], SampleSource], frequency_hz: float
+) -> tuple[MeasuredCode, ...]:
+    """Find coded tags near a frequency, the one with the most bursts first.
+
+    Parameters
+    ----------
+    open_source : callable
+        Opens the recording.
+    frequency_hz : float
+        Where short pulses were seen.
+
+    Raises
+    ------
+    UavrtError
+        The recording cannot be read.
+    """
+    with closing(open_source()) as source:
+        times_s = _pulses(source, frequency_hz)
+    bursts = np.split(times_s, np.flatnonzero(np.diff(times_s) > _APART_S) + 1)
+    left = [one for one in bursts if 2 <= len(one) <= _MOST_PULSES]
+    found = []
+    while left:
+        first = np.diff(left[0])
+        same = [one for one in left if len(one) == len(left[0])]
+        same = [one for one in same if np.abs(np.diff(one) - first).sum() <= GAP_TOLERANCE_S]
+        alike = {id(one) for one in same}
+        left = [one for one in left if id(one) not in alike]
+        if len(same) >= _FEWEST:
+            found.append(_code(same, frequency_hz))
+    return tuple(sorted(found, key=lambda code: -code.bursts))
+
+
+def _code(bursts: list[NDArray[np.float64]], frequency_hz: float) -> MeasuredCode:
+    gaps_s = np.array([np.diff(one) for one in bursts])
+    starts_s = np.array([one[0] for one in bursts])
+    beat = fit_beat(starts_s, float(np.diff(starts_s).min()))
+    return MeasuredCode(
+        frequency_hz=frequency_hz,
+        gaps_s=tuple(gaps_s.mean(axis=0).tolist()),
+        gaps_sigma_s=tuple((gaps_s.std(axis=0, ddof=1) / math.sqrt(len(bursts))).tolist()),
+        burst_interval_s=beat.interval_s,
+        burst_interval_sigma_s=beat.sigma_s,
+        bursts=len(bursts),
+    )
+
+
+def _pulses(source: SampleSource, frequency_hz: float) -> NDArray[np.float64]:
+    """Starts of the strong pulses near a frequency [s from the recording's start]."""
+    front_end = FrontEnd(
+        sample_rate_hz=source.sample_rate_hz,
+        center_frequency_hz=source.center_frequency_hz,
+        frequencies_hz=[frequency_hz],
+    )
+    parts: list[NDArray[np.complex64]] = []
+    offset_hz, rate_hz, samples = 0.0, 1.0, 0
+    while samples < _MOST_S * source.sample_rate_hz:
+        try:
+            block = source.read()
+        except EOFError:
+            break
+        if block is None:
+            continue
+        samples += len(block.samples)
+        for channel in front_end.process(block):
+            rate_hz, offset_hz = (
+                channel.sample_rate_hz,
+                frequency_hz - channel.center_frequency_hz,
+            )
+            parts += [np.zeros(channel.lost_before, np.complex64), channel.samples]
+    if not parts:
+        return np.zeros(0)
+    return _starts(np.concatenate(parts), rate_hz, offset_hz)
+
+
+def _starts(
+    samples: NDArray[np.complex64], rate_hz: float, offset_hz: float
+) -> NDArray[np.float64]:
+    cells = Cells(
+        sample_rate_hz=rate_hz,
+        pulse_width_s=_WIDTH_S,
+        low_hz=max(offset_hz - _WINDOW_HZ, -0.5 * rate_hz),
+        high_hz=min(offset_hz + _WINDOW_HZ, 0.5 * rate_hz),
+        kept_s=0.1,
+        recent_s=1.0,
+    )
+    step = round(rate_hz)
+    rows = [np.zeros(0, np.float32)]
+    while count := cells.push(samples[cells.end * cells.hop :][:step]):
+        rows.append(cells.recent[:, -count:].max(axis=0))
+    energy = np.concatenate(rows).astype(np.float64)
+    reach = cells.pulse
+    tall = np.lib.stride_tricks.sliding_window_view(np.pad(energy, reach), 2 * reach + 1)
+    top = np.flatnonzero((energy >= _LEAST) & (energy == tall.max(axis=1)))
+    top = top[(top >= reach) & (top < len(energy) - reach)]
+    # The filter falls off linearly to both sides: amplitudes tell where between columns.
+    near = max(1, reach // 3)
+    left, right = np.sqrt(energy[top - near]), np.sqrt(energy[top + near])
+    shift = 0.5 * reach * (right - left) / np.sqrt(energy[top])
+    return np.asarray((top + np.clip(shift, -1.0, 1.0)) * cells.column_s, np.float64)
