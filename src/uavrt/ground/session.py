@@ -66,8 +66,9 @@ LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
 """A pulse heard this long after the stop is of another flight, unless it was before it."""
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
-"""Estimates run again after eight times as long as they took, and as many times more as there
-are vehicles: at most 11 % of a core in all."""
+"""Estimates run again after eight times as long as they took: at most 11 % of a core …"""
+ESTIMATE_SHARE_OF_SEVERAL = 20.0
+"""… and with several vehicles after so many times as long for each: 5 % in all."""
 
 FOREIGN_REMEDY = "give each vehicle a number of its own (MAV_SYS_ID), or choose this one"
 
@@ -531,8 +532,9 @@ class GroundSession:
             return
         finally:
             took_s = monotonic_s() - begun_s
-            vehicles = 1 + len(self.companions)
-            wait_s = max(ESTIMATE_LEAST_S, ESTIMATE_SHARE * vehicles * took_s)
+            others = len(self.companions)
+            share = ESTIMATE_SHARE_OF_SEVERAL * (1 + others) if others else ESTIMATE_SHARE
+            wait_s = max(ESTIMATE_LEAST_S, share * took_s)
             self._estimate_at_s = monotonic_s() + wait_s
         if flight_id == self.flight.flight_id:
             if found.told != self.estimates.told:
