@@ -199,7 +199,7 @@ def main() -> None:
         except UsageError as error:
             log.error("nothing is integrated", reason=str(error))
             frame.tell(4, f"nothing is integrated on the drone: {error.message}")
-            idle(frame, error.message)
+            frame.idle(error.message)
             return
         while frame.running:
             for topic, record in frame.receive(timeout_s=TICK_S):
@@ -211,13 +211,6 @@ def main() -> None:
                 ok=fault is None,
                 counters=integration.counters,
             )
-
-
-def idle(frame: ProcessFrame, reason: str) -> None:
-    """Stay alive without doing anything: a restart would change nothing."""
-    while frame.running:
-        frame.receive(timeout_s=TICK_S)
-        frame.report(reason, ok=False)
 
 
 if __name__ == "__main__":

@@ -126,6 +126,12 @@ class ProcessFrame:
             ),
         )
 
+    def idle(self, reason: str) -> None:
+        """Stay alive without doing anything until the end: a restart would change nothing."""
+        while self.running:
+            self.receive(timeout_s=0.5)
+            self.report(reason, ok=False)
+
     def __enter__(self) -> Self:
         return self
 

@@ -135,20 +135,13 @@ def main() -> None:
         except UsageError as error:
             log.error("no bearings", reason=str(error))
             frame.tell(4, f"no bearings on the drone: {error.message}")
-            idle(frame, error.message)
+            frame.idle(error.message)
             return
         while frame.running:
             for topic, record in frame.receive(timeout_s=TICK_S):
                 estimation.take(topic, record)
             estimation.tick()
             frame.report("ready", counters=estimation.counters)
-
-
-def idle(frame: ProcessFrame, reason: str) -> None:
-    """Stay alive without doing anything: a restart would change nothing."""
-    while frame.running:
-        frame.receive(timeout_s=0.5)
-        frame.report(reason, ok=False)
 
 
 if __name__ == "__main__":
