@@ -22,6 +22,8 @@ _LEAK = 0.35
 """Of the amplitude of the strongest at any frequency, what may be only that one's leak."""
 _LOUD = 20.0
 """Noise energies from which on a leak is looked for."""
+_HIT = 0.5
+"""Of the usual amplitude, the least where another signal hides a pulse."""
 _UNEQUAL = 18.0
 """Chi square of the pulses' amplitudes at most: of 3 degrees 2 in 10 000 are beyond it."""
 _FADING = 0.12
@@ -106,7 +108,8 @@ def measure(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> list[Burs
     at = seeds[:, 3:4] + offsets - cells.recent_from
     # What counts lies exactly at the gaps: each further column would be one more chance.
     energies = cells.recent[rows, np.clip(at, 0, last)]
-    at = at + _best(cells, rows, at, _POOL)[1]
+    near, shift = _best(cells, rows, at, _POOL)
+    at = at + shift
     tall = np.maximum(
         _best(cells, rows, at, cells.pulse)[0],
         np.maximum(
@@ -127,14 +130,13 @@ def measure(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> list[Burs
     )
     loudest = everywhere[np.clip(at, 0, last)].max(axis=2)
     good &= (amplitude >= _LEAK * np.sqrt(loudest)) | (loudest < _LOUD)
-    tall = np.maximum(tall, loudest)
     found = []
     for i, seed in enumerate(seeds.tolist()):
         if np.count_nonzero(good[i]) < least_pulses(book.pulses):
             continue
         usual = float(np.median(amplitude[i][good[i]]))
-        if (np.sqrt(tall[i][~good[i]]) < usual).any():
-            continue  # not hit by anything, yet not like a pulse
+        if (np.sqrt(near[i][~good[i]]) < _HIT * usual).any():
+            continue  # nothing lies there that could hide a pulse
         columns = at[i] + cells.recent_from
         burst = Burst(
             book=book,
