@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.clock import cpu_s
 from uavrt.detection.coded import Cells, CodedDetector
 from uavrt.messages import Pulse, Tag
 from uavrt.units import ns_from_s
@@ -307,6 +308,31 @@ def _false(name: str, strong_db: float | None, stretch_s: float, trials: int) ->
     )
 
 
+def _cost(seconds: float) -> Case:
+    """CPU time of 500 codes on one channel."""
+
+    def trial(rng: np.random.Generator, _index: int) -> float:
+        tags = some_codes(rng, 500)
+        samples = noise(rng, round(seconds * RATE_HZ))
+        begun_s = cpu_s()
+        find(tags, samples)
+        return (cpu_s() - begun_s) / seconds
+
+    def rows(outcomes: Sequence[float]) -> list[Row]:
+        share = 100.0 * min(outcomes)
+        return [Row.counted("E23", "% of a core", "500 codes", share, len(outcomes), most=10.0)]
+
+    return Case(
+        name="500 codes",
+        trials=3,
+        least=1,
+        seconds=0.1 * seconds,
+        trial=trial,
+        rows=rows,
+        alone=True,
+    )
+
+
 E23 = Experiment(
     name="E23",
     title="bursts of coded tags",
@@ -316,5 +342,6 @@ E23 = Experiment(
         _curve(10, (1.7, 2.7, 3.7), 100, 0.2),
         _false("50 codes in noise", None, 200.0, 60),
         _false("50 codes, two tags at 30 dB", 30.0, 200.0, 60),
+        _cost(60.0),
     ),
 )

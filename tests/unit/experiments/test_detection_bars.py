@@ -13,6 +13,7 @@ import pytest
 from uavrt import __version__
 from uavrt.cli.experiment_detection import detection
 from uavrt.detection import PulseDetector
+from uavrt.detection.coded import CodedDetector
 from uavrt.detection.signal.refine import Measured
 from uavrt.detection.track.judging import Judge
 from uavrt.errors import ConfigError, UsageError
@@ -48,7 +49,12 @@ UNBARRED = {
     ("E16", "10 dB, silent for 10 s"),
 }
 """Cases of which nothing is asked: shown beside the others."""
-TIMED = {("E16", case.name) for case in EXPERIMENTS["E16"].cases if case.alone}
+TIMED = {
+    (name, case.name)
+    for name in ("E16", "E23")
+    for case in EXPERIMENTS[name].cases
+    if case.alone
+}
 """CPU time means something on a quiet machine only, not in a test."""
 CASES = {
     (experiment.name, case.name): case
@@ -88,17 +94,18 @@ def test_no_bar_of_losses_that_nobody_tells_is_contradicted(name: str) -> None:
     assert not missed(rows)
 
 
-def deaf(self: PulseDetector, *args: Any) -> list[Pulse]:
+def deaf(self: PulseDetector | CodedDetector, *args: Any) -> list[Pulse]:
     """Hear nothing."""
     return []
 
 
-def babbling(self: PulseDetector, samples: Any, time_ns: int) -> list[Pulse]:
-    """Confirm a pulse in each block, ten pulse widths behind its beginning."""
+def babbling(self: PulseDetector | CodedDetector, samples: Any, time_ns: int) -> list[Pulse]:
+    """Confirm a pulse of each tag in each block, ten pulse widths behind its beginning."""
+    tags = self.tags if isinstance(self, CodedDetector) else (self.tag,)
     return [
         Pulse(
-            tag_id=self.tag.tag_id,
-            frequency_hz=self.tag.frequency_hz + 77.0,
+            tag_id=tag.tag_id,
+            frequency_hz=tag.frequency_hz + 77.0,
             start_time_ns=time_ns,
             end_time_ns=time_ns + 20_000_000,
             snr_db=20.0,
@@ -113,6 +120,7 @@ def babbling(self: PulseDetector, samples: Any, time_ns: int) -> list[Pulse]:
             predicted_next_start_ns=None,
             predicted_next_end_ns=None,
         )
+        for tag in tags
     ]
 
 
@@ -127,6 +135,7 @@ def test_a_detector_that_hears_nothing_or_everything_misses_a_bar_of_each_case(
 ) -> None:
     monkeypatch.setattr(PulseDetector, "flush", deaf)
     monkeypatch.setattr(PulseDetector, "leave", deaf)
+    monkeypatch.setattr(CodedDetector, "flush", deaf)
     assert any(
         misses_a_bar(which, monkeypatch, *broken)
         for broken in ((deaf, deaf), (babbling, babbling_in_company))
@@ -141,6 +150,7 @@ def misses_a_bar(
 ) -> bool:
     """Whether a case's short form shows a detector broken in this way."""
     monkeypatch.setattr(PulseDetector, "process", broken)
+    monkeypatch.setattr(CodedDetector, "process", broken)
     # Of a group whose tags share a band the pulses are drained.
     monkeypatch.setattr(PulseDetector, "drain", in_company)
     try:
