@@ -119,7 +119,11 @@ def _make(update: Update, present: Path, made: Path) -> None:
         shutil.copytree(present, made, symlinks=True)
         for name in (COMPLETE, KEYS):
             (made / name).unlink(missing_ok=True)
-        _run([*pip, "--no-deps", "--force-reinstall", str(update.path)], update)
+        assert update.content is not None
+        with tempfile.TemporaryDirectory(prefix=".wheels-", dir=made) as wheels:
+            wheel = Path(wheels) / update.path.name
+            wheel.write_bytes(update.content)
+            _run([*pip, "--no-deps", "--force-reinstall", str(wheel)], update)
         _require_libraries(made, update)
         return
     _run([str(present / "bin/python"), "-m", "venv", str(made)], update)

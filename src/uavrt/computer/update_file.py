@@ -74,6 +74,8 @@ class Update:
     """Without libraries: it needs those that are there."""
     manifest: Manifest | None
     """None for a wheel alone."""
+    content: bytes | None = None
+    """Of a wheel alone: what was signed, whatever becomes of the file."""
 
 
 def version_key(version: str) -> tuple[object, ...]:
@@ -153,7 +155,9 @@ def _read_wheel(path: Path, keys: Path) -> Update:
     version = path.name.split("-")[1]
     version_key(version)
     name = f"{version}-{hashlib.sha256(content).hexdigest()[:8]}"
-    return Update(path=path, version=version, name=name, alone=True, manifest=None)
+    return Update(
+        path=path, version=version, name=name, alone=True, manifest=None, content=content
+    )
 
 
 def unpack_wheels(update: Update, directory: Path) -> None:

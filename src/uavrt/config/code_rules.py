@@ -8,8 +8,6 @@ within 4 ms.
 from collections.abc import Sequence
 from itertools import combinations
 
-import numpy as np
-
 from uavrt.config.tag_bands import tags_by_band
 from uavrt.config.tag_drafts import Entry, Fault, TagDraft
 from uavrt.messages import Tag
@@ -101,15 +99,14 @@ def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, fl
     for band in tags_by_band([tag for tag in tags if tag.coded], window_hz):
         for count in sorted({len(tag.gaps_s) for tag in band}):
             same = [tag for tag in band if len(tag.gaps_s) == count]
-            gaps_s = np.array([tag.gaps_s for tag in same])
-            apart_s = np.abs(gaps_s[:, None] - gaps_s[None]).sum(axis=2)
-            near = apart_s <= GAP_TOLERANCE_S
-            found += [
-                (same[i], same[j], float(apart_s[i, j]))
-                for i, j in combinations(range(len(same)), 2)
-                if near[i, j]
-                and abs(same[i].frequency_hz - same[j].frequency_hz) < 2.0 * window_hz
-            ]
+            for one, two in combinations(same, 2):
+                pairs = zip(one.gaps_s, two.gaps_s, strict=True)
+                apart_s = sum(abs(mine_s - others_s) for mine_s, others_s in pairs)
+                if (
+                    apart_s <= GAP_TOLERANCE_S
+                    and abs(one.frequency_hz - two.frequency_hz) < 2.0 * window_hz
+                ):
+                    found.append((one, two, apart_s))
     return found
 
 
