@@ -175,10 +175,14 @@ class Integration:
                 result = flight.judge(tag)
                 if result is not None:
                     save_integrated(read_flight(directory), [result])
+                self.fault = None
             except (UavrtError, OSError, MemoryError) as error:
                 if str(error) != self.fault:
                     log.warning("not judged", tag=tag.tag_id, reason=str(error))
                 self.fault = str(error)
+            except Exception as error:  # ours: other tags are judged all the same
+                log.exception("not judged")
+                self.fault = f"tag {tag.tag_id} cannot be judged: {error}"
             self._done.put((flight, tag, result, cpu_s() - began_s))
 
     def counters(self) -> dict[str, float]:

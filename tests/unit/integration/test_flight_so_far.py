@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
 from uavrt.analysis.flight_so_far import FALSE_ALARM_PROBABILITY, FlightSoFar, told_in_flight
-from uavrt.analysis.integrator import SHARE, Looks, Teller
+from uavrt.analysis.integrator import SHARE, Integration, Looks, Teller
 from uavrt.config.settings import IntegrationSettings, RecordingSettings, Settings
 from uavrt.integration import BLOCK_S, GrowingEnergies, slot_energies
 from uavrt.localization import PATTERNS
@@ -179,3 +180,20 @@ def test_the_integrator_is_a_row_for_who_keeps_channels_and_wants_it() -> None:
     assert added(Settings(integration=wanted)) == {"integrator"}
     spared = RecordingSettings(channels=False)
     assert added(Settings(integration=wanted, recording=spared)) == set()
+
+
+def test_a_fault_at_one_look_is_told_and_ends_no_other(tmp_path: Path) -> None:
+    class Faulty:
+        def judge(self, tag: Tag) -> None:
+            if tag.tag_id == 2:
+                raise ValueError("not foreseen")
+
+    assignment = SimpleNamespace(settings=Settings(), flight=None)
+    integration = Integration(SimpleNamespace(assignment=assignment))  # type: ignore[arg-type]
+    told = []
+    for tag in tags(2):
+        integration._jobs.put((Faulty(), tmp_path, tag))  # type: ignore[arg-type]
+        _, judged, result, _ = integration._done.get(timeout=10.0)
+        told.append((judged.tag_id, result, integration.fault))
+    integration._jobs.put(None)
+    assert told == [(2, None, "tag 2 cannot be judged: not foreseen"), (3, None, None)]
