@@ -6,13 +6,14 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.config import DetectionSettings
 from uavrt.detection import DetectorGroup, PulseDetector, Receiver
-from uavrt.detection.coded import CodedDetector
+from uavrt.detection import coded as coded_tags
 from uavrt.dsp import ClippedTimes
 from uavrt.errors import UavrtError
 from uavrt.ipc import ChannelReceiver, ProcessFrame
@@ -21,6 +22,10 @@ from uavrt.messages import ChannelBlock, FlightInfo, Pulse, SearchReport, Tag
 from uavrt.processes.hang_watch import HangWatch
 from uavrt.processes.latencies import Latencies
 from uavrt.units import NANOSECONDS_PER_SECOND
+
+if TYPE_CHECKING:
+    # The package is asked for it when a coded tag is listed: it loads scipy.special, 27 MB.
+    from uavrt.detection.coded import CodedDetector
 
 log = get_logger()
 
@@ -100,7 +105,7 @@ class DetectorBank:
             return
         try:
             if block.channel not in self._coded:
-                self._coded[block.channel] = CodedDetector(
+                self._coded[block.channel] = coded_tags.CodedDetector(
                     codes,
                     sample_rate_hz=block.sample_rate_hz,
                     center_frequency_hz=block.center_frequency_hz,
@@ -202,7 +207,7 @@ class DetectorBank:
         """Take what all detectors have searched in vain."""
         return [report for one in self._searching() for report in one.search_reports()]
 
-    def _searching(self) -> list[PulseDetector | CodedDetector]:
+    def _searching(self) -> "list[PulseDetector | CodedDetector]":
         return [*self.all(), *self._coded.values()]
 
     def counters(self) -> dict[str, float]:
@@ -258,7 +263,7 @@ class DetectorBank:
         return made
 
 
-def _numbers(detector: PulseDetector | CodedDetector) -> Iterator[tuple[str, int]]:
+def _numbers(detector: "PulseDetector | CodedDetector") -> Iterator[tuple[str, int]]:
     """Everything a detector has counted, but the samples, which the bank counts once."""
     counters = asdict(detector.counters)
     for reason, count in counters.pop("rejected").items():

@@ -37,3 +37,11 @@ def test_a_channelizer_of_all_channels_imports_no_scipy_fft() -> None:
         "sys.exit('scipy.special' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "module", ["processes.detector", "analysis.measure.recorded_pulses", "cli.detect"]
+)
+def test_the_detection_of_beeping_tags_imports_no_scipy_special(module: str) -> None:
+    code = f"import sys, uavrt.{module}; sys.exit('scipy.special' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -6,17 +6,28 @@ processes do, without the sockets between.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from uavrt.clock import monotonic_s
-from uavrt.detection import DetectorGroup, OperatingMode, PulseDetector, Receiver
-from uavrt.detection.coded import CodedDetector
+from uavrt.detection import (
+    DetectorGroup,
+    OperatingMode,
+    PulseDetector,
+    Receiver,
+)
+from uavrt.detection import (
+    coded as coded_tags,
+)
 from uavrt.dsp import Carriers, Clipping, FrontEnd
 from uavrt.errors import ConfigError, UavrtError
 from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
 from uavrt.radio import SampleSource
+
+if TYPE_CHECKING:
+    # The package is asked for it when a coded tag is listed: it loads scipy.special, 27 MB.
+    from uavrt.detection.coded import CodedDetector
 
 _LOOK_S: Final = 0.5
 """How often a waiting reader looks whether it should stop."""
@@ -107,7 +118,7 @@ class DetectionChain:
         for channel, some in detectors.items():
             self._group.add(channel, some)
         self._coded = {
-            channel: CodedDetector(
+            channel: coded_tags.CodedDetector(
                 some,
                 sample_rate_hz=plan.channel_rate_hz,
                 center_frequency_hz=centers_hz[channel],
