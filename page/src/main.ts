@@ -1,6 +1,7 @@
 /** The page: header, tabs, keys, and the views. */
 
 import "maplibre-gl/dist/maplibre-gl.css";
+import { buildCheck, showCheck } from "./check";
 import { act, buildFly, mapView } from "./fly";
 import { send } from "./api";
 import { drawVehicles, unserved } from "./vehicles";
@@ -21,6 +22,7 @@ const VIEWS: [string, string][] = [
   ["setup", "Set-up"],
   ["log", "Log"],
   ["flights", "Flights"],
+  ["check", "Check"],
 ];
 const STATES: Record<string, string> = {
   idle: "Idle",
@@ -87,6 +89,7 @@ export function show(name: string): void {
   if (location.hash !== `#${name}`) history.replaceState(null, "", `#${name}`);
   showPlots(name === "plots");
   showLog(name === "log");
+  showCheck(name === "check");
   if (name === "flights") void refresh();
   if (name === "fly") mapView().resize();
 }
@@ -214,6 +217,7 @@ buildPlots();
 buildSetup();
 buildLog();
 buildFlights(show);
+buildCheck();
 store.on(["state", "online", "pose", "reset", "other"], drawHeader);
 document.addEventListener("keydown", keys);
 const wanted = location.hash.slice(1);

@@ -300,3 +300,12 @@ export interface Absence {
   heard: number;
   not_here: number;
 }
+
+/** An item of the list before a first flight. */
+export interface Finding {
+  what: string;
+  ok: boolean;
+  text: string;
+  /** What to do; empty where all is in order. */
+  remedy: string;
+}

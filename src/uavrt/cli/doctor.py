@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.text import Text
 
+from uavrt.cli.bench import bench_findings
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
 from uavrt.computer import Finding, examine, examine_autopilot
 from uavrt.config import Settings
@@ -23,6 +24,7 @@ STATUS_S = 3.0
 def doctor(
     *,
     config: Annotated[Path, Parameter(alias="-c")] = DEFAULT_CONFIG,
+    flight: Annotated[bool, Parameter(negative="")] = False,
     autopilot: Annotated[bool, Parameter(negative="")] = False,
     fix: Annotated[bool, Parameter(negative="")] = False,
     port: str | None = None,
@@ -36,6 +38,9 @@ def doctor(
     ----------
     config
         Settings file for the flight.
+    flight
+        Go through the list before a first flight: listen to the running system for
+        half a minute, with a tag on the bench. The page has the same list under Check.
     autopilot
         Check only the autopilot's parameters: do they let drone and ground talk to each other?
     fix
@@ -49,10 +54,14 @@ def doctor(
     settings = settings_from(config)
     if fix and not autopilot:
         raise UsageError("--fix goes with --autopilot")
+    if flight and autopilot:
+        raise UsageError("--flight and --autopilot are two lists", remedy="Give one of them")
     running = running_status(settings)
     findings = (
         autopilot_findings(settings, running, port=port, mavlink=mavlink, fix=fix)
         if autopilot
+        else bench_findings(settings)
+        if flight
         else examine(settings, running)
     )
     console = Console()

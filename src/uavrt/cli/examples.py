@@ -83,6 +83,7 @@ EXAMPLES: dict[str, list[str]] = {
     ],
     "doctor": [
         "uavrt doctor",
+        "uavrt doctor --flight                           # the list before a first flight",
         "uavrt doctor --autopilot --mavlink serial:///dev/ttyACM0:57600",
     ],
     "tags check": ["uavrt tags check TagInfo.txt"],

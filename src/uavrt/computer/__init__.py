@@ -6,13 +6,17 @@ from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt.computer.autopilot_setup import armed_by_link, examine_autopilot
-    from uavrt.computer.checks import Finding, examine
+    from uavrt.computer.bench import Bench, FlightFacts, first_flight
+    from uavrt.computer.checks import examine
+    from uavrt.computer.finding import Finding
     from uavrt.computer.service import ServicePlan, install, remove, status
     from uavrt.computer.trial import Needs, Seen, Trial, Verdict, require_still
     from uavrt.computer.versions import Installation, runs_from
 
 __all__ = [
+    "Bench",
     "Finding",
+    "FlightFacts",
     "Installation",
     "Needs",
     "Seen",
@@ -22,6 +26,7 @@ __all__ = [
     "armed_by_link",
     "examine",
     "examine_autopilot",
+    "first_flight",
     "install",
     "remove",
     "require_still",
@@ -31,7 +36,9 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
-        "Finding": "checks",
+        "Bench": "bench",
+        "Finding": "finding",
+        "FlightFacts": "bench",
         "Installation": "versions",
         "Needs": "trial",
         "Seen": "trial",
@@ -41,6 +48,7 @@ __getattr__ = lazily(
         "armed_by_link": "autopilot_setup",
         "examine": "checks",
         "examine_autopilot": "autopilot_setup",
+        "first_flight": "bench",
         "install": "service",
         "remove": "service",
         "require_still": "trial",

@@ -10,7 +10,7 @@ from uavrt.computer.autopilot_rules import (
     needs,
     operator_failsafe,
 )
-from uavrt.computer.checks import Finding
+from uavrt.computer.finding import Finding
 from uavrt.errors import LinkError, UavrtError
 from uavrt.mavlink import Address, ParameterClient, parse_address
 from uavrt.mavlink.dialect import MavAutopilot

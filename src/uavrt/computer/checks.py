@@ -8,12 +8,12 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt import native
 from uavrt.clock import Clock, wall_ns
 from uavrt.computer.card import WORN_TENTHS, battery_clock_off_s, card_of
+from uavrt.computer.finding import Finding
 from uavrt.config import RADIOS, Settings
 from uavrt.errors import UavrtError
 from uavrt.mavlink import Connection, Handlers, parse_address
@@ -32,16 +32,6 @@ HOT_C = 80.0
 """A Raspberry Pi 5 slows down from 80 °C (Raspberry Pi documentation, frequency management)."""
 IDLE_CORES_NEEDED = 0.5
 """A hundred tags need a tenth of a core of the reference machine, some small cores a half."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """One line of the doctor."""
-
-    what: str
-    ok: bool
-    text: str
-    remedy: str = ""
 
 
 def examine(settings: Settings, running: SystemStatus | None) -> Iterator[Finding]:

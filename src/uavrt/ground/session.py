@@ -12,6 +12,8 @@ from typing import Any
 
 from uavrt import tunnel
 from uavrt.clock import Clock, monotonic_s
+from uavrt.computer import Bench, Finding, FlightFacts, first_flight
+from uavrt.config import RecordingSettings
 from uavrt.errors import LinkError, UavrtError, UsageError
 from uavrt.ground.fetch import Downloads
 from uavrt.ground.link import (
@@ -148,6 +150,7 @@ class GroundSession:
         self._commit_due = False
         self.temperature_c: float | None = None
         self.heard: dict[int, int] = {}
+        self._bench = Bench()
         self.drone_bearings: dict[tuple[int, int], LiveBearing] = {}
         self.drone_directory = ""
         self._stopped_ns: int | None = None
@@ -292,6 +295,26 @@ class GroundSession:
             foreign=self.identity.foreign(self.clock.now_ns()),
         )
 
+    def first_flight(self) -> list[Finding]:
+        """Judge whether all is ready for a first flight."""
+        now_ns, watch, situation = self.clock.now_ns(), self.vehicle, self.situation()
+        pose = watch.pose if watch else None
+        skew_ns = self.skew_ns
+        facts = FlightFacts(
+            tags=self.store.chosen_tags,
+            state=self.state,
+            heard=situation.drone_present,
+            clock_off_s=None if skew_ns is None else skew_ns / NANOSECONDS_PER_SECOND,
+            pose_age_s=None
+            if pose is None
+            else (now_ns - pose.time_ns) / NANOSECONDS_PER_SECOND,
+            disk_free_mb=watch.disk_free_mb if watch else None,
+            disk_needed_mb=RecordingSettings().minimum_free_mb,
+            battery_percent=watch.battery_percent if watch else None,
+            battery_v=watch.battery_v if watch else None,
+        )
+        return first_flight(facts, self._bench, now_ns)
+
     # ------------------------------------------------------------------- what comes
 
     def _take_frame(self, frame: Frame) -> None:
@@ -313,6 +336,7 @@ class GroundSession:
         if self._on_event is not None:
             self._on_event(event)
         now_ns = self.clock.now_ns()
+        self._bench.take(event, now_ns)
         match event:
             case PulsePose():
                 self._take_pulse(event, now_ns)
@@ -322,6 +346,7 @@ class GroundSession:
                 self.hub.send("search", asdict(event))
             case DetectorAlive():
                 self.heard[event.tag_id] = now_ns
+                self._bench.alive(event.tag_id, now_ns)
             case LiveBearing():
                 self.drone_bearings[event.tag_id, event.start_time_ns] = event
                 self._estimate_due = True
@@ -488,6 +513,7 @@ class GroundSession:
         self._foreign_told = False
         self.state, self.temperature_c, self.drone_directory = None, None, ""
         self.sent_tags = ()
+        self._bench.forget()
         self.flying.forget()
         if self.link is not None:
             self.link.protocol.forget()

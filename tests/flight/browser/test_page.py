@@ -18,6 +18,7 @@ from page_driver import SCREENSHOTS, VIDEO, WAIT_MS, Ground, Watched, type_tags,
 from playwright.sync_api import Browser, Page, expect
 from quiet_radio import QuietRadio
 
+from uavrt.cli.bench import bench_findings
 from uavrt.config.settings import RecordingSettings
 from uavrt.demo.programs import free_udp_port
 from uavrt.mavlink import dialect
@@ -110,6 +111,10 @@ def test_a_whole_flight_is_flown_through_the_page(
     expect(page.locator("#tag-state")).to_have_text("saved")
 
     # Before the drone is there, buttons say why they do nothing.
+    page.click("#tab-check")
+    drone_row = page.locator('[data-check="drone"]')
+    expect(drone_row).to_have_attribute("data-ok", "false")
+    expect(drone_row.locator(".check-remedy")).to_contain_text("power")
     page.click("#tab-fly")
     expect(page.locator("#act-start")).to_have_attribute("aria-disabled", "true")
 
@@ -142,6 +147,14 @@ def test_a_whole_flight_is_flown_through_the_page(
     for tag in scenario.tags:
         card = page.locator(f'.card[data-tag="{tag.tag_id}"]')
         expect(card).to_have_attribute("data-fresh", "live", timeout=WAIT_MS)
+    # The list before a first flight: the page and the drone's own computer agree.
+    page.click("#tab-check")
+    expect(page.locator('.check-row[data-ok="true"]')).to_have_count(8)
+    expect(page.locator("#check-sum")).to_contain_text("All is in order")
+    watched.picture("check")
+    on_board = bench_findings(drone.settings)
+    assert [one.what for one in on_board if not one.ok] == []
+    page.click("#tab-fly")
     drawn = "() => window.uavrt.map().querySourceFeatures('pulses').length > 5"
     page.wait_for_function(drawn, timeout=WAIT_MS)
     watched.caption("Pulses appear where the drone was, coloured by strength.", 5)

@@ -21,6 +21,7 @@ SILENCE_NS = ns_from_s(6.0)
 """As for the drone: after this there is no link whose loss could be told."""
 UNKNOWN_HEADING = 65_535
 UNKNOWN_VOLTAGE = 65_535
+UNKNOWN_SPACE = 0xFFFF_FFFF
 
 
 class LossMeter:
@@ -86,6 +87,8 @@ class VehicleWatch:
         self.radio: RadioLevels | None = None
         self.battery_v: float | None = None
         self.battery_percent: int | None = None
+        self.disk_free_mb: float | None = None
+        """Where the drone records its flights; None before it has told."""
         self.round_trip_s: float | None = None
         """Of the last ping to the drone's companion and back."""
         self.loss = LossMeter()
@@ -102,8 +105,12 @@ class VehicleWatch:
             self._take_radio(message)
             return None
         if isinstance(message, dialect.Ping) and frame.component_id == DRONE_COMPONENT:
-            if self.identity.system_id in (None, frame.system_id):
+            if self._is_ours(frame.system_id):
                 self._take_ping(message, now_ns)
+            return None
+        if isinstance(message, dialect.OnboardComputerStatus):
+            if frame.component_id == DRONE_COMPONENT and self._is_ours(frame.system_id):
+                self._take_computer(message)
             return None
         if frame.component_id == DRONE_COMPONENT and self._alone(frame.system_id, now_ns):
             return self._take_pose(message, now_ns)
@@ -118,6 +125,9 @@ class VehicleWatch:
         self._heard_ns = now_ns
         self.loss.add(frame.sequence, now_ns)
         return self._take(message, now_ns)
+
+    def _is_ours(self, system_id: int) -> bool:
+        return self.identity.system_id in (None, system_id)
 
     def _alone(self, system_id: int, now_ns: int) -> bool:
         """Whether that is our station, and no autopilot speaks for it: a mast, or a person."""
@@ -244,6 +254,11 @@ class VehicleWatch:
             transmit_buffer_percent=message.txbuf,
             errors=message.rxerrors,
         )
+
+    def _take_computer(self, message: dialect.OnboardComputerStatus) -> None:
+        used_mib, whole_mib = message.storage_usage[0], message.storage_total[0]
+        known = UNKNOWN_SPACE not in (used_mib, whole_mib) and whole_mib > 0
+        self.disk_free_mb = (whole_mib - used_mib) * 2**20 / 1e6 if known else None
 
     def _take_ping(self, message: dialect.Ping, now_ns: int) -> None:
         if (message.target_system, message.target_component) != (

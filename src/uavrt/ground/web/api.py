@@ -57,6 +57,7 @@ class Api:
         """Path below ``/api``, method, handler."""
         return [
             ("/state", "GET", self.state),
+            ("/first-flight", "GET", self.first_flight),
             ("/tags", "GET", self.tags),
             ("/tags", "PUT", self.put_tags),
             ("/tags/check", "POST", self.check_tags),
@@ -96,6 +97,10 @@ class Api:
     async def state(self, request: Request) -> Any:
         """Everything known about drone, link and flight."""
         return self._session.snapshot()
+
+    async def first_flight(self, request: Request) -> Any:
+        """The list before a first flight, each item with its remedy."""
+        return [asdict(finding) for finding in self._session.first_flight()]
 
     async def tags(self, request: Request) -> Any:
         """The tag table."""

@@ -1,0 +1,67 @@
+/** The list before a first flight: what is in order, and what to do about the rest. */
+
+import { get } from "./api";
+import { by, fill, h, say } from "./dom";
+import type { Finding } from "./types";
+
+const AGAIN_MS = 2000;
+const NAMES: Record<string, string> = {
+  drone: "Drone",
+  radio: "Radio",
+  noise: "Noise",
+  time: "Time",
+  poses: "Position",
+  tags: "Bench tag",
+  disk: "Disk",
+  battery: "Battery",
+};
+
+let timer: number | undefined;
+let drawn = "";
+
+export function buildCheck(): void {
+  fill(
+    by("view-check"),
+    h(
+      "div",
+      { class: "bench" },
+      h("h2", { id: "h-check" }, "Before a first flight"),
+      h("p", { class: "note" }, "Take the propellers off. Switch the drone on under the open sky, lay a tag a few metres away, press Send tags and Start, and wait half a minute."),
+      h("p", { id: "check-sum", class: "check-sum", role: "status" }),
+      h("ul", { id: "check-list", class: "check-list", "aria-labelledby": "h-check" }),
+    ),
+  );
+}
+
+/** Ask while it is looked at. */
+export function showCheck(visible: boolean): void {
+  clearInterval(timer);
+  timer = visible ? setInterval(() => void ask(), AGAIN_MS) : undefined;
+  if (visible) void ask();
+}
+
+async function ask(): Promise<void> {
+  const found = await get<Finding[]>("/first-flight").catch(() => null);
+  if (!found) {
+    say(by("check-sum"), "The ground station does not answer.");
+    return;
+  }
+  const open = found.filter((one) => !one.ok).length;
+  say(by("check-sum"), open ? `${open} of ${found.length} to do` : "All is in order. Stop, put the propellers on, and fly.");
+  by("check-sum").classList.toggle("good", !open);
+  const key = JSON.stringify(found);
+  if (key === drawn) return;
+  drawn = key;
+  fill(by("check-list"), ...found.map(row));
+}
+
+function row(one: Finding): HTMLElement {
+  return h(
+    "li",
+    { class: one.ok ? "check-row good" : "check-row bad", "data-check": one.what, "data-ok": String(one.ok) },
+    h("span", { class: "check-mark", "aria-hidden": "true" }, one.ok ? "✓" : "✗"),
+    h("span", { class: "check-name" }, NAMES[one.what] ?? one.what),
+    h("span", { class: "check-text" }, h("span", { class: "hidden-word" }, one.ok ? "in order: " : "to do: "), one.text),
+    one.remedy ? h("span", { class: "check-remedy" }, one.remedy) : null,
+  );
+}

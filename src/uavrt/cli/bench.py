@@ -1,0 +1,83 @@
+"""``uavrt doctor --flight``: the list before a first flight, on the drone's own computer."""
+
+from uavrt.clock import monotonic_s
+from uavrt.computer import Bench, Finding, FlightFacts, first_flight
+from uavrt.computer.checks import check_card, check_disk, check_radio
+from uavrt.config import Settings
+from uavrt.errors import UavrtError
+from uavrt.messages import SystemState, SystemStatus, VehicleReport
+from uavrt.monitor import StatusReader, status_socket_path
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+
+LISTEN_NS = ns_from_s(30.0)
+"""Several intervals of any tag, and thirty reports of noise."""
+ENOUGH_NS = ns_from_s(5.0)
+"""All is in order after so long: no need to listen on."""
+HEARS_AUTOPILOT = ("ready", "waiting for ground station")
+"""What the connection says of itself when it knows the autopilot and its time."""
+
+
+def bench_findings(settings: Settings) -> list[Finding]:
+    """Listen to the running system; judge what was heard."""
+    try:
+        reader = StatusReader(status_socket_path(settings), 0.0, lambda: None)
+    except (UavrtError, OSError):
+        remedy = "Start it: sudo systemctl start uavrt, or uavrt run"
+        return [Finding(what="drone", ok=False, text="uavrt does not run here", remedy=remedy)]
+    ear, begun_ns = _Ear(settings), _now_ns()
+    try:
+        while reader.is_open and (passed_ns := _now_ns() - begun_ns) < LISTEN_NS:
+            for _, record in reader.read(0.5):
+                ear.take(record, _now_ns())
+            if passed_ns > ENOUGH_NS and ear.is_content():
+                break
+    finally:
+        reader.close()
+    return ear.findings()
+
+
+class _Ear:
+    """Hears the records of the running system."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._bench = Bench()
+        self._status: SystemStatus | None = None
+        self._battery_percent: float | None = None
+        self._here = (check_disk(settings), check_card(settings))
+
+    def take(self, record: object, now_ns: int) -> None:
+        """Hear a record."""
+        self._bench.take(record, now_ns)
+        match record:
+            case SystemStatus():
+                self._status = record
+            case VehicleReport():
+                self._battery_percent = record.battery_percent
+
+    def is_content(self) -> bool:
+        """Whether all is in order; while nothing is searched for it is not."""
+        detects = self._status is not None and self._status.state is SystemState.DETECTING
+        return detects and all(one.ok for one in self.findings())
+
+    def findings(self) -> list[Finding]:
+        """Judge what was heard so far; the battery only where it is told here."""
+        status, pose_ns, now_ns = self._status, self._bench.pose_ns, _now_ns()
+        processes = {} if status is None else {one.process: one for one in status.processes}
+        link = processes.get("connection")
+        facts = FlightFacts(
+            tags=() if status is None else status.tags,
+            state=None if status is None else status.state,
+            heard=status is not None,
+            time_known=link is not None and link.status in HEARS_AUTOPILOT,
+            pose_age_s=None if pose_ns is None else (now_ns - pose_ns) / NANOSECONDS_PER_SECOND,
+            battery_percent=self._battery_percent,
+            told=(check_radio(self._settings, status), *self._here),
+        )
+        found = first_flight(facts, self._bench, now_ns)
+        told = self._battery_percent is not None
+        return [one for one in found if told or one.what != "battery"]
+
+
+def _now_ns() -> int:
+    return ns_from_s(monotonic_s())

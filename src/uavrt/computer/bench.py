@@ -1,0 +1,298 @@
+"""Fit for a first flight: what was heard on the bench, judged. Pure.
+
+`Bench` listens to the records that come, on the drone or over its link; `first_flight` judges
+what it has heard and what else is known, for ``uavrt doctor --flight`` and for the page.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from math import inf, isfinite, log10
+
+from uavrt.computer.finding import Finding
+from uavrt.messages import Poses, PulsePose, SearchReport, SystemState, Tag
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+DETECTOR_SILENT_S = 15.0
+"""Over the link a detector is told of at least every 6 s, with many tags less often."""
+POSE_OLD_S = 2.0
+"""Positions come five times a second; over a poor link some are lost."""
+HEARD_S = 60.0
+"""A pulse of the bench tag counts for so long."""
+NOISE_RISE_DB = 6.0
+"""Over the quietest since the check began: four times the noise halves the range."""
+NOISE_APART_DB = 10.0
+"""Between the tags' frequencies: a receiver alone is flat to some 3 dB over its band."""
+CLOCK_OFF_S = 3.0
+"""Between drone and ground station."""
+BATTERY_PERCENT = 50.0
+"""With less a first flight is over before it has taught anything."""
+NOISE_REMEDY = (
+    "Switch off what is near, one thing after the other (camera, video link, chargers), and "
+    "keep cables away from the antenna"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightFacts:
+    """What is known besides the records; None: not told."""
+
+    tags: tuple[Tag, ...]
+    state: SystemState | None
+    heard: bool
+    """The drone answers."""
+    told: tuple[Finding, ...] = ()
+    """Items that this computer has looked at itself; they stand for those judged by what came
+    over the link."""
+    time_known: bool | None = None
+    """The autopilot's clock is known; None: asked from elsewhere."""
+    clock_off_s: float | None = None
+    """How far the drone's clock is behind the ground station's."""
+    pose_age_s: float | None = None
+    """Of the newest position; None: none yet."""
+    disk_free_mb: float | None = None
+    disk_needed_mb: float = 0.0
+    battery_percent: float | None = None
+    battery_v: float | None = None
+
+
+@dataclass(slots=True)
+class _Heard:
+    """Of one tag."""
+
+    detector_ns: int | None = None
+    pulse_ns: int | None = None
+    clipped: bool = False
+    noise_db: float | None = None
+    quietest_db: float = inf
+
+
+@dataclass(slots=True)
+class Bench:
+    """Hears what comes; times are when it came."""
+
+    tags: dict[int, _Heard] = field(default_factory=dict)
+    pose_ns: int | None = None
+    posed: bool | None = None
+    """Whether the newest pulse had a position; None: no pulse yet."""
+
+    def take(self, record: object, now_ns: int) -> None:
+        """Hear a record; others than pulses, reports and poses say nothing here."""
+        match record:
+            case PulsePose():
+                one = self.alive(record.pulse.tag_id, now_ns)
+                if record.pulse.confirmed:
+                    one.pulse_ns, one.clipped = now_ns, record.pulse.clipped
+                self.posed = record.pose is not None
+                _add_noise(one, record.pulse.noise_psd)
+            case SearchReport():
+                _add_noise(self.alive(record.tag_id, now_ns), record.noise_psd)
+            case Poses():
+                self.pose_ns = now_ns
+
+    def alive(self, tag_id: int, now_ns: int) -> _Heard:
+        """Hear a detector's sign of life."""
+        one = self.tags.setdefault(tag_id, _Heard())
+        one.detector_ns = now_ns
+        return one
+
+    def forget(self) -> None:
+        """Begin anew: another drone, or another place for this one."""
+        self.tags.clear()
+        self.pose_ns = self.posed = None
+
+    def noise(self, tags: Iterable[Tag]) -> dict[int, _Heard]:
+        """Those of the tags whose noise is known."""
+        ids = {tag.tag_id for tag in tags}
+        return {
+            tag_id: one
+            for tag_id, one in self.tags.items()
+            if tag_id in ids and one.noise_db is not None
+        }
+
+
+def _add_noise(one: _Heard, noise_psd: float) -> None:
+    if isfinite(noise_psd) and noise_psd > 0.0:
+        one.noise_db = 10.0 * log10(noise_psd)
+        one.quietest_db = min(one.quietest_db, one.noise_db)
+
+
+def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
+    """Judge each item of the list; what is not known is not in order.
+
+    Parameters
+    ----------
+    facts : FlightFacts
+        What is known besides the records.
+    bench : Bench
+        What was heard.
+    now_ns : int
+        On the clock of the bench.
+    """
+    judged = [
+        _drone(facts),
+        _radio(facts, bench, now_ns),
+        _noise(facts, bench),
+        _time(facts, bench),
+        _poses(facts),
+        _tags(facts, bench, now_ns),
+        _disk(facts),
+        _battery(facts),
+    ]
+    told = {finding.what: finding for finding in facts.told}
+    return [told.pop(finding.what, finding) for finding in judged] + list(told.values())
+
+
+def _good(what: str, text: str) -> Finding:
+    return Finding(what=what, ok=True, text=text)
+
+
+def _bad(what: str, text: str, remedy: str) -> Finding:
+    return Finding(what=what, ok=False, text=text, remedy=remedy)
+
+
+def _drone(facts: FlightFacts) -> Finding:
+    if facts.heard:
+        return _good("drone", "heard")
+    return _bad("drone", "not heard", "Check its power, the telemetry radio and the connection")
+
+
+def _radio(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
+    what = "radio"
+    if facts.state is not SystemState.DETECTING:
+        return _bad(
+            what,
+            "not tried: nothing is being searched for",
+            "Send the tags and press Start, with the propellers off",
+        )
+    ages = [_age_s(one.detector_ns, now_ns) for one in bench.tags.values()]
+    if min(ages, default=inf) <= DETECTOR_SILENT_S:
+        return _good(what, "its samples are searched")
+    return _bad(
+        what,
+        "no detector is heard",
+        "Press Radio status under Set-up; check the radio's cable and its supply",
+    )
+
+
+def _noise(facts: FlightFacts, bench: Bench) -> Finding:
+    what = "noise"
+    known = bench.noise(facts.tags)
+    if not known:
+        return _bad(what, "not measured yet", "Press Start and wait half a minute")
+    names = {tag.tag_id: _megahertz(tag) for tag in facts.tags}
+    levels = {tag_id: one.noise_db or 0.0 for tag_id, one in known.items()}
+    rises = {tag_id: levels[tag_id] - one.quietest_db for tag_id, one in known.items()}
+    worst = max(rises, key=rises.__getitem__)
+    if rises[worst] > NOISE_RISE_DB:
+        text = f"{rises[worst]:.0f} dB more than before at {names[worst]}"
+        return _bad(what, text, NOISE_REMEDY)
+    loudest = max(levels, key=levels.__getitem__)
+    apart_db = levels[loudest] - min(levels.values())
+    if apart_db > NOISE_APART_DB:
+        text = (
+            f"{apart_db:.0f} dB more at {names[loudest]} than at the quietest tag's frequency"
+        )
+        return _bad(what, text, NOISE_REMEDY)
+    return _good(what, f"even to {apart_db:.0f} dB, and steady")
+
+
+def _time(facts: FlightFacts, bench: Bench) -> Finding:
+    what = "time"
+    off_s = facts.clock_off_s
+    if off_s is not None and abs(off_s) > CLOCK_OFF_S:
+        return _bad(
+            what,
+            f"the drone's clock is {off_s:.0f} s behind this computer's",
+            "Set the clock that is wrong; on the drone: sudo timedatectl set-time",
+        )
+    if facts.time_known or (facts.time_known is None and bench.posed):
+        return _good(what, "the autopilot's clock is known")
+    waiting = facts.time_known is None and bench.posed is None
+    return _bad(
+        what,
+        "not known before a pulse is heard"
+        if waiting
+        else "the autopilot's clock is not known",
+        "Let it hear the bench tag"
+        if waiting
+        else "Check the drone's cable to the autopilot, both wires, and its MAVLink port",
+    )
+
+
+def _poses(facts: FlightFacts) -> Finding:
+    what = "poses"
+    age_s = facts.pose_age_s
+    if age_s is None:
+        return _bad(
+            what, "no position yet", "Put the drone under the open sky and wait for its GPS"
+        )
+    if age_s > POSE_OLD_S:
+        return _bad(
+            what,
+            f"the last position is {age_s:.0f} s old",
+            "Check the telemetry radio and the autopilot's stream rates",
+        )
+    return _good(what, "fresh")
+
+
+def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
+    what = "tags"
+    if not facts.tags:
+        return _bad(what, "none in the table", "Type them in under Set-up")
+    nobody = _Heard()
+    heard = [
+        (tag, bench.tags.get(tag.tag_id, nobody))
+        for tag in facts.tags
+        if _age_s(bench.tags.get(tag.tag_id, nobody).pulse_ns, now_ns) <= HEARD_S
+    ]
+    if not heard:
+        return _bad(
+            what,
+            "none heard in the last minute",
+            "Put one a few metres away, switched on; check its frequency and interval",
+        )
+    if all(one.clipped for _, one in heard):
+        return _bad(
+            what,
+            "heard so loud that the radio is at its limits",
+            "Put the tag farther away, or lower the gain",
+        )
+    names = ", ".join(tag.name or str(tag.tag_id) for tag, _ in heard[:3])
+    return _good(what, f"{len(heard)} of {len(facts.tags)} heard: {names}")
+
+
+def _disk(facts: FlightFacts) -> Finding:
+    what = "disk"
+    free_mb = facts.disk_free_mb
+    if free_mb is None:
+        return _bad(what, "the drone has not told its free space", "Wait ten seconds")
+    if free_mb < facts.disk_needed_mb:
+        return _bad(
+            what,
+            f"{free_mb:.0f} MB free on the drone",
+            "Fetch its flights, then Clean logs under Set-up",
+        )
+    return _good(what, f"{free_mb:.0f} MB free on the drone")
+
+
+def _battery(facts: FlightFacts) -> Finding:
+    what = "battery"
+    percent = facts.battery_percent
+    if percent is None:
+        return _bad(
+            what,
+            "the autopilot does not tell it",
+            "Set up the autopilot's battery monitor (BATT_MONITOR, BAT1_SOURCE)",
+        )
+    if percent < BATTERY_PERCENT:
+        return _bad(what, f"{percent:.0f} % left", "Charge it, or take a full one")
+    volts = "" if facts.battery_v is None else f", {facts.battery_v:.1f} V"
+    return _good(what, f"{percent:.0f} % left{volts}")
+
+
+def _age_s(at_ns: int | None, now_ns: int) -> float:
+    return inf if at_ns is None else (now_ns - at_ns) / NANOSECONDS_PER_SECOND
+
+
+def _megahertz(tag: Tag) -> str:
+    return f"{tag.frequency_hz / 1e6:.3f} MHz"

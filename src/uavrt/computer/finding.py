@@ -1,0 +1,13 @@
+"""What a check has found; without imports, so that a ground station on any computer has it."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One line of a check."""
+
+    what: str
+    ok: bool
+    text: str
+    remedy: str = ""

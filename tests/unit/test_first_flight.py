@@ -1,0 +1,154 @@
+"""The list before a first flight: what is heard makes each item; a red one names the remedy."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from pulses import pulse_at
+
+from uavrt.computer import Bench, Finding, FlightFacts, first_flight
+from uavrt.messages import Pose, Poses, PulsePose, SearchReport, SystemState, Tag
+
+SECOND = 1_000_000_000
+NOW_NS = 1_000 * SECOND
+TAGS = (
+    Tag(
+        tag_id=4,
+        frequency_hz=148.7e6,
+        pulse_width_s=0.015,
+        pulse_intervals_s=(1.3,),
+        name="Luna",
+    ),
+    Tag(tag_id=6, frequency_hz=148.9e6, pulse_width_s=0.015, pulse_intervals_s=(1.5,)),
+)
+FACTS = FlightFacts(
+    tags=TAGS,
+    state=SystemState.DETECTING,
+    heard=True,
+    clock_off_s=0.0,
+    pose_age_s=0.3,
+    disk_free_mb=20_000.0,
+    disk_needed_mb=500.0,
+    battery_percent=96.0,
+    battery_v=16.4,
+)
+POSE = Pose(
+    time_ns=0,
+    latitude_deg=46.5,
+    longitude_deg=8.0,
+    altitude_amsl_m=1000.0,
+    altitude_relative_m=0.0,
+    quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+)
+
+
+def report(tag_id: int, noise_psd: float = 1e-9) -> SearchReport:
+    return SearchReport(
+        tag_id=tag_id, time_ns=0, frequency_hz=148.7e6, noise_psd=noise_psd, best_score=0.4
+    )
+
+
+def heard(pose: Pose | None = POSE, clipped: bool = False) -> Bench:
+    """All is well: both detectors report, one tag is on the bench."""
+    bench = Bench()
+    bench.take(report(4), NOW_NS - 4 * SECOND)
+    bench.take(report(6), NOW_NS - 3 * SECOND)
+    pulse = replace(pulse_at(0, noise_psd=1.2e-9), tag_id=4, confirmed=True, clipped=clipped)
+    bench.take(PulsePose(pulse=pulse, pose=pose), NOW_NS - 2 * SECOND)
+    return bench
+
+
+def items(facts: FlightFacts, bench: Bench, now_ns: int = NOW_NS) -> dict[str, Finding]:
+    found = first_flight(facts, bench, now_ns)
+    assert all(one.ok != bool(one.remedy) for one in found), "what is red names the remedy"
+    return {one.what: one for one in found}
+
+
+def test_all_is_in_order_with_one_tag_on_the_bench() -> None:
+    found = items(FACTS, heard())
+    assert list(found) == [
+        "drone",
+        "radio",
+        "noise",
+        "time",
+        "poses",
+        "tags",
+        "disk",
+        "battery",
+    ]
+    assert all(one.ok for one in found.values())
+    assert found["tags"].text == "1 of 2 heard: Luna"
+    assert found["battery"].text == "96 % left, 16.4 V"
+
+
+def test_what_nobody_has_told_is_not_in_order() -> None:
+    nothing = FlightFacts(tags=(), state=None, heard=False)
+    assert not [one.what for one in items(nothing, Bench()).values() if one.ok]
+
+
+@pytest.mark.parametrize(
+    ("what", "facts", "text"),
+    [
+        ("drone", {"heard": False}, "not heard"),
+        ("radio", {"state": SystemState.HAS_TAGS}, "nothing is being searched for"),
+        ("time", {"clock_off_s": 1.7e9}, "1700000000 s behind"),
+        ("time", {"time_known": False}, "not known"),
+        ("poses", {"pose_age_s": 7.0}, "7 s old"),
+        ("poses", {"pose_age_s": None}, "no position yet"),
+        ("tags", {"tags": ()}, "none in the table"),
+        ("disk", {"disk_free_mb": 80.0}, "80 MB free"),
+        ("disk", {"disk_free_mb": None}, "not told"),
+        ("battery", {"battery_percent": 30.0}, "30 % left"),
+        ("battery", {"battery_percent": None}, "does not tell"),
+    ],
+)
+def test_one_thing_wrong_is_named(what: str, facts: dict[str, Any], text: str) -> None:
+    found = items(replace(FACTS, **facts), heard())
+    assert not found[what].ok
+    assert text in found[what].text
+    also = {"noise", "tags"} if what == "tags" else {what}
+    assert {one.what for one in found.values() if not one.ok} <= also
+
+
+def test_a_silent_detector_and_a_tag_that_was_heard_long_ago_count_no_more() -> None:
+    found = items(FACTS, heard(), NOW_NS + 20 * SECOND)
+    assert "no detector" in found["radio"].text
+    assert found["tags"].ok
+    assert "none heard" in items(FACTS, heard(), NOW_NS + 59 * SECOND)["tags"].text
+
+
+def test_noise_that_rises_or_lies_on_one_frequency_is_named() -> None:
+    risen = heard()
+    risen.take(report(6, 6e-9), NOW_NS)
+    assert items(FACTS, risen)["noise"].text == "8 dB more than before at 148.900 MHz"
+    uneven = Bench()
+    uneven.take(report(4, 2e-8), NOW_NS)
+    uneven.take(report(6, 1e-9), NOW_NS)
+    assert "13 dB more at 148.700 MHz" in items(FACTS, uneven)["noise"].text
+    dead = Bench()
+    dead.take(report(4, float("nan")), NOW_NS)
+    dead.take(report(6, 0.0), NOW_NS)
+    assert items(FACTS, dead)["noise"].text == "not measured yet"
+
+
+def test_a_pulse_without_position_and_one_too_loud_are_named() -> None:
+    assert "clock is not known" in items(FACTS, heard(pose=None))["time"].text
+    assert "at its limits" in items(FACTS, heard(clipped=True))["tags"].text
+
+
+def test_positions_of_the_drone_count_when_they_come() -> None:
+    bench = Bench()
+    bench.take(Poses(poses=(POSE,)), NOW_NS)
+    assert bench.pose_ns == NOW_NS
+    bench.forget()
+    assert bench.pose_ns is None
+
+
+def test_what_this_computer_has_looked_at_itself_stands() -> None:
+    told = (
+        Finding(what="disk", ok=False, text="full", remedy="Make room"),
+        Finding(what="card", ok=True, text="well"),
+    )
+    found = items(replace(FACTS, told=told), heard())
+    assert found["disk"].text == "full"
+    assert list(found)[-1] == "card"
