@@ -1,8 +1,15 @@
 """``uavrt doctor --flight``: the list before a first flight, on the drone's own computer."""
 
 from uavrt.clock import monotonic_s
-from uavrt.computer import Bench, Finding, FlightFacts, first_flight
-from uavrt.computer.checks import check_card, check_disk, check_radio
+from uavrt.computer import (
+    Bench,
+    Finding,
+    FlightFacts,
+    check_card,
+    check_disk,
+    check_radio,
+    first_flight,
+)
 from uavrt.config import Settings
 from uavrt.errors import UavrtError
 from uavrt.messages import SystemState, SystemStatus, VehicleReport

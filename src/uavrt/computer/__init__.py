@@ -7,7 +7,7 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.computer.autopilot_setup import armed_by_link, examine_autopilot
     from uavrt.computer.bench import Bench, FlightFacts, first_flight
-    from uavrt.computer.checks import examine
+    from uavrt.computer.checks import check_card, check_disk, check_radio, examine
     from uavrt.computer.finding import Finding
     from uavrt.computer.service import ServicePlan, install, remove, status
     from uavrt.computer.trial import Needs, Seen, Trial, Verdict, require_still
@@ -24,6 +24,9 @@ __all__ = [
     "Trial",
     "Verdict",
     "armed_by_link",
+    "check_card",
+    "check_disk",
+    "check_radio",
     "examine",
     "examine_autopilot",
     "first_flight",
@@ -46,6 +49,9 @@ __getattr__ = lazily(
         "Trial": "trial",
         "Verdict": "trial",
         "armed_by_link": "autopilot_setup",
+        "check_card": "checks",
+        "check_disk": "checks",
+        "check_radio": "checks",
         "examine": "checks",
         "examine_autopilot": "autopilot_setup",
         "first_flight": "bench",
