@@ -165,7 +165,7 @@ def by_strength(rng: Generator, case: Strengths) -> tuple[bool, bool]:
         track = replace(track, height_m=track.height_m - _height_error_m(rng))
     found = estimate_position(
         None,
-        _missed(rng, track, case),
+        strengths_heard(rng, track, case),
         height_sigma_m=0.0 if case.known else HEIGHT_SIGMA_M,
     )
     return _within(found, tag)
@@ -180,7 +180,7 @@ def _height_error_m(rng: Generator) -> float:
             return error
 
 
-def _missed(rng: Generator, track: PowerTrack, case: Strengths) -> PowerTrack:
+def strengths_heard(rng: Generator, track: PowerTrack, case: Strengths) -> PowerTrack:
     threshold_db = float(np.quantile(track.snr_db, case.too_weak)) if case.too_weak else 10.0
     missed = track.snr_db < threshold_db if case.too_weak else np.zeros(len(track.snr_db), bool)
     missed |= rng.random(len(missed)) < case.lost
