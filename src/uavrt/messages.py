@@ -5,7 +5,7 @@ names. Records travel between processes as JSON (``uavrt.ipc``), except
 the sample blocks, which have their own road.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 from uavrt.commands import CommandName as CommandName
@@ -109,6 +109,32 @@ class Pulse:
 
 PulseKey = tuple[int, int]
 """Tag id and start time [ns]: no flight has two pulses of one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BurstInside:
+    """What the link tells of a coded tag's burst after its pulse message, which has no room."""
+
+    tag_id: int
+    start_time_ns: int
+    """Of the burst, as its pulse message has it: its key."""
+    burst_starts_ns: tuple[int, ...]
+    burst_snrs_db: tuple[float, ...]
+    also_possible_tag_ids: tuple[int, ...] = ()
+
+    @property
+    def key(self) -> "PulseKey":
+        """The burst's key within a flight."""
+        return self.tag_id, self.start_time_ns
+
+    def put_into(self, pulse: Pulse) -> Pulse:
+        """Get the burst with what is inside it."""
+        return replace(
+            pulse,
+            burst_starts_ns=self.burst_starts_ns,
+            burst_snrs_db=self.burst_snrs_db,
+            also_possible_tag_ids=self.also_possible_tag_ids,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,6 +6,8 @@ import signal
 from collections import Counter
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -14,10 +16,24 @@ from uavrt.clock import Clock
 from uavrt.errors import LinkError
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.messages import PulsePose, SystemState
+from uavrt.messages import BurstInside, PulsePose, SystemState
 from uavrt.recording import read_flight
+from uavrt.simulation.scenario import SimulatedTag
 
 MakeScenario = Callable[..., Any]
+CODED_TAG = SimulatedTag(
+    tag_id=30,
+    frequency_hz=148_690_000.0,
+    pulse_width_s=0.0025,
+    pulse_intervals_s=(1.7,),
+    interval_uncertainty_s=0.004,
+    gaps_s=(0.026, 0.054, 0.031),
+    k=10,
+    north_m=300.0,
+    erp_dbm=-20.0,
+    crystal_error_ppm=30.0,
+)
+"""Loud: what is tested is what becomes of its bursts."""
 
 
 async def until(condition: Callable[[], object], timeout_s: float) -> None:
@@ -71,16 +87,24 @@ def state_of(drone: Any) -> SystemState:
 def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
     drone_bay: Any, thesis_scenario: Any
 ) -> None:
+    scenario = replace(thesis_scenario, tag=(*thesis_scenario.tag, CODED_TAG))
     drone = drone_bay.launch(
-        thesis_scenario, autopilot_options=("--ground-loss", "0.2", "--seed", "5")
+        scenario, autopilot_options=("--ground-loss", "0.2", "--seed", "5")
     )
 
     async def fly(
-        received: list[PulsePose], receipts: Receipts, *, first: bool, stop: bool
+        received: list[PulsePose],
+        receipts: Receipts,
+        insides: list[BurstInside],
+        *,
+        first: bool,
+        stop: bool,
     ) -> None:
         def take(event: object) -> None:
             if isinstance(event, PulsePose):
                 received.append(event)
+            if isinstance(event, BurstInside):
+                insides.append(event)
 
         link = GroundLink(
             Clock.start().now_ns, on_event=take, ack_wait_s=1.0, receipts=receipts
@@ -88,7 +112,7 @@ def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
         task = asyncio.create_task(link.run(f"udpin://127.0.0.1:{drone.ground_port}"))
         await link.wait_for_drone(30.0)
         if first:
-            await persistently(lambda: link.upload_tags(thesis_scenario.tags))
+            await persistently(lambda: link.upload_tags(scenario.tags))
             await persistently(link.start_detection)
         await until(lambda: len(received) >= 5, 60.0)
         if first:
@@ -101,12 +125,14 @@ def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
         await asyncio.gather(task, return_exceptions=True)
 
     store_one: list[PulsePose] = []
+    insides_one: list[BurstInside] = []
     receipts = Receipts(1)
-    asyncio.run(fly(store_one, receipts, first=True, stop=False))
+    asyncio.run(fly(store_one, receipts, insides_one, first=True, stop=False))
     # The same store goes on, then a new, empty one.
-    asyncio.run(fly(store_one, receipts, first=False, stop=False))
+    asyncio.run(fly(store_one, receipts, insides_one, first=False, stop=False))
     store_two: list[PulsePose] = []
-    asyncio.run(fly(store_two, Receipts(2), first=False, stop=True))
+    insides_two: list[BurstInside] = []
+    asyncio.run(fly(store_two, Receipts(2), insides_two, first=False, stop=True))
     # The restarted connection counts its requests from one: none may pass for an old one.
     assert state_of(drone) is SystemState.HAS_TAGS
     (flight,) = (drone.directory / "flights").glob("flight_log_*")
@@ -118,3 +144,12 @@ def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
     before = Counter(key_among(recorded, item) for item in store_one)
     assert max(before.values()) == 1
     assert set(before) <= recorded
+    # And what is inside the coded tag's bursts, in both stores for the pulses that it follows.
+    bursts = {item.pulse.key for item in store_two if item.pulse.tag_id == CODED_TAG.tag_id}
+    assert len(bursts) > 3
+    assert {one.key for one in insides_two} == bursts
+    assert len(insides_two) == len(bursts)
+    assert {one.key for one in insides_one} <= {item.pulse.key for item in store_one}
+    for one in insides_two:
+        gaps_s = [1e-9 * (b - a) for a, b in pairwise(one.burst_starts_ns)]
+        assert gaps_s == pytest.approx(CODED_TAG.gaps_s, abs=1e-3)

@@ -31,6 +31,7 @@ from uavrt.mavlink.message import Message
 from uavrt.messages import PulsePose
 from uavrt.recording import read_flight, read_pulse_file
 from uavrt.tunnel import CommandId, pulse_to_wire
+from uavrt.tunnel.burst import BURST_TYPE
 from uavrt.tunnel.codec import DECODERS
 from uavrt.tunnel.live_bearing import BEARING_TYPE
 
@@ -108,7 +109,7 @@ def nasty_bytes(random: Random, size: int) -> bytes:
 def tunnel_message(random: Random) -> dialect.Tunnel:
     size = random.choice((*SIZES, random.randrange(129)))
     payload = bytearray(nasty_bytes(random, size))
-    kind = random.choice((0, 0, 0, 0, 0, 0, 5, 60_001, 60_002, BEARING_TYPE))
+    kind = random.choice((0, 0, 0, 0, 0, 0, 5, 60_001, 60_002, BEARING_TYPE, BURST_TYPE))
     if kind == 0 and random.random() < 0.6:  # a length that the command has
         command, size = random.choice(MESSAGES)
         payload = bytearray(command.to_bytes(4, "little") + nasty_bytes(random, size)[4:])
@@ -126,8 +127,13 @@ def tunnel_message(random: Random) -> dialect.Tunnel:
         payload[16:24] = struct.pack("<d", random.choice((*NASTY, *PLAUSIBLE)))
         payload[24:32] = struct.pack("<d", random.choice((*NASTY, *PLAUSIBLE)))
         payload[64 if size == 128 else 72] = random.randrange(5)
-    if kind == BEARING_TYPE and payload:
+    if kind in (BEARING_TYPE, BURST_TYPE) and payload:
         payload[0] = 1
+    if kind == BURST_TYPE and size >= 24 and random.random() < 0.8:
+        count = (size - 16) // 6
+        payload[1:4] = bytes((count, 0, 0))
+        del payload[16 + 6 * count :]
+        size = len(payload)
     return dialect.Tunnel(
         target_system=random.choice((0, 254, 254, 1)),
         target_component=random.choice((0, 190, 190, 1)),

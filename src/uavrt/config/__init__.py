@@ -5,7 +5,12 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt.config.code_rules import GAP_TOLERANCE_S, near_codes, words_of_near_codes
+    from uavrt.config.code_rules import (
+        GAP_TOLERANCE_S,
+        near_codes,
+        same_codes,
+        words_of_near_codes,
+    )
     from uavrt.config.ghost_places import Receiver
     from uavrt.config.key_files import read_key_file
     from uavrt.config.loader import (
@@ -120,6 +125,7 @@ __all__ = [
     "read_key_file",
     "read_tags",
     "run_wanted",
+    "same_codes",
     "settings_schema",
     "tags_by_band",
     "tags_from_drafts",
@@ -187,6 +193,7 @@ __getattr__ = lazily(
         "tags_from_drafts": "tag_rules",
         "tags_with_overrides": "parameters",
         "with_parameter": "parameters",
+        "same_codes": "code_rules",
         "words_of_near_codes": "code_rules",
         "write_default_settings": "loader",
         "write_tags": "tag_files",

@@ -87,6 +87,23 @@ def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
     return found
 
 
+def same_codes(tags: Sequence[Tag]) -> list[tuple[Tag, Tag]]:
+    """Find tags of one code, gaps and burst interval, which nobody can tell apart."""
+    first: dict[tuple[object, ...], Tag] = {}
+    found = []
+    for tag in tags:
+        if tag.coded:
+            key = (
+                tuple(round(1e3 * gap_s / _UNLIKE_MS) for gap_s in tag.gaps_s),
+                round(1e3 * tag.pulse_intervals_s[0] / BURST_TOLERANCE_MS),
+                round(1e-3 * tag.frequency_hz),
+            )
+            other = first.setdefault(key, tag)
+            if other is not tag:
+                found.append((other, tag))
+    return found
+
+
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
     """Find codes of one band that are nearer to each other than the tolerance of gaps.
 

@@ -54,7 +54,15 @@ from uavrt.ground.web import (
 )
 from uavrt.log import get_logger
 from uavrt.mavlink import Frame
-from uavrt.messages import LiveBearing, PulsePose, SearchReport, StatusText, SystemState, Tag
+from uavrt.messages import (
+    BurstInside,
+    LiveBearing,
+    PulsePose,
+    SearchReport,
+    StatusText,
+    SystemState,
+    Tag,
+)
 from uavrt.recording import Mark, home_note, pulse_record, vehicle_note
 from uavrt.tunnel import MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -340,6 +348,8 @@ class GroundSession:
         match event:
             case PulsePose():
                 self._take_pulse(event, now_ns)
+            case BurstInside():
+                self._take_inside(event)
             case SearchReport():
                 self.heard[event.tag_id] = now_ns
                 self.flight.add_search_report(event)
@@ -380,6 +390,13 @@ class GroundSession:
             "flight_id": self.flight.flight_id,
         }
         asyncio.get_running_loop().call_soon(self.hub.send, "pulse", record)
+
+    def _take_inside(self, event: BurstInside) -> None:
+        """Put into a burst what came after it."""
+        if self.flight.put_inside(event):
+            self.commit_soon()
+            record = asdict(event) | {"flight_id": self.flight.flight_id}
+            asyncio.get_running_loop().call_soon(self.hub.send, "burst", record)
 
     def _is_of_next_flight(self, event: PulsePose) -> bool:
         """Whether a pulse was sent after the flight had ended: someone else started again."""

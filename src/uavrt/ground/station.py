@@ -26,8 +26,15 @@ from uavrt.ground.link import (
     open_receipts,
 )
 from uavrt.ground.store import PULSES_NAME
-from uavrt.messages import PulsePose, SearchReport, StatusText, SystemState, Tag
-from uavrt.recording import PulseWriter, pulse_record
+from uavrt.messages import (
+    BurstInside,
+    PulsePose,
+    SearchReport,
+    StatusText,
+    SystemState,
+    Tag,
+)
+from uavrt.recording import PulseWriter, inside_record, pulse_record
 from uavrt.tunnel import Generation, command_name, digest_in, tag_list_digest
 
 START_RETRY_S = 2.0
@@ -179,6 +186,9 @@ class Station:
                 self._last_pulse_s = monotonic_s()
                 self._writer.write(_without_nan(event))
                 self._show({"event": "pulse", **pulse_record(event)})
+            case BurstInside():
+                self._writer.write_inside(event)
+                self._show({"event": "burst", **inside_record(event)})
             case SearchReport():
                 self._show({"event": "searched", "tag_id": event.tag_id})
             case DroneHeartbeat():

@@ -72,6 +72,10 @@ class Payload(Protocol):
     def place(self) -> tuple[int, int] | None:
         """System and component id of the receiver, None for all ground stations."""
 
+    @property
+    def payload_type(self) -> int:
+        """What it is, by the number in the tunnel message."""
+
 
 class Source(Protocol):
     """Keeps messages of its own and gives them one by one."""
@@ -209,7 +213,7 @@ class PacedQueue:
                 return given
             if given is not None:
                 target = None if given.place is None else Peer(*given.place)
-                return Tunnelled(given.payload, target)
+                return Tunnelled(given.payload, target, given.payload_type)
         return None
 
 

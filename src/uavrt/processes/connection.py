@@ -64,6 +64,8 @@ from uavrt.processes.signing_memory import SigningMemory
 from uavrt.recording import heard_tags
 from uavrt.tunnel import (
     BEARING_TYPE,
+    CODED_TAG_INSIDE,
+    CODED_TAG_TYPE,
     MOTION_INSIDE,
     MOTION_STATE_TYPE,
     MOTION_TYPE,
@@ -449,7 +451,9 @@ class ConnectionProcess:
         if self._admits(peer, answers=1):
             self._take_command(payload, peer, sealed=False)
 
-    def _take_command(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+    def _take_command(
+        self, payload: bytes, peer: Peer, *, sealed: bool, coded_tag: bool = False
+    ) -> None:
         """Handle a command from who may command, or say why not."""
         asker = (peer.system_id, peer.component_id)
         self._asked_on[asker] = peer.link
@@ -457,7 +461,8 @@ class ConnectionProcess:
         if reason is not None:
             self._answer(self._exchange.refuse(payload, reason, asker))
             return
-        result = self._exchange.receive(payload, asker)
+        receive = self._exchange.receive_coded_tag if coded_tag else self._exchange.receive
+        result = receive(payload, asker)
         if isinstance(result, Command):
             self._frame.send("command", replace(result, sealed=sealed))
         else:
@@ -473,8 +478,9 @@ class ConnectionProcess:
             if opened is None:
                 return
             kind, payload = opened
-            if kind == PLAIN_INSIDE:
-                self._take_command(payload, peer, sealed=True)
+            if kind in (PLAIN_INSIDE, CODED_TAG_INSIDE):
+                coded_tag = kind == CODED_TAG_INSIDE
+                self._take_command(payload, peer, sealed=True, coded_tag=coded_tag)
                 return
             if kind == MOTION_INSIDE:
                 self._take_motion(payload, peer, sealed=True)
@@ -486,6 +492,9 @@ class ConnectionProcess:
                 return
         elif payload_type == MOTION_TYPE:
             self._take_motion(payload, peer, sealed=False)
+            return
+        elif payload_type == CODED_TAG_TYPE:
+            self._take_command(payload, peer, sealed=False, coded_tag=True)
             return
         elif payload_type != RECEIPT_TYPE or self._gate.locked:
             return

@@ -15,7 +15,14 @@ from uavrt.log import get_logger
 from uavrt.mavlink import Disk, at_once
 from uavrt.messages import Delivered, PulsePose
 from uavrt.recording import undelivered
-from uavrt.tunnel import PLAIN, ItemKey, Receipt, ReliableSender
+from uavrt.tunnel import (
+    BURST_TYPE,
+    PLAIN,
+    ItemKey,
+    Receipt,
+    ReliableSender,
+    encode_burst,
+)
 from uavrt.units import ns_from_s
 
 log = get_logger()
@@ -53,7 +60,9 @@ class PulseOutlet:
         *,
         first_refill_ns: int = 0,
     ) -> None:
-        self.sender: ReliableSender[PulsePose] = ReliableSender(encode)
+        self.sender: ReliableSender[PulsePose] = ReliableSender(
+            encode, lambda item: encode_burst(item.pulse), BURST_TYPE
+        )
         self._note = note
         self._disk = disk
         self._reading = False
@@ -107,6 +116,8 @@ class PulseOutlet:
     def tick(self, now_ns: int) -> None:
         """Note what plain ground stations were sent; fetch from disk what there is room for."""
         self._delivered(PLAIN, self.sender.sent_plain(), now_ns)
+        for number, key in self.sender.settled():
+            self._delivered(number, [key], now_ns)
         due = now_ns >= self._next_refill_ns and not self._reading
         store = self.sender.wanted() if due else None
         if store is not None:
@@ -126,6 +137,7 @@ class PulseOutlet:
             "receipts": self.receipts,
             "receipts_bad": self.bad_receipts,
             "receipts_of_too_many": sender.stores_refused,
+            **({"burst_insides_sent": sender.insides_sent} if sender.insides_sent else {}),
         }
 
     def _delivered(self, store: int, keys: list[ItemKey], now_ns: int) -> None:

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from uavrt.recording.pulse_files import (
         PulseFormat,
         PulseWriter,
+        inside_record,
         pulse_format,
         pulse_from_record,
         pulse_record,
@@ -91,6 +92,7 @@ __all__ = [
     "flights_in_order",
     "heard_tags",
     "home_note",
+    "inside_record",
     "mark_note",
     "new_flight_directory",
     "note_deliveries",
@@ -158,6 +160,7 @@ __getattr__ = lazily(
         "pose_row": "schema",
         "pulse_format": "pulse_files",
         "pulse_from_record": "pulse_files",
+        "inside_record": "pulse_files",
         "pulse_record": "pulse_files",
         "read_detector_config": "detector_configs",
         "read_flight": "flight_reader",

@@ -23,6 +23,7 @@ from uavrt.clock import Clock, monotonic_s
 from uavrt.config import DetectionSettings, Settings
 from uavrt.errors import RecordingError
 from uavrt.messages import (
+    BurstInside,
     Command,
     CommandReply,
     Delivered,
@@ -167,6 +168,11 @@ class FlightRecorder:
         """Add pulses with their poses, whether the pulse itself was written before or not."""
         self._pulses.extend(pulse_poses)
         self._bound(self._pulses, MAX_WAITING_PULSES)
+
+    def write_inside(self, burst: BurstInside) -> None:
+        """Put into a recorded burst what is inside it; committed with the pulses."""
+        self._urgent.append((schema.UPDATE_INSIDE, schema.inside_row(burst)))
+        self._bound(self._urgent, MAX_WAITING_OTHERS)
 
     def without_pose(self, most: int) -> list[Pulse]:
         """Get recorded pulses that nobody has given a pose, or the word that there is none.

@@ -10,11 +10,12 @@ import json
 import math
 import os
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, TextIO
 
 from uavrt.errors import FormatError
-from uavrt.messages import Pose, Pulse, PulsePose
+from uavrt.messages import BurstInside, Pose, Pulse, PulseKey, PulsePose
 from uavrt.recording.csv_line import csv_cells
 from uavrt.recording.damaged_lines import DamagedLines
 from uavrt.recording.fields import RecordField, fields_of
@@ -29,6 +30,7 @@ PULSE_FIELDS = tuple(name for name, one in _PULSE.items() if not one.defaulted)
 POSE_FIELDS = tuple(_POSE)
 BURST_FIELDS = ("burst_starts_ns", "burst_snrs_db")
 """Of bursts of coded tags; a file without such tags has none."""
+_INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
@@ -49,6 +51,15 @@ def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
         for name in BURST_FIELDS:
             record[name] = getattr(pulse, name)
     return record
+
+
+def inside_record(burst: BurstInside) -> dict[str, Any]:
+    """What came after a burst, by field names, ready for JSON: a line of its own."""
+    return {one.name: getattr(burst, one.name) for one in _INSIDE}
+
+
+def _inside_from_record(record: dict[str, Any]) -> BurstInside:
+    return BurstInside(**{one.name: one.from_record(record[one.name]) for one in _INSIDE})
 
 
 def pulse_from_record(record: dict[str, Any]) -> PulsePose:
@@ -115,6 +126,11 @@ class PulseWriter:
         self._stream.flush()
         self.written += 1
 
+    def write_inside(self, burst: BurstInside) -> None:
+        """Write what is inside a burst that was written before; in JSON lines alone."""
+        self._stream.write(json.dumps(inside_record(burst), allow_nan=False) + "\n")
+        self._stream.flush()
+
 
 def pulse_format(name: str) -> PulseFormat:
     """Find the format by a file's name: CSV when it ends so, else JSON lines (also ``-``)."""
@@ -143,14 +159,25 @@ def read_pulse_file(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
     is_csv = bool(lines) and lines[0].startswith(FIELDS[0])
     records = _csv_records(lines) if is_csv else _json_records(lines)
     found: list[PulsePose] = []
+    insides: dict[PulseKey, BurstInside] = {}
     damaged = DamagedLines(name, "Give a file that `uavrt detect -o` wrote")
     for number, read in records:
         try:
-            found.append(pulse_from_record(read()))
+            record = read()
+            if "burst_starts_ns" in record and "frequency_hz" not in record:
+                burst = _inside_from_record(record)
+                insides[burst.key] = burst
+            else:
+                found.append(pulse_from_record(record))
         except (ValueError, KeyError, TypeError, OverflowError) as error:
             damaged.add(number, error)
     damaged.judge(len(found))
-    return tuple(found)
+    return tuple(_with_inside(item, insides) for item in found) if insides else tuple(found)
+
+
+def _with_inside(item: PulsePose, insides: dict[PulseKey, BurstInside]) -> PulsePose:
+    burst = insides.get(item.pulse.key)
+    return item if burst is None else replace(item, pulse=burst.put_into(item.pulse))
 
 
 def _json_records(lines: list[str]) -> Iterator[tuple[int, Callable[[], dict[str, Any]]]]:

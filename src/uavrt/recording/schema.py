@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 
 from uavrt.messages import (
+    BurstInside,
     Command,
     CommandReply,
     Health,
@@ -119,6 +120,11 @@ INSERT_DELIVERY = (
     "INSERT OR IGNORE INTO deliveries (pulse_id, store, time_ns) "
     "SELECT pulse_id, ?, ? FROM pulses WHERE tag_id = ? AND start_time_ns = ?"
 )
+_INSIDE = ("burst_starts_ns", "burst_snrs_db", "also_possible_tag_ids")
+UPDATE_INSIDE = (
+    f"UPDATE pulses SET {', '.join(f'{name} = ?' for name in _INSIDE)} "
+    "WHERE tag_id = ? AND start_time_ns = ?"
+)
 INSERT_NOTE = insertion("notes", "time_ns, text")
 SELECT_PULSES_WITHOUT_POSE = (
     f"SELECT {PULSE_COLUMNS} FROM pulses WHERE NOT EXISTS (SELECT 1 FROM pulse_poses"
@@ -180,6 +186,12 @@ def pulse_row(pulse: Pulse) -> Row:
     for place, converted in _TO_SQL:
         row[place] = converted(row[place])
     return tuple(row)
+
+
+def inside_row(burst: BurstInside) -> Row:
+    """What `UPDATE_INSIDE` needs."""
+    to_sql = {one.name: one.to_sql for one in _PULSE_FIELDS if one.to_sql}
+    return (*(to_sql[name](getattr(burst, name)) for name in _INSIDE), *burst.key)
 
 
 def pulse_from_row(row: Row) -> Pulse:

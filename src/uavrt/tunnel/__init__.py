@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
+    from uavrt.tunnel.burst import BURST_TYPE, decode_burst, encode_burst
     from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode, generation_of
+    from uavrt.tunnel.coded_tag import CODED_TAG_TYPE, CodedTag
     from uavrt.tunnel.convert import (
         ack_to_wire,
         detector_heartbeat,
@@ -78,6 +80,7 @@ if TYPE_CHECKING:
     )
     from uavrt.tunnel.reliable import PLAIN, ItemKey, Outgoing, ReliableSender
     from uavrt.tunnel.seal import (
+        CODED_TAG_INSIDE,
         MOTION_INSIDE,
         PARAMETER_INSIDE,
         PLAIN_INSIDE,
@@ -90,6 +93,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BEARING_TYPE",
+    "BURST_TYPE",
+    "CODED_TAG_INSIDE",
+    "CODED_TAG_TYPE",
     "FAILURE",
     "MAX_HASHES",
     "MAX_PAYLOAD",
@@ -113,6 +119,7 @@ __all__ = [
     "AckG2",
     "Answer",
     "BareG2",
+    "CodedTag",
     "CommandId",
     "DetectorHeartbeat",
     "Exchange",
@@ -152,11 +159,13 @@ __all__ = [
     "command_name",
     "decode",
     "decode_bearing",
+    "decode_burst",
     "decode_motion",
     "decode_state",
     "detector_heartbeat",
     "digest_in",
     "encode_bearing",
+    "encode_burst",
     "encode_confirmation",
     "encode_request",
     "encode_state",
@@ -185,7 +194,11 @@ __getattr__ = lazily(
         "AckG2": "g2",
         "Answer": "exchange",
         "BEARING_TYPE": "live_bearing",
+        "BURST_TYPE": "burst",
         "BareG2": "g2",
+        "CODED_TAG_INSIDE": "seal",
+        "CODED_TAG_TYPE": "coded_tag",
+        "CodedTag": "coded_tag",
         "CommandId": "wire",
         "DetectorHeartbeat": "g2",
         "Exchange": "exchange",
@@ -243,11 +256,13 @@ __getattr__ = lazily(
         "command_name": "wire",
         "decode": "codec",
         "decode_bearing": "live_bearing",
+        "decode_burst": "burst",
         "decode_motion": "motion",
         "decode_state": "motion",
         "detector_heartbeat": "convert",
         "digest_in": "tag_lists",
         "encode_bearing": "live_bearing",
+        "encode_burst": "burst",
         "encode_confirmation": "motion",
         "encode_request": "motion",
         "encode_state": "motion",

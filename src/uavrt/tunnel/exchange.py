@@ -24,6 +24,7 @@ from uavrt.messages import (
 )
 from uavrt.tunnel import g2
 from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode, generation_of
+from uavrt.tunnel.coded_tag import CodedTag
 from uavrt.tunnel.convert import (
     ack_to_wire,
     detector_heartbeat,
@@ -151,6 +152,18 @@ class Exchange:
             self.counters["payloads_refused"] += 1
             return self._refusal(payload, str(error), asker)
 
+    def receive_coded_tag(self, payload: bytes, asker: Asker) -> Command | Answer | None:
+        """Handle a coded tag of a ground station, as `receive` does other payloads."""
+        try:
+            message = CodedTag.decode(payload)
+            if message.request_id:
+                return self._request(message, payload, asker)
+            question = self._plain(CommandId.TAG, asker, "G1")
+            return replace(self._ask(question, "add_tag"), tag=message.tag)
+        except TunnelError as error:
+            self.counters["payloads_refused"] += 1
+            return self._refusal(payload, str(error), asker)
+
     def reply(self, reply: CommandReply) -> Answer | None:
         """Turn the supervisor's reply into the asker's acknowledgement."""
         question = self._pending.pop(reply.request_id, None)
@@ -235,7 +248,7 @@ class Exchange:
         return Answer(step.encode(), question.asker)
 
     def _request(
-        self, message: g2.Requests, payload: bytes, asker: Asker
+        self, message: g2.Requests | CodedTag, payload: bytes, asker: Asker
     ) -> Command | Answer | None:
         """Handle a command of version 4 or later, once."""
         known = self._requests.repeated(asker, message.request_id, payload, self._clock_s())
@@ -261,8 +274,14 @@ class Exchange:
             self.counters["payloads_refused"] += 1
             return self._answer(question, False, str(error))
 
-    def _numbered_command(self, message: g2.Requests, question: _Question) -> Command | Answer:
+    def _numbered_command(
+        self, message: g2.Requests | CodedTag, question: _Question
+    ) -> Command | Answer:
         match message:
+            case CodedTag():
+                self._open_upload(message).check_tag(message, question.asker)
+                question = replace(question, tag_index=message.tag_index)
+                return replace(self._ask(question, "add_tag"), tag=message.tag)
             case g2.UploadG2(command=CommandId.START_TAGS):
                 upload = open_upload(message, question.asker)
                 return self._ask(replace(question, upload=upload), "start_tags")
@@ -284,7 +303,7 @@ class Exchange:
             case g2.BareG2(command=command):
                 return self._ask(question, COMMAND_OF_NUMBER[command].name)
 
-    def _open_upload(self, message: g2.Requests) -> TagUpload:
+    def _open_upload(self, message: g2.Requests | CodedTag) -> TagUpload:
         if self._upload is None:
             raise TunnelError("no upload is open: send START_TAGS first", message.encode())
         return self._upload
@@ -294,24 +313,23 @@ class Exchange:
         match message:
             case TagG0() | TagG1():
                 tag = tag_from_wire(message)
-                question = self._plain(CommandId.TAG, asker, message)
+                question = self._plain(CommandId.TAG, asker, generation_of(message))
                 return replace(self._ask(question, "add_tag"), tag=tag)
             case StartDetection():
-                question = self._plain(CommandId.START_DETECTION, asker, message)
+                question = self._plain(CommandId.START_DETECTION, asker, generation_of(message))
                 return self._start(question, message)
             case RawCapture():
-                question = self._plain(CommandId.RAW_CAPTURE, asker, message)
+                question = self._plain(CommandId.RAW_CAPTURE, asker, generation_of(message))
                 return self._capture(question, message.gain, message.frequency_hz)
             case HeaderMessage(command=command):
-                question = self._plain(command, asker, message)
+                question = self._plain(command, asker, generation_of(message))
                 return self._ask(question, COMMAND_OF_NUMBER[command].name)
             case _:
                 # Acknowledgements, pulses and heartbeats are ours to send, not to get.
                 self.counters["payloads_ignored"] += 1
                 return None
 
-    def _plain(self, number: CommandId, asker: Asker, message: TunnelMessage) -> _Question:
-        spoken = generation_of(message)
+    def _plain(self, number: CommandId, asker: Asker, spoken: Generation | None) -> _Question:
         generation = self._fixed or spoken or self._heard
         return _Question(asker=asker, number=number, generation=generation, spoken=spoken)
 

@@ -10,10 +10,16 @@ not acknowledged within the retransmission time-out of RFC 6298 with a floor of 
 The oldest pulse goes first, while all leave within `LIVE_S`; with more to send the newest goes
 first, for the display, and the backlog follows.
 
+Of some pulses there is more to say than their payload holds: what is inside a burst
+(`uavrt.tunnel.burst`). It goes to a store once that has acknowledged the pulse, and only with
+both is the pulse delivered. A ground station of an older version never acknowledges the inside;
+then the pulse alone counts, after some tries.
+
 A store is a number that anybody can make up. One that has acknowledged no pulse yet gets what
 goes to all, and a few repetitions when nothing else waits; when it has answered one, all.
 """
 
+import math
 from bisect import bisect_left, insort
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
@@ -23,6 +29,7 @@ from typing import Generic, Literal, TypeVar
 from uavrt.allowance import Allowance
 from uavrt.tunnel.private import payload_hash
 from uavrt.tunnel.round_trips import FIRST_RTO_S, RoundTrips
+from uavrt.tunnel.wire import PAYLOAD_TYPE
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 T = TypeVar("T")
@@ -65,18 +72,25 @@ UNANSWERED_NS = ns_from_s(1.2)
 """Pulses under way for so long without any receipt of one: perhaps another link does better."""
 ROUGH_BYTES = 137
 """A pulse as a frame, for the estimate how long the backlog takes."""
+PATIENCE, SENDS_OF_PATIENCE = 8, 32
+"""So often the inside of a burst is sent to a store that has acknowledged none; once, after so
+many in all: at 40 % loss each way one of 32 is answered but for one case in a million."""
 
 ItemKey = tuple[int, int]
 """Tag id and start time of a pulse."""
+_EntryKey = ItemKey | tuple[int, int, int]
+"""Of a pulse; or, with a third number, of what is inside it."""
 Place = tuple[int, int]
 """A ground station: system and component id."""
 
 
 @dataclass(slots=True, eq=False)
 class _Entry(Generic[T]):
-    key: ItemKey
+    key: _EntryKey
     time_ns: int
     item: T
+    inside: bytes | None = None
+    """It is what is inside a pulse: its payload."""
     live: bool = True
     """It is new, and goes to all; else it comes from disk, for one store."""
     state: Literal["waiting", "sent"] = "waiting"
@@ -94,6 +108,11 @@ class _Entry(Generic[T]):
     """Stores that acknowledged it."""
     hashes: list[int] = field(default_factory=list)
 
+    @property
+    def pulse(self) -> ItemKey:
+        """The pulse that it is, or is inside of."""
+        return self.key[0], self.key[1]
+
 
 @dataclass(slots=True)
 class _Store:
@@ -107,6 +126,17 @@ class _Store:
     """Messages it was sent without any acknowledgement."""
     since_ns: int = 0
     """When it appeared."""
+    reads_insides: bool = False
+    """It has acknowledged what is inside a burst."""
+    insides: int = 0
+    """Messages of such that it was sent."""
+
+    @property
+    def patience(self) -> float:
+        """How often what is inside a burst is sent to it."""
+        if self.reads_insides:
+            return math.inf
+        return PATIENCE if self.insides < SENDS_OF_PATIENCE else 1
 
     def deaf(self, now_ns: int) -> bool:
         """Whether it was sent much for long, and has acknowledged nothing."""
@@ -121,6 +151,18 @@ class Outgoing:
     payload: bytes
     place: Place | None
     """One ground station, or None for all."""
+    payload_type: int = PAYLOAD_TYPE
+
+
+@dataclass(frozen=True, slots=True)
+class _Done:
+    """A pulse, or its inside, that is no longer waited for."""
+
+    pulse: ItemKey
+    kept: set[int]
+    """Who has it."""
+    inside: bool
+    has_inside: bool
 
 
 class ReliableSender(Generic[T]):
@@ -130,18 +172,28 @@ class ReliableSender(Generic[T]):
     ----------
     encode : callable
         Payload of a pulse; called at each sending, for the generation may have changed.
+    inside : callable, optional
+        Payload of what is inside a pulse besides, None where nothing is.
+    inside_type : int
+        Payload type of that.
     """
 
-    def __init__(self, encode: Callable[[T], bytes]) -> None:
+    def __init__(
+        self,
+        encode: Callable[[T], bytes],
+        inside: Callable[[T], bytes | None] = lambda item: None,
+        inside_type: int = PAYLOAD_TYPE,
+    ) -> None:
         self._encode = encode
-        self._entries: dict[ItemKey, _Entry[T]] = {}
-        self._waiting: list[tuple[int, ItemKey]] = []
-        self._probes: OrderedDict[ItemKey, _Entry[T]] = OrderedDict()
+        self._inside, self._inside_type = inside, inside_type
+        self._entries: dict[_EntryKey, _Entry[T]] = {}
+        self._waiting: list[tuple[int, _EntryKey]] = []
+        self._probes: OrderedDict[_EntryKey, _Entry[T]] = OrderedDict()
         """What is only for stores that may be made up."""
         self._probed_ns = -PROBES * PROBE_NS
-        self._done: OrderedDict[int, tuple[ItemKey, set[int]]] = OrderedDict()
-        """Pulses by their hashes that are no longer waited for, and who has them."""
-        self._sent: OrderedDict[ItemKey, _Entry[T]] = OrderedDict()  # in order of sending
+        self._done: OrderedDict[int, _Done] = OrderedDict()
+        """By their hashes."""
+        self._sent: OrderedDict[_EntryKey, _Entry[T]] = OrderedDict()  # in order of sending
         self._by_hash: dict[int, _Entry[T]] = {}
         self._stores: dict[int, _Store] = {}
         self._order = 0
@@ -155,6 +207,9 @@ class ReliableSender(Generic[T]):
         """Round trip that the last receipt showed, if it did."""
         self._unanswered_since_ns: int | None = None
         self._sent_plain: list[ItemKey] = []
+        self._settled: list[tuple[int, ItemKey]] = []
+        self.insides_sent = 0
+        """Messages on what is inside bursts."""
         self._new_stores = Allowance(burst=NEW_STORES, per_s=NEW_STORES_PER_S)
         self._deaf: dict[int, int] = {}
         """When stores that acknowledged nothing were given up."""
@@ -188,7 +243,7 @@ class ReliableSender(Generic[T]):
 
     def keys(self) -> set[ItemKey]:
         """Pulses in memory."""
-        return set(self._entries)
+        return {entry.pulse for entry in self._entries.values()}
 
     def room(self, store: int) -> int:
         """How many pulses from disk may be given for a store."""
@@ -290,10 +345,13 @@ class ReliableSender(Generic[T]):
                 new += self._late_word(number, store)
                 continue
             entry = entry_or_none
-            new.append(entry.key)
             entry.kept.add(store)
             self._trust(store)
             entry.owed.discard(store)
+            if entry.inside is not None:
+                self._stores[store].reads_insides = True
+            if entry.inside is not None or not self._add_inside(entry, store):
+                new.append(entry.pulse)
             if entry.sends == 1 and entry.state == "sent":
                 self.fresh_trip_s = (now_ns - entry.sent_ns) / NANOSECONDS_PER_SECOND
                 self.trips.add(self.fresh_trip_s)
@@ -301,7 +359,7 @@ class ReliableSender(Generic[T]):
                 orders.append(entry.order)
             if not self._waits_for_anyone(entry):
                 self._forget(entry)
-                self.acknowledged_pulses += 1
+                self.acknowledged_pulses += entry.inside is None
         if orders:
             self._unanswered_since_ns = now_ns if self._sent else None
         self._overtake(orders, now_ns)
@@ -309,12 +367,37 @@ class ReliableSender(Generic[T]):
 
     def _late_word(self, number: int, store: int) -> list[ItemKey]:
         """Handle a store's acknowledgement of a pulse that is no longer waited for."""
-        key, kept = self._done.get(number, (None, set()))
-        if key is None or store in kept:
+        done = self._done.get(number)
+        if done is None or store in done.kept:
             return []
-        kept.add(store)
+        done.kept.add(store)
         self._trust(store)
-        return [key]
+        if done.inside:
+            self._stores[store].reads_insides = True
+        if done.has_inside:
+            self._stores[store].on_disk = True  # it comes again, and then its inside
+            return []
+        return [done.pulse]
+
+    def _add_inside(self, entry: _Entry[T], store: int) -> bool:
+        """Let a store that has a pulse have its inside, too; False where there is none."""
+        payload = self._inside(entry.item)
+        if payload is None:
+            return False
+        key = (*entry.pulse, 1)
+        inside = self._entries.get(key)
+        if inside is None:
+            inside = _Entry(key, entry.time_ns, entry.item, inside=payload, live=False)
+            self._entries[key] = inside
+            inside.owed.add(store)
+            self._wait(inside)
+        inside.owed.add(store)
+        return True
+
+    def settled(self) -> list[tuple[int, ItemKey]]:
+        """Return stores that do not read insides, with their pulses, since the last call."""
+        settled, self._settled = self._settled, []
+        return settled
 
     def _trust(self, number: int) -> None:
         """A store has acknowledged a pulse: there is somebody."""
@@ -384,25 +467,34 @@ class ReliableSender(Generic[T]):
         entry = self._next(now_ns, rate_bytes_s) if self.wait_ns(now_ns) == 0 else None
         if entry is None:
             return None
-        payload = self._encode(entry.item)
+        payload = self._encode(entry.item) if entry.inside is None else entry.inside
         entry.sends += 1
         entry.tries += not entry.twin
-        if entry.sends == 1:
-            self.first_sends += 1
-        else:
-            self.repeats += 1
+        self._count(entry)
         place = None
-        if entry.sends > 1 and len(entry.owed) == 1:
+        if (entry.sends > 1 or entry.inside is not None) and len(entry.owed) == 1:
             place = self._stores[next(iter(entry.owed))].place
-        for number in entry.owed:
-            self._stores[number].sends += 1
         if entry.owed:
             self._note_sent(entry, payload, now_ns)
             self._add_twin(entry)
         else:
             self._forget(entry)
-            self._sent_plain.append(entry.key)
-        return Outgoing(payload, place)
+            self._sent_plain.append(entry.pulse)
+        return Outgoing(
+            payload, place, PAYLOAD_TYPE if entry.inside is None else self._inside_type
+        )
+
+    def _count(self, entry: _Entry[T]) -> None:
+        """Count a message that goes."""
+        for number in entry.owed:
+            self._stores[number].sends += 1
+            self._stores[number].insides += entry.inside is not None
+        if entry.inside is not None:
+            self.insides_sent += 1
+        elif entry.sends == 1:
+            self.first_sends += 1
+        else:
+            self.repeats += 1
 
     def _next(self, now_ns: int, rate_bytes_s: float) -> _Entry[T] | None:
         """Choose the pulse that goes, and no longer let it wait."""
@@ -457,8 +549,20 @@ class ReliableSender(Generic[T]):
             if entry.kept and not self._waits_for_anyone(entry):
                 self._forget(entry)
                 continue
-            del self._sent[entry.key]
-            self._wait(entry)
+            self._again(entry)
+
+    def _again(self, entry: _Entry[T]) -> None:
+        """Queue again what was lost, unless it is an inside that nobody reads."""
+        if entry.inside is not None:
+            for number in list(entry.owed):
+                if entry.tries >= self._stores[number].patience:
+                    entry.owed.discard(number)
+                    self._settled.append((number, entry.pulse))
+            if not entry.owed:
+                self._forget(entry)
+                return
+        del self._sent[entry.key]
+        self._wait(entry)
 
     def _overtake(self, orders: list[int], now_ns: int) -> None:
         """Count for each message on its way how many later ones have arrived."""
@@ -472,8 +576,7 @@ class ReliableSender(Generic[T]):
             if entry.overtaken >= REORDERING and now_ns - entry.sent_ns > trip_ns:
                 lost.append(entry)
         for entry in lost:
-            del self._sent[entry.key]
-            self._wait(entry)
+            self._again(entry)
 
     def _drop_silent_stores(self, now_ns: int) -> None:
         silent = [
@@ -503,7 +606,9 @@ class ReliableSender(Generic[T]):
             entry.owed.discard(number)
             if entry.owed:
                 continue
-            if entry.kept or (made_up and (entry.sends or not entry.live)):
+            if entry.inside is not None:
+                self._forget(entry)  # when the store is back, the disk has it
+            elif entry.kept or (made_up and (entry.sends or not entry.live)):
                 self._give_up(entry)
             elif entry.state == "sent" or entry.key in self._probes:
                 self._sent.pop(entry.key, None)
@@ -515,7 +620,7 @@ class ReliableSender(Generic[T]):
         for number in entry.owed:
             self._stores[number].on_disk = True
         if entry.live and entry.sends and not entry.kept:
-            self._sent_plain.append(entry.key)
+            self._sent_plain.append(entry.pulse)
         self._forget(entry)
 
     def _wait(self, entry: _Entry[T]) -> None:
@@ -536,9 +641,11 @@ class ReliableSender(Generic[T]):
             place = bisect_left(self._waiting, (entry.time_ns, entry.key))
             if place < len(self._waiting) and self._waiting[place][1] == entry.key:
                 del self._waiting[place]
+        is_inside = entry.inside is not None
+        has_inside = not is_inside and self._inside(entry.item) is not None
         for number in entry.hashes:
             self._by_hash.pop(number, None)
-            self._done[number] = (entry.key, entry.kept)
+            self._done[number] = _Done(entry.pulse, entry.kept, is_inside, has_inside)
         while len(self._done) > DONE:
             self._done.popitem(last=False)
         del self._entries[entry.key]

@@ -9,6 +9,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 
 from uavrt.errors import TunnelError
+from uavrt.tunnel.coded_tag import CodedTag
 from uavrt.tunnel.g2 import TagG2, UploadG2
 from uavrt.tunnel.wire import CommandId
 
@@ -79,7 +80,7 @@ class TagUpload:
     asker: Asker
     indices: set[int] = field(default_factory=set)
 
-    def check_tag(self, message: TagG2, asker: Asker) -> None:
+    def check_tag(self, message: TagG2 | CodedTag, asker: Asker) -> None:
         """Raise `TunnelError` for a tag that does not belong here."""
         if (message.upload_id, asker) != (self.upload_id, self.asker):
             raise TunnelError(

@@ -22,7 +22,13 @@ from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import Pose, PulsePose, SystemState
 from uavrt.recording import read_flight
-from uavrt.tunnel import PAYLOAD_TYPE, heartbeat_to_wire, pulse_to_wire
+from uavrt.tunnel import (
+    BURST_TYPE,
+    PAYLOAD_TYPE,
+    encode_burst,
+    heartbeat_to_wire,
+    pulse_to_wire,
+)
 
 SECOND_NS = 1_000_000_000
 
@@ -38,12 +44,12 @@ class Drone:
     def send(self, message: Message) -> None:
         self._sock.send(self._writer.encode(message))
 
-    def tunnel(self, payload: bytes) -> None:
+    def tunnel(self, payload: bytes, payload_type: int = PAYLOAD_TYPE) -> None:
         self.send(
             dialect.Tunnel(
                 target_system=254,
                 target_component=190,
-                payload_type=PAYLOAD_TYPE,
+                payload_type=payload_type,
                 payload_length=len(payload),
                 payload=payload,
             )
@@ -120,6 +126,37 @@ def test_a_pulse_is_stored_once_however_often_it_comes(served: Any, drone: Drone
     assert len(recorded.pulse_poses) == 5
     records = served.ask("GET", f"/api/flights/{flight['flight_id']}/pulses").json
     assert [record["snr_db"] for record in records] == [20.0] * 5
+
+
+def test_what_is_inside_a_burst_is_put_into_its_record(served: Any, drone: Drone) -> None:
+    drone.heartbeat(SystemState.DETECTING)
+    # A time that the wire's seconds hold exactly, as the key of a pulse must be.
+    start_ns = (time.time_ns() // SECOND_NS - 1) * SECOND_NS
+    starts_ns = tuple(start_ns + ms * 1_000_000 for ms in (0, 25, 80, 111))
+    burst = replace(
+        pulse_at(start_ns, 20.0).pulse,
+        burst_starts_ns=starts_ns,
+        burst_snrs_db=(20.0, 20.5, 19.5, 20.0),
+        also_possible_tag_ids=(4,),
+    )
+    inside = encode_burst(burst)
+    assert inside is not None
+    drone.pulse(start_ns)
+    for payload in (inside, inside, inside[:-1], b"\x01\xff" + inside[2:]):
+        drone.tunnel(payload, BURST_TYPE)
+    other = encode_burst(replace(burst, start_time_ns=start_ns + SECOND_NS))
+    drone.tunnel(other or b"", BURST_TYPE)  # of a burst that is not here
+    until(served, lambda state: state["link"]["counters"].get("BurstInside") == 2)
+    state = until(served, lambda state: state["link"]["counters"].get("bad_payloads") == 2)
+    assert state["link"]["counters"]["repeated_pulses"] == 1
+    (flight,) = served.ask("GET", "/api/flights").json
+    (record,) = served.ask("GET", f"/api/flights/{flight['flight_id']}/pulses").json
+    assert record["burst_starts_ns"] == list(starts_ns)
+    (stored,) = read_flight(served.directory / flight["flight_id"]).pulse_poses
+    assert stored.pulse.burst_starts_ns == starts_ns
+    assert stored.pulse.burst_snrs_db == (20.0, 20.5, 19.5, 20.0)
+    assert stored.pulse.also_possible_tag_ids == (4,)
+    assert stored.pose is not None
 
 
 def test_a_drone_whose_clock_is_an_hour_late_is_told(served: Any, drone: Drone) -> None:

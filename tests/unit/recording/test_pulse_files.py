@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from uavrt.errors import FormatError
-from uavrt.messages import Pulse, PulsePose
+from uavrt.messages import BurstInside, Pulse, PulsePose
 from uavrt.recording import PulseFormat, PulseWriter, pulse_format, read_pulse_file
 
 MakePulsePose = Callable[..., PulsePose]
@@ -71,6 +71,29 @@ def test_pulses_survive_a_round_trip(
     path.write_text(written(form, [*posed, bare]))
     assert read_pulse_file(path) == (*posed, bare)
     assert pulse_format(path.name) == form
+
+
+def test_what_came_after_a_burst_is_read_into_it(
+    make_pulse_pose: MakePulsePose, tmp_path: Path
+) -> None:
+    burst, other = make_pulse_pose(0), make_pulse_pose(1)
+    inside = BurstInside(
+        tag_id=burst.pulse.tag_id,
+        start_time_ns=burst.pulse.start_time_ns,
+        burst_starts_ns=(burst.pulse.start_time_ns, burst.pulse.start_time_ns + 25_000_000),
+        burst_snrs_db=(20.0, 21.0),
+        also_possible_tag_ids=(4,),
+    )
+    path = tmp_path / "pulses.jsonl"
+    with path.open("w") as stream:
+        writer = PulseWriter(stream, "jsonl")
+        writer.write(burst)
+        writer.write(other)
+        writer.write_inside(inside)
+    assert read_pulse_file(path) == (
+        PulsePose(pulse=inside.put_into(burst.pulse), pose=burst.pose),
+        other,
+    )
 
 
 def test_files_of_older_versions_say_nothing_of_other_tags(

@@ -7,7 +7,7 @@ from uavrt import tunnel
 from uavrt.commands import COMMANDS, CommandName
 from uavrt.errors import LinkError
 from uavrt.messages import Tag
-from uavrt.tunnel import CommandId, Generation, tag_to_wire
+from uavrt.tunnel import CodedTag, CommandId, Generation, tag_to_wire
 
 NUMBERED_FROM = 2**31
 
@@ -27,18 +27,25 @@ class Writing:
         self._last_id = random.randrange(1, NUMBERED_FROM)
 
     def upload(self, tags: Sequence[Tag]) -> list[bytes]:
-        """Write the messages of an upload, in order; `LinkError` for tags that have none."""
-        if coded := [tag.tag_id for tag in tags if tag.coded]:
+        """Write the messages of an upload, in order; `LinkError` for tags that have none.
+
+        The first begins it, then each tag has one, the last ends it. That of a coded tag is
+        `CODED_TAG_TYPE`, those of all others are of the tunnel's payload type 0.
+        """
+        coded = [tag.tag_id for tag in tags if tag.coded]
+        if coded and self._generation == "G0":
             raise LinkError(
-                f"the link carries no codes yet (tags {coded})",
-                remedy="Give the drone its list itself: `uavrt run --tags tags.toml`, or send "
-                "the beeping tags alone",
+                f"the thesis's software knows no coded tags (tags {coded})",
+                remedy="Send the beeping tags alone, or choose another generation",
             )
         if self._generation != "G2":
             older: Generation = "G0" if self._generation == "G0" else "G1"
             return [
                 tunnel.HeaderMessage(command=CommandId.START_TAGS).encode(),
-                *(tag_to_wire(tag, older).encode() for tag in tags),
+                *(
+                    (CodedTag(tag=tag) if tag.coded else tag_to_wire(tag, older)).encode()
+                    for tag in tags
+                ),
                 tunnel.HeaderMessage(command=CommandId.END_TAGS).encode(),
             ]
         upload_id = self._next_id()
@@ -53,14 +60,17 @@ class Writing:
         ]
         inside = []
         for index, tag in enumerate(tags):
+            numbers = {
+                "request_id": self._next_id(),
+                "upload_id": upload_id,
+                "tag_index": index,
+            }
+            if tag.coded:
+                inside.append(CodedTag(tag=tag, **numbers).encode())
+                continue
             wire = tag_to_wire(tag, "G1")
             assert isinstance(wire, tunnel.TagG1)
-            request_id = self._next_id()
-            inside.append(
-                tunnel.TagG2(
-                    request_id=request_id, upload_id=upload_id, tag_index=index, tag=wire
-                ).encode()
-            )
+            inside.append(tunnel.TagG2(tag=wire, **numbers).encode())
         return [frames[0], *inside, frames[1]]
 
     def start(self, center_frequency_hz: float | None, gain: int) -> bytes:

@@ -39,8 +39,10 @@ from uavrt.mavlink import (
 from uavrt.mavlink.dialect import Tunnel
 from uavrt.messages import Tag
 from uavrt.tunnel import (
+    CODED_TAG_TYPE,
     MAX_SEALED_HASHES,
     MOTION_TYPE,
+    PAYLOAD_TYPE,
     Generation,
     Key,
     MotionState,
@@ -278,8 +280,12 @@ class GroundLink:
             It did not answer.
         """
         payloads = self._writing.upload(tags)
-        for count, payload in enumerate(payloads, start=1):
-            await self.command(payload)
+        coded = [False, *(tag.coded for tag in tags), False]
+        for count, (payload, is_coded) in enumerate(zip(payloads, coded, strict=True), start=1):
+            try:
+                await self.command(payload, CODED_TAG_TYPE if is_coded else PAYLOAD_TYPE)
+            except LinkError as error:
+                raise _without_codes(error) if is_coded else error from error
             if progress is not None:
                 progress(count, len(payloads))
         self.protocol.tags = {tag.tag_id: tag for tag in tags}
@@ -315,7 +321,7 @@ class GroundLink:
         """
         return (await self.command(self._writing.bare(name))).message
 
-    async def command(self, payload: bytes) -> Acknowledged:
+    async def command(self, payload: bytes, payload_type: int = PAYLOAD_TYPE) -> Acknowledged:
         """Send a command until it is acknowledged, with the same bytes each time.
 
         Raises
@@ -334,7 +340,7 @@ class GroundLink:
                 self._waiting = (number, request_id, future)
                 order = self._ways.best()
                 try:
-                    message = self.protocol.tunnel_message(payload)
+                    message = self.protocol.tunnel_message(payload, payload_type)
                 except LinkError:  # the drone's session comes within a second
                     if self.protocol.drone is None or attempt == TRIES - 1:
                         self._waiting = None
@@ -463,3 +469,12 @@ class GroundLink:
         else:
             self._events.append(event)
             self._event_there.set()
+
+
+def _without_codes(error: LinkError) -> LinkError:
+    """Explain why a coded tag has no answer: older software does not know the message."""
+    return LinkError(
+        f"{error.message}; if it answers otherwise, its software knows no coded tags",
+        remedy="Update the drone, give it its list itself with `uavrt run --tags`, or send the "
+        "beeping tags alone",
+    )

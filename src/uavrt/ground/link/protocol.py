@@ -17,9 +17,18 @@ from uavrt.mavlink import (
     dialect,
     station_heartbeat,
 )
-from uavrt.messages import LiveBearing, PulsePose, SearchReport, StatusText, SystemState, Tag
+from uavrt.messages import (
+    BurstInside,
+    LiveBearing,
+    PulsePose,
+    SearchReport,
+    StatusText,
+    SystemState,
+    Tag,
+)
 from uavrt.tunnel import (
     BEARING_TYPE,
+    BURST_TYPE,
     MOTION_STATE_TYPE,
     RECEIPT_TYPE,
     SEALED_TYPE,
@@ -30,6 +39,7 @@ from uavrt.tunnel import (
     MotionState,
     Sealer,
     decode_bearing,
+    decode_burst,
     decode_state,
 )
 from uavrt.units import ns_from_s
@@ -81,6 +91,7 @@ class OperationStep:
 
 GroundEvent = (
     PulsePose
+    | BurstInside
     | LiveBearing
     | SearchReport
     | DetectorAlive
@@ -220,6 +231,8 @@ class GroundProtocol:
         if isinstance(message, dialect.Tunnel) and self._for_us(message):
             if message.payload_type == BEARING_TYPE:
                 return self._bearing(message.payload[: message.payload_length])
+            if message.payload_type == BURST_TYPE:
+                return self._burst(message.payload[: message.payload_length])
             if message.payload_type == MOTION_STATE_TYPE:
                 return self._motion(message.payload[: message.payload_length])
             if message.payload_type == SESSION_TYPE and self._sealer is not None:
@@ -246,6 +259,20 @@ class GroundProtocol:
             return []
         self.counters["LiveBearing"] += 1
         return [bearing]
+
+    def _burst(self, payload: bytes) -> list[GroundEvent]:
+        try:
+            burst = decode_burst(payload)
+        except TunnelError as error:
+            self.counters["bad_payloads"] += 1
+            self._log_bad("bad inside of a burst", error)
+            return []
+        if self.receipts is not None and self.receipts.seen(payload):
+            self.counters["repeated_pulses"] += 1
+            return []
+        self._unstored.append(payload)
+        self.counters["BurstInside"] += 1
+        return [burst]
 
     def _motion(self, payload: bytes) -> list[GroundEvent]:
         try:

@@ -14,7 +14,16 @@ from uavrt.clock import Clock
 from uavrt.errors import RecordingError
 from uavrt.ground.store.flights import GROUND_NOTE, PULSE_COLUMNS, Columns, pulse_cells
 from uavrt.log import get_logger
-from uavrt.messages import FlightInfo, Pose, Poses, PulsePose, SearchReport, StatusText, Tag
+from uavrt.messages import (
+    BurstInside,
+    FlightInfo,
+    Pose,
+    Poses,
+    PulsePose,
+    SearchReport,
+    StatusText,
+    Tag,
+)
 from uavrt.recording import FlightLayout, FlightRecorder, new_flight_directory, open_plain
 
 log = get_logger()
@@ -108,6 +117,23 @@ class FlightKeeper:
         self._recorder.write_pulse_poses([item])
         self._pulses.extend(pulse_cells(item))
         return True
+
+    def put_inside(self, burst: BurstInside) -> bool:
+        """Put into a burst of this flight what came after it; False where there is none."""
+        if self._recorder is None or burst.key not in self._keys:
+            return False
+        self._recorder.write_inside(burst)
+        if burst.also_possible_tag_ids:
+            self._doubt(burst)
+        return True
+
+    def _doubt(self, burst: BurstInside) -> None:
+        """Let the estimates know whose else a burst may be."""
+        cells = np.frombuffer(self._pulses, np.float64).reshape(-1, PULSE_WIDTH)
+        named = {name: cells[:, place] for place, name in enumerate(PULSE_COLUMNS)}
+        same = named["start_time_ns"] == float(burst.start_time_ns)
+        same &= named["tag_id"] == burst.tag_id
+        named["also_possible_tag_id"][same] = burst.also_possible_tag_ids[0]
 
     def add_pose(self, pose: Pose) -> None:
         """Add a pose of the vehicle."""

@@ -82,7 +82,8 @@ _SELECT_PULSES = (
     + "{more} FROM pulses p LEFT JOIN pulse_poses q USING (pulse_id) ORDER BY p.pulse_id"
 )
 _SELECT_CELLS = _SELECT_PULSES.format(more="")
-_SELECT_RECORDS = _SELECT_PULSES.format(more=", p.also_possible_tag_ids")
+_LISTS = ("also_possible_tag_ids", "burst_starts_ns", "burst_snrs_db")
+_SELECT_RECORDS = _SELECT_PULSES.format(more="".join(f", p.{name}" for name in _LISTS))
 _SELECT_POSES = (
     "SELECT time_ns, latitude_deg, longitude_deg, altitude_relative_m, "
     "quaternion_w, quaternion_x, quaternion_y, quaternion_z FROM poses "
@@ -317,12 +318,15 @@ class FlightLibrary:
                 f"{_SELECT_RECORDS} LIMIT ? OFFSET ?", (limit, after)
             ).fetchall()
             records = []
-            for *row, others in rows:
+            for *row, others, starts, snrs in rows:
                 record = dict(zip(PULSE_COLUMNS, row, strict=True))
                 del record["also_possible_tag_id"]
                 record["also_possible_tag_ids"] = [
                     int(number) for number in str(others or "").split()
                 ]
+                if starts:
+                    record["burst_starts_ns"] = [int(number) for number in starts.split()]
+                    record["burst_snrs_db"] = [float(snr) for snr in str(snrs or "").split()]
                 record["clipped"] = bool(record["clipped"])
                 record["detection_status"] = STATUSES[record["detection_status"]]
                 record["confirmed"] = record["detection_status"] == "confirmed"

@@ -16,6 +16,7 @@ from uavrt.config import (
     Settings,
     faults_of_tags,
     run_wanted,
+    same_codes,
     tags_with_overrides,
     with_parameter,
 )
@@ -258,6 +259,7 @@ class Mission:
             case "end_tags":
                 if not self.tags:
                     raise UavrtError("no tag was sent: send TAG before END_TAGS")
+                self._check_codes()
                 self._last_tags.keep(self.tags.values())
                 return f"{len(self.tags)} tags"
             case "start_detection":
@@ -280,6 +282,11 @@ class Mission:
                     raise UavrtError("not here: only a running supervisor does that")
                 return self._operations.begin(command.name, command.source)
         return ""
+
+    def _check_codes(self) -> None:
+        """Refuse codes that cannot be told apart."""
+        for one, two in same_codes(tuple(self.tags.values())):
+            raise UavrtError(f"tags {one.tag_id} and {two.tag_id} have the same code")
 
     def _add_tag(self, tag: Tag | None) -> None:
         if tag is None:
