@@ -181,6 +181,7 @@ def _height_error_m(rng: Generator) -> float:
 
 
 def strengths_heard(rng: Generator, track: PowerTrack, case: Strengths) -> PowerTrack:
+    """Draw which strengths of a track are heard: too weak ones and lost ones are NaN."""
     threshold_db = float(np.quantile(track.snr_db, case.too_weak)) if case.too_weak else 10.0
     missed = track.snr_db < threshold_db if case.too_weak else np.zeros(len(track.snr_db), bool)
     missed |= rng.random(len(missed)) < case.lost
