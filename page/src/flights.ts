@@ -6,6 +6,7 @@ import { by, fill, h, say } from "./dom";
 import { downloadSection } from "./downloads";
 import { dateTime, span } from "./format";
 import { toast } from "./notice";
+import { seasonSection } from "./season";
 import { store } from "./store";
 import type { Choices, FlightSummary } from "./types";
 
@@ -21,6 +22,7 @@ export function buildFlights(go: (name: string) => void): void {
     h("div", { class: "toolbar" }, h("h2", {}, "Flights on this computer"), h("button", { id: "flights-refresh", onclick: () => void refresh() }, "Refresh"), h("button", { id: "flights-compare", "aria-disabled": "true", onclick: () => void compareTicked() }, "Compare two")),
     h("div", { id: "flights-list", class: "table-wrap" }),
     h("div", { id: "compare", class: "table-wrap" }),
+    seasonSection(),
     downloadSection(() => void refresh()),
   );
   void get<Choices>("/choices").then(

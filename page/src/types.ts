@@ -309,3 +309,24 @@ export interface Finding {
   /** What to do; empty where all is in order. */
   remedy: string;
 }
+
+/** All flights in numbers (uavrt season). */
+export interface SeasonRecord {
+  flights: number;
+  minutes: number;
+  animals_heard: number;
+  minutes_per_animal: number | null;
+  batteries: number;
+  batteries_used: number;
+  flights_without_battery: number;
+  animals: {
+    tag_id: number;
+    name: string | null;
+    frequency_hz: number;
+    flights: number;
+    flights_heard: number;
+    minutes: number;
+    minutes_to_hear: number | null;
+    last_heard_ns: number | null;
+  }[];
+}

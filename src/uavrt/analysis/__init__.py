@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         read_positions,
     )
     from uavrt.analysis.power_survey import MONOPOLE, HeardStrength
+    from uavrt.analysis.season import AnimalOfSeason, Season, read_season
     from uavrt.analysis.several_flights import (
         TagOfFlights,
         common_tags,
@@ -60,6 +61,7 @@ __all__ = [
     "MONOPOLE",
     "POSITION_M",
     "RASTERS",
+    "AnimalOfSeason",
     "DetectionPlots",
     "FlightNoise",
     "HeardStrength",
@@ -67,6 +69,7 @@ __all__ = [
     "ListenedFlight",
     "MapFile",
     "MapSize",
+    "Season",
     "SilentMap",
     "Survey",
     "TagBearing",
@@ -99,6 +102,7 @@ __all__ = [
     "read_places",
     "read_polygon",
     "read_positions",
+    "read_season",
     "read_survey",
     "save_integrated",
     "share_alone",
@@ -110,6 +114,9 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
+        "AnimalOfSeason": "season",
+        "Season": "season",
+        "read_season": "season",
         "DetectionPlots": "plots",
         "FlightNoise": "flight_noise",
         "HeardStrength": "power_survey",

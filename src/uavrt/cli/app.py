@@ -23,6 +23,7 @@ COMMANDS = {
     "archive": "Questions over all that a batch has searched.",
     "attach": "Poses from an autopilot's log for pulses without any.",
     "report": "A report of a flight, to look at and hand on.",
+    "season": "A folder of flights in numbers: minutes, animals, batteries.",
     "export": "A flight as files for other programs.",
     "fetch": "Copy flights from the drone over the radio link.",
     "tags": "Check, convert and measure tags.",

@@ -59,6 +59,7 @@ EXAMPLES: dict[str, list[str]] = {
         "uavrt attach pulses.jsonl 00000042.BIN -o placed.jsonl --clock-offset 0",
     ],
     "report": ["uavrt report flights/flight_log_2026-05-01_08-15-00"],
+    "season": ["uavrt season uavrt-flights -o season.csv"],
     "export": [
         "uavrt export flights/flight_log_2026-05-01_08-15-00",
         "uavrt export old-log.csv --format gpx --format kmz -o for_tom",

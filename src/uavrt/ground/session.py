@@ -63,7 +63,7 @@ from uavrt.messages import (
     SystemState,
     Tag,
 )
-from uavrt.recording import Mark, home_note, pulse_record, vehicle_note
+from uavrt.recording import Mark, battery_note, home_note, pulse_record, vehicle_note
 from uavrt.tunnel import MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -82,6 +82,8 @@ ESTIMATE_SHARE_OF_SEVERAL = 20.0
 
 FOREIGN_REMEDY = "give each vehicle a number of its own (MAV_SYS_ID), or choose this one"
 
+BATTERY_STEP_PERCENT = 5
+"""What is left in the battery is noted in the flight at its start and after each such step."""
 ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
 
 
@@ -131,6 +133,7 @@ class GroundSession:
         self._named: set[int] = set()
         self._foreign_told = False
         self._home_kept: tuple[str | None, tuple[float, float] | None] = (None, None)
+        self._battery_kept: tuple[str | None, int] = (None, 0)
         self.hub = Hub()
         self.library = FlightLibrary(store.directory)
         self.flight = FlightKeeper(store.directory, clock)
@@ -478,6 +481,7 @@ class GroundSession:
                 link.send(message)
             self._tell_others(now_ns)
             self._keep_home(watch.home, now_ns)
+            self._keep_battery(watch.battery_percent, now_ns)
             link.send(watch.ping(now_ns))
             self._watch_presence(link.protocol.present(now_ns))
             self._tell_faults(link.faults)
@@ -497,6 +501,15 @@ class GroundSession:
         if home is not None and not self.flight.ended and key != self._home_kept:
             self._home_kept = key
             self.flight.add_note(home_note(*home), now_ns)
+
+    def _keep_battery(self, percent: int | None, now_ns: int) -> None:
+        """Write what is left into the flight: a season's summary counts batteries by it."""
+        flight_id, noted = self.flight.flight_id, self._battery_kept
+        if percent is None or self.flight.ended:
+            return
+        if noted[0] != flight_id or abs(noted[1] - percent) >= BATTERY_STEP_PERCENT:
+            self._battery_kept = (flight_id, percent)
+            self.flight.add_note(battery_note(percent), now_ns)
 
     def _tell_others(self, now_ns: int) -> None:
         """Name other vehicles on this link, each once, and another under our number."""

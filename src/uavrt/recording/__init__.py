@@ -37,6 +37,13 @@ if TYPE_CHECKING:
     )
     from uavrt.recording.iq_recorder import IQRecorder
     from uavrt.recording.layout import FlightLayout, new_flight_directory, require_writable
+    from uavrt.recording.outline import (
+        FlightOutline,
+        HeardTag,
+        battery_note,
+        read_outline,
+        read_pulse_milliseconds,
+    )
     from uavrt.recording.places import (
         Mark,
         Places,
@@ -76,7 +83,9 @@ __all__ = [
     "Flight",
     "FlightFold",
     "FlightLayout",
+    "FlightOutline",
     "FlightRecorder",
+    "HeardTag",
     "IQRecorder",
     "IntegratedVerdict",
     "Mark",
@@ -85,6 +94,7 @@ __all__ = [
     "PulseFormat",
     "PulseWriter",
     "WriterLock",
+    "battery_note",
     "csv_cells",
     "detector_config",
     "ended",
@@ -109,7 +119,9 @@ __all__ = [
     "read_health",
     "read_integrated",
     "read_older",
+    "read_outline",
     "read_pulse_file",
+    "read_pulse_milliseconds",
     "read_pulse_pose_log",
     "read_search_notes",
     "read_search_reports",
@@ -126,6 +138,11 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
+        "FlightOutline": "outline",
+        "HeardTag": "outline",
+        "battery_note": "outline",
+        "read_outline": "outline",
+        "read_pulse_milliseconds": "outline",
         "ChannelRecorder": "channel_recorder",
         "DetectorConfig": "detector_configs",
         "Flight": "flight_reader",

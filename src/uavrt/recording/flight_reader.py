@@ -57,9 +57,9 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
     FormatError
         There is no flight, or its database is damaged.
     """
-    with _database(Path(directory)) as database:
+    with flight_database(Path(directory)) as database:
         return Flight(
-            info=_info(database, Path(directory)),
+            info=flight_info(database, Path(directory)),
             settings_json=_settings(database),
             pulse_poses=tuple(
                 pulse_pose_from_row(row)
@@ -92,7 +92,7 @@ def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
     FormatError
         There is no flight, or its database is damaged.
     """
-    with _database(Path(directory)) as database:
+    with flight_database(Path(directory)) as database:
         rows = database.execute(
             "SELECT time_ns, process, status, ok, counters FROM health ORDER BY time_ns"
         )
@@ -107,7 +107,7 @@ def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport
     FormatError
         There is no flight, or its database is damaged.
     """
-    with _database(Path(directory)) as database:
+    with flight_database(Path(directory)) as database:
         rows = database.execute(
             "SELECT time_ns, tag_id, frequency_hz, noise_psd, best_score FROM search_reports"
             " ORDER BY time_ns, tag_id"
@@ -123,7 +123,7 @@ def read_search_notes(directory: str | os.PathLike[str]) -> tuple[SearchNote, ..
     FormatError
         There is no flight, or its database is damaged.
     """
-    with _database(Path(directory)) as database:
+    with flight_database(Path(directory)) as database:
         tables = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'search_notes'"
         if database.execute(tables).fetchone() is None:
             return ()
@@ -141,7 +141,7 @@ def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
     FormatError
         There is no flight, or its database is damaged.
     """
-    with _database(Path(directory)) as database:
+    with flight_database(Path(directory)) as database:
         rows = database.execute(
             "SELECT time_ns FROM commands WHERE name = 'stop_detection' AND accepted"
             " ORDER BY time_ns"
@@ -150,7 +150,14 @@ def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
 
 
 @contextmanager
-def _database(directory: Path) -> Iterator[sqlite3.Connection]:
+def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
+    """Open a flight's database for reading; what it lacks of today's columns is added.
+
+    Raises
+    ------
+    FormatError
+        There is none, or it is damaged, also where that shows while it is read.
+    """
     path = FlightLayout(directory).database
     if not path.is_file():
         raise FormatError(
@@ -180,7 +187,8 @@ def _open(path: Path, scratch: str) -> sqlite3.Connection:
     return open_plain(Path(scratch) / path.name, mode="rw")
 
 
-def _info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
+def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
+    """Read what the flight is; raises ValueError where it never began."""
     columns = "start_time_ns, clock_offset_ns, center_frequency_hz, sample_rate_hz"
     row = database.execute(f"SELECT {columns} FROM flight").fetchone()
     if row is None:

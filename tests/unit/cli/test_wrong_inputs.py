@@ -72,6 +72,7 @@ NEEDED = {
     "attach": ["pulses.csv", "track.ulg", "--output=posed.csv"],
     "bearing": ["pulses.csv"],
     "report": ["flight"],
+    "season": ["flights"],
     "export": ["flight"],
     "fly": ["hold"],
     "range": ["--tag-power=-20"],

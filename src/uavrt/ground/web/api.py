@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from uavrt.analysis import MONOPOLE
+from uavrt.analysis import MONOPOLE, read_season
 from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError, UsageError
 from uavrt.ground.link import area_of_file, place_in
 from uavrt.ground.session import GroundSession
@@ -81,6 +81,7 @@ class Api:
             ("/readout", "GET", self.readout),
             ("/log", "GET", self.log),
             ("/flights", "GET", self.flights),
+            ("/season", "GET", self.season),
             ("/flights/{flight_id}", "GET", self.flight),
             ("/flights/{flight_id}/star", "PUT", self.star),
             ("/flights/{flight_id}/pulses", "GET", self.pulses),
@@ -281,6 +282,10 @@ class Api:
         """All flights on this computer, newest first; who asks will open one soon."""
         self._prepare()
         return await asyncio.to_thread(self._session.library.summaries)
+
+    async def season(self, request: Request) -> Any:
+        """All flights on this computer in numbers, as `uavrt season` gives them."""
+        return asdict(await asyncio.to_thread(read_season, self._session.library.directory))
 
     async def flight(self, request: Request) -> Any:
         """One flight: its summary, tags and log."""

@@ -1,0 +1,69 @@
+/** A season in numbers: flights, minutes for each animal, batteries. */
+
+import { ApiError, get } from "./api";
+import { by, fill, h, say } from "./dom";
+import { dateTime, fixed } from "./format";
+import type { SeasonRecord } from "./types";
+
+const TITLES = ["Tag", "Frequency", "Flights", "Heard in", "Minutes searched", "Minutes to hear", "Last heard"];
+
+export function seasonSection(): HTMLElement {
+  return h(
+    "section",
+    { class: "season", "aria-labelledby": "h-season" },
+    h(
+      "div",
+      { class: "toolbar" },
+      h("h2", { id: "h-season" }, "The season"),
+      h("button", { id: "season-show", onclick: () => void show() }, "Sum up"),
+      h("span", { id: "season-note", class: "note", role: "status" }),
+    ),
+    h("div", { id: "season-table", class: "table-wrap" }),
+  );
+}
+
+async function show(): Promise<void> {
+  say(by("season-note"), "Reading all flights …");
+  try {
+    draw(await get<SeasonRecord>("/season"));
+  } catch (error) {
+    say(by("season-note"), error instanceof ApiError ? error.message : "the server cannot be reached");
+    fill(by("season-table"));
+  }
+}
+
+function draw(found: SeasonRecord): void {
+  say(by("season-note"), [flown(found), heard(found), batteries(found)].join(" · "));
+  const rows = found.animals.map((one) =>
+    h(
+      "tr",
+      { "data-animal": one.tag_id },
+      h("td", {}, one.name ? `${one.tag_id} ${one.name}` : String(one.tag_id)),
+      h("td", { class: "number" }, fixed(one.frequency_hz / 1e6, 3, "MHz")),
+      h("td", { class: "number" }, one.flights),
+      h("td", { class: "number" }, one.flights_heard),
+      h("td", { class: "number" }, fixed(one.minutes, 0)),
+      h("td", { class: "number" }, fixed(one.minutes_to_hear, 1)),
+      h("td", {}, one.last_heard_ns === null ? "" : dateTime(one.last_heard_ns)),
+    ),
+  );
+  fill(
+    by("season-table"),
+    h("table", { class: "flights" }, h("thead", {}, h("tr", {}, ...TITLES.map((title) => h("th", { scope: "col" }, title)))), h("tbody", {}, ...rows)),
+  );
+}
+
+function flown(found: SeasonRecord): string {
+  return `${found.flights} flights, ${fixed(found.minutes, 0)} minutes`;
+}
+
+function heard(found: SeasonRecord): string {
+  const all = `${found.animals_heard} of ${found.animals.length} animals heard`;
+  return found.minutes_per_animal === null ? all : `${all}, ${fixed(found.minutes_per_animal, 1)} minutes of flight for each time`;
+}
+
+function batteries(found: SeasonRecord): string {
+  if (!found.batteries) return "no flight tells of its battery";
+  const put = `${found.batteries} batteries put in, ${fixed(found.batteries_used, 1)} full ones used`;
+  return found.flights_without_battery ? `${put}, ${found.flights_without_battery} flights do not tell` : put;
+}

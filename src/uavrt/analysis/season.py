@@ -1,0 +1,197 @@
+"""A season in numbers: flights, minutes, what each animal took, batteries.
+
+Made of the flights in a folder. A flight that lies there twice, as the ground station received
+it and as the drone recorded it, counts once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.errors import FormatError
+from uavrt.messages import Tag
+from uavrt.recording import FlightOutline, read_outline, read_pulse_milliseconds
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+SAME_PULSES = 0.5
+"""Share of the pulses of the shorter copy that the other has, too: the ground station may have
+come late."""
+SAME_SPAN = 0.9
+"""Of two flights without pulses, of the longer: they are the same."""
+CHANGED_PERCENT = 10
+"""A battery that holds so much more than before is another one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnimalOfSeason:
+    """What one animal took."""
+
+    tag_id: int
+    name: str | None
+    frequency_hz: float
+    flights: int
+    """In which it was searched for."""
+    flights_heard: int
+    minutes: float
+    """Of these flights."""
+    minutes_to_hear: float | None
+    """From the start to its first pulse, mean of the flights that heard it."""
+    pulses: int
+    last_heard_ns: int | None
+    """Start of the last flight that heard it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Season:
+    """A folder of flights in numbers."""
+
+    flights: int
+    minutes: float
+    first_ns: int | None
+    last_ns: int | None
+    animals_heard: int
+    minutes_per_animal: float | None
+    """Minutes of flight for each time that a flight heard an animal; None: none was heard."""
+    batteries: int
+    """That were put in, of flights that tell; see `flights_without_battery`."""
+    batteries_used: float
+    """What was taken out of them, in full ones."""
+    flights_without_battery: int
+    """Nobody noted what was left: flights without a ground station."""
+    copies: int
+    """Directories that are a second copy of a flight."""
+    unreadable: tuple[str, ...]
+    """Names of directories that hold no readable flight."""
+    animals: tuple[AnimalOfSeason, ...]
+
+
+def read_season(directory: Path) -> Season:
+    """Summarize the flights below a folder, at any depth.
+
+    Raises
+    ------
+    FormatError
+        There is no flight.
+    """
+    outlines, unreadable = [], []
+    for database in sorted(directory.rglob("flight.sqlite")):
+        try:
+            outlines.append(read_outline(database.parent))
+        except FormatError:
+            unreadable.append(str(database.parent.relative_to(directory)))
+    if not outlines:
+        raise FormatError(
+            f"there is no flight that can be read below {directory}",
+            remedy="Name the folder that holds them",
+        )
+    flights = _without_copies(sorted(outlines, key=lambda one: one.info.start_time_ns))
+    minutes = sum(_minutes(one) for one in flights)
+    hearings = sum(len(one[0].heard) for one in flights)
+    batteries, used = _batteries(flights)
+    return Season(
+        flights=len(flights),
+        minutes=minutes,
+        first_ns=flights[0][0].info.start_time_ns,
+        last_ns=flights[-1][0].info.start_time_ns,
+        animals_heard=len({key for one in flights for key in _heard(one)}),
+        minutes_per_animal=minutes / hearings if hearings else None,
+        batteries=batteries,
+        batteries_used=used,
+        flights_without_battery=sum(
+            not any(copy.battery_percent for copy in one) for one in flights
+        ),
+        copies=len(outlines) - len(flights),
+        unreadable=tuple(unreadable),
+        animals=_animals(flights),
+    )
+
+
+_Flight = tuple[FlightOutline, ...]
+"""A flight's copies, the one with the most pulses first."""
+_Animal = tuple[int, int]
+"""Id and frequency [kHz]: numbers are given again to other animals."""
+
+
+def _without_copies(outlines: Sequence[FlightOutline]) -> list[_Flight]:
+    flights: list[list[FlightOutline]] = []
+    for one in outlines:
+        for flight in reversed(flights):
+            if _is_same(flight[0], one):
+                flight.append(one)
+                break
+        else:
+            flights.append([one])
+    return [tuple(sorted(one, key=_pulses, reverse=True)) for one in flights]
+
+
+def _pulses(outline: FlightOutline) -> int:
+    return sum(one.pulses for one in outline.heard.values())
+
+
+def _is_same(one: FlightOutline, other: FlightOutline) -> bool:
+    """Whether two are copies of one flight: by their pulses, else by their times."""
+    begin = max(one.info.start_time_ns, other.info.start_time_ns)
+    overlap = min(one.end_time_ns, other.end_time_ns) - begin
+    told = None not in (one.vehicle, other.vehicle)
+    if overlap < 0 or (told and one.vehicle != other.vehicle):
+        return False
+    if _pulses(one) and _pulses(other):
+        pulses = [read_pulse_milliseconds(each.directory) for each in (one, other)]
+        return len(pulses[0] & pulses[1]) >= SAME_PULSES * min(map(len, pulses))
+    longest = max(each.end_time_ns - each.info.start_time_ns for each in (one, other))
+    return overlap >= SAME_SPAN * longest
+
+
+def _minutes(flight: _Flight) -> float:
+    """Length of the copy that is the longest."""
+    longest = max(one.end_time_ns - one.info.start_time_ns for one in flight)
+    return longest / NANOSECONDS_PER_SECOND / 60.0
+
+
+def _key(tag: Tag) -> _Animal:
+    return tag.tag_id, round(tag.frequency_hz / 1e3)
+
+
+def _heard(flight: _Flight) -> list[_Animal]:
+    return [_key(tag) for tag in flight[0].info.tags if tag.tag_id in flight[0].heard]
+
+
+def _animals(flights: Sequence[_Flight]) -> tuple[AnimalOfSeason, ...]:
+    searched: dict[_Animal, list[tuple[Tag, _Flight]]] = {}
+    for flight in flights:
+        for tag in flight[0].info.tags:
+            searched.setdefault(_key(tag), []).append((tag, flight))
+    return tuple(_animal(searched[key]) for key in sorted(searched))
+
+
+def _animal(searched: Sequence[tuple[Tag, _Flight]]) -> AnimalOfSeason:
+    """Summarize one animal: its flights in order of time, with the tag as each listed it."""
+    tag = searched[-1][0]
+    heard = [flight[0] for _, flight in searched if tag.tag_id in flight[0].heard]
+    firsts = ((one.heard[tag.tag_id].first_ns, one.info.start_time_ns) for one in heard)
+    waited_s = sum(max(0, first - start) for first, start in firsts) / NANOSECONDS_PER_SECOND
+    return AnimalOfSeason(
+        tag_id=tag.tag_id,
+        name=next((one.name for one, _ in reversed(searched) if one.name), None),
+        frequency_hz=tag.frequency_hz,
+        flights=len(searched),
+        flights_heard=len(heard),
+        minutes=sum(_minutes(flight) for _, flight in searched),
+        minutes_to_hear=waited_s / len(heard) / 60.0 if heard else None,
+        pulses=sum(one.heard[tag.tag_id].pulses for one in heard),
+        last_heard_ns=heard[-1].info.start_time_ns if heard else None,
+    )
+
+
+def _batteries(flights: Sequence[_Flight]) -> tuple[int, float]:
+    """Count batteries that were put in, and what was used of them, over all vehicles."""
+    before: dict[str | None, int] = {}
+    put_in, used = 0, 0.0
+    for flight in flights:
+        for copy in flight:
+            for percent in copy.battery_percent:
+                last = before.get(copy.vehicle)
+                put_in += last is None or percent >= last + CHANGED_PERCENT
+                used += 0.0 if last is None else max(0, last - percent) / 100.0
+                before[copy.vehicle] = percent
+    return put_in, used

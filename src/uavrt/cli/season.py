@@ -1,0 +1,103 @@
+"""``uavrt season``: a folder of flights in numbers."""
+
+import csv
+import json
+import sys
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+from rich.console import Console
+from rich.table import Table
+
+from uavrt.cli.outputs import check_place
+from uavrt.clock import iso_utc
+
+if TYPE_CHECKING:
+    from uavrt.analysis import Season
+
+
+def season(
+    directory: Path,
+    *,
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Summarize a folder of flights: flights, minutes for each animal, batteries.
+
+    A flight that was received and fetched, too, counts once.
+
+    Parameters
+    ----------
+    directory
+        The folder; flights may lie at any depth.
+    output
+        Also write a line for each animal to this CSV file.
+    overwrite
+        Replace that file if it exists.
+    as_json
+        Print one JSON object.
+    """
+    from uavrt.analysis import read_season
+
+    if output is not None:
+        check_place(output, overwrite=overwrite)
+    found = read_season(directory)
+    for name in found.unreadable:
+        print(f"uavrt: {name} cannot be read and is left out", file=sys.stderr)
+    if output is not None:
+        _write(found, output)
+    if as_json:
+        print(json.dumps(asdict(found), indent=2))
+    else:
+        _show(found)
+
+
+def _write(found: "Season", path: Path) -> None:
+    from uavrt.analysis import AnimalOfSeason
+
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(AnimalOfSeason)])
+        writer.writeheader()
+        writer.writerows(asdict(animal) for animal in found.animals)
+
+
+def _show(found: "Season") -> None:
+    console = Console()
+    per_animal = found.minutes_per_animal
+    lines = [
+        f"{found.flights} flights, {found.minutes:.0f} minutes, "
+        f"{_day(found.first_ns)} to {_day(found.last_ns)}",
+        f"{found.animals_heard} of {len(found.animals)} animals heard"
+        + ("" if per_animal is None else f", {per_animal:.1f} minutes of flight for each time"),
+        f"{found.batteries} batteries put in, {found.batteries_used:.1f} full ones used"
+        if found.batteries
+        else "no flight tells of its battery",
+    ]
+    if found.batteries and found.flights_without_battery:
+        lines.append(f"{found.flights_without_battery} flights do not tell of their battery")
+    if found.copies:
+        lines.append(f"{found.copies} second copies of flights left out")
+    for line in lines:
+        console.print(line, highlight=False, soft_wrap=True)
+    table = Table(box=None, pad_edge=False)
+    for title in ("tag", "name", "MHz", "flights", "heard", "minutes", "to hear", "last heard"):
+        table.add_column(title, justify="left" if title == "name" else "right")
+    for one in found.animals:
+        table.add_row(
+            str(one.tag_id),
+            one.name or "",
+            f"{one.frequency_hz / 1e6:.3f}",
+            str(one.flights),
+            str(one.flights_heard),
+            f"{one.minutes:.0f}",
+            "" if one.minutes_to_hear is None else f"{one.minutes_to_hear:.1f}",
+            _day(one.last_heard_ns),
+        )
+    console.print(table)
+
+
+def _day(time_ns: int | None) -> str:
+    return "" if time_ns is None else iso_utc(time_ns)[:10]

@@ -1,0 +1,104 @@
+"""A flight in outline, for summaries of many: no pulse is read as an object."""
+
+import os
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.messages import FlightInfo
+from uavrt.recording.flight_reader import flight_database, flight_info
+from uavrt.recording.places import vehicle_of
+
+_BATTERY = re.compile(r"battery (\d{1,3}) %")
+_HEARD = (
+    "SELECT tag_id, count(*), min(start_time_ns) FROM pulses"
+    " WHERE detection_status = 'confirmed' AND ghost_of_tag_id IS NULL GROUP BY tag_id"
+)
+_MILLISECONDS = (
+    "SELECT tag_id, (start_time_ns + 500000) / 1000000 FROM pulses"
+    " WHERE detection_status = 'confirmed'"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeardTag:
+    """What a flight heard of one tag: confirmed pulses that are no ghosts."""
+
+    pulses: int
+    first_ns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightOutline:
+    """A flight's length, what it heard, and its battery."""
+
+    info: FlightInfo
+    end_time_ns: int
+    """Of the last that is recorded."""
+    heard: dict[int, HeardTag]
+    vehicle: str | None
+    """Number and name, where a ground station wrote them."""
+    battery_percent: tuple[int, ...]
+    """As the ground station noted it, in order of time."""
+
+    @property
+    def directory(self) -> Path:
+        """Where it lies."""
+        return Path(self.info.directory)
+
+
+def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
+    """Read a flight in outline.
+
+    Raises
+    ------
+    FormatError
+        There is no flight, or its database is damaged.
+    """
+    with flight_database(Path(directory)) as database:
+        info = flight_info(database, Path(directory))
+        ends = [info.start_time_ns]
+        for table, column in (
+            ("pulses", "end_time_ns"),
+            ("poses", "time_ns"),
+            ("search_reports", "time_ns"),
+        ):
+            ends += database.execute(f"SELECT max({column}) FROM {table}").fetchone()
+        notes = database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
+        heard = {
+            int(tag_id): HeardTag(pulses=int(pulses), first_ns=int(first_ns))
+            for tag_id, pulses, first_ns in database.execute(_HEARD)
+        }
+    return FlightOutline(
+        info=info,
+        end_time_ns=max(int(one) for one in ends if one is not None),
+        heard=heard,
+        vehicle=vehicle_of(notes),
+        battery_percent=battery_levels(notes),
+    )
+
+
+def read_pulse_milliseconds(directory: Path) -> set[tuple[int, int]]:
+    """Read tag and start [ms] of each confirmed pulse: two copies of a flight share them.
+
+    Over the link a start keeps no nanoseconds.
+
+    Raises
+    ------
+    FormatError
+        As `read_outline`.
+    """
+    with flight_database(directory) as database:
+        return set(database.execute(_MILLISECONDS).fetchall())
+
+
+def battery_note(percent: int) -> str:
+    """Write what is left in the vehicle's battery."""
+    return f"battery {percent} %"
+
+
+def battery_levels(notes: Iterable[tuple[int, str]]) -> tuple[int, ...]:
+    """Read what was left [%], from `battery_note`."""
+    found = (_BATTERY.fullmatch(text) for _, text in notes)
+    return tuple(int(one[1]) for one in found if one is not None)

@@ -1,0 +1,146 @@
+"""A season in numbers, from flights as they are recorded."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from pulses import pulse_at
+
+from uavrt.analysis import read_season
+from uavrt.cli.app import app
+from uavrt.clock import Clock
+from uavrt.errors import FormatError
+from uavrt.messages import FlightInfo, PulsePose, SearchReport, Tag
+from uavrt.recording import FlightRecorder, battery_note, vehicle_note
+
+SECOND = 1_000_000_000
+MAY_NS = 1_777_600_000 * SECOND
+
+
+def tag(tag_id: int, megahertz: float, name: str | None = None) -> Tag:
+    return Tag(
+        tag_id=tag_id,
+        frequency_hz=megahertz * 1e6,
+        pulse_width_s=0.02,
+        pulse_intervals_s=(1.2,),
+        name=name,
+    )
+
+
+LYNX, OTTER = tag(2, 148.7, "lynx"), tag(4, 148.9)
+
+
+def fly(
+    place: Path,
+    start_s: int,
+    *tags: Tag,
+    minutes: int = 10,
+    heard: dict[int, int] | None = None,
+    notes: tuple[str, ...] = (),
+    shift_ns: int = 0,
+) -> None:
+    """Record a flight that heard each tag of `heard` from that second on, every 1.2 s."""
+    start_ns = MAY_NS + start_s * SECOND
+    place.parent.mkdir(parents=True, exist_ok=True)
+    info = FlightInfo(
+        directory=str(place),
+        start_time_ns=start_ns,
+        clock_offset_ns=Clock.start().offset_ns,
+        center_frequency_hz=148.8e6,
+        sample_rate_hz=3e6,
+        tags=tags,
+    )
+    recorder = FlightRecorder.open(info)
+    for tag_id, from_s in (heard or {}).items():
+        times = range(start_ns + from_s * SECOND, start_ns + (from_s + 60) * SECOND, 12 * 10**8)
+        recorder.write_pulse_poses(
+            [
+                PulsePose(pulse=pulse_at(time_ns + shift_ns, tag_id=tag_id), pose=None)
+                for time_ns in times
+            ]
+        )
+    recorder.write_search_report(
+        SearchReport(
+            tag_id=tags[0].tag_id,
+            time_ns=start_ns + minutes * 60 * SECOND,
+            frequency_hz=148.7e6,
+            noise_psd=1e-9,
+            best_score=0.3,
+        )
+    )
+    for number, text in enumerate(notes):
+        recorder.write_note(text, start_ns + number)
+    recorder.close()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Three flights, one of which lies there twice, and what is none."""
+    own = vehicle_note(1)
+    levels = [battery_note(percent) for percent in (95, 60, 42)]
+    fly(tmp_path / "a/flight_log_1", 0, LYNX, OTTER, heard={2: 120}, notes=(own, *levels))
+    # The drone's own copy: longer, by another road to the microsecond, and not in this order.
+    fly(tmp_path / "b/flight_log_1", -5, LYNX, OTTER, minutes=12, heard={2: 125}, shift_ns=400)
+    fly(
+        tmp_path / "a/flight_log_2",
+        1000,
+        LYNX,
+        OTTER,
+        heard={2: 60, 4: 300},
+        notes=(own, levels[1]),
+    )
+    fly(tmp_path / "a/flight_log_3", 9000, OTTER, minutes=20)
+    (tmp_path / "a/flight_log_4").mkdir()
+    (tmp_path / "a/flight_log_4/flight.sqlite").write_bytes(b"no database")
+    return tmp_path
+
+
+def test_flights_minutes_animals_and_batteries_are_counted(folder: Path) -> None:
+    found = read_season(folder)
+    assert (found.flights, found.copies, found.minutes) == (3, 1, 12 + 10 + 20)
+    assert found.unreadable == ("a/flight_log_4",)
+    assert found.animals_heard == 2
+    assert found.minutes_per_animal == pytest.approx(42 / 3)
+    lynx, otter = found.animals
+    assert (lynx.name, lynx.flights, lynx.flights_heard, lynx.minutes) == ("lynx", 2, 2, 22)
+    assert lynx.minutes_to_hear == pytest.approx(1.5, abs=0.1)
+    assert (otter.flights, otter.flights_heard, otter.minutes) == (3, 1, 42)
+    assert otter.last_heard_ns == MAY_NS + 1000 * SECOND
+    # 95 to 42 %, then one with 60 % was put in; the third flight and nobody noted it.
+    assert (found.batteries, found.flights_without_battery) == (2, 1)
+    assert found.batteries_used == pytest.approx(0.53)
+
+
+def test_two_drones_at_the_same_time_are_two_flights(tmp_path: Path) -> None:
+    for number in (1, 2):
+        fly(tmp_path / f"{number}", 0, LYNX, heard={2: 60}, notes=(vehicle_note(number),))
+    # Without a word whose it is the pulses decide.
+    fly(tmp_path / "3", 0, LYNX, heard={2: 61}, shift_ns=SECOND // 2)
+    assert read_season(tmp_path).flights == 3
+
+
+def test_another_animal_with_the_same_number_is_another(tmp_path: Path) -> None:
+    fly(tmp_path / "1", 0, LYNX)
+    fly(tmp_path / "2", 9000, tag(2, 151.2, "marten"))
+    assert [one.name for one in read_season(tmp_path).animals] == ["lynx", "marten"]
+
+
+def test_a_folder_without_flights_is_told(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="Name the folder"):
+        read_season(tmp_path)
+
+
+def test_the_command_prints_the_season_and_writes_a_line_for_each_animal(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = folder / "season.csv"
+    app(["season", str(folder), "-o", str(table)], result_action="return_value")
+    said = capsys.readouterr()
+    assert "3 flights, 42 minutes" in said.out
+    assert "14.0 minutes of flight for each time" in said.out
+    assert "flight_log_4 cannot be read" in said.err
+    rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
+    assert [row["tag_id"] for row in rows] == ["2", "4"]
+    app(["season", str(folder), "--json"], result_action="return_value")
+    assert json.loads(capsys.readouterr().out)["batteries"] == 2
