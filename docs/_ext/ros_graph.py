@@ -9,10 +9,10 @@ from sphinx.util.docutils import SphinxDirective
 
 from uavrt.ros2 import NODES, TOPICS, definition
 from uavrt.ros2.graph import LOG_MESSAGE, LOG_TOPIC
-from uavrt.ros2.messages import RosPulse, RosPulsePose, RosTag
+from uavrt.ros2.messages import RosBurst, RosCodedTag, RosPulse, RosPulsePose, RosTag
 
 Rows = list[tuple[str, ...]]
-OWN = (RosPulse, RosPulsePose, RosTag)
+OWN = (RosPulse, RosPulsePose, RosTag, RosBurst, RosCodedTag)
 
 
 class RosGraph(SphinxDirective):

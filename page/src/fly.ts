@@ -322,13 +322,24 @@ function factsOf(one: Latest, age: number, row: TagRow | undefined, now: number)
     `${Math.round(one.minute / minutes)}/min`,
     `${frequency.toFixed(4)}\u202fMHz`,
     row?.second_interval_ms ? `rate ${rate}${interval ? ` (${interval}\u202fms)` : ""}` : null,
-    `${one.all} pulses`,
+    row?.gaps_ms ? `${one.all} bursts` : `${one.all} pulses`,
+    row?.gaps_ms ? codeOf(id, row) : null,
   ];
   return parts.filter(Boolean).join(" · ");
 }
 
+/** The code: its gaps as measured in the last burst, or as listed. */
+function codeOf(id: number, row: TagRow): string {
+  const starts = store.review ? undefined : store.bursts.get(id)?.burst_starts_ns;
+  const listed = String(row.gaps_ms).trim().split(/\s+/);
+  if (!starts || starts.length !== listed.length + 1) return `code ${listed.join(" ")}\u202fms`;
+  const gaps = starts.slice(1).map((start, place) => ((start - starts[place]!) / 1e6).toFixed(1));
+  return `gaps ${gaps.join(" ")}\u202fms`;
+}
+
 function nominal(row: TagRow | undefined): string {
-  return row ? `${row.frequency_mhz}\u202fMHz · every ${row.interval_ms}\u202fms` : "";
+  const code = row?.gaps_ms ? ` · code ${row.gaps_ms}\u202fms` : "";
+  return row ? `${row.frequency_mhz}\u202fMHz · every ${row.interval_ms}\u202fms${code}` : "";
 }
 
 function freshness(id: number, age: number, row: TagRow | undefined): Freshness {

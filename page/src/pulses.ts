@@ -78,6 +78,17 @@ export class Pulses {
     return true;
   }
 
+  /** Say whose else a burst may be; false when it is not here. */
+  doubt(tag: number, time: number, also: number): boolean {
+    const { tag: tags, time: times } = this.columns;
+    for (let place = this.count - 1; place >= 0; place -= 1) {
+      if (tags[place] !== tag || times[place] !== time) continue;
+      this.columns.also[place] = also;
+      return true;
+    }
+    return false;
+  }
+
   private remember(tag: number, time: number): boolean {
     const seen = (this.seen ??= this.known());
     let times = seen.get(tag);

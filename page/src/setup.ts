@@ -13,6 +13,8 @@ interface Field {
   unit: string;
   hint: string;
   text?: boolean;
+  /** What it may be; the first where the row says nothing. */
+  choices?: string[];
 }
 
 /** As `DEFAULT_FALSE_ALARM_PROBABILITY` in uavrt/messages.py; a test compares them. */
@@ -22,7 +24,9 @@ const FIELDS: Field[] = [
   { key: "id", label: "Id", unit: "", hint: "A whole number of its own" },
   { key: "name", label: "Name", unit: "", hint: "For people; may stay empty", text: true },
   { key: "frequency_mhz", label: "Frequency", unit: "MHz", hint: "As on the tag's sheet: 148.71" },
-  { key: "interval_ms", label: "Interval", unit: "ms", hint: "From pulse to pulse" },
+  { key: "kind", label: "Kind", unit: "", hint: "Beeping, or coded: bursts whose gaps say who it is", text: true, choices: ["beeping", "coded"] },
+  { key: "interval_ms", label: "Interval", unit: "ms", hint: "From pulse to pulse; of a coded tag from burst to burst" },
+  { key: "gaps_ms", label: "Gaps", unit: "ms", hint: "Of a coded tag: from pulse start to pulse start in a burst, with spaces between: 22 48.8 36.6", text: true },
   { key: "second_interval_ms", label: "2nd interval", unit: "ms", hint: "Of a tag with two rates; else empty" },
   { key: "pulse_width_ms", label: "Width", unit: "ms", hint: "Length of a pulse" },
   { key: "interval_uncertainty_ms", label: "Uncertainty", unit: "ms", hint: "How far the interval may be off" },
@@ -30,6 +34,9 @@ const FIELDS: Field[] = [
   { key: "k", label: "K", unit: "", hint: "Pulses summed for one decision; more reach farther" },
   { key: "false_alarm_percent", label: "False alarms", unit: "%", hint: "Accepted for each decision" },
 ];
+
+/** As `CODED_PULSE_WIDTH_MS`, `BURST_TOLERANCE_MS` and `CODED_K` in uavrt/config/code_rules.py. */
+const CODED_NUMBERS: TagRow = { second_interval_ms: "", pulse_width_ms: 2.5, interval_uncertainty_ms: 4, interval_jitter_ms: 0, k: 10 };
 
 let rows: TagRow[] = [];
 let faults: FieldFault[] = [];
@@ -128,7 +135,7 @@ function draw(): void {
         h(
           "td",
           { "data-field": field.key },
-          h("input", {
+          field.choices ? kindChoice(field, row, place) : h("input", {
             value: row[field.key] ?? "",
             "aria-label": `${field.label}, row ${place + 1}`,
             inputmode: field.text ? "text" : "decimal",
@@ -157,6 +164,28 @@ function draw(): void {
       : h("p", { class: "empty" }, "No tags. Add one, or import the file you have."),
   );
   drawFaults();
+}
+
+/** Beeping or coded; a tag that becomes coded gets the usual numbers of such tags. */
+function kindChoice(field: Field, row: TagRow, place: number): HTMLElement {
+  const now = String(row[field.key] || field.choices![0]);
+  const select: HTMLSelectElement = h(
+    "select",
+    {
+      "aria-label": `${field.label}, row ${place + 1}`,
+      "data-row": place,
+      "data-key": field.key,
+      onchange: () => {
+        row[field.key] = select.value;
+        if (select.value === "coded") Object.assign(row, CODED_NUMBERS);
+        else row.gaps_ms = "";
+        touched();
+        draw();
+      },
+    },
+    ...field.choices!.map((one) => h("option", { value: one, selected: one === now }, one)),
+  );
+  return select;
 }
 
 /** Whether a tag is searched for in the next flight; the table keeps it in any case. */
@@ -258,7 +287,7 @@ export async function save(): Promise<boolean> {
 
 function drawFaults(): void {
   document.querySelectorAll("#tag-table .fault").forEach((one) => one.remove());
-  document.querySelectorAll("#tag-table input").forEach((one) => one.removeAttribute("aria-invalid"));
+  document.querySelectorAll("#tag-table input, #tag-table select").forEach((one) => one.removeAttribute("aria-invalid"));
   for (const [number, fault] of faults.entries()) {
     const input = cell(fault.row, fault.field);
     if (!input) continue;
@@ -275,8 +304,8 @@ function labelOf(key: string): string {
   return FIELDS.find((field) => field.key === key)?.label ?? key;
 }
 
-function cell(row: number, key: string): HTMLInputElement | null {
-  return document.querySelector(`#tag-table input[data-row="${row}"][data-key="${CSS.escape(key)}"]`);
+function cell(row: number, key: string): HTMLElement | null {
+  return document.querySelector(`#tag-table [data-row="${row}"][data-key="${CSS.escape(key)}"]`);
 }
 
 function importButton(): HTMLElement {
@@ -284,7 +313,7 @@ function importButton(): HTMLElement {
     id: "tag-import",
     type: "file",
     multiple: true,
-    accept: ".txt,.toml,.csv,.db",
+    accept: ".txt,.toml,.csv,.db,.yaml,.yml",
     onchange: () => void importFiles(input),
   });
   return h("label", { class: "file" }, "Import", input);

@@ -16,6 +16,7 @@ import type {
   MarkRecord,
   PoseRecord,
   PositionRecord,
+  BurstRecord,
   PulseRecord,
   Settings,
   State,
@@ -70,6 +71,8 @@ class Store {
   settings: Settings | null = null;
   log: LogLine[] = [];
   pulses = new Pulses();
+  /** The last burst of each coded tag, with the pulses in it. */
+  bursts = new Map<number, BurstRecord>();
   bearings: BearingRecord[] = [];
   positions: PositionRecord[] = [];
   track: Track = emptyTrack();
@@ -349,6 +352,9 @@ class Store {
       case "pulse":
         this.takePulse(message.record as PulseRecord);
         break;
+      case "burst":
+        this.takeBurst(message.record as BurstRecord);
+        break;
       case "pose":
         this.takePose(message.record as PoseRecord);
         break;
@@ -387,6 +393,13 @@ class Store {
       return;
     }
     if (this.pulses.add(record)) this.emit("pulses");
+  }
+
+  private takeBurst(record: BurstRecord): void {
+    this.bursts.set(record.tag_id, record);
+    const also = record.also_possible_tag_ids[0];
+    if (!this.review && also !== undefined) this.pulses.doubt(record.tag_id, record.start_time_ns, also);
+    this.emit("pulses");
   }
 
   private takePose(pose: PoseRecord): void {

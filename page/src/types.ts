@@ -18,6 +18,16 @@ export interface PulseRecord {
   flight_id: string | null;
 }
 
+/** What is inside a coded tag's burst, which came as a pulse before. */
+export interface BurstRecord {
+  tag_id: number;
+  start_time_ns: number;
+  burst_starts_ns: number[];
+  burst_snrs_db: number[];
+  also_possible_tag_ids: number[];
+  flight_id: string | null;
+}
+
 export interface PoseRecord {
   time_ns: number;
   age_s: number;

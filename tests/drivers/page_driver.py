@@ -180,6 +180,10 @@ def type_tags(page: Page, scenario: Any) -> None:
             "interval_uncertainty_ms": 60,
             "interval_jitter_ms": 20,
         }
+        if tag.coded:
+            page.select_option(f'select[data-row="{place}"][data-key="kind"]', "coded")
+            row = {key: row[key] for key in ("id", "name", "frequency_mhz", "interval_ms")}
+            row["gaps_ms"] = " ".join(f"{1e3 * gap_s:g}" for gap_s in tag.gaps_s)
         for key, value in row.items():
             page.fill(f'input[data-row="{place}"][data-key="{key}"]', str(value))
 

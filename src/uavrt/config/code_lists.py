@@ -125,13 +125,24 @@ def _draft(table: dict[str, tuple[str, int]], line: int, faults: list[Fault]) ->
     if len(faults) == before:
         in_order = [gaps[place] for place in sorted(gaps)]
         read_code(draft, in_order, interval_s, gaps_line, interval_line, faults)
-        for name in ("id", "frequency"):
-            if name not in draft.entries:
-                key = "frequency_mhz" if name == "frequency" else name
-                faults.append(Fault(line=line, text=f"this tag has no {key}"))
-        if interval_s is None:
-            faults.append(Fault(line=line, text="this tag has no burst_interval_s"))
+        missing = [
+            "frequency_mhz" if name == "frequency" else name
+            for name in ("id", "frequency")
+            if name not in draft.entries
+        ]
+        missing += ["burst_interval_s"] * (interval_s is None)
+        others = _words_of_unknown(table) if missing else ""
+        faults += [Fault(line=line, text=f"this tag has no {key}{others}") for key in missing]
     return draft
+
+
+def _words_of_unknown(table: dict[str, tuple[str, int]]) -> str:
+    """Name the columns that were passed over: one may be what is missing."""
+    others = [key for key in table if key.lower() not in _NAMES and not _GAP.fullmatch(key)]
+    if not others:
+        return ""
+    verb = "is" if len(others) == 1 else "are"
+    return f"; {', '.join(key[:40] for key in others[:8])} {verb} not known here"
 
 
 def _number(key: str, value: str, line: int, faults: list[Fault]) -> float | None:

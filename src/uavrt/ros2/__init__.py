@@ -10,6 +10,8 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.ros2.cdr import decode, encode
     from uavrt.ros2.convert import (
+        burst_to_ros,
+        coded_tag_to_ros,
         heartbeat,
         key_values,
         pose_stamped,
@@ -58,6 +60,8 @@ __all__ = [
     "Participant",
     "RosMessage",
     "RosTopic",
+    "burst_to_ros",
+    "coded_tag_to_ros",
     "decode",
     "definition",
     "encode",
@@ -102,6 +106,8 @@ __getattr__ = lazily(
         "pose_stamped": "convert",
         "pulse_pose_to_ros": "convert",
         "pulse_to_ros": "convert",
+        "burst_to_ros": "convert",
+        "coded_tag_to_ros": "convert",
         "tag_to_ros": "convert",
         "time_to_ros": "convert",
         "type_hash": "interface",

@@ -15,6 +15,8 @@ from uavrt.ros2.messages import (
     Point,
     PoseStamped,
     Quaternion,
+    RosBurst,
+    RosCodedTag,
     RosPose,
     RosPulse,
     RosPulsePose,
@@ -78,6 +80,16 @@ def pulse_to_ros(pulse: Pulse, detector_dir: str) -> RosPulse:
         group_snr=pulse.group_snr_db,
         detection_status=pulse.detection_status != "subthreshold",
         confirmed_status=pulse.confirmed,
+    )
+
+
+def burst_to_ros(pulse: Pulse, detector_dir: str) -> RosBurst:
+    """Write a coded tag's burst with the pulses inside."""
+    return RosBurst(
+        pulse=pulse_to_ros(pulse, detector_dir),
+        starts=tuple(map(time_to_ros, pulse.burst_starts_ns)),
+        snrs=pulse.burst_snrs_db,
+        also_possible_tag_ids=pulse.also_possible_tag_ids,
     )
 
 
@@ -159,6 +171,11 @@ def tag_to_ros(tag: Tag) -> RosTag:
     )
 
 
+def coded_tag_to_ros(tag: Tag) -> RosCodedTag:
+    """Write a coded tag."""
+    return RosCodedTag(tag=tag_to_ros(tag), gaps=tuple(map(_ms, tag.gaps_s)))
+
+
 def _ms(seconds: float) -> float:
     """Milliseconds, exact to a nanosecond: 0.0201 s is 20.1 ms."""
     return ns_from_s(seconds) / 1e6
@@ -177,7 +194,7 @@ _QUANTITIES: dict[str, Quantity] = {
 }
 
 
-def tag_from_ros(message: RosTag) -> Tag:
+def tag_from_ros(message: RosTag | RosCodedTag) -> Tag:
     """Read a tag by the same rules as a tag file.
 
     Raises
@@ -185,6 +202,12 @@ def tag_from_ros(message: RosTag) -> Tag:
     FormatError
         A value that makes no sense; the text names the field.
     """
+    gaps = None
+    if isinstance(message, RosCodedTag):
+        gaps = tuple(Entry(number=gap, label="gaps", line=0) for gap in message.gaps)
+        message = message.tag
+        if not gaps or message.interpulse_time_2 != 0.0:
+            raise FormatError(f"tag {message.tag_id} is refused: no gaps, or a second interval")
     entries: dict[Quantity, Entry] = {
         quantity: Entry(
             number=getattr(message, name),
@@ -196,7 +219,7 @@ def tag_from_ros(message: RosTag) -> Tag:
         if quantity != "second_interval" or message.interpulse_time_2 != 0.0
     }
     faults: list[Fault] = []
-    tags = tags_from_drafts([TagDraft(line=0, entries=entries)], faults)
+    tags = tags_from_drafts([TagDraft(line=0, entries=entries, gaps=gaps)], faults)
     if faults or not tags:
         reasons = "; ".join(fault.text for fault in faults)
         raise FormatError(f"tag {message.tag_id} is refused: {reasons}")

@@ -79,7 +79,11 @@ ROUND_LIMIT = 2000
 SERVICE_DEPTH = 100
 READ_PAUSE_S = 0.02
 """Rest of the reading thread after each round: bounds what a flood can cost."""
-ORDER_OF_USE = {"store_tag_information": 0, "release_tag_information": 1}
+ORDER_OF_USE = {
+    "store_tag_information": 0,
+    "store_coded_tag_information": 0,
+    "release_tag_information": 1,
+}
 """Among messages of the same nanosecond tags come first, and their release before a start."""
 GOODBYE_S = 0.2
 """Time for the empty list of nodes to be acknowledged; then the nodes vanish at once."""

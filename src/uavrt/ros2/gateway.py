@@ -36,6 +36,7 @@ from uavrt.ros2.messages import (
     Flag,
     Header,
     Log,
+    RosCodedTag,
     RosMessage,
     RosPulse,
     RosTag,
@@ -48,6 +49,7 @@ from uavrt.ros2.upload import Upload
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SOURCE = "ros2"
+TAG_TOPICS = ("store_tag_information", "store_coded_tag_information")
 STATUS_PERIOD_S = 0.5
 POSE_PERIOD_S = 0.5
 HEARTBEAT_PERIOD_S = 1.0
@@ -205,6 +207,8 @@ class Gateway:
         self.counters["ros2_pulses_published"] += 1
         directory = self._tag_directory(pulse.tag_id)
         self._publish_pulse(pulse.tag_id, convert.pulse_to_ros(pulse, directory))
+        if pulse.burst_starts_ns:
+            self._bus.publish("burst", convert.burst_to_ros(pulse, directory))
 
     def _publish_pulse(self, tag_id: int, message: RosPulse) -> None:
         node = detector_node(tag_id) if tag_id in self._detectors else None
@@ -227,6 +231,9 @@ class Gateway:
         if command.name == "start_tags":
             self._upload.forget()
         match command.name:
+            case "add_tag" if command.tag is not None and command.tag.coded:
+                coded = convert.coded_tag_to_ros(command.tag)
+                self._bus.publish("store_coded_tag_information", coded)
             case "add_tag" if command.tag is not None:
                 self._bus.publish("store_tag_information", convert.tag_to_ros(command.tag))
             case "end_tags":
@@ -322,7 +329,7 @@ class Gateway:
         try:
             message = decode(arrival.topic.message, arrival.cdr)
         except FormatError as error:
-            if arrival.topic.message is RosTag:
+            if arrival.topic.message in (RosTag, RosCodedTag):
                 self._upload.add(None, self._lost_tags())
             self._refuse(str(error))
             return
@@ -354,7 +361,7 @@ class Gateway:
                 self._refuse("commands from ROS 2 are off (accept_commands = false)")
             case _ if arrival.sender == UNKNOWN:
                 self._refuse(f"{topic}: its sender is not known to DDS")
-            case RosTag():
+            case RosTag() | RosCodedTag():
                 self._take_tag(message, arrival)
             case Flag():
                 if message.data:
@@ -382,15 +389,16 @@ class Gateway:
         )
 
     def _lost_tags(self) -> int:
-        return self._bus.lost("store_tag_information")
+        return sum(self._bus.lost(name) for name in TAG_TOPICS)
 
-    def _take_tag(self, message: RosTag, arrival: Arrival) -> None:
+    def _take_tag(self, message: RosTag | RosCodedTag, arrival: Arrival) -> None:
         """Begin an upload with the first tag; the original has no message for that."""
+        tag_id = message.tag_id if isinstance(message, RosTag) else message.tag.tag_id
         if self._upload.is_late(arrival.sender, arrival.sent_ns):
-            self._upload.add_late(message.tag_id)
-            self._refuse(f"tag {message.tag_id} came after its release: send all tags again")
+            self._upload.add_late(tag_id)
+            self._refuse(f"tag {tag_id} came after its release: send all tags again")
             return
-        self._upload.add(message.tag_id, self._lost_tags())
+        self._upload.add(tag_id, self._lost_tags())
         tag = convert.tag_from_ros(message)
         receiving = self._status is not None and (
             self._status.state is SystemState.RECEIVING_TAGS

@@ -2,7 +2,7 @@
 
 It is the original system's graph (thesis Fig. 2.1), so that
 its tools and habits go on working. The endpoints, the type hashes and the documentation derive
-from here.
+from here. `OWN_TOPICS` are those that it did not have.
 """
 
 from dataclasses import dataclass
@@ -12,6 +12,8 @@ from uavrt.ros2.messages import (
     Flag,
     Log,
     PoseStamped,
+    RosBurst,
+    RosCodedTag,
     RosMessage,
     RosPulse,
     RosPulsePose,
@@ -78,6 +80,14 @@ TOPICS: dict[str, RosTopic] = {
             depth=100,
         ),
         RosTopic(
+            name="burst",
+            message=RosBurst,
+            publisher=DETECTOR,
+            subscribers=(),
+            meaning="the pulses inside a coded tag's burst, itself a pulse elsewhere",
+            depth=100,
+        ),
+        RosTopic(
             name="pulse_pose",
             message=RosPulsePose,
             publisher=TELEMETRY,
@@ -105,6 +115,14 @@ TOPICS: dict[str, RosTopic] = {
             publisher=COMMAND,
             subscribers=(START_STOP,),
             meaning="a tag to look for",
+            depth=200,
+        ),
+        RosTopic(
+            name="store_coded_tag_information",
+            message=RosCodedTag,
+            publisher=COMMAND,
+            subscribers=(START_STOP,),
+            meaning="a coded tag to look for",
             depth=200,
         ),
         RosTopic(
@@ -159,6 +177,9 @@ TOPICS: dict[str, RosTopic] = {
         ),
     )
 }
+
+OWN_TOPICS = ("burst", "store_coded_tag_information")
+"""Of coded tags, which the original does not know."""
 
 COMPONENTS = {
     "airspy_csdr_netcat": AIRSPY,

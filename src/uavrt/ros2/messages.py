@@ -190,6 +190,28 @@ class RosTag(RosMessage):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RosBurst(RosMessage):
+    """A coded tag's burst: its pulse message, and the pulses inside."""
+
+    ros_name: ClassVar[str] = "uavrt_interfaces/Burst"
+    pulse: RosPulse = RosPulse()
+    starts: tuple[Time, ...] = ()
+    snrs: tuple[Float64, ...] = ()
+    """[dB]"""
+    also_possible_tag_ids: tuple[UInt32, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosCodedTag(RosMessage):
+    """A coded tag to look for; its one interval is that from burst to burst."""
+
+    ros_name: ClassVar[str] = "uavrt_interfaces/CodedTag"
+    tag: RosTag = RosTag()
+    gaps: tuple[Float64, ...] = ()
+    """[ms]"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Gid16(RosMessage):
     """Identifier of a participant or endpoint, ROS 2 Iron and newer."""
 

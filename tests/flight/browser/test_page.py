@@ -8,6 +8,7 @@ import json
 import re
 import socket
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 from urllib.parse import urlsplit
@@ -26,9 +27,22 @@ from uavrt.mavlink.frame import FrameWriter
 from uavrt.messages import LiveBearing
 from uavrt.recording import read_flight
 from uavrt.simulation import demo_scenario
+from uavrt.simulation.scenario import SimulatedTag
 from uavrt.tunnel import Generation
 from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
 
+CODED_TAG = SimulatedTag(
+    tag_id=30,
+    name="bat",
+    frequency_hz=148_640_000.0,
+    pulse_width_s=0.0025,
+    pulse_intervals_s=(2.3,),
+    interval_uncertainty_s=0.004,
+    gaps_s=(0.026, 0.054, 0.031),
+    k=10,
+    north_m=200.0,
+    erp_dbm=-30.0,
+)
 FLIGHT_S = 100.0 if SCREENSHOTS or VIDEO else 50.0
 NOW = "() => window.uavrt.store.pulseNowNs()"
 
@@ -91,6 +105,8 @@ def test_a_whole_flight_is_flown_through_the_page(
     watched = Watched(browser, ground.address, color_scheme="light", reduced_motion=motion)
     page = watched.page
     scenario = demo_scenario(FLIGHT_S, 1)
+    if not (SCREENSHOTS or VIDEO):
+        scenario = replace(scenario, tag=(*scenario.tag, CODED_TAG))
 
     watched.film()
     watched.caption("On the laptop: one command starts the ground station.", 0)
@@ -147,6 +163,9 @@ def test_a_whole_flight_is_flown_through_the_page(
     for tag in scenario.tags:
         card = page.locator(f'.card[data-tag="{tag.tag_id}"]')
         expect(card).to_have_attribute("data-fresh", "live", timeout=WAIT_MS)
+    if CODED_TAG in scenario.tag:
+        facts = page.locator('.card[data-tag="30"]')
+        expect(facts).to_contain_text(re.compile(r"\d bursts · gaps 26\.\d 5\d\.\d 3\d\.\d"))
     # The list before a first flight: the page and the drone's own computer agree.
     page.click("#tab-check")
     expect(page.locator('.check-row[data-ok="true"]')).to_have_count(8)
@@ -264,6 +283,10 @@ def test_a_whole_flight_is_flown_through_the_page(
     directory = min((tmp_path / "ground").glob("flight_log_*[0-9]"))
     recorded = read_flight(directory)
     assert len(recorded.pulse_poses) == shown[1]
+    if CODED_TAG in scenario.tag:
+        bursts = [one.pulse for one in recorded.pulse_poses if one.pulse.tag_id == 30]
+        assert len(bursts) > 5
+        assert all(len(burst.burst_starts_ns) >= 3 for burst in bursts)
     assert any("nest seen" in text for _, text in recorded.notes)
     for each in (watched, second):
         assert each.hosts - {"blob", "data"} == {urlsplit(ground.address).netloc}

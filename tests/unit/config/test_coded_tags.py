@@ -119,3 +119,11 @@ def test_codes_nearer_than_the_tolerance_are_named() -> None:
     assert [(a.tag_id, b.tag_id) for a, b, _ in near_codes(tags, 500.0)] == [(1, 2)]
     (words,) = words_of_near_codes(tags, 500.0)
     assert words.startswith("codes 1 and 2 differ by 1 ms in all gaps together")
+
+
+def test_a_column_that_is_not_known_is_named_where_something_is_missing() -> None:
+    text = b"id,freq_mhz,colour,g1,g2,bi\n1,150.34,red,22,30,5\n"
+    with pytest.raises(TagFileError) as caught:
+        parse_tags(text, name="codes.csv")
+    said = "line 2: this tag has no frequency_mhz; freq_mhz, colour are not known here"
+    assert said in str(caught.value)

@@ -199,3 +199,61 @@ def test_every_preset_is_a_possible_tag() -> None:
     for preset in PRESETS:
         row = {**preset, "id": 2, "name": "", "frequency_mhz": 150, "k": 3}
         assert tags_from_rows([row | {"false_alarm_percent": 1}])[1] == []
+
+
+CODED_ROW = {
+    "id": 30,
+    "name": "bat",
+    "frequency_mhz": "148.69",
+    "kind": "coded",
+    "interval_ms": "4700",
+    "gaps_ms": "22 48.8 36.6",
+}
+
+
+def test_a_coded_tag_comes_back_from_its_row_and_from_every_file_with_room_for_it() -> None:
+    tags, faults = tags_from_rows([CODED_ROW, ROW])
+    assert faults == []
+    assert (tags[0].gaps_s, tags[0].pulse_intervals_s) == ((0.022, 0.0488, 0.0366), (4.7,))
+    assert (tags[0].pulse_width_s, tags[0].interval_uncertainty_s, tags[0].k) == (
+        0.0025,
+        0.004,
+        10,
+    )
+    row, beeping = rows_from_tags(tags)
+    assert (row["kind"], row["gaps_ms"]) == ("coded", "22 48.8 36.6")
+    assert not {"kind", "gaps_ms"} & set(beeping), "as ever"
+    assert tags_from_rows([row, beeping]) == (tags, [])
+    for name in ("tags.csv", "tags.toml"):
+        rows = import_rows({name: export_text(tags, name)})
+        assert tags_from_rows(rows) == (tags, [])
+    (read,) = import_rows({"codes.csv": "id,tagFreq,g1,g2,g3,bi\n7,148.69,22,48.8,36.6,4.7\n"})
+    assert (read["gaps_ms"], read["interval_ms"]) == ("22 48.8 36.6", 4700)
+
+
+@pytest.mark.parametrize(
+    ("field", "written", "says"),
+    [
+        ("gaps_ms", "", "needed"),
+        ("gaps_ms", "22 x", "numbers between spaces"),
+        ("gaps_ms", "0.022, 0.0488, 0.0366", "looks like seconds"),
+        ("gaps_ms", "4 48.8 36.6", "overlap"),
+        ("gaps_ms", " ".join(["30"] * 8), "1 to 7 gaps"),
+        ("kind", "pinger", "beeping or coded"),
+        ("interval_ms", "100", "longer than the burst"),
+        ("second_interval_ms", "2000", "one interval"),
+    ],
+)
+def test_a_fault_of_a_code_stands_at_its_field(field: str, written: str, says: str) -> None:
+    tags, faults = tags_from_rows([CODED_ROW | {field: written}])
+    assert tags == ()
+    assert [(fault.row, fault.field) for fault in faults] == [(0, field)]
+    assert says in faults[0].text
+
+
+def test_gaps_of_a_tag_that_beeps_and_two_equal_codes_are_told_at_the_gaps() -> None:
+    _, faults = tags_from_rows([ROW | {"kind": "beeping", "gaps_ms": "22"}])
+    assert [fault.field for fault in faults] == ["gaps_ms"]
+    _, faults = tags_from_rows([CODED_ROW, CODED_ROW | {"id": 31}])
+    assert [(fault.row, fault.field) for fault in faults] == [(1, "gaps_ms")]
+    assert "same code" in faults[0].text

@@ -15,10 +15,17 @@ from uavrt.messages import (
     SystemStatus,
     Tag,
 )
-from uavrt.ros2 import TOPICS, encode
-from uavrt.ros2.convert import pulse_to_ros, tag_to_ros
+from uavrt.ros2 import TOPICS, decode, encode
+from uavrt.ros2.convert import coded_tag_to_ros, pulse_to_ros, tag_to_ros
 from uavrt.ros2.gateway import Gateway
-from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, Flag, RosMessage, RosTag
+from uavrt.ros2.messages import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    Flag,
+    RosBurst,
+    RosMessage,
+    RosTag,
+)
 from uavrt.ros2.senders import Arrival, Sender
 
 S = 10**9
@@ -146,6 +153,47 @@ def test_a_supervisor_that_falls_silent_makes_every_status_stale_and_stops_the_b
         assert levels[0] == 0
         assert levels[-1] == 3
     assert len(bench.line.on("pulse")) <= 4
+
+
+CODED_TAG = replace(
+    TAG,
+    tag_id=30,
+    pulse_width_s=0.0025,
+    pulse_intervals_s=(4.7,),
+    interval_uncertainty_s=0.004,
+    k=10,
+    gaps_s=(0.022, 0.0488, 0.0366),
+)
+
+
+def test_a_coded_tag_is_taken_and_shown_with_its_gaps_and_a_bad_one_refused() -> None:
+    bench = Bench()
+    bench.line.hear("store_coded_tag_information", coded_tag_to_ros(CODED_TAG))
+    bench.run(0.1)
+    assert bench.commands() == ["start_tags", "add_tag"]
+    assert bench.sent[1][1].tag == CODED_TAG
+    bad = replace(coded_tag_to_ros(CODED_TAG), gaps=(0.022,))
+    bench.line.hear("store_coded_tag_information", bad)
+    bench.run(0.1)
+    assert bench.gateway.counters["ros2_messages_refused"] == 1
+    bench.gateway.take(Command(name="add_tag", request_id=1, tag=CODED_TAG, source="mavlink"))
+    assert bench.line.on("store_coded_tag_information") == [coded_tag_to_ros(CODED_TAG)]
+    assert bench.line.on("store_tag_information") == [], "it does not beep"
+
+
+def test_a_burst_is_a_pulse_and_besides_what_is_inside() -> None:
+    bench = Bench()
+    starts_ns = tuple(PULSE.start_time_ns + ms * 1_000_000 for ms in (0, 22, 71, 107))
+    bench.gateway.take(PULSE)
+    burst = replace(
+        PULSE, burst_starts_ns=starts_ns, burst_snrs_db=(9.0,) * 4, also_possible_tag_ids=(4,)
+    )
+    bench.gateway.take(burst)
+    assert len(bench.line.on("pulse")) == 2
+    (message,) = bench.line.on("burst")
+    assert [one.sec * S + one.nanosec for one in message.starts] == list(starts_ns)
+    assert (message.snrs, message.also_possible_tag_ids) == ((9.0,) * 4, (4,))
+    assert decode(RosBurst, encode(message)) == message
 
 
 def test_a_refused_tag_begins_the_next_upload_anew() -> None:

@@ -40,6 +40,8 @@ from uavrt.ros2 import (
     Header,
     Log,
     RosMessage,
+    burst_to_ros,
+    coded_tag_to_ros,
     encode,
     full_definition,
     full_name,
@@ -187,7 +189,10 @@ def _orders(info: FlightInfo, prefix: str) -> Iterator[Entry]:
     """What started the flight: its tags, and the order to start."""
     start_ns = info.start_time_ns
     for tag in info.tags:
-        yield start_ns, f"{prefix}store_tag_information", tag_to_ros(tag)
+        if tag.coded:
+            yield start_ns, f"{prefix}store_coded_tag_information", coded_tag_to_ros(tag)
+        else:
+            yield start_ns, f"{prefix}store_tag_information", tag_to_ros(tag)
     yield start_ns, f"{prefix}release_tag_information", Flag(data=True)
     center = {"center_frequency": f"{info.center_frequency_hz / 1e6:.6f}"}
     yield start_ns, f"{prefix}control_start_subprocess", _order("start", start_ns, center)
@@ -219,6 +224,8 @@ def _pulses(
         directory = _tag_directory(info, item.pulse.tag_id)
         time_ns = item.pulse.end_time_ns
         yield time_ns, f"{prefix}pulse", pulse_to_ros(item.pulse, directory)
+        if item.pulse.burst_starts_ns:
+            yield time_ns, f"{prefix}burst", burst_to_ros(item.pulse, directory)
         yield time_ns, f"{prefix}pulse_pose", pulse_pose_to_ros(item, directory)
 
 

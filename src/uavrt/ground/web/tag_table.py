@@ -37,10 +37,14 @@ FIELDS: dict[str, Quantity] = {
     "false_alarm_percent": "false_alarm_probability",
 }
 """Columns of the table in the units that users say, and what they mean."""
+CODE_FIELDS = ("kind", "gaps_ms")
+"""Of a coded tag besides, whose interval is that of bursts; rows of others lack them."""
+KINDS = ("beeping", "coded")
 LEAST_BARE_PERCENT = 0.05
 """Below this a number without its sign is a probability that was typed for a percentage."""
 REQUIRED = ("id", "frequency_mhz", "interval_ms", "pulse_width_ms")
-MAX_ROWS = 200
+REQUIRED_OF_CODES = ("id", "frequency_mhz", "interval_ms")
+MAX_ROWS = 500
 MAX_NAME = 60
 
 _INCOMPLETE = Fault(line=0, text="incomplete")
@@ -121,9 +125,14 @@ def rows_from_tags(tags: Sequence[Tag]) -> list[Row]:
             "interval_jitter_ms": _short(tag.interval_jitter_s * 1e3),
             "k": tag.k,
             "false_alarm_percent": _percent(tag.false_alarm_probability * 100.0),
+            **(_code_cells(tag) if tag.coded else {}),
         }
         for tag in tags
     ]
+
+
+def _code_cells(tag: Tag) -> Row:
+    return {"kind": "coded", "gaps_ms": " ".join(str(_short(gap * 1e3)) for gap in tag.gaps_s)}
 
 
 def import_rows(files: Mapping[str, str]) -> list[Row]:
@@ -152,8 +161,8 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
         table = tables[name]
         if table and "manufacturerid" in table[0]:
             rows += [_tracker_row(name, cells, makers) for cells in table]
-        elif table and "frequency_mhz" in table[0]:
-            rows += [{key: cells.get(key, "") for key in (*FIELDS, "name")} for cells in table]
+        elif table and "frequency_mhz" in table[0] and "interval_ms" in table[0]:
+            rows += [_own_row(cells) for cells in table]
         elif not (table and "ip_msecs_1" in table[0]):
             rows += rows_from_tags(parse_tags(text.encode(), name=name))
     if not rows:
@@ -162,6 +171,12 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
             remedy="TagTracker's manufacturers file has no tags; give its TagInfo.db as well",
         )
     return rows
+
+
+def _own_row(cells: Mapping[str, str]) -> Row:
+    """One line of a table as `export_text` writes it."""
+    row = {key: cells.get(key, "") for key in (*FIELDS, "name")}
+    return row | {key: cells[key] for key in CODE_FIELDS if cells.get(key)}
 
 
 def export_text(tags: Sequence[Tag], name: str) -> str:
@@ -190,7 +205,8 @@ def export_text(tags: Sequence[Tag], name: str) -> str:
         return format_tag_info(tags)
     if name == "tags.csv":
         stream = io.StringIO()
-        writer = csv.DictWriter(stream, ["name", *FIELDS], lineterminator="\n")
+        more = CODE_FIELDS if any(tag.coded for tag in tags) else ()
+        writer = csv.DictWriter(stream, ["name", *FIELDS, *more], lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows_from_tags(tags))
         return stream.getvalue()
@@ -206,14 +222,19 @@ def read_table(path: Path) -> tuple[Tag, ...]:
 
 
 def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDraft:
-    draft = TagDraft(line=index + 1)
+    draft = TagDraft(line=index + 1, gaps=_gaps(row, index, found))
+    coded = draft.gaps is not None
     for field, quantity in FIELDS.items():
         written = row.get(field, "")
         if written is None or str(written).strip() == "":
-            if field in REQUIRED:
+            if field in (REQUIRED_OF_CODES if coded else REQUIRED):
                 found.append(FieldFault(row=index, field=field, text="is needed"))
             continue
         percent = str(written).rstrip().endswith("%") and field == "false_alarm_percent"
+        if coded and field == "second_interval_ms":
+            text = "must be empty: a coded tag has one interval, from burst to burst"
+            found.append(FieldFault(row=index, field=field, text=text))
+            continue
         number = _number(str(written).rstrip().rstrip("%") if percent else written)
         if number is None:
             found.append(FieldFault(row=index, field=field, text="is not a number"))
@@ -243,6 +264,33 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
     return draft
 
 
+def _gaps(
+    row: Mapping[str, Any], index: int, found: list[FieldFault]
+) -> tuple[Entry, ...] | None:
+    """Read the gaps of a coded tag; None for one that beeps."""
+    kind = str(row.get("kind") or "").strip().lower()
+    written = str(row.get("gaps_ms") or "").strip().strip("[]")
+    if kind and kind not in KINDS:
+        text = f"must be {' or '.join(KINDS)}"
+        found.append(FieldFault(row=index, field="kind", text=text))
+        return ()
+    if kind == "beeping" or (not kind and not written):
+        if written:
+            text = "must be empty: a tag that beeps has no gaps"
+            found.append(FieldFault(row=index, field="gaps_ms", text=text))
+        return None
+    entries = []
+    apart = written.replace(",", " ") if "." in written else written
+    for part in apart.replace(";", " ").split() or [""]:
+        number = _number(part.rstrip(","))
+        if number is None:
+            text = "must be numbers between spaces" if written else "is needed"
+            found.append(FieldFault(row=index, field="gaps_ms", text=text))
+            return ()
+        entries.append(Entry(number=number, label="gaps_ms", line=index + 1))
+    return tuple(entries)
+
+
 def table_version(tags: Sequence[Tag]) -> str:
     """Name the content of a table: two that say the same have the same name."""
     text = json.dumps(rows_from_tags(tags), sort_keys=True)
@@ -253,6 +301,10 @@ def _at_field(fault: Fault) -> FieldFault:
     field, _, text = fault.text.partition(" ")
     if field == "id" and "already" in text:
         text = f"{text.split()[0]} is used twice"
+    elif fault.text.startswith("the same code"):
+        field, text = "gaps_ms", fault.text.replace("tag of line", "tag of row")
+    elif field not in FIELDS:
+        field, text = "gaps_ms", fault.text.removeprefix("gaps_ms").lstrip(": ")
     return FieldFault(row=fault.line - 1, field=field, text=text)
 
 
