@@ -12,6 +12,7 @@
 #include "fir.h"
 #include "levels.h"
 #include "terrain.h"
+#include "trains.h"
 
 /* choose(most): take the loops for this processor, or older ones: "plain", "avx2" or "avx512",
    the newest that may be taken. Returns the name of those in use. */
@@ -52,11 +53,15 @@ static PyMethodDef methods[] = {
      "Best sums of anchors: uavrt.detection.search.anchors."},
     {"seeds", (PyCFunction)(void (*)(void))seeds, METH_FASTCALL,
      "Sums of the cells of bursts: uavrt.detection.coded.sums."},
+    {"train_peaks", (PyCFunction)(void (*)(void))train_peaks, METH_FASTCALL,
+     "Highest sums of trains for each place: uavrt.integration.folding."},
+    {"train_sums", (PyCFunction)(void (*)(void))train_sums, METH_FASTCALL,
+     "Sums of trains at all intervals: uavrt.integration.folding."},
     {NULL, NULL, 0, NULL},
 };
 
 /* The number that uavrt/native.py asks for: raised when arguments of a kernel change. */
-#define INTERFACE 5
+#define INTERFACE 6
 
 static int fill(PyObject *module)
 {

@@ -44,6 +44,25 @@ typedef struct {
     double tag, cell, wavelength, bulge;
 } view_t;
 
+/* Slots that are folded, and where their sums are made; see trains.h. */
+typedef struct {
+    const float *values;
+    float *part[2];
+    Py_ssize_t slots, period, stride;
+} train_t;
+
+#define PLACES 4
+/* Mixed at once. */
+#define MOST_TILE 64
+/* Cells mixed at once. */
+
+/* Sums that are mixed for places, and what that works with. */
+typedef struct {
+    const float *sums, *scale, *mixing;
+    Py_ssize_t patterns, rows, period, places;
+    float *top, *tile, *mixed;
+} mix_t;
+
 /* The loops of one version; what they do stands where they are defined. */
 typedef struct {
     void (*decimate_outputs)(const float *samples, const float *taps, Py_ssize_t length,
@@ -76,6 +95,9 @@ typedef struct {
     void (*code_add)(const uint8_t *cells, Py_ssize_t length, uint8_t clip, uint8_t *sums);
     void (*code_windows)(const uint8_t *work, Py_ssize_t room, const int32_t *places,
                          Py_ssize_t intervals, Py_ssize_t bursts, int16_t *sums, int32_t *out);
+    void (*train_block)(const train_t *train, Py_ssize_t start, int level, Py_ssize_t low,
+                        Py_ssize_t high);
+    void (*train_highest)(const mix_t *mix, float *best, int32_t *cell);
 } loops_t;
 
 INLINE Py_ssize_t modulo(Py_ssize_t value, Py_ssize_t length)

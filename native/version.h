@@ -14,6 +14,7 @@ typedef float lanes_t __attribute__((vector_size(4 * LANES), aligned(4), may_ali
 /* After the filters, whose sums it uses. */
 #include "band_loops.h"
 #include "terrain_loops.h"
+#include "trains_loops.h"
 
 static const loops_t NAMED(loops) = {
     .decimate_outputs = NAMED(decimate_outputs),
@@ -27,6 +28,8 @@ static const loops_t NAMED(loops) = {
     .code_sums = NAMED(code_sums),
     .code_add = NAMED(code_add),
     .code_windows = NAMED(code_windows),
+    .train_block = NAMED(train_block),
+    .train_highest = NAMED(train_highest),
 };
 
 #undef lanes_t

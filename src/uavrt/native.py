@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-INTERFACE = 5
+INTERFACE = 6
 """What the kernels' arguments are: others, left from an older build, are not used."""
 
 

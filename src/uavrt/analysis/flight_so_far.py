@@ -97,7 +97,6 @@ class FlightSoFar:
             FALSE_ALARM_PROBABILITY / (heard.looks * (heard.looks + 1)),
             0.0,
             None if hills is None else hills.at(tag.frequency_hz),
-            quick=True,
         )
 
 

@@ -18,10 +18,6 @@ from uavrt.config import AntennaSettings
 from uavrt.dsp import FrontEnd
 from uavrt.errors import ConfigError, RecordingError
 from uavrt.integration import (
-    ALIKE,
-    KEPT_VARIANCE,
-    QUICK_ALIKE,
-    QUICK_VARIANCE,
     FoldedTrain,
     HeardTrain,
     OtherTrain,
@@ -207,14 +203,12 @@ def judged_tag(
     false_alarm_probability: float,
     most_drift: float,
     hills: HillLosses | None,
-    *,
-    quick: bool = False,
 ) -> IntegratedTag:
-    """Search one tag's train, and place it if it is one; `quick` at a third of the cost."""
+    """Search one tag's train, and place it if it is one."""
     places = places_around(
         poses, pattern, start_ns=energies.start_ns, end_ns=energies.end_ns, hills=hills
     )
-    chosen = distinct(pulse_weights(places.gain), QUICK_ALIKE if quick else ALIKE)
+    chosen = distinct(pulse_weights(places.gain))
     judgement = judge(
         energies,
         places.gain[chosen],
@@ -222,7 +216,6 @@ def judged_tag(
         tag,
         false_alarm_probability=false_alarm_probability,
         most_drift=most_drift,
-        kept_variance=QUICK_VARIANCE if quick else KEPT_VARIANCE,
     )
     train, energies = judgement.train, judgement.energies
     pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from uavrt.integration.judging import Judgement, OtherTrain, judge
     from uavrt.integration.places import (
         ALIKE,
-        QUICK_ALIKE,
         Places,
         common_gains,
         distinct,
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     )
     from uavrt.integration.whole_flight import (
         KEPT_VARIANCE,
-        QUICK_VARIANCE,
         FoldedTrain,
         Weights,
         chance,
@@ -49,8 +47,6 @@ __all__ = [
     "ALIKE",
     "BLOCK_S",
     "KEPT_VARIANCE",
-    "QUICK_ALIKE",
-    "QUICK_VARIANCE",
     "FoldedTrain",
     "GrowingEnergies",
     "HeardTrain",
@@ -88,9 +84,7 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
-        "QUICK_ALIKE": "places",
         "ALIKE": "places",
-        "QUICK_VARIANCE": "whole_flight",
         "KEPT_VARIANCE": "whole_flight",
         "GrowingEnergies": "growing",
         "BLOCK_S": "growing",

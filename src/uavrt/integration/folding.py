@@ -8,32 +8,56 @@ one slot more makes, so that R rows of P slots cost P R log2 R additions instead
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.native import kernels
+
 
 def base_periods(shortest_s: float, longest_s: float, slot_s: float) -> range:
     """Base periods [slots] whose folds hold all intervals between two."""
     return range(int(shortest_s / slot_s), int(np.ceil(longest_s / slot_s)))
 
 
-def fold(values: NDArray[np.float32], period: int) -> NDArray[np.float32]:
+def fold(
+    values: NDArray[np.float32], period: int, first: int = 0, end: int | None = None
+) -> NDArray[np.float32]:
     """Add up what lies one interval apart.
 
     Parameters
     ----------
-    values : ndarray of float32, shape (slots, many)
-        Side by side in memory what is folded alike.
+    values : ndarray of float32, shape (many, slots)
+        What is folded alike.
     period : int
         Base period [slots].
+    first, end : int
+        Rows of the fold that are wanted; by default all.
 
     Returns
     -------
-    ndarray of float32, shape (rows, period, many)
-        ``[d, p]``: the sum over the slots ``p + k (period + d / (rows - 1))``; rows is the next
-        power of two to the number of periods in all slots.
+    ndarray of float32, shape (many, rows, period)
+        ``[i, d - first, p]``: the sum of the i-th values over the slots
+        ``p + k (period + d / (rows - 1))``; rows is the next power of two to the number of
+        periods in all slots.
     """
-    slots, many = values.shape
+    many, slots = values.shape
+    rows = fold_rows(slots, period)
+    end = rows if end is None else end
+    native = kernels()
+    if native is None:
+        return _fold_numpy(values, period, first, end)
+    out = np.empty((many, end - first, period), np.float32)
+    levels = rows.bit_length() - 1
+    values = np.ascontiguousarray(values, np.float32)
+    native.train_sums(values, many, slots, period, levels, first, end - first, out)
+    return out
+
+
+def _fold_numpy(
+    values: NDArray[np.float32], period: int, first: int, end: int
+) -> NDArray[np.float32]:
+    """Fold side by side in memory, level by level."""
+    many, slots = values.shape
     rows = fold_rows(slots, period)
     now = np.zeros((rows, 1, period, many), np.float32)
-    now.reshape(-1, many)[:slots] = values
+    now.reshape(-1, many)[:slots] = values.T
     # Two arrays for all levels: new pages for each would take as long as the sums.
     other = np.empty_like(now)
     blocks, size = rows, 1
@@ -41,7 +65,8 @@ def fold(values: NDArray[np.float32], period: int) -> NDArray[np.float32]:
         blocks //= 2
         then = other.reshape(blocks, 2 * size, period, many)
         early, late = now[0::2], now[1::2]
-        for drift in range(2 * size):
+        # Of the intervals that are wanted, those that this level tells apart.
+        for drift in range(first // blocks, (end - 1) // blocks + 1):
             shift = ((drift + 1) // 2) % period
             out, one, two = then[:, drift], early[:, drift // 2], late[:, drift // 2]
             kept = period - shift
@@ -49,7 +74,60 @@ def fold(values: NDArray[np.float32], period: int) -> NDArray[np.float32]:
             if shift:
                 np.add(one[:, kept:], two[:, :shift], out=out[:, kept:])
         now, other, size = then, now, 2 * size
-    return np.asarray(now[0])
+    return np.ascontiguousarray(np.moveaxis(now[0, first:end], 2, 0))
+
+
+def highest(
+    sums: NDArray[np.float32], mixing: NDArray[np.float32], scale: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
+    """Mix the sums of patterns for each place; the highest of all cells.
+
+    Parameters
+    ----------
+    sums : ndarray of float32, shape (patterns, rows, period)
+    mixing : ndarray of float32, shape (places, patterns)
+    scale : ndarray of float32, shape (rows,)
+        Positive, of each row's sums.
+
+    Returns
+    -------
+    score : ndarray of float32, shape (places,)
+    cell : ndarray of int, shape (places,)
+        Index among rows and phases.
+    """
+    patterns, rows, period = sums.shape
+    places = len(mixing)
+    native = kernels()
+    if native is None:
+        mixed = (mixing @ sums.reshape(patterns, -1)).reshape(places, rows, period)
+        flat = (mixed * scale[:, np.newaxis]).reshape(places, -1)
+        best = flat.argmax(axis=1)
+        return flat[np.arange(places), best], best
+    score, cell = np.empty(places, np.float32), np.empty(places, np.int32)
+    sums, mixing = np.ascontiguousarray(sums), np.ascontiguousarray(mixing)
+    native.train_peaks(sums, patterns, rows, period, scale, mixing, score, cell)
+    return score, cell.astype(np.intp)
+
+
+def slots_added(slots: int, period: int, row: int, phase: int) -> NDArray[np.intp]:
+    """Get the slots whose sum a cell of a fold is.
+
+    Parameters
+    ----------
+    slots : int
+        That were folded.
+    period, row, phase : int
+        Base period [slots], row of the fold and phase [slots].
+    """
+    rows = fold_rows(slots, period)
+    levels = rows.bit_length() - 1
+    number = np.arange(rows)
+    shift = np.zeros(rows, np.intp)
+    for level in range(levels):
+        late = (number >> (levels - 1 - level)) & 1
+        shift += late * (((row >> level) + 1) // 2)
+    at = number * period + (phase + shift) % period
+    return np.asarray(at[at < slots])
 
 
 def fold_rows(slots: int, period: int) -> int:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from uavrt.integration.drifting import even_order, search_drifting, train_times_s
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.whole_flight import (
-    KEPT_VARIANCE,
     FoldedTrain,
     Weights,
     intervals_searched,
@@ -73,7 +72,6 @@ def judge(
     *,
     false_alarm_probability: float = 0.01,
     most_drift: float = 0.0,
-    kept_variance: float = KEPT_VARIANCE,
 ) -> Judgement:
     """Search a tag, and again without each train that explains what was found better.
 
@@ -88,14 +86,10 @@ def judge(
         For a flight and tag.
     most_drift : float
         Largest relative change of the interval over the flight.
-    kept_variance : float
-        Of the places' weights: less of it is quicker.
     """
     others: list[OtherTrain] = []
     while True:
-        weights = low_rank_weights(
-            gain, gain_time_s, energies, tag.pulse_intervals_s[0], kept_variance
-        )
+        weights = low_rank_weights(gain, gain_time_s, energies, tag.pulse_intervals_s[0])
         train = search_drifting(energies, weights, tag, most_drift)
         other = None
         if train.false_alarm_probability <= false_alarm_probability:

@@ -25,8 +25,6 @@ RANGE_STEP = (_FARTHEST_M / _NEAREST_M) ** (1.0 / (_RANGES - 1))
 _STEP_S = 0.25
 ALIKE = 0.97
 """Correlation of two places' weights from which one is folded for both: 0.13 dB at most."""
-QUICK_ALIKE = 0.90
-"""The same for a quick look, with 2.5 times fewer places: 0.46 dB at most, 0.2 in the mean."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

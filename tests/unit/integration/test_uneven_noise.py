@@ -32,9 +32,8 @@ def searched(samples: Samples) -> tuple[SlotEnergies, Weights]:
 def scores(energies: SlotEnergies, weights: Weights, row: int) -> NDArray[np.float32]:
     """Of one frequency at all phases and the intervals of one period, by place."""
     period = round(INTERVAL_S / energies.slot_s)
-    values = np.ascontiguousarray((energies.energy[row] * weights.basis).T)
-    sums = fold(values, period).reshape(-1, len(weights.basis))
-    return np.asarray(sums @ weights.scaled(row).T)
+    sums = fold(energies.energy[row] * weights.basis, period)
+    return np.asarray(sums.reshape(len(sums), -1).T @ weights.scaled(row).T)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

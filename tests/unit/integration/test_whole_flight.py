@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,14 @@ from uavrt.analysis.whole_flight import IntegratedTag, chance_in_words, integrat
 from uavrt.cli.app import app
 from uavrt.cli.integrated_words import where
 from uavrt.errors import UavrtError
-from uavrt.integration import HeardTrain, place_belief, train_pulses
+from uavrt.integration import (
+    HeardTrain,
+    low_rank_weights,
+    place_belief,
+    search_flight,
+    train_pulses,
+)
+from uavrt.integration.whole_flight import FEW_PATTERNS
 from uavrt.localization import PATTERNS, difference_deg
 from uavrt.messages import Poses
 from uavrt.radio import open_recording
@@ -21,11 +29,13 @@ from uavrt.recording import FlightRecorder
 from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.detection.trials import detect
 from uavrt_experiments.integrate.flights import (
+    INTERVAL_S,
     World,
     add_pulses,
     looked_at,
     passing,
     silence,
+    turning,
 )
 
 
@@ -162,3 +172,23 @@ def test_after_a_straight_pass_both_places_are_named() -> None:
     outlines = place.cells.outlines(0.5)
     assert outlines
     assert all(len(one) >= 5 and one[0] == one[-1] for one in outlines)
+
+
+@pytest.mark.parametrize(("seed", "enr_db"), [(1, 6.0), (2, 7.0), (3, 9.0)])
+def test_chosen_cells_show_the_same_train_as_all_places(seed: int, enr_db: float) -> None:
+    course = turning(120)
+    course = replace(course, north_m=8.0 * course.time_s)
+    world = World(course=course, slack_s=0.020, window_hz=60.0)
+    rng = np.random.default_rng(seed)
+    samples = silence(rng, course)
+    add_pulses(rng, samples, world.pulses(rng, world.truth(rng), enr_db))
+    energies = world.energies(samples)
+    places, chosen = looked_at(course)
+    weights = low_rank_weights(places.gain[chosen], places.time_s, energies, INTERVAL_S)
+    assert len(weights.basis) > FEW_PATTERNS
+    (one,) = search_flight(energies, weights, world.tag, most=1)
+    every = len(weights.basis)
+    (two,) = search_flight(energies, weights, world.tag, most=1, few_patterns=every)
+    assert one.false_alarm_probability < 0.01
+    assert one.log_probability == pytest.approx(two.log_probability, abs=1e-3)
+    assert (one.place, one.interval_s, one.phase_s) == (two.place, two.interval_s, two.phase_s)
