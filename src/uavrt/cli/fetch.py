@@ -27,6 +27,7 @@ from uavrt.ground.fetch import (
     DroneFiles,
     FileClient,
     RemoteEntry,
+    drone_flights,
     fetch_file,
     is_samples,
     require_room,
@@ -124,14 +125,13 @@ async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> lis
     """Files of a flight, the newest when none is named; small ones first."""
     path = PurePosixPath("/" + flight.strip("/"))
     if not flight:
-        flights = [e.path for e in await client.list_directory("/") if e.size is None]
-        names = sorted(p for p in flights if PurePosixPath(p).name.startswith("flight_log_"))
+        names = await drone_flights(client)
         if not names:
             raise ConfigError(
                 "there is no flight on the drone",
                 remedy="`uavrt fetch --list` shows what there is",
             )
-        path = PurePosixPath(names[-1])
+        path = PurePosixPath("/" + names[-1])
     beside = await client.list_directory(str(path.parent))
     found = [entry for entry in beside if entry.path == str(path)]
     if found and found[0].size is not None:

@@ -17,7 +17,13 @@ if TYPE_CHECKING:
         write_detector_config,
     )
     from uavrt.recording.fields import fields_of
-    from uavrt.recording.flight_order import flights_in_order, note_flight
+    from uavrt.recording.flight_order import (
+        FLIGHT_ORDER,
+        FLIGHT_PREFIX,
+        flights_in_order,
+        names_in_order,
+        note_flight,
+    )
     from uavrt.recording.flight_reader import (
         Flight,
         read_flight,
@@ -76,6 +82,8 @@ if TYPE_CHECKING:
     from uavrt.recording.writer_lock import WriterLock
 
 __all__ = [
+    "FLIGHT_ORDER",
+    "FLIGHT_PREFIX",
     "POSE_COLUMNS",
     "TAG_COLUMNS",
     "ChannelRecorder",
@@ -104,6 +112,7 @@ __all__ = [
     "home_note",
     "inside_record",
     "mark_note",
+    "names_in_order",
     "new_flight_directory",
     "note_deliveries",
     "note_flight",
@@ -168,6 +177,9 @@ __getattr__ = lazily(
         "home_note": "places",
         "mark_note": "places",
         "new_flight_directory": "layout",
+        "names_in_order": "flight_order",
+        "FLIGHT_ORDER": "flight_order",
+        "FLIGHT_PREFIX": "flight_order",
         "note_flight": "flight_order",
         "note_deliveries": "spool",
         "open_plain": "plain_database",

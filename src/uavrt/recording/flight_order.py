@@ -7,19 +7,20 @@ than the file; among them the names decide.
 """
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from uavrt.log import get_logger
 
 log = get_logger()
 
-ORDER = "flights_in_order.txt"
-PREFIX = "flight_log_"
+FLIGHT_ORDER = "flights_in_order.txt"
+FLIGHT_PREFIX = "flight_log_"
 
 
 def note_flight(flight: Path) -> None:
     """Note that a flight begins now; a disk that cannot be written stops nothing."""
-    path = flight.parent / ORDER
+    path = flight.parent / FLIGHT_ORDER
     try:
         names = _noted(path)
         if names and names[-1] == flight.name:
@@ -35,9 +36,14 @@ def note_flight(flight: Path) -> None:
 
 def flights_in_order(directory: Path) -> list[Path]:
     """List the flights below a directory, the oldest first."""
-    place = {name: number for number, name in enumerate(_noted(directory / ORDER))}
-    found = (path for path in directory.glob(f"{PREFIX}*") if path.is_dir())
-    return sorted(found, key=lambda path: (place.get(path.name, -1), path.name))
+    found = {path.name: path for path in directory.glob(f"{FLIGHT_PREFIX}*") if path.is_dir()}
+    return [found[name] for name in names_in_order(found, _noted(directory / FLIGHT_ORDER))]
+
+
+def names_in_order(names: Iterable[str], noted: Iterable[str]) -> list[str]:
+    """Sort the names of flights, the oldest first, by what is noted of their order."""
+    place = {name: number for number, name in enumerate(noted)}
+    return sorted(names, key=lambda name: (place.get(name, -1), name))
 
 
 def _noted(path: Path) -> list[str]:

@@ -13,7 +13,8 @@ from pulses import pulse_at
 
 from uavrt.cli.fetch import _list_samples, _wanted
 from uavrt.errors import LinkError, RecordingError
-from uavrt.ground.fetch import BAND, CHANNELS
+from uavrt.ground.fetch import BAND, CHANNELS, drone_flights
+from uavrt.ground.fetch.flight_list import MOST_NOTED
 from uavrt.ground.fetch.ftp_client import (
     MOST_DEEP,
     PART_SUFFIX,
@@ -29,7 +30,7 @@ from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.ftp_wire import FtpError, FtpPacket, Opcode
 from uavrt.messages import FlightInfo
-from uavrt.recording import FlightRecorder
+from uavrt.recording import FlightRecorder, flights_in_order, note_flight
 
 CONTENT = random.Random(6).randbytes(30_011)
 US = Peer(255, 197)
@@ -454,3 +455,28 @@ def test_samples_come_only_when_asked_for_and_their_size_is_told(
     told = capsys.readouterr().out
     assert "900000  channels of the tags (--samples)" in told
     assert "3000000  other samples (--all)" in told
+
+
+def test_the_newest_flight_is_the_one_flown_last_whatever_the_clock_said(
+    tmp_path: Path,
+) -> None:
+    stamps = ("2025_06_01_10_00_00", "2026_06_01_10_00_00", "1970_01_01_00_00_09")
+    flown = [tmp_path / f"flight_log_{stamp}" for stamp in stamps]
+    for flight in flown:
+        flight.mkdir()
+        (flight / "flight.sqlite").write_bytes(b"x")
+    of_names = [flight.name for flight in sorted(flown)]
+    assert asyncio.run(drone_flights(Pair(tmp_path).client)) == of_names
+
+    # Longer than what is read of it: the flights of long ago are no longer there.
+    order = tmp_path / "flights_in_order.txt"
+    order.write_text("flight_log_1999_01_01_00_00_00\n" * (MOST_NOTED // 20))
+    for flight in flown:
+        note_flight(flight)
+    pair = Pair(tmp_path, loss=0.1)
+    in_order = asyncio.run(drone_flights(pair.client))
+    assert in_order == [flight.name for flight in flights_in_order(tmp_path)]
+    assert in_order[-1] == flown[-1].name
+    assert pair.sent_bytes < 2 * MOST_NOTED
+    (newest,) = asyncio.run(_wanted(Pair(tmp_path).client, "", ()))
+    assert newest.path == f"/{flown[-1].name}/flight.sqlite"

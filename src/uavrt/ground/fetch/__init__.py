@@ -11,6 +11,7 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.ground.fetch.downloads import Downloads
     from uavrt.ground.fetch.drone_files import DroneFiles
+    from uavrt.ground.fetch.flight_list import drone_flights
     from uavrt.ground.fetch.ftp_client import (
         DRONE_COMPONENT,
         MOST_DEEP,
@@ -32,6 +33,7 @@ __all__ = [
     "DroneFiles",
     "FileClient",
     "RemoteEntry",
+    "drone_flights",
     "fetch_file",
     "is_samples",
     "require_room",
@@ -49,6 +51,7 @@ __getattr__ = lazily(
         "MOST_DEEP": "ftp_client",
         "MOST_ENTRIES": "ftp_client",
         "RemoteEntry": "ftp_client",
+        "drone_flights": "flight_list",
         "fetch_file": "ftp_client",
         "is_samples": "sample_files",
         "require_room": "ftp_client",

@@ -14,17 +14,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uavrt.errors import LinkError, UavrtError, UsageError
+from uavrt.ground.fetch.flight_list import drone_flights
 from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry, fetch_file, require_room
 from uavrt.ground.fetch.sample_files import is_samples
 from uavrt.mavlink import Frame, Peer, dialect
-from uavrt.recording import FlightLayout
+from uavrt.recording import FLIGHT_PREFIX, FlightLayout
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
     from uavrt.ground.session import GroundSession
 
 SUFFIX = "_drone"
-PREFIX = "flight_log_"
 REPORT_S = 0.2
 
 
@@ -86,12 +86,10 @@ class Downloads:
                 "a download is already running", remedy="Wait until it has finished"
             )
         async with self._asking:
-            entries = await self._client.list_directory("/")
-        names = [Path(entry.path).name for entry in entries if entry.size is None]
+            names = await drone_flights(self._client)
         return [
             {"flight_id": name, "here": self._place(name).is_dir() and self._complete(name)}
-            for name in sorted(names, reverse=True)
-            if name.startswith(PREFIX)
+            for name in reversed(names)
         ]
 
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
@@ -111,7 +109,7 @@ class Downloads:
         LinkError
             Another one is under way.
         """
-        if not flight_id.startswith(PREFIX) or Path(flight_id).name != flight_id:
+        if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
             raise UsageError(f"there is no flight {flight_id[:80]!r} on the drone")
         if self._task is not None and not self._task.done():
             raise LinkError(

@@ -1,0 +1,42 @@
+"""The flights on the drone in the order in which they were flown.
+
+Their names come from a clock that may begin in 1970; the drone notes beside them how they
+followed each other (`uavrt.recording.flight_order`).
+"""
+
+from pathlib import PurePosixPath
+
+from uavrt.errors import LinkError
+from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry
+from uavrt.recording import FLIGHT_ORDER, FLIGHT_PREFIX, names_in_order
+
+MOST_NOTED = 8_000
+"""Bytes that are read of what is noted, from its end: some 250 flights, 2 s by a radio."""
+
+
+async def drone_flights(client: FileClient) -> list[str]:
+    """List the names of the flights on the drone, the oldest first; raises `LinkError`."""
+    entries = await client.list_directory("/")
+    names = [
+        name
+        for name in (PurePosixPath(entry.path).name for entry in entries if entry.size is None)
+        if name.startswith(FLIGHT_PREFIX)
+    ]
+    noted = [one for one in entries if one.path == f"/{FLIGHT_ORDER}" and one.size is not None]
+    return names_in_order(names, await _noted(client, noted[0]) if noted else [])
+
+
+async def _noted(client: FileClient, entry: RemoteEntry) -> list[str]:
+    """Read the last names that are noted; none where the drone does not give them."""
+    got = bytearray()
+    start = max(0, (entry.size or 0) - MOST_NOTED)
+
+    def allow(size: int) -> None:
+        if size - start > 2 * MOST_NOTED:
+            raise LinkError(f"{entry.path} was listed with {entry.size} bytes, not {size}")
+
+    try:
+        await client.read(entry.path, got.extend, start=start, allow=allow)
+    except LinkError:
+        return []
+    return bytes(got).decode(errors="replace").splitlines()
