@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         learnt_antenna,
         read_bearings,
     )
+    from uavrt.analysis.bursts_of_pulses import bursts_of_pulses
     from uavrt.analysis.coverage import (
         MapSize,
         best_of,
@@ -78,6 +79,7 @@ __all__ = [
     "bearings_of_flight",
     "bearings_of_pulses",
     "best_of",
+    "bursts_of_pulses",
     "chance_in_words",
     "channel_of",
     "check_position_method",
@@ -167,5 +169,6 @@ __getattr__ = lazily(
         "verdict_of": "hindsight",
         "write_fold_pictures": "fold_pictures",
         "write_maps": "coverage",
+        "bursts_of_pulses": "bursts_of_pulses",
     },
 )

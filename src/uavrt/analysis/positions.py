@@ -34,6 +34,7 @@ from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import FlightLayout, read_flight
 from uavrt.recording.formats import (
     ORIGINAL_POSES,
+    WITHOUT_HEADINGS,
     BearingRow,
     LogKind,
     TargetEstimate,
@@ -195,8 +196,8 @@ def over_ground(
 
 
 def antenna_of(kinds: Sequence[LogKind]) -> str:
-    """Name of the antenna that logs are taken with: UCSD's tracker has an upright whip."""
-    return MONOPOLE if kinds and all(kind == "ucsd" for kind in kinds) else "RA-23K"
+    """Name of the antenna that logs are taken with: without headings it is an upright whip."""
+    return MONOPOLE if kinds and WITHOUT_HEADINGS.issuperset(kinds) else "RA-23K"
 
 
 def check_position_method(method: str) -> None:

@@ -18,6 +18,7 @@ def attach(
     clock_offset: SecondsApart | None = None,
     yaw_offset: Degrees = 0.0,
     antenna: str = "RA-23K",
+    tags: Path | None = None,
 ) -> None:
     """Add poses from an autopilot's log or a GPS track to pulses.
 
@@ -35,24 +36,33 @@ def attach(
         Antenna's boresight clockwise from the vehicle's nose, degrees.
     antenna
         Name of the antenna's pattern, for estimating the offset from signal strength.
+    tags
+        Tag list with codes: pulses of a log that knows none, as a SensorGnome's, are put
+        together to the bursts of these codes; the others are left out.
     """
     check_place(output, overwrite=True)
-    keep_inputs(output, (pulses, track))
+    keep_inputs(output, (pulses, track, *([] if tags is None else [tags])))
+    from uavrt.analysis import bursts_of_pulses
     from uavrt.analysis.measure import antenna_named
     from uavrt.analysis.tracks import ClockOffset, attach_poses, estimate_offset, read_track
-    from uavrt.config import AntennaSettings
+    from uavrt.config import AntennaSettings, read_tags
     from uavrt.recording import PulseWriter, pulse_format
     from uavrt.recording.formats import read_pulse_log
 
     log, way = read_pulse_log(pulses), read_track(track)
-    for warning in way.warnings:
+    heard = log.pulse_poses
+    if tags is not None:
+        heard = tuple(bursts_of_pulses(log.pulse_poses, read_tags(tags)))
+        text = f"{len(heard)} bursts of listed codes in {len(log.pulse_poses)} pulses"
+        print(f"uavrt: {text}", file=sys.stderr)
+    for warning in (*log.warnings, *way.warnings):
         print(f"uavrt: {warning}", file=sys.stderr)
     if clock_offset is None:
-        found = estimate_offset(log.pulse_poses, way, antenna=antenna_named(antenna))
+        found = estimate_offset(heard, way, antenna=antenna_named(antenna))
     else:
         found = ClockOffset(offset_s=clock_offset, found_by="given")
     settings = AntennaSettings(yaw_offset_deg=yaw_offset)
-    attached = attach_poses(log.pulse_poses, way, found.offset_s, settings)
+    attached = attach_poses(heard, way, found.offset_s, settings)
     with output.open("w", newline="", encoding="utf-8") as stream:
         coded = any(one.pulse.burst_starts_ns for one in attached)
         writer = PulseWriter(stream, pulse_format(output.name), bursts=coded)

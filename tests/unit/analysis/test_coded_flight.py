@@ -8,6 +8,7 @@ import pytest
 from command_line import uavrt
 
 from uavrt.analysis import read_survey
+from uavrt.analysis.bursts_of_pulses import bursts_of_pulses
 from uavrt.analysis.export import export_survey
 from uavrt.analysis.export.bursts import DETECTION_COLUMNS
 from uavrt.analysis.measure import detect
@@ -15,6 +16,7 @@ from uavrt.config import parse_tags
 from uavrt.messages import FlightInfo, Pulse, PulsePose
 from uavrt.radio import open_recording
 from uavrt.recording import FlightRecorder, read_flight
+from uavrt.recording.formats import read_pulse_log
 from uavrt.simulation import parse_scenario, simulate_to_directory
 
 SCENARIO = """
@@ -105,6 +107,43 @@ def test_bursts_are_exported_for_find_tags_and_beeps_have_no_such_files(
     assert "burst_starts_ns" in (tmp_path / "pulses.csv").read_text().splitlines()[0]
     beeping = replace(survey, pulse_poses=())
     assert export_survey(beeping, tmp_path / "none", ["motus"]) == []
+
+
+def test_what_was_exported_is_read_again_and_its_bursts_are_found(
+    flight: Path, tmp_path: Path
+) -> None:
+    survey = read_survey(flight)
+    export_survey(survey, tmp_path, ["motus"])
+    tags = read_flight(flight).info.tags
+    other = replace(tags[0], tag_id=13, gaps_s=(0.025, 0.0488, 0.0366))
+    sent = [one.pulse for one in read_flight(flight).pulse_poses]
+    whole = [pulse for pulse in sent if len(pulse.burst_starts_ns) == 4]
+    log = read_pulse_log(tmp_path / "sensorgnome.txt")
+    assert len(log.pulse_poses) == sum(len(pulse.burst_starts_ns) for pulse in sent)
+    bursts = [one.pulse for one in bursts_of_pulses(log.pulse_poses, [other, *tags])]
+    assert {burst.tag_id for burst in bursts} == {12}
+    found = {burst.start_time_ns // 10**6 for burst in bursts}
+    # Of weak bursts the gaps are off by more than the tolerance.
+    assert found <= {pulse.burst_starts_ns[0] // 10**6 for pulse in whole}
+    assert len(found) >= 0.8 * len(whole)
+    assert all(burst.confirmed for burst in bursts)
+    detections = read_pulse_log(tmp_path / "detections.csv")
+    confirmed = [pulse for pulse in sent if pulse.confirmed]
+    assert [one.pulse.tag_id for one in detections.pulse_poses] == [12] * len(confirmed)
+    again = export_survey(read_survey(tmp_path / "detections.csv"), tmp_path / "2", ["csv"])
+    (table,) = (path.read_text() for path in again if path.name == "pulses.csv")
+    assert table.count("\n") == 1 + len(confirmed)
+
+
+def test_bursts_of_equal_pulses_name_both_codes(flight: Path, tmp_path: Path) -> None:
+    export_survey(read_survey(flight), tmp_path, ["motus"])
+    (tag,) = read_flight(flight).info.tags
+    near = replace(tag, tag_id=13, gaps_s=(0.0224, 0.0488, 0.0366))
+    log = read_pulse_log(tmp_path / "sensorgnome.txt")
+    found = [one.pulse for one in bursts_of_pulses(log.pulse_poses, [tag, near])]
+    both = [one for one in found if {one.tag_id, *one.also_possible_tag_ids} == {12, 13}]
+    assert len(both) > len(found) / 2
+    assert not any(one.confirmed for one in both)
 
 
 def test_a_coded_tag_is_measured_as_one_not_as_several_that_beep(

@@ -13,7 +13,12 @@ if TYPE_CHECKING:
         read_bearing_file,
         write_bearing_file,
     )
-    from uavrt.recording.formats.log import LogKind, PulseLog, RotationMark
+    from uavrt.recording.formats.log import (
+        WITHOUT_HEADINGS,
+        LogKind,
+        PulseLog,
+        RotationMark,
+    )
     from uavrt.recording.formats.positions_csv import (
         PositionRow,
         read_position_file,
@@ -39,6 +44,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ORIGINAL_POSES",
+    "WITHOUT_HEADINGS",
     "BearingRow",
     "LogKind",
     "PositionRow",
@@ -73,6 +79,7 @@ __getattr__ = lazily(
         "PulseLog": "log",
         "RotationMark": "log",
         "TargetEstimate": "ucsd",
+        "WITHOUT_HEADINGS": "log",
         "cells_of": "text",
         "pulse_logs_in": "recognise",
         "read_bearing_file": "bearings_csv",

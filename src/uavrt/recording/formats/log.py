@@ -13,7 +13,13 @@ LogKind = Literal[
     "tagtracker",
     "ucsd",
     "pyradiotracking",
+    "sensorgnome",
+    "detections",
 ]
+
+
+WITHOUT_HEADINGS = frozenset({"ucsd", "sensorgnome", "detections"})
+"""Taken with an upright whip unless an antenna is named: no bearings follow from them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,6 +15,12 @@ from uavrt.messages import PulsePose
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.formats.log import LogKind, PulseLog, RotationMark
 from uavrt.recording.formats.pyradiotracking import NAMES, column_names, read_pyradiotracking
+from uavrt.recording.formats.sensorgnome import (
+    is_detections,
+    is_pulse_file,
+    read_detections,
+    read_pulse_lines,
+)
 from uavrt.recording.formats.tagtracker import is_heading, read_tagtracker, row_kind
 from uavrt.recording.formats.text import cells_of, read_lines
 from uavrt.recording.formats.ucsd import read_ucsd_pings
@@ -39,7 +45,8 @@ _PATTERNS = (
 )
 _REMEDY = (
     "Choose from flight directories, pulses of `uavrt detect`, pulse_pose_log.txt, and the "
-    "CSV of TagTracker, UCSD's tracker and pyradiotracking; for positions also a bearings.csv"
+    "CSV of TagTracker, UCSD's tracker and pyradiotracking, a SensorGnome's pulses, find_tags' "
+    "detections; for positions also a bearings.csv"
 )
 
 
@@ -74,6 +81,10 @@ def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
             return read_ucsd_pings(place)
         case "pyradiotracking":
             return read_pyradiotracking(place)
+        case "sensorgnome":
+            return read_pulse_lines(place)
+        case "detections":
+            return read_detections(place)
         case "pulse_pose_log":
             found = read_pulse_pose_log(place)
             return PulseLog(kind=kind, pulse_poses=found, warnings=_original(place))
@@ -124,6 +135,10 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
         return "uavrt-csv"
     if cells[0].lower() == "run":
         return "ucsd"
+    if is_pulse_file(lines):
+        return "sensorgnome"
+    if is_detections(cells):
+        return "detections"
     if ";" in first and not set(NAMES) - set(column_names(cells_of(first, ";"))):
         return "pyradiotracking"
     if len(cells) == COLUMNS and _is_thesis(first):

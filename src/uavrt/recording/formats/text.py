@@ -1,7 +1,9 @@
 """Lines, numbers and times of text files; what is wrong is refused with its line."""
 
+import gzip
 import math
 import os
+import zlib
 from pathlib import Path
 
 from uavrt.clock import parse_iso_utc
@@ -11,10 +13,13 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 MAX_TIME_NS = 2**62
 """The year 2116; also well inside SQLite's integers."""
 MAX_BYTES = 512 * 1024 * 1024
+_GZIP = b"\x1f\x8b"
 
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
     """All lines of a text file, without their ends; a byte order mark and NULs are dropped.
+
+    What is packed with gzip is unpacked, as SensorGnomes pack theirs.
 
     Raises
     ------
@@ -26,9 +31,16 @@ def read_lines(path: str | os.PathLike[str]) -> list[str]:
         if os.stat(path).st_size > MAX_BYTES:
             raise FormatError(f"{name} is too large to be a log", remedy="Check the name")
         content = Path(path).read_bytes()
+        if content.startswith(_GZIP):
+            with gzip.open(path) as packed:
+                content = packed.read(MAX_BYTES + 1)
+            if len(content) > MAX_BYTES:
+                raise FormatError(f"{name} is too large to be a log", remedy="Check the name")
+    except (EOFError, zlib.error) as error:
+        raise FormatError(f"{name} is damaged: {error}", remedy="Copy it again") from error
     except OSError as error:
         raise FormatError(
-            f"cannot read {name}: {error.strerror}", remedy="Check the name"
+            f"cannot read {name}: {error.strerror or error}", remedy="Check the name"
         ) from error
     text = content.decode("utf-8-sig", "replace").replace("\0", "")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")

@@ -1,0 +1,283 @@
+"""Files of automated telemetry: pulses as a SensorGnome writes them, and find_tags' detections.
+
+A pulse file has a line for each thing, told by its first cell::
+
+    p1,1366227448.192,4.056,-44.4,-50.55      port; time, kHz from the tuned frequency, dB, dB
+    S,1366227421.0,1,-m,166.376,0,            port, parameter, value: -m or frequency is MHz
+    G,1366227448.0,44.3405,-66.1185,21.7      time, latitude, longitude, altitude
+
+Other lines are passed over. Detections have a heading with ``ts``, ``id`` and ``sig``; ``freq``
+is in kilohertz from the tag's nominal frequency, which ``tagFreq`` or ``nomFreq`` tells in MHz.
+
+Neither knows a heading, so the poses have none, and bearings cannot follow from them.
+"""
+
+import math
+import os
+import re
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from uavrt.messages import Pose, Pulse, PulsePose
+from uavrt.recording.formats.log import PulseLog
+from uavrt.recording.formats.text import (
+    cells_of,
+    finite,
+    latitude,
+    longitude,
+    number_or_nan,
+    read_lines,
+    seconds_ns,
+    whole,
+    wrong_line,
+)
+from uavrt.recording.formats.ucsd import tag_numbers
+from uavrt.units import hz_from_mhz, ns_from_s
+
+SAME_TAG_HZ = 2_000.0
+"""Pulses nearer than this in frequency get one number, where no code tells whose they are."""
+DETECTION_NAMES = {"ts", "id", "sig"}
+_PORT = re.compile(r"p[A-Za-z]?(\d+)")
+_PULSE_NS = ns_from_s(0.0025)
+_TUNED = ("-m", "frequency", "freq")
+_NOMINAL = ("tagfreq", "nomfreq", "mfgfreq")
+_LONGEST_NS = ns_from_s(60.0)
+"""A place is no older than this: a SensorGnome notes it every five minutes, a moving one more
+often; a drone has gone on."""
+_REMEDY = "A pulse line is p1,time,kHz,signal,noise; a detection has ts, id, sig"
+NO_HEADINGS = (
+    "This log has no headings: positions follow from strength alone, as with a monopole. "
+    "`uavrt attach` gives its pulses the poses of another log."
+)
+NUMBERED = (
+    "Pulses of this log are numbered by frequency, not by code: `uavrt attach --tags` puts "
+    "them together to the bursts of listed codes."
+)
+
+Place = tuple[int, float, float, float]
+"""Time [ns], latitude, longitude [deg], altitude above mean sea level [m]."""
+
+
+def is_pulse_file(lines: Sequence[str]) -> bool:
+    """Whether the first lines with content are those of a SensorGnome."""
+    some = [cells_of(line) for line in lines[:200]]
+    known = [cells for cells in some if cells and _kind(cells[0])]
+    content = [cells for cells in some if cells]
+    return len(known) * 2 > len(content) and any(len(cells) >= 4 for cells in known)
+
+
+def _kind(cell: str) -> str | None:
+    if _PORT.fullmatch(cell):
+        return "p"
+    return cell if cell in ("S", "G", "C") else None
+
+
+def is_detections(cells: Sequence[str]) -> bool:
+    """Whether a heading is that of detections."""
+    return {cell.strip('" ').lower() for cell in cells} >= DETECTION_NAMES
+
+
+def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
+    """Read a pulse file; damaged lines among good ones are passed over and counted.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, no line before its pulses tells the tuned frequency, or more lines
+        are damaged than good.
+    """
+    tuned_hz: dict[str, float] = {}
+    pulses: list[Pulse] = []
+    places: list[Place] = []
+    damaged = 0
+    first: tuple[int, object] | None = None
+    for number, line in enumerate(read_lines(path), start=1):
+        cells = cells_of(line)
+        kind = _kind(cells[0]) if cells else None
+        try:
+            if kind == "p":
+                port = _port(cells[0])
+                if port not in tuned_hz:
+                    raise ValueError(f"no S line before it tells the frequency of port {port}")
+                pulses.append(_pulse(cells, tuned_hz[port]))
+            elif kind == "S" and len(cells) >= 5 and cells[3].strip('"') in _TUNED:
+                tuned_hz[cells[2]] = hz_from_mhz(finite(cells[4]))
+            elif kind == "G":
+                places.append(_place(cells[1:5]))
+        except (ValueError, IndexError, OverflowError) as error:
+            damaged += 1
+            first = first or (number, error)
+    if first is not None and damaged > len(pulses):
+        raise wrong_line(path, *first, _REMEDY)
+    warnings = [NUMBERED, NO_HEADINGS] if places else [NUMBERED]
+    if damaged:
+        warnings.append(f"{damaged} damaged lines were passed over.")
+    numbers = tag_numbers([pulse.frequency_hz for pulse in pulses], SAME_TAG_HZ)
+    posed = _posed(sorted(zip(pulses, numbers, strict=True), key=_start), sorted(places))
+    return PulseLog(
+        kind="sensorgnome",
+        pulse_poses=posed,
+        warnings=tuple(warnings) if pulses else (),
+        passed_over=damaged,
+    )
+
+
+def _port(cell: str) -> str:
+    found = _PORT.fullmatch(cell)
+    assert found is not None
+    return found[1]
+
+
+def _start(item: tuple[Pulse, int]) -> int:
+    return item[0].start_time_ns
+
+
+def _pulse(cells: Sequence[str], tuned_hz: float) -> Pulse:
+    start_ns = seconds_ns(cells[1])
+    signal_db, noise_db = number_or_nan(cells[3]), number_or_nan(cells[4])
+    if abs(noise_db) > 300.0:
+        raise ValueError(f"{cells[4]} is not a level in dB")
+    return _detected(
+        tag_id=1,
+        frequency_hz=tuned_hz + 1e3 * finite(cells[2]),
+        start_ns=start_ns,
+        snr_db=signal_db - noise_db,
+        noise_db=noise_db,
+        confirmed=False,
+    )
+
+
+def _detected(
+    *,
+    tag_id: int,
+    frequency_hz: float,
+    start_ns: int,
+    snr_db: float,
+    noise_db: float,
+    confirmed: bool,
+) -> Pulse:
+    return Pulse(
+        tag_id=tag_id,
+        frequency_hz=frequency_hz,
+        start_time_ns=start_ns,
+        end_time_ns=start_ns + _PULSE_NS,
+        snr_db=snr_db,
+        group_snr_db=snr_db,
+        score=math.nan,
+        group_index=1,
+        group_sequence=0,
+        noise_psd=10.0 ** (noise_db / 10.0),
+        detection_status="confirmed" if confirmed else "detected",
+        confirmed=confirmed,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )
+
+
+def _place(cells: Sequence[str]) -> Place:
+    altitude_m = number_or_nan(cells[3]) if len(cells) > 3 else math.nan
+    return seconds_ns(cells[0]), latitude(cells[1]), longitude(cells[2]), altitude_m
+
+
+def _posed(pulses: list[tuple[Pulse, int]], places: list[Place]) -> tuple[PulsePose, ...]:
+    times_ns = [place[0] for place in places]
+    base_m = next((place[3] for place in places if math.isfinite(place[3])), math.nan)
+    return tuple(
+        PulsePose(
+            pulse=replace(pulse, tag_id=tag_id),
+            pose=_between(pulse.start_time_ns, places, times_ns, base_m),
+        )
+        for pulse, tag_id in pulses
+    )
+
+
+def _between(
+    time_ns: int, places: list[Place], times_ns: list[int], base_m: float
+) -> Pose | None:
+    """Pose without a heading between two places of the log, or at one that is near in time."""
+    after = bisect_left(times_ns, time_ns)
+    near = [
+        place
+        for place in places[max(0, after - 1) : after + 1]
+        if abs(place[0] - time_ns) <= _LONGEST_NS
+    ]
+    if not near:
+        return None
+    one, two = near[0], near[-1]
+    share = (time_ns - one[0]) / (two[0] - one[0]) if two[0] > one[0] else 0.0
+    lat, lon, alt = (a + share * (b - a) for a, b in zip(one[1:], two[1:], strict=True))
+    return _pose(time_ns, lat, lon, alt, base_m)
+
+
+def _pose(time_ns: int, lat: float, lon: float, alt: float, base_m: float) -> Pose:
+    return Pose(
+        time_ns=time_ns,
+        latitude_deg=lat,
+        longitude_deg=lon,
+        altitude_amsl_m=alt,
+        altitude_relative_m=alt - base_m,
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+    )
+
+
+def read_detections(path: str | os.PathLike[str]) -> PulseLog:
+    """Read detections: a burst in each row, of the tag that its ``id`` says.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, or a row is no detection; its line is named.
+    """
+    names: list[str] | None = None
+    found: list[PulsePose] = []
+    lines = read_lines(path)
+    for number, line in enumerate(lines, start=1):
+        cells = [cell.strip().strip('"') for cell in line.split(",")]
+        if not any(cells):
+            continue
+        try:
+            if names is None:
+                names = [cell.lower() for cell in cells]
+                continue
+            found.append(_detection(dict(zip(names, cells, strict=False))))
+        except (ValueError, KeyError, OverflowError) as error:
+            if number == len(lines) and found:
+                break  # cut off while it was written
+            why = f"there is no {error}" if isinstance(error, KeyError) else error
+            raise wrong_line(path, number, why, _REMEDY) from None
+    placed = any(one.pose is not None for one in found)
+    return PulseLog(
+        kind="detections",
+        pulse_poses=tuple(sorted(found, key=lambda one: one.pulse.start_time_ns)),
+        warnings=(NO_HEADINGS,) if placed else (),
+    )
+
+
+def _detection(row: dict[str, str]) -> PulsePose:
+    start_ns = seconds_ns(row["ts"])
+    tag_id = whole(row["id"])
+    if tag_id < 1:
+        raise ValueError(f"id {tag_id} is not the number of a tag")
+    number = _reader(row)
+    noise_db = number("noise")
+    signal_db = number("sig")
+    nominal_mhz = next((number(name) for name in _NOMINAL if row.get(name)), math.nan)
+    away_khz = number("freq")
+    pulse = _detected(
+        tag_id=tag_id,
+        frequency_hz=1e6 * nominal_mhz + (1e3 * away_khz if math.isfinite(away_khz) else 0.0),
+        start_ns=start_ns,
+        snr_db=signal_db - (noise_db if math.isfinite(noise_db) else 0.0),
+        noise_db=noise_db,
+        confirmed=True,
+    )
+    if not (row.get("lat") and row.get("lon")):
+        return PulsePose(pulse=pulse, pose=None)
+    place = latitude(row["lat"]), longitude(row["lon"]), number("alt")
+    return PulsePose(pulse=pulse, pose=_pose(start_ns, *place, math.nan))
+
+
+def _reader(row: dict[str, str]) -> Callable[[str], float]:
+    return lambda name: number_or_nan(row.get(name, ""))
