@@ -12,7 +12,6 @@ if TYPE_CHECKING:
         learnt_antenna,
         read_bearings,
     )
-    from uavrt.analysis.bursts_of_pulses import bursts_of_pulses
     from uavrt.analysis.coverage import (
         MapSize,
         best_of,
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     )
     from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
     from uavrt.analysis.fold_pictures import write_fold_pictures
+    from uavrt.analysis.found_bursts import bursts_of_pulses
     from uavrt.analysis.hindsight import save_integrated, verdict_of
     from uavrt.analysis.kept_samples import channel_of, integrate_kept, kept_channels
     from uavrt.analysis.map_files import RASTERS, MapFile, maps_in, read_map
@@ -169,6 +169,6 @@ __getattr__ = lazily(
         "verdict_of": "hindsight",
         "write_fold_pictures": "fold_pictures",
         "write_maps": "coverage",
-        "bursts_of_pulses": "bursts_of_pulses",
+        "bursts_of_pulses": "found_bursts",
     },
 )

@@ -8,9 +8,9 @@ import pytest
 from command_line import uavrt
 
 from uavrt.analysis import read_survey
-from uavrt.analysis.bursts_of_pulses import bursts_of_pulses
 from uavrt.analysis.export import export_survey
 from uavrt.analysis.export.bursts import DETECTION_COLUMNS
+from uavrt.analysis.found_bursts import bursts_of_pulses
 from uavrt.analysis.measure import detect
 from uavrt.config import parse_tags
 from uavrt.messages import FlightInfo, Pulse, PulsePose
