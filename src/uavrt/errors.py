@@ -86,6 +86,10 @@ class RadioMissing(RadioError):
     """The radio's program or the device is not there."""
 
 
+class RadioAmbiguous(RadioError):
+    """Several radios could be meant."""
+
+
 class RadioStopped(RadioError):
     """The stream of samples ended."""
 

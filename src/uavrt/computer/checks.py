@@ -14,13 +14,12 @@ from uavrt import native
 from uavrt.clock import Clock, wall_ns
 from uavrt.computer.card import WORN_TENTHS, battery_clock_off_s, card_of
 from uavrt.computer.finding import Finding
-from uavrt.config import RADIOS, Settings
+from uavrt.config import Settings
 from uavrt.errors import UavrtError
 from uavrt.mavlink import Connection, Handlers, parse_address
 from uavrt.messages import SystemState, SystemStatus
-from uavrt.radio import check_device
+from uavrt.radio import check_device, usb_radios
 
-SYSFS_USB = Path("/sys/bus/usb/devices")
 THERMAL = Path("/sys/class/thermal")
 OLDEST_TIME_NS = 1_750_000_000 * 10**9
 """June 2025: a computer that believes in an earlier time has lost its clock."""
@@ -77,7 +76,8 @@ def check_radio(settings: Settings, running: SystemStatus | None) -> Finding:
 
 def check_permissions(settings: Settings) -> Finding:
     """May this user use the radio's USB device and the serial port?"""
-    closed = [str(node) for node in _radio_nodes() if not os.access(node, os.R_OK | os.W_OK)]
+    nodes = [radio.node for radio in usb_radios()]
+    closed = [str(node) for node in nodes if not os.access(node, os.R_OK | os.W_OK)]
     if closed:
         return Finding(
             what="permissions",
@@ -104,18 +104,6 @@ def check_permissions(settings: Settings) -> Finding:
             )
     text = f"groups {', '.join(_groups())}" if os.geteuid() else "all, as root"
     return Finding(what="permissions", ok=True, text=text)
-
-
-def _radio_nodes() -> Iterator[Path]:
-    known = {usb[:2] for row in RADIOS.values() for usb in row.usb}
-    for device in SYSFS_USB.glob("*"):
-        with suppress(OSError, ValueError):
-            vendor = (device / "idVendor").read_text().strip()
-            product = (device / "idProduct").read_text().strip()
-            if (vendor, product) in known:
-                bus = int((device / "busnum").read_text())
-                number = int((device / "devnum").read_text())
-                yield Path(f"/dev/bus/usb/{bus:03d}/{number:03d}")
 
 
 def _groups() -> list[str]:

@@ -38,6 +38,8 @@ class RadioRow:
     """Option, in versions that have it, that makes the program count its overruns on stderr."""
     absent: tuple[str, ...] = ()
     """Words of its programs that mean that there is no device."""
+    serial_prefix: str = ""
+    """What its program wants before the hexadecimal serial number that the USB tells."""
     usb: tuple[tuple[str, str, str], ...] = ()
     """USB vendor, product and name."""
 
@@ -56,6 +58,7 @@ RADIOS: dict[str, RadioRow] = {
             default_gain=21,
             rates_hz=(1e6, 10e6),
             absent=("_ERROR_NOT_FOUND",),
+            serial_prefix="0x",
             usb=(("1d50", "60a1", "Airspy Mini and R2"),),
         ),
         RadioRow(
@@ -69,6 +72,7 @@ RADIOS: dict[str, RadioRow] = {
             default_gain=8,
             rates_hz=(1e5, 1e6),
             absent=("No devices attached", "airspyhf_open() failed"),
+            serial_prefix="0x",
             usb=(("03eb", "800c", "Airspy HF+"),),
         ),
         RadioRow(

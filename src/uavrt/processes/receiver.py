@@ -19,7 +19,7 @@ from uavrt.log import get_logger
 from uavrt.messages import ChannelBlock, FlightInfo, IQBlock
 from uavrt.processes.capture import Capture
 from uavrt.processes.kept_channels import KeptChannels
-from uavrt.radio import ChannelOutput, SampleCheck, SampleSource, open_radio
+from uavrt.radio import ChannelOutput, SampleCheck, SampleSource, open_radio, unchosen
 from uavrt.recording import FlightLayout, IQRecorder
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -266,6 +266,8 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
             raise UavrtError("the receiver was started without a flight")
         receiver: Receiver | Capture
         receiver = kind(frame, flight) if flight.capture_s is None else Capture(frame, flight)
+        if (several := unchosen(receiver.radio)) is not None:
+            frame.tell(4, f"{several[0]}. {several[1]}")
         last_failure_s, reason_told = -RETRY_WINDOW_S, ""
         try:
             while frame.running:

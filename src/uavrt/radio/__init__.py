@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from uavrt.radio.channel_output import ChannelOutput
     from uavrt.radio.channel_sender import ChannelDatagramSender
     from uavrt.radio.channel_source import ChannelDatagramSource, FrameOrder
+    from uavrt.radio.devices import unchosen, usb_radios
     from uavrt.radio.formats import CF32, CI8, CS16, CU8, FORMATS, SampleFormat, sample_format
     from uavrt.radio.joined import JoinedRecording
     from uavrt.radio.losses import most_lost
@@ -77,6 +78,8 @@ __all__ = [
     "sigmf_global",
     "sigmf_layout",
     "stamp_style",
+    "unchosen",
+    "usb_radios",
 ]
 __getattr__ = lazily(
     __name__,
@@ -111,6 +114,8 @@ __getattr__ = lazily(
         "block_length": "stream",
         "channel_port": "channel_datagram",
         "check_device": "program",
+        "unchosen": "devices",
+        "usb_radios": "devices",
         "decode_channel_datagram": "channel_datagram",
         "is_udp_address": "udp_address",
         "listen": "udp_address",

@@ -12,9 +12,10 @@ from typing import Final
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.config import RadioRow, RadioSettings
-from uavrt.errors import RadioMissing, RadioStalled
+from uavrt.errors import RadioAmbiguous, RadioMissing, RadioStalled
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
+from uavrt.radio.devices import unchosen
 from uavrt.radio.formats import sample_format
 from uavrt.radio.programs import (
     PROGRAMS,
@@ -267,6 +268,8 @@ def check_device(settings: RadioSettings) -> str:
     ------
     RadioMissing
         No such program, or no such device.
+    RadioAmbiguous
+        Several, and the settings choose none.
     """
     if settings.program or settings.kind not in PROGRAMS:
         return ""
@@ -282,6 +285,8 @@ def check_device(settings: RadioSettings) -> str:
             f"({program.inform[0]}) finds no usable device",
             said.replace("\n", " | "),
         )
+    if (several := unchosen(settings)) is not None:
+        raise RadioAmbiguous(several[0], remedy=several[1])
     return said
 
 

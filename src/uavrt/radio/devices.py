@@ -1,0 +1,69 @@
+"""The radios that are plugged in, as the kernel lists them (sysfs-bus-usb).
+
+With two radios of one kind a program opens whichever it finds first, and that may be the one
+without an antenna. So two are named, and `[radio] serial` chooses.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.config import RADIOS, RadioSettings
+
+SYSFS_USB = Path("/sys/bus/usb/devices")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsbRadio:
+    """A radio on the USB."""
+
+    kind: str
+    serial: str
+    """As `[radio] serial` takes it; empty where the radio has none."""
+    node: Path
+
+
+def usb_radios() -> list[UsbRadio]:
+    """List the radios of all kinds in the order of their ports."""
+    return list(_found())
+
+
+def unchosen(settings: RadioSettings) -> tuple[str, str] | None:
+    """Get what to say, and the remedy, where several radios could be meant; else None."""
+    if settings.program or settings.serial or settings.kind not in RADIOS:
+        return None
+    row = RADIOS[settings.kind]
+    serials = [radio.serial for radio in usb_radios() if radio.kind == settings.kind]
+    if len(serials) < 2:
+        return None
+    if len(set(serials)) == len(serials) and all(serials):
+        remedy = "Set [radio] serial to " + " or ".join(f'"{one}"' for one in serials)
+    elif settings.kind == "rtlsdr":  # its programs take a place in their list, too
+        remedy = 'Set [radio] serial to "0" or "1"; rtl_eeprom -s gives them names of their own'
+    else:
+        remedy = "Unplug all but one: they have no serial numbers of their own"
+    return f"{len(serials)} radios {row.title}, and none is chosen", remedy
+
+
+def _found() -> Iterator[UsbRadio]:
+    kinds = {usb[:2]: row for row in RADIOS.values() for usb in row.usb}
+    for device in sorted(SYSFS_USB.glob("*")):
+        with suppress(OSError, ValueError):
+            row = kinds.get((_read(device / "idVendor"), _read(device / "idProduct")))
+            if row is None:
+                continue
+            bus, number = int(_read(device / "busnum")), int(_read(device / "devnum"))
+            serial = ""
+            with suppress(OSError):
+                # "AIRSPY SN:35AC63DC2D8C7A4F", which its programs take as 0x35AC63DC2D8C7A4F.
+                serial = _read(device / "serial").rpartition("SN:")[2]
+            yield UsbRadio(
+                kind=row.kind,
+                serial=serial and f"{row.serial_prefix}{serial}",
+                node=Path(f"/dev/bus/usb/{bus:03d}/{number:03d}"),
+            )
+
+
+def _read(path: Path) -> str:
+    return path.read_text(encoding="ascii", errors="replace").strip()
