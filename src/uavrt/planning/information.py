@@ -14,7 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization import Hypotheses, TagPrior
-from uavrt.localization.position import REFERENCE_M, TRACKED_LOSS_ERROR, antenna_gain_db
+from uavrt.localization.position import (
+    ALIKE_M,
+    REFERENCE_M,
+    LossError,
+    antenna_gain_db,
+    doubtful_db,
+)
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.vehicle import Legs
 
@@ -57,7 +63,6 @@ def expected_levels_db(
     if walked_m is not None:
         dx, dy = dx + walked_m[0], dy + walked_m[1]
     height, lost = _over_ground(prior, east, north, dx, dy, listener)
-    lost = some.loss_factor * lost
     slant2 = dx * dx + dy * dy + height**2
     gain = antenna_gain_db(prior.pattern, yaw, dx, dy, height, np.sqrt(slant2))
     decades = 5.0 * np.log10(slant2) - float(10.0 * np.log10(REFERENCE_M))
@@ -65,8 +70,11 @@ def expected_levels_db(
     if prior.path_gain is not None:
         level = level + prior.path_gain(dx, dy, listener.above_tags_m)
     wrong2: _Singles | float = 0.0
-    if prior.hills is not None:
-        wrong2 = np.mean((TRACKED_LOSS_ERROR * np.asarray(lost)) ** 2, axis=2)
+    error = LossError.of_columns(some.loss_error)
+    if error is not None:
+        doubtful = doubtful_db(np.asarray(lost))
+        level = level - error.mean * doubtful
+        wrong2 = np.mean(error.variance * doubtful**2, axis=2)
     return np.asarray(level, np.float32), wrong2
 
 
@@ -88,6 +96,10 @@ def _over_ground(
     seen = hills.seen_from(east.ravel(), north.ravel(), up.ravel() + hills.tag_m)
     tag_east, tag_north = east + dx, north + dy
     lost = seen.between(seen.which.reshape(east.shape), tag_east, tag_north)
+    # What differs within a rough square is not known: hypotheses that lie in one lose alike.
+    apart2 = float(np.mean(dx.var(axis=2) + dy.var(axis=2)))
+    share = np.float32(apart2 / (apart2 + (2.0 * seen.cell_m) ** 2))
+    lost = share * lost + (1.0 - share) * lost.mean(axis=2, keepdims=True)
     height = up - hills.rise_m(tag_east, tag_north)
     return height.astype(np.float32), lost
 
@@ -135,6 +147,8 @@ class _Pulses:
     """(ways, samples, hypotheses)"""
     per_db2: _Singles
     """(ways, samples) pulses over the variance of each."""
+    alike_db2: _Floats
+    """(ways,) variance of what all pulses of a way have in common, for the ground's sake."""
     span_s: _Floats
     """(ways,)"""
 
@@ -143,6 +157,7 @@ class _Pulses:
         return _Pulses(
             level_db=self.level_db.reshape(1, -1, self.level_db.shape[2]),
             per_db2=self.per_db2.reshape(1, -1),
+            alike_db2=self.alike_db2.mean(keepdims=True),
             span_s=self.span_s.max(keepdims=True),
         )
 
@@ -155,6 +170,7 @@ class _Pulses:
         return _Pulses(
             level_db=np.concatenate([self.level_db, level], axis=1),
             per_db2=np.concatenate([self.per_db2, per], axis=1),
+            alike_db2=np.maximum(self.alike_db2, one.alike_db2),
             span_s=np.maximum(self.span_s, one.span_s),
         )
 
@@ -167,9 +183,27 @@ def _pulses(prior: TagPrior, some: Hypotheses, legs: Legs, listener: Listener) -
     level = np.maximum(level, np.float32(listener.threshold_db))
     pulses = spans / samples / listener.pulse_s * (1.0 - prior.missed_share)
     noise2 = prior.fading_db**2 + _walked_db2(some, legs, spans, listener.above_tags_m)
-    noise2 = noise2 + wrong2
+    alike2, apart2 = _over_the_way(wrong2, legs, spans / listener.pulse_s)
+    noise2 = noise2 + apart2
     per_pulse = (pulses[:, None] / noise2).astype(np.float32)
-    return _Pulses(level_db=level, per_db2=per_pulse, span_s=spans)
+    return _Pulses(level_db=level, per_db2=per_pulse, alike_db2=alike2, span_s=spans)
+
+
+def _over_the_way(
+    wrong2: _Singles | float, legs: Legs, pulses: _Floats
+) -> tuple[_Floats, _Floats | float]:
+    """What the ground's losses have wrong: (ways,) alike, and (ways, samples) of each pulse.
+
+    A turn in place hears all pulses through the same hills: they still tell where from. On a
+    way the error becomes another one, but slowly: all pulses of a stretch count as one.
+    """
+    if isinstance(wrong2, float):
+        return np.zeros(len(pulses)), 0.0
+    far = np.hypot(np.diff(legs.east_m), np.diff(legs.north_m)).sum(axis=1)
+    alike = np.exp(-far / ALIKE_M)
+    together = np.maximum(pulses * np.minimum(ALIKE_M / np.maximum(far, 1.0), 1.0), 1.0)
+    apart2 = ((1.0 - alike) * together)[:, None] * wrong2
+    return alike * wrong2.mean(axis=1), apart2
 
 
 def _told(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
@@ -180,7 +214,7 @@ def _told(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
     # Of K pulses with a common unknown level of variance v, the mean counts only as
     # 1 / (σ² / K + v).
     drift2 = prior.level_drift_db_per_root_s**2 * heard.span_s
-    spread = float(np.mean(some.level_variance_db2)) + drift2 / 3.0
+    spread = float(np.mean(some.level_variance_db2)) + drift2 / 3.0 + heard.alike_db2
     share = np.sqrt(spread / (1.0 + spread * heard.per_db2.sum(axis=1)))
     whole = np.einsum("csp,cs->cp", scaled, root * share[:, None])
     off = minus_quarter_squares(scaled, whole)

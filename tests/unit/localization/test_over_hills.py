@@ -75,6 +75,42 @@ def test_silence_speaks_no_longer_against_a_tag_behind_the_ridge(kind: str) -> N
     assert held[True] > held[False] + 0.25
 
 
+@pytest.mark.parametrize("kind", ["grid", "particles"])
+def test_a_ridge_that_takes_twice_what_its_map_says_does_not_move_the_tag(kind: str) -> None:
+    """Taken as an error of each pulse anew, particles were 400 m off."""
+    ground, rng = hills(), np.random.default_rng(4)
+    tag_east, tag_north = 350.0, 80.0
+    prior = TagPrior(
+        area=AREA,
+        level_db=60.0,
+        level_sigma_db=3.0,
+        exponent=2.5,
+        exponent_sigma=0.0,
+        fading_db=4.0,
+        motion=(1.0, 0.0, 0.0),
+        hills=ground,
+    )
+    tracker = (
+        GridTracker(prior, cells=50)
+        if kind == "grid"
+        else ParticleTracker(prior, np.random.default_rng(3), particles=4000)
+    )
+    lost = []
+    for north in np.arange(-400.0, 401.0, 8.0):
+        east = -60.0
+        place = np.array([tag_east]), np.array([tag_north])
+        lost.append(float(ground.loss_db((east, float(north), 35.5), *place)[0]))
+        slant = np.sqrt((east - tag_east) ** 2 + (north - tag_north) ** 2 + 35.0**2)
+        level = 60.0 - 25.0 * np.log10(slant / 100.0) - 2.0 * lost[-1] + rng.normal(0.0, 4.0)
+        tracker.listen(
+            Listening(east_m=east, north_m=float(north), height_m=35.0, snr_db=float(level))
+        )
+    assert np.mean(lost) > 15.0
+    found = tracker.estimate()
+    miss = np.hypot(found.east_m - tag_east, found.north_m - tag_north)
+    assert miss < found.radius95_m
+
+
 def test_positions_over_hills_are_nearer_and_their_circles_hold() -> None:
     rng = np.random.default_rng(11)
     flights = [fly(rng, replace(CASES[1], map_error_m=1.0)) for _ in range(5)]

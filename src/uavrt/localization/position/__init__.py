@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from uavrt.localization.position.level_belief import (
         ANY_STRENGTH,
         REFERENCE_M,
-        TRACKED_LOSS_ERROR,
         antenna_gain_db,
     )
     from uavrt.localization.position.level_evidence import Propagation
+    from uavrt.localization.position.loss_error import ALIKE_M, LossError, doubtful_db
     from uavrt.localization.position.over_hills import FACTORS, OverHills
     from uavrt.localization.position.power_evidence import (
         PowerEvidence,
@@ -46,18 +46,19 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ADDED_METHODS",
+    "ALIKE_M",
     "ANY_STRENGTH",
     "FACTORS",
     "FADINGS_DB",
     "HEADING_SIGMA_DEG",
     "LEVEL_STEP_DB",
     "REFERENCE_M",
-    "TRACKED_LOSS_ERROR",
     "WALKING_M_S",
     "WALKING_SHARE",
     "WRONG_COMPASS_DEG",
     "WRONG_COMPASS_SHARE",
     "Area",
+    "LossError",
     "OverHills",
     "PowerEvidence",
     "PowerFit",
@@ -66,6 +67,7 @@ __all__ = [
     "Propagation",
     "Stations",
     "antenna_gain_db",
+    "doubtful_db",
     "estimate_position",
     "fit_each",
     "power_tables",
@@ -74,6 +76,7 @@ __getattr__ = lazily(
     __name__,
     {
         "ADDED_METHODS": "estimate",
+        "ALIKE_M": "loss_error",
         "ANY_STRENGTH": "level_belief",
         "Area": "bayes_fix",
         "FADINGS_DB": "power_law",
@@ -87,13 +90,14 @@ __getattr__ = lazily(
         "PowerTrack": "power_evidence",
         "Propagation": "level_evidence",
         "REFERENCE_M": "level_belief",
-        "TRACKED_LOSS_ERROR": "level_belief",
+        "LossError": "loss_error",
         "Stations": "stations",
         "WALKING_M_S": "common_errors",
         "WALKING_SHARE": "common_errors",
         "WRONG_COMPASS_DEG": "common_errors",
         "WRONG_COMPASS_SHARE": "common_errors",
         "antenna_gain_db": "level_belief",
+        "doubtful_db": "loss_error",
         "estimate_position": "estimate",
         "fit_each": "power_evidence",
         "power_tables": "power_law",

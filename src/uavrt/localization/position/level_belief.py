@@ -5,7 +5,7 @@ normal belief of it, given that the tag is there; a pulse updates it exactly, a 
 first two moments. So the strength is learnt while the tag is found.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from uavrt.localization.antenna import NULL_DB, AntennaPattern
-from uavrt.localization.position.over_hills import LOSS_ERROR
+from uavrt.localization.position.loss_error import OF_EACH_PULSE, LossError, doubtful_db
 from uavrt.terrain import HillLosses
 
 _ROOT_TWO_PI = 2.506_628_275
@@ -24,9 +24,6 @@ ANY_STRENGTH = 1.0 / 120.0
 """Density of those [1/dB]."""
 REFERENCE_M = 100.0
 _TINY = 1e-30
-TRACKED_LOSS_ERROR = 4.0 * LOSS_ERROR
-"""The same for trackers, which take each pulse's error as its own: it is alike over 200 m of a
-way, for sixteen pulses or so."""
 _COSINES = 4096
 """Steps of a pattern's table: 1.8° at boresight, where it is flat, 0.03° across it."""
 _TAIL_STEP = 0.005
@@ -121,16 +118,13 @@ class Behind:
     rise_m: _Floats
     """Of the ground there over that at the take-off."""
     lost_db: _Floats
+    """By the map."""
+    doubtful_db: _Floats
+    """Loss that an error of 1 adds."""
 
     @classmethod
     def hills(
-        cls,
-        hills: HillLosses | None,
-        heard: Listening,
-        east_m: _Floats,
-        north_m: _Floats,
-        *,
-        factor: _Floats | float = 1.0,
+        cls, hills: HillLosses | None, heard: Listening, east_m: _Floats, north_m: _Floats
     ) -> "Behind | None":
         """Look from the drone to some places; None over level ground.
 
@@ -140,21 +134,21 @@ class Behind:
         heard : Listening
             Where the drone was.
         east_m, north_m : array
-        factor : float or array
-            What the ground takes, over what its map says.
         """
         if hills is None:
             return None
         up_m = float(heard.height_m) + hills.tag_m
         drone = (float(heard.east_m), float(heard.north_m), up_m)
+        lost = hills.loss_db(drone, east_m, north_m).astype(east_m.dtype)
         return cls(
             rise_m=hills.rise_m(east_m, north_m).astype(east_m.dtype),
-            lost_db=(hills.loss_db(drone, east_m, north_m) * factor).astype(east_m.dtype),
+            lost_db=lost,
+            doubtful_db=doubtful_db(lost),
         )
 
     def scatter_db(self, fading_db: float) -> _Floats:
-        """Fading and the error of the losses."""
-        return np.asarray(np.hypot(fading_db, TRACKED_LOSS_ERROR * self.lost_db))
+        """Fading and what differs from pulse to pulse of the losses' error."""
+        return np.asarray(np.hypot(fading_db, OF_EACH_PULSE * self.lost_db))
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -165,6 +159,8 @@ class LevelBelief:
     variance_db2: _Floats
     known: bool = False
     """The strength is known: nothing of it is to be learnt."""
+    error: LossError | None = None
+    """Of the ground's losses; None over level ground."""
 
     def expected_db(
         self,
@@ -186,7 +182,19 @@ class LevelBelief:
         gain = antenna_gain_db(pattern, yaw, dx, dy, height, np.sqrt(slant2))
         loss = exponent * (5.0 * np.log10(slant2) - 10.0 * np.log10(REFERENCE_M))
         expected = self.mean_db - loss + gain
-        return np.asarray(expected if behind is None else expected - behind.lost_db)
+        if behind is None:
+            return np.asarray(expected)
+        error = 0.0 if self.error is None else self.error.mean * behind.doubtful_db
+        return np.asarray(expected - behind.lost_db - error)
+
+    def spread_db2(self, behind: Behind | None) -> _Floats:
+        """Variance of the level that is expected here, fading aside."""
+        error = self.error
+        if error is None or behind is None:
+            return self.variance_db2
+        doubtful = behind.doubtful_db
+        both = doubtful * (doubtful * error.variance - 2.0 * error.with_level_db)
+        return np.asarray(np.maximum(self.variance_db2 + both, 0.0))
 
     def update(
         self,
@@ -196,6 +204,7 @@ class LevelBelief:
         *,
         missed_share: float = BY_CHANCE,
         chance_share: float = BY_CHANCE,
+        behind: Behind | None = None,
     ) -> _Floats:
         """Take one pulse or miss in; its log-likelihood at each place.
 
@@ -210,28 +219,51 @@ class LevelBelief:
             Pulses that are missed however strong they are.
         chance_share : float
             Pulses that are heard at any strength wherever the tag is.
+        behind : Behind or None
+            What `expected_db` was told.
         """
-        variance: Any = fading_db**2 if self.known else self.variance_db2 + fading_db**2
+        learns = not self.known or self.error is not None
+        variance: Any = fading_db**2
+        if learns:
+            variance = self.spread_db2(behind) + variance
         if heard.snr_db is not None:
             innovation = float(heard.snr_db) - expected_db
             scale = (1.0 - missed_share) / _ROOT_TWO_PI / np.sqrt(variance)
             density = np.exp(-0.5 * innovation * innovation / variance) * scale
             mixed = density + max(chance_share * ANY_STRENGTH, _TINY)
-            if not self.known:
+            if learns:
                 # What came by chance says nothing of the strength.
-                part = density / mixed * self.variance_db2 / variance
-                self.mean_db = self.mean_db + part * innovation
-                self.variance_db2 = self.variance_db2 * (1.0 - part)
+                part = density / mixed / variance
+                self._learn(behind, part * innovation, part)
             return np.asarray(np.log(mixed))
         u = (float(heard.threshold_db) - expected_db) / np.sqrt(variance)
         log_below = log_normal_tail(u)
         below = np.exp(log_below) * (1.0 - missed_share)
         mixed = below + max(missed_share, _TINY)
-        if not self.known:
+        if learns:
             hazard = np.exp(-0.5 * u * u - log_below) / _ROOT_TWO_PI
             ratio = below / mixed * hazard
-            part = self.variance_db2 / variance
-            self.mean_db = self.mean_db - np.sqrt(variance) * part * ratio
-            shrink = 1.0 - part * np.clip(ratio * (ratio + u), 0.0, 1.0)
-            self.variance_db2 = self.variance_db2 * shrink
+            part = np.clip(ratio * (ratio + u), 0.0, 1.0) / variance
+            self._learn(behind, -ratio / np.sqrt(variance), part)
         return np.asarray(np.log(mixed))
+
+    def _learn(self, behind: Behind | None, moved: _Floats, shrunk: _Floats) -> None:
+        """Learn from a level that turned out to be another than expected.
+
+        Parameters
+        ----------
+        behind : Behind or None
+        moved : array
+            How far it is off, over its variance [1/dB].
+        shrunk : array
+            By which its variance became less, over its square [1/dB²].
+        """
+        error, with_pulse = self.error, self.variance_db2
+        if error is not None and behind is not None:
+            with_pulse = with_pulse - behind.doubtful_db * error.with_level_db
+            crossed = error.with_level_db - behind.doubtful_db * error.variance
+            covariance = error.with_level_db - with_pulse * crossed * shrunk
+            learnt = error.learnt(behind.doubtful_db, moved, shrunk)
+            self.error = replace(learnt, with_level_db=covariance)
+        self.mean_db = self.mean_db + with_pulse * moved
+        self.variance_db2 = np.maximum(self.variance_db2 - with_pulse**2 * shrunk, 0.0)

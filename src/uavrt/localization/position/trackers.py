@@ -23,6 +23,7 @@ from uavrt.localization.position.level_belief import (
     LevelBelief,
     Listening,
 )
+from uavrt.localization.position.loss_error import LossError
 from uavrt.terrain import HillLosses
 
 _Floats = NDArray[np.floating[Any]]
@@ -35,12 +36,10 @@ Of ways east and north from the drone to the tag, and the drone's height above i
 
 _EXPONENTS = (2.0, 2.7, 3.4)
 _SETTLED_M = 0.02
-_FACTOR_SPREAD = 0.4
-"""Of the logarithm of what the ground takes over what its map says: round tops take up to twice
-a sharp edge's loss (P.526-15, 4.2), woods add to it."""
+_STRAYS = 2.0
+"""Standard deviations of its walk that an animal leaves its area by."""
 _UNHEARD_NATS, _CALMS_NATS = 0.7, 0.1
 """What a pulse that should have been heard wonders at the most, and what time takes from it."""
-_FACTOR_RANGE = (0.4, 3.0)
 RESTING, BROWSING, TRAVELLING = range(3)
 
 
@@ -151,11 +150,17 @@ class GridTracker:
         self._level = LevelBelief(
             mean_db=np.full(shape, prior.level_db),
             variance_db2=np.full(shape, prior.level_sigma_db**2),
+            error=None if prior.hills is None else LossError.unlearnt(shape),
         )
+        self._heard_from_m: tuple[float, float] | None = None
 
     def listen(self, heard: Listening) -> None:
         """Update with a pulse, or that none was heard."""
         prior = self._prior
+        if self._level.error is not None:
+            here = float(heard.east_m), float(heard.north_m)
+            self._level.error = self._level.error.after(self._heard_from_m, here)
+            self._heard_from_m = here
         behind = Behind.hills(prior.hills, heard, self._east_m, self._north_m)
         expected = self._level.expected_db(
             heard, self._east_m, self._north_m, self._exponent, prior.pattern, behind
@@ -170,6 +175,7 @@ class GridTracker:
             prior.fading_db if behind is None else behind.scatter_db(prior.fading_db),
             missed_share=prior.missed_share,
             chance_share=prior.chance_share,
+            behind=behind,
         )
 
     def take_bearing(
@@ -205,8 +211,8 @@ class Hypotheses:
     """SNR at 100 m."""
     level_variance_db2: _Singles
     exponent: _Singles
-    loss_factor: _Singles
-    """What the ground takes from pulses, over what its map says."""
+    loss_error: _Singles
+    """What a map of the ground has wrong; see `LossError`."""
     east_m_s: _Singles
     north_m_s: _Singles
     wandering_m_per_root_s: _Singles
@@ -265,8 +271,8 @@ class _Particles:
     north_m_s: _Singles
     mode: NDArray[np.int8]
     exponent: _Singles
-    loss_factor: _Singles
-    """What the ground takes, over what its map says."""
+    loss_error: _Singles
+    """(n, 3) columns of a `LossError`; (n, 0) where there is no map."""
     mean_db: _Singles
     variance_db2: _Singles
     origin: NDArray[np.int32]
@@ -321,8 +327,10 @@ class ParticleTracker:
         self._state = self._fresh(particles)
         self._weight: _Singles = np.full(particles, 1.0 / particles, np.float32)
         self._time_s: float | None = None
+        self._since_s = 0.0
         self._surprise = 0.0
         self._remembered: list[_Remembered] = []
+        self._heard_from_m: tuple[float, float] | None = None
 
     @property
     def prior(self) -> TagPrior:
@@ -346,7 +354,11 @@ class ParticleTracker:
             north_m_s=velocity[1],
             mode=mode,
             exponent=self._plausible(exponent),
-            loss_factor=self._factors(np.zeros(count, np.float32), _FACTOR_SPREAD),
+            loss_error=(
+                np.empty((count, 0), np.float32)
+                if prior.hills is None
+                else LossError.unlearnt(count).columns()
+            ),
             mean_db=np.full(count, level, np.float32),
             variance_db2=np.full(count, variance, np.float32),
             origin=np.full(count, -1, np.int32),
@@ -357,13 +369,6 @@ class ParticleTracker:
         if self._prior.exponent_sigma == 0.0:
             return np.full(len(exponent), self._prior.exponent, np.float32)
         return np.clip(exponent, 1.8, 4.2)
-
-    def _factors(self, logarithm: _Singles, spread: float) -> _Singles:
-        """Factors of the ground's losses around their logarithms; 1 where there is no map."""
-        if self._prior.hills is None:
-            return np.ones(len(logarithm), np.float32)
-        drawn = np.exp(logarithm + spread * self._normal(len(logarithm)))
-        return np.asarray(np.clip(drawn, *_FACTOR_RANGE), np.float32)
 
     def _modes(self, count: int) -> NDArray[np.int8]:
         """Shares of the motions; a tag that never travels browses or rests instead."""
@@ -392,10 +397,7 @@ class ParticleTracker:
         if step == 0.0:
             return
         state = self._state
-        drift2 = self._prior.level_drift_db_per_root_s**2 * step
-        if drift2 > 0.0:
-            most = np.float32(self._prior.level_sigma_db**2)
-            state.variance_db2 = np.minimum(state.variance_db2 + np.float32(drift2), most)
+        self._drift(step)
         self._switch(step)
         walk = self._prior.walking_m_per_root_s * float(np.sqrt(step))
         browsing = state.mode == BROWSING
@@ -416,6 +418,32 @@ class ParticleTracker:
             ):
                 place[those] += speed[those] * float(step)
                 speed[those] += turning * self._normal(len(those))
+        self._since_s += step
+        prior, area = self._prior, self._prior.area
+        strays = _STRAYS * prior.walking_m_per_root_s * float(np.sqrt(self._since_s))
+        strays += 2.0 * prior.travelling_m_s * self._since_s
+        self._stay_about(state.east_m, area.west_m - strays, area.east_m + strays)
+        self._stay_about(state.north_m, area.south_m - strays, area.north_m + strays)
+
+    def _drift(self, step: float) -> None:
+        """Let the strength wander about what it was told, and no farther off than that."""
+        drift2 = self._prior.level_drift_db_per_root_s**2 * step
+        if drift2 <= 0.0 or self._prior.level_sigma_db <= 0.0:
+            return
+        state, most = self._state, self._prior.level_sigma_db**2
+        kept2 = max(0.0, 1.0 - drift2 / most)
+        kept, usual = float(np.sqrt(kept2)), float(self._prior.level_db)
+        state.mean_db = usual + kept * (state.mean_db - usual)
+        state.variance_db2 = float(most) + float(kept2) * (state.variance_db2 - float(most))
+        if state.loss_error.shape[1]:
+            state.loss_error[:, 2] *= kept
+
+    def _stay_about(self, place: _Singles, least: float, most: float) -> None:
+        """Turn those back that would leave the area farther than an animal walks by now."""
+        if float(place.min()) < least:
+            np.copyto(place, 2.0 * least - place, where=place < least)
+        if float(place.max()) > most:
+            np.copyto(place, 2.0 * most - place, where=place > most)
 
     def _switch(self, step: float) -> None:
         """Some hypotheses change what the animal does."""
@@ -439,22 +467,26 @@ class ParticleTracker:
             Density [1/dB] of pulses of this level from another source, besides those by chance.
         """
         state, prior = self._state, self._prior
-        level, expected, scatter_db = self._expected(heard)
+        self._look_from(heard)
+        level, expected, scatter_db, behind = self._expected(heard)
         mean = float(self._weight @ expected)
         variance = float(self._weight @ (expected - mean) ** 2) + prior.fading_db**2
-        if prior.hills is not None:
+        if behind is not None:
             variance += float(self._weight @ (scatter_db**2 - prior.fading_db**2))
-        if not level.known:
-            variance += float(self._weight @ state.variance_db2)
+        if behind is not None or not level.known:
+            variance += float(self._weight @ level.spread_db2(behind))
         likelihood = level.update(
             heard,
             expected,
             scatter_db,
             missed_share=prior.missed_share,
             chance_share=prior.chance_share + elsewhere / ANY_STRENGTH,
+            behind=behind,
         )
         state.mean_db = np.asarray(level.mean_db, np.float32)
         state.variance_db2 = np.asarray(level.variance_db2, np.float32)
+        if level.error is not None:
+            state.loss_error = level.error.columns()
         evidence = self._weigh(likelihood)
         if heard.snr_db is None:
             self._wonder(min(-evidence, _UNHEARD_NATS) - _CALMS_NATS)
@@ -466,23 +498,37 @@ class ParticleTracker:
 
     def density(self, heard: Listening) -> float:
         """Probability density [1/dB] that the tag gives this pulse; nothing is learnt."""
-        level, expected, scatter_db = self._expected(heard)
+        level, expected, scatter_db, behind = self._expected(heard)
         both = level.update(
-            heard, expected, scatter_db, missed_share=self._prior.missed_share, chance_share=0.0
+            heard,
+            expected,
+            scatter_db,
+            missed_share=self._prior.missed_share,
+            chance_share=0.0,
+            behind=behind,
         )
         return float(self._weight @ np.exp(both))
 
-    def _expected(self, heard: Listening) -> tuple[LevelBelief, _Floats, _Floats | float]:
-        """Strengths, levels here by them, and how these scatter."""
+    def _look_from(self, heard: Listening) -> None:
+        """Hills look different from here than from where the last pulse was heard."""
+        error = LossError.of_columns(self._state.loss_error)
+        if error is not None:
+            here = float(heard.east_m), float(heard.north_m)
+            self._state.loss_error = error.after(self._heard_from_m, here).columns()
+            self._heard_from_m = here
+
+    def _expected(
+        self, heard: Listening
+    ) -> tuple[LevelBelief, _Floats, _Floats | float, Behind | None]:
+        """Strengths, levels here by them, how these scatter, and the hills between."""
         state, prior = self._state, self._prior
         level = LevelBelief(
             mean_db=state.mean_db,
             variance_db2=state.variance_db2,
             known=prior.level_sigma_db == 0.0,
+            error=LossError.of_columns(state.loss_error),
         )
-        behind = Behind.hills(
-            prior.hills, heard, state.east_m, state.north_m, factor=state.loss_factor
-        )
+        behind = Behind.hills(prior.hills, heard, state.east_m, state.north_m)
         expected = level.expected_db(
             heard, state.east_m, state.north_m, state.exponent, prior.pattern, behind
         )
@@ -493,8 +539,8 @@ class ParticleTracker:
                 float(heard.height_m),
             )
         if behind is None:
-            return level, expected, prior.fading_db
-        return level, expected, behind.scatter_db(prior.fading_db)
+            return level, expected, prior.fading_db, None
+        return level, expected, behind.scatter_db(prior.fading_db), behind
 
     def take_bearing(
         self, east_m: float, north_m: float, posterior: NDArray[np.float64]
@@ -583,7 +629,7 @@ class ParticleTracker:
             level_db=state.mean_db[index],
             level_variance_db2=state.variance_db2[index],
             exponent=state.exponent[index],
-            loss_factor=state.loss_factor[index],
+            loss_error=state.loss_error[index],
             east_m_s=state.east_m_s[index],
             north_m_s=state.north_m_s[index],
             wandering_m_per_root_s=np.where(state.mode[index] == BROWSING, walk, 0.0).astype(
@@ -645,7 +691,6 @@ class ParticleTracker:
             velocity[moving] += 0.02 * self._normal(len(moving))
         if self._prior.exponent_sigma > 0.0:
             chosen.exponent = self._plausible(chosen.exponent + 0.03 * self._normal(count))
-        chosen.loss_factor = self._factors(np.log(chosen.loss_factor), 0.03)
         return chosen
 
     def _renew(self) -> None:
