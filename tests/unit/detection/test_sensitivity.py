@@ -5,6 +5,7 @@ from itertools import pairwise
 import pytest
 
 from uavrt.detection import detection_probability, enr_needed_db
+from uavrt.guidance.listening import threshold_db
 from uavrt.messages import Tag
 
 
@@ -53,3 +54,21 @@ def test_stronger_pulses_are_found_more_often(k: int) -> None:
     assert all(more > less - 1e-9 for less, more in pairwise(found))
     assert found[0] < 0.1
     assert found[-1] > 0.99
+
+
+@pytest.mark.parametrize(("bursts", "measured_db"), [(1, 9.69), (3, 6.12), (10, 3.05)])
+def test_the_level_that_coded_bursts_need_is_the_one_that_was_measured(
+    bursts: int, measured_db: float
+) -> None:
+    coded = Tag(
+        tag_id=12,
+        frequency_hz=166.38e6,
+        pulse_width_s=0.0025,
+        pulse_intervals_s=(5.3,),
+        interval_uncertainty_s=0.004,
+        k=bursts,
+        gaps_s=(0.022, 0.0488, 0.0366),
+    )
+    assert enr_needed_db(coded, 0.5) == pytest.approx(measured_db, abs=0.3)
+    assert threshold_db(bursts, coded=True) == pytest.approx(measured_db, abs=0.7)
+    assert enr_needed_db(coded, 0.9) > enr_needed_db(coded, 0.5)

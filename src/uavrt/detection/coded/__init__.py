@@ -11,6 +11,15 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.detection.coded.cells import Cells
     from uavrt.detection.coded.detector import CodedDetector
+    from uavrt.detection.coded.limits import FALSE_PER_HOUR, sum_limit
 
-__all__ = ["Cells", "CodedDetector"]
-__getattr__ = lazily(__name__, {"Cells": "cells", "CodedDetector": "detector"})
+__all__ = ["FALSE_PER_HOUR", "Cells", "CodedDetector", "sum_limit"]
+__getattr__ = lazily(
+    __name__,
+    {
+        "FALSE_PER_HOUR": "limits",
+        "Cells": "cells",
+        "CodedDetector": "detector",
+        "sum_limit": "limits",
+    },
+)

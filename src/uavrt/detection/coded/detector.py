@@ -23,14 +23,13 @@ from uavrt.detection.coded.judging import (
     measure,
     weigh,
 )
-from uavrt.detection.coded.limits import limit, sum_limit
+from uavrt.detection.coded.limits import FALSE_PER_HOUR, limit, sum_limit
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, make_code_book
 from uavrt.detection.coded.tracks import Tracks
 from uavrt.detection.signal import Cleaner, Counters, Intake
 from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, db_from_power, ns_from_s
 
-FALSE_PER_HOUR = 1e-4
 KEPT_S = 130.0
 """Cells from which several bursts are summed."""
 _STEP_S = 0.4

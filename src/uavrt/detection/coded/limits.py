@@ -11,6 +11,8 @@ from scipy.special import gammainccinv
 
 from uavrt.messages import Tag
 
+FALSE_PER_HOUR = 1e-4
+"""Identities that noise may make, of each code."""
 _SHARES = {1: 0.4, 3: 0.2}
 """Of the sums of so many bursts; the rest is of the longest."""
 _PER_CELL = 60.0
