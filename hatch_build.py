@@ -72,8 +72,8 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
     """Write the dialect and the page before a wheel or an editable install is made."""
 
     def dependencies(self) -> list[str]:
-        """Ask for Node from PyPI where the machine has none, or too old a one."""
-        return [] if node_of_machine() else [NODE_WHEEL]
+        """Ask for Node from PyPI where the page must be built and the machine has none."""
+        return [] if page_is_built(Path(self.root)) or node_of_machine() else [NODE_WHEEL]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Generate and declare the files, which git ignores, as part of the wheel.
@@ -81,6 +81,10 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
         A page that cannot be built stops the wheel, but not an editable install, nor a drone's
         (``UAVRT_PAGE=optional`` in the environment).
         """
+        if self.target_name == "sdist":  # with the page: who builds of it needs no Node
+            build_page(Path(self.root))
+            build_data["artifacts"].append(f"/{STATIC.as_posix()}/**")
+            return
         generate(Path(self.root))
         build_data["artifacts"].append(f"/{OUTPUT.as_posix()}")
         try:
@@ -183,9 +187,29 @@ def build_page(root: Path) -> None:
     PageError
         There is no Node, npm cannot fetch the libraries, or the sources are wrong.
     """
+    if page_is_built(root):
+        return
+    page, stamp = root / PAGE, root / STAMP
+    node, npm = node_and_npm()
+    lock = page / "node_modules" / ".package-lock.json"
+    pinned = page / "package-lock.json"
+    if not lock.exists() or lock.stat().st_mtime < pinned.stat().st_mtime:
+        run([*npm, "ci", "--no-audit", "--no-fund"], page, node)
+    run([*node, str(page / "node_modules/vite/bin/vite.js"), "build"], page, node)
+    stamp.write_text(page_digest(root))
+
+
+def page_is_built(root: Path) -> bool:
+    """Tell whether what is built below `root` is of these sources, if they are here at all."""
+    stamp = root / STAMP
+    return not (root / PAGE).is_dir() or (
+        stamp.exists() and stamp.read_text() == page_digest(root)
+    )
+
+
+def page_digest(root: Path) -> str:
+    """Digest of the page's sources below `root`."""
     page = root / PAGE
-    if not page.is_dir():
-        return  # a source distribution's own wheel has it built already
     sources = sorted(
         path
         for path in page.rglob("*")
@@ -194,16 +218,7 @@ def build_page(root: Path) -> None:
     digest = hashlib.sha256()
     for path in sources:
         digest.update(path.relative_to(page).as_posix().encode() + b"\0" + path.read_bytes())
-    stamp = root / STAMP
-    if stamp.exists() and stamp.read_text() == digest.hexdigest():
-        return
-    node, npm = node_and_npm()
-    lock = page / "node_modules" / ".package-lock.json"
-    pinned = page / "package-lock.json"
-    if not lock.exists() or lock.stat().st_mtime < pinned.stat().st_mtime:
-        run([*npm, "ci", "--no-audit", "--no-fund"], page, node)
-    run([*node, str(page / "node_modules/vite/bin/vite.js"), "build"], page, node)
-    stamp.write_text(digest.hexdigest())
+    return digest.hexdigest()
 
 
 def run(arguments: list[str], page: Path, node: list[str]) -> None:

@@ -33,6 +33,7 @@ COMMANDS = {
     "monitor": "Watch a running system in a terminal.",
     "doctor": "What is wrong with this computer, and what to do.",
     "service": "Start the drone side at boot.",
+    "starter": "The ground station in the desktop's menu.",
     "update": "Another version, offline, signed, with a way back.",
 }
 """Each is the function of this name in the module of this name, imported when it is called."""

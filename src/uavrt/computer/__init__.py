@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from uavrt.computer.checks import check_card, check_disk, check_radio, examine
     from uavrt.computer.finding import Finding
     from uavrt.computer.service import ServicePlan, install, remove, status
+    from uavrt.computer.starter import data_home, install_starter, remove_starter
     from uavrt.computer.trial import Needs, Seen, Trial, Verdict, require_still
     from uavrt.computer.versions import Installation, runs_from
 
@@ -27,11 +28,14 @@ __all__ = [
     "check_card",
     "check_disk",
     "check_radio",
+    "data_home",
     "examine",
     "examine_autopilot",
     "first_flight",
     "install",
+    "install_starter",
     "remove",
+    "remove_starter",
     "require_still",
     "runs_from",
     "status",
@@ -52,6 +56,9 @@ __getattr__ = lazily(
         "check_card": "checks",
         "check_disk": "checks",
         "check_radio": "checks",
+        "data_home": "starter",
+        "install_starter": "starter",
+        "remove_starter": "starter",
         "examine": "checks",
         "examine_autopilot": "autopilot_setup",
         "first_flight": "bench",
