@@ -433,7 +433,10 @@ class Store {
     if (ticket !== this.loading || this.review) return;
     const waiting = this.waiting ?? [];
     this.waiting = null;
-    if (id !== this.liveFlight) this.heights = null;
+    if (id !== this.liveFlight) {
+      this.heights = null;
+      this.bursts.clear();
+    }
     this.liveFlight = id;
     this.pulses = pulses;
     this.track = track;

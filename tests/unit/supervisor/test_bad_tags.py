@@ -169,3 +169,26 @@ def test_a_start_with_fewer_tags_than_were_sent_is_refused(tmp_path: Path) -> No
     assert mission.flight is None
     # As many or more: some may have come by another wire.
     assert say(mission, 23, "start_detection", tag_count=1).accepted
+
+
+def test_codes_that_nobody_can_tell_apart_are_refused_with_the_list(tmp_path: Path) -> None:
+    mission = mission_in(tmp_path)
+    code = replace(
+        TAG,
+        tag_id=30,
+        pulse_width_s=0.0025,
+        pulse_intervals_s=(4.7,),
+        interval_uncertainty_s=0.004,
+        interval_jitter_s=0.0,
+        k=10,
+        gaps_s=(0.022, 0.0488, 0.0366),
+    )
+    say(mission, 1, "start_tags")
+    overlapping = say(mission, 2, "add_tag", tag=replace(code, gaps_s=(0.004, 0.0488)))
+    assert not overlapping.accepted
+    assert "overlap" in overlapping.message
+    for number, tag_id in enumerate((30, 31), start=3):
+        assert say(mission, number, "add_tag", tag=replace(code, tag_id=tag_id)).accepted
+    ended = say(mission, 5, "end_tags")
+    assert not ended.accepted
+    assert "tags 30 and 31 have the same code" in ended.message
