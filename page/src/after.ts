@@ -63,7 +63,7 @@ function drawAfter(): void {
     flight = now;
     forget();
     const tags = review?.rows ?? [];
-    fill(by("silence-tag"), ...tags.map((tag) => h("option", { value: String(tag.id) }, [tag.id, tag.name].filter(Boolean).join(" "))));
+    fill(by("silence-tag"), ...tags.map((tag) => h("option", { value: String(tag.id), translate: "no" }, [tag.id, tag.name].filter(Boolean).join(" "))));
   }
   const tags = store.hindsight?.tags ?? [];
   fill(

@@ -75,7 +75,7 @@ function line(name: string, one: TagFacts, two: TagFacts): HTMLElement {
   return h(
     "tr",
     {},
-    h("th", { scope: "row" }, name),
+    h("th", { scope: "row", translate: "no" }, name),
     ...[...cells, apart].map((text) => h("td", { class: "number" }, text)),
   );
 }

@@ -1,7 +1,7 @@
 /** The drone's upkeep: its radio, its parameters, its flights. */
 
 import { ApiError, send } from "./api";
-import { by, fill, h, say } from "./dom";
+import { by, describe, fill, h, say } from "./dom";
 import { toast } from "./notice";
 import { store } from "./store";
 
@@ -38,7 +38,7 @@ function drawButtons(): void {
     const button = by(`act-${name}`);
     const action = actions[name];
     button.setAttribute("aria-disabled", String(!action?.enabled));
-    button.title = action?.reason ?? "";
+    describe(button, "title", action?.reason ?? "");
     if (!button.dataset.asking) say(button, action?.label ?? name);
   }
 }
@@ -68,8 +68,9 @@ async function press(name: string): Promise<void> {
 
 /** Tell what would go and what stays; let the second press count when the drone takes it. */
 function secondStep(button: HTMLElement, waitS: number, count: string, stays: string): void {
-  const what = `Remove ${count} ${count === "1" ? "flight" : "flights"}`;
-  say(by("drone-note"), `${what} from the drone? ${stays[0]!.toUpperCase()}${stays.slice(1)}. Press again in ${waitS} s; else nothing is removed.`);
+  const what = count === "1" ? `Remove ${count} flight` : `Remove ${count} flights`;
+  const kept = stays[0]!.toUpperCase() + stays.slice(1);
+  say(by("drone-note"), `${what} from the drone? ${kept}. Press again in ${waitS} s; else nothing is removed.`);
   button.dataset.asking = "wait";
   say(button, `${what} … wait`);
   setTimeout(() => {

@@ -3,6 +3,7 @@
  * shows what the other shows but vector maps, turned views and the strength over the ground.
  */
 
+import { told } from "./i18n";
 import { PMTiles } from "pmtiles";
 import { snrColour, tagColour } from "./colour";
 import { h } from "./dom";
@@ -17,6 +18,8 @@ import type { FlightMap, MotionDrawing, Tap } from "./view";
 import type { MapFile, SilenceMap } from "./types";
 
 const TILE = 256;
+/** Pixels that an arrow key shifts the map by. */
+const KEY_STEP = 60;
 const MOST_PULSES = 4000;
 
 export class FlatMap implements FlightMap {
@@ -24,7 +27,7 @@ export class FlatMap implements FlightMap {
   readonly flat = true;
   follow = true;
   onTap: (tap: Tap) => void = () => undefined;
-  private canvas = h("canvas", { class: "flat-map", tabindex: "0", "aria-label": "Map of the flight" });
+  private canvas = h("canvas", { class: "flat-map", tabindex: "0", "aria-label": "Map of the flight. Enter taps its middle" });
   private over = h("div", { class: "flat-over" });
   private note = h("div", { class: "flat-attribution" });
   private zoom = 2;
@@ -67,6 +70,7 @@ export class FlatMap implements FlightMap {
     };
     this.canvas.addEventListener("pointerup", up);
     this.canvas.addEventListener("pointercancel", up);
+    this.canvas.addEventListener("keydown", (event) => this.press(event));
   }
 
   resize(): void {
@@ -128,7 +132,7 @@ export class FlatMap implements FlightMap {
     this.basemap = file && !file.fault && file.tiles !== "mvt" ? file : null;
     this.tiles.clear();
     this.archive = this.basemap?.format === "pmtiles" ? new PMTiles(this.placeOf(this.basemap)) : null;
-    this.note.textContent = file?.tiles === "mvt" ? "This map is of lines: it needs WebGL2" : (this.basemap?.attribution ?? "");
+    this.note.textContent = file?.tiles === "mvt" ? told("This map is of lines: it needs WebGL2") : (this.basemap?.attribution ?? "");
     this.redraw();
     return Promise.resolve();
   }
@@ -198,11 +202,26 @@ export class FlatMap implements FlightMap {
       return;
     }
     if (this.moved <= 6) return;
+    this.shift(is[0] - was[0], is[1] - was[1]);
+  }
+
+  private shift(x: number, y: number): void {
     const scale = this.scale();
-    this.middle = [this.middle[0] - ((is[0] - was[0]) / scale) * 360, latitude(mercator(this.middle[1]) - (is[1] - was[1]) / scale)];
+    this.middle = [this.middle[0] - (x / scale) * 360, latitude(mercator(this.middle[1]) - y / scale)];
     this.follow = false;
     this.container.dispatchEvent(new CustomEvent("follow"));
     this.redraw();
+  }
+
+  /** Keys of the other map: arrows shift, + and - zoom, Enter taps the middle. */
+  private press(event: KeyboardEvent): void {
+    const step = { ArrowLeft: [KEY_STEP, 0], ArrowRight: [-KEY_STEP, 0], ArrowUp: [0, KEY_STEP], ArrowDown: [0, -KEY_STEP] }[event.key];
+    const { width, height } = this.size();
+    if (step) this.shift(step[0]!, step[1]!);
+    else if (event.key === "+" || event.key === "-") this.zoomBy(event.key === "+" ? 1 : -1);
+    else if (event.key === "Enter") this.onTap({ at: this.middle, x: width / 2, y: height / 2 });
+    else return;
+    event.preventDefault();
   }
 
   private redraw(): void {

@@ -2,7 +2,7 @@
 
 import { ApiError, BASE, get, send } from "./api";
 import { compare } from "./compare";
-import { by, fill, h, say } from "./dom";
+import { by, describe, fill, h, say } from "./dom";
 import { downloadSection } from "./downloads";
 import { dateTime, span } from "./format";
 import { toast } from "./notice";
@@ -50,7 +50,7 @@ export async function refresh(): Promise<void> {
       h("td", {}, dateTime(flight.start_time_ns), live ? h("span", { class: "chip live" }, "now") : null),
       h("td", { class: "number" }, span((flight.end_time_ns - flight.start_time_ns) / 1e9)),
       h("td", { class: "number" }, flight.pulses.toLocaleString("en")),
-      h("td", {}, tags.join(", ")),
+      h("td", { translate: "no" }, tags.join(", ")),
       h("td", {}, `${flight.source === "ground" ? "received here" : "from the drone"}${flight.vehicle ? `, vehicle ${flight.vehicle}` : ""}`),
       h(
         "td",
@@ -82,8 +82,8 @@ function starButton(flight: FlightSummary): HTMLElement {
     say(button, flight.starred ? "★" : "☆");
     button.setAttribute("aria-pressed", String(flight.starred));
     const words = flight.starred ? "Starred: never removed. Press to take the star away" : "Star: never remove this flight";
-    button.setAttribute("aria-label", words);
-    button.title = words;
+    describe(button, "aria-label", words);
+    describe(button, "title", words);
   };
   const turn = async () => {
     try {

@@ -3,8 +3,9 @@
 import { afterPanel, openAfter } from "./after";
 import { ApiError, get, send } from "./api";
 import { snrColour, SNR_HIGH, tagColour } from "./colour";
-import { append, by, fill, h, say } from "./dom";
+import { append, by, describe, fill, h, say } from "./dom";
 import { ago, fixed, UNKNOWN } from "./format";
+import { told } from "./i18n";
 import { drawFollow, drawLegend, layerBox, legend, offerMaps, recall } from "./layers";
 import { FlatMap, hasWebGl2 } from "./flatmap";
 import { MapView } from "./map";
@@ -148,7 +149,7 @@ export async function act(name: string): Promise<void> {
     toast(action.reason ?? "Not now", 5);
     return;
   }
-  const body = name === "mark" ? { text: prompt("Remark (may stay empty)") ?? "" } : {};
+  const body = name === "mark" ? { text: prompt(told("Remark (may stay empty)")) ?? "" } : {};
   try {
     const answer = await send<{ message: string }>("POST", `/commands/${name}`, body);
     toast(`${action.label}: ${answer.message}`, 6);
@@ -168,7 +169,7 @@ function drawActions(): void {
     const off = !action.enabled || (store.review !== null && name !== "stop") || (store.looksOn() && name !== "stop" && name !== "mark");
     // Not "disabled": a button that can be focused can say why it does nothing.
     button.setAttribute("aria-disabled", String(off));
-    button.title = action.reason ?? "";
+    describe(button, "title", action.reason ?? "");
     button.classList.toggle("busy", state.busy?.action === name);
   }
   const next = nextStep();
@@ -238,8 +239,8 @@ function buildCards(): void {
     card.root.querySelector(".tag-pick")!.setAttribute("aria-pressed", String(id === store.selected));
     const hidden = store.hidden.has(id);
     card.root.classList.toggle("is-hidden", hidden);
-    card.eye.setAttribute("aria-pressed", String(!hidden));
     say(card.eye, hidden ? "Show" : "Hide");
+    describe(card.eye, "aria-label", hidden ? `Show tag ${id} on the map` : `Hide tag ${id} on the map`);
     (card.root.querySelector(".tag-dot") as HTMLElement).style.background = tagColour(store.tagOrder(id));
   }
 }
@@ -249,7 +250,7 @@ function makeCard(id: number): Card {
   const snr = h("span", { class: "snr" }, UNKNOWN);
   const facts = h("div", { class: "facts" });
   const fresh = h("span", { class: "fresh" });
-  const eye = h("button", { class: "eye", "aria-label": `Show tag ${id} on the map`, onclick: () => store.toggle(id) });
+  const eye = h("button", { class: "eye", onclick: () => store.toggle(id) });
   const root = h(
     "div",
     { class: "card", role: "listitem", "data-tag": id },
@@ -257,7 +258,7 @@ function makeCard(id: number): Card {
       "button",
       { class: "tag-pick", onclick: () => store.select(id) },
       h("span", { class: "tag-dot" }),
-      h("span", { class: "tag-name" }, store.tagName(id)),
+      h("span", { class: "tag-name", translate: "no" }, store.tagName(id)),
       fresh,
       snr,
     ),

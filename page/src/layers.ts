@@ -111,7 +111,7 @@ export function offerMaps(choices: Choices): void {
   fill(
     select,
     h("option", { value: "" }, "none: grid"),
-    ...choices.maps.map((file) => h("option", { value: file.name, disabled: file.fault !== null }, file.fault ? `${file.name}: ${file.fault}` : file.name)),
+    ...choices.maps.map((file) => h("option", { value: file.name, disabled: file.fault !== null, translate: "no" }, file.fault ? `${file.name}: ${file.fault}` : file.name)),
   );
   const choose = (name: string) => {
     select.value = name;

@@ -72,7 +72,7 @@ function draw(): void {
         h("time", { title: dateTime(line.time_ns) }, clock(line.time_ns)),
         h("span", { class: "log-kind" }, SEVERITIES[line.severity] ?? String(line.severity)),
         h("span", { class: "log-source" }, line.source),
-        h("span", { class: "log-said" }, line.text),
+        h("span", { class: "log-said", translate: "no" }, line.text),
       ),
     ),
     latest.length ? null : h("p", { class: "empty" }, "Nothing that matches."),

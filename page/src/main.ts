@@ -8,6 +8,7 @@ import { drawVehicles, unserved } from "./vehicles";
 import { append, by, fill, h, say } from "./dom";
 import { buildFlights, refresh } from "./flights";
 import { dateTime, fixed, span } from "./format";
+import { language, missing, told } from "./i18n";
 import { motionBar } from "./motion";
 import { buildLog, showLog } from "./log";
 import { buildPlots, recolourPlots, showPlots } from "./plots";
@@ -57,7 +58,7 @@ function buildHeader(): void {
     next.click();
   });
   append(by("top"), [
-    h("h1", { class: "brand" }, "uavrt"),
+    h("h1", { class: "brand", translate: "no" }, "uavrt"),
     list,
     h(
       "div",
@@ -210,6 +211,9 @@ try {
 }
 // Before the map is made: its ground has the theme's colour.
 document.documentElement.dataset.theme = theme;
+document.documentElement.lang = language;
+document.title = told(document.title);
+say(document.querySelector(".skip")!, "Skip to the view");
 buildHeader();
 by("banner").after(motionBar());
 buildFly(show);
@@ -226,4 +230,4 @@ fill(by("banner"), "Connecting …");
 by("banner").hidden = false;
 store.connect();
 // For the tests, which look at the map's frames.
-(window as unknown as { uavrt: unknown }).uavrt = { store, map: () => (mapView() as unknown as { map: unknown }).map };
+(window as unknown as { uavrt: unknown }).uavrt = { store, missing, map: () => (mapView() as unknown as { map: unknown }).map };

@@ -1,5 +1,6 @@
 /** The map: whatever file the user has below it, or none, and everything of the flight on it. */
 
+import { told } from "./i18n";
 import {
   AttributionControl,
   GeoJSONSource,
@@ -112,7 +113,13 @@ export class MapView implements FlightMap {
       container.dispatchEvent(new CustomEvent("follow"));
     });
     this.map.on("click", (event) => this.onTap({ at: [event.lngLat.lng, event.lngLat.lat], x: event.point.x, y: event.point.y }));
-    this.map.getCanvas().setAttribute("aria-label", "Map of the flight");
+    const canvas = this.map.getCanvas();
+    canvas.setAttribute("aria-label", told("Map of the flight. Enter taps its middle"));
+    canvas.addEventListener("keydown", (event) => {
+      if (event.key !== "Enter") return;
+      const [at, size] = [this.map.getCenter(), canvas.getBoundingClientRect()];
+      this.onTap({ at: [at.lng, at.lat], x: size.width / 2, y: size.height / 2 });
+    });
   }
 
   resize(): void {

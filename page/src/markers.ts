@@ -26,7 +26,7 @@ export function otherElement(heading: number, name: string): HTMLElement {
     { viewBox: "-16 -16 32 32", width: 24, height: 24, role: "img", "aria-label": name },
     svg("path", { d: "M0 -13 L9 11 L0 6 L-9 11 Z", class: "drone-shape other", transform: `rotate(${heading})` }),
   );
-  return h("div", { class: "other-vehicle", "data-name": name }, shape, h("span", { class: "fix-name" }, name));
+  return h("div", { class: "other-vehicle", "data-name": name }, shape, h("span", { class: "fix-name", translate: "no" }, name));
 }
 
 /** The pulse rose: for each sixteenth of the turn, the strongest pulse heard there. */
@@ -71,7 +71,7 @@ function listenedIn(one: BearingRecord): Set<number> {
 }
 
 export function markElement(text: string): HTMLElement {
-  return h("div", { class: "mark-place", title: text }, h("span", { class: "mark-flag" }, "⚑"), text ? h("span", { class: "fix-name" }, text) : null);
+  return h("div", { class: "mark-place", title: text }, h("span", { class: "mark-flag" }, "⚑"), text ? h("span", { class: "fix-name", translate: "no" }, text) : null);
 }
 
 export function meElement(): HTMLElement {
@@ -93,7 +93,7 @@ export function onBoardElement(one: BearingRecord): HTMLElement {
 }
 
 export function fixElement(one: PositionRecord): HTMLElement {
-  const element = h("div", { class: "fix" }, h("span", { class: "fix-name" }, store.tagName(one.tag_id)));
+  const element = h("div", { class: "fix" }, h("span", { class: "fix-name", translate: "no" }, store.tagName(one.tag_id)));
   const pin = svg(
     "svg",
     { viewBox: "-9 -20 18 21", width: 18, height: 21, "aria-hidden": "true" },

@@ -75,7 +75,7 @@ function drawTags(): void {
       dot.style.background = tagColour(store.tagOrder(id));
       return h(
         "button",
-        { "aria-pressed": String(id === store.selected), onclick: () => store.select(id) },
+        { "aria-pressed": String(id === store.selected), translate: "no", onclick: () => store.select(id) },
         dot,
         store.tagName(id),
       );
@@ -143,11 +143,15 @@ function drawPolar(): void {
   say(
     by("polar-note"),
     bearing
-      ? `Turn ${bearing.turn + 1}: bearing ${bearing.bearing_deg.toFixed(0)}°` +
-          (interval ? `, 90\u202f% between ${interval[0].toFixed(0)}° and ${interval[1].toFixed(0)}°` : "") +
-          `, ${bearing.pulses} pulses` +
-          (bearing.from_drone ? ", estimated on the drone" : "") +
-          (bearing.ambiguous ? "; another direction is possible" : "")
+      ? [
+          `Turn ${bearing.turn + 1}: bearing ${bearing.bearing_deg.toFixed(0)}°`,
+          interval ? `90\u202f% between ${interval[0].toFixed(0)}° and ${interval[1].toFixed(0)}°` : "",
+          `${bearing.pulses} pulses`,
+          bearing.from_drone ? "estimated on the drone" : "",
+          bearing.ambiguous ? "another direction is possible" : "",
+        ]
+          .filter(Boolean)
+          .join(" · ")
       : "No turn in place yet: all pulses of this tag are shown.",
   );
 }

@@ -38,7 +38,7 @@ function draw(found: SeasonRecord): void {
     h(
       "tr",
       { "data-animal": one.tag_id },
-      h("td", {}, one.name ? `${one.tag_id} ${one.name}` : String(one.tag_id)),
+      h("td", { translate: "no" }, one.name ? `${one.tag_id} ${one.name}` : String(one.tag_id)),
       h("td", { class: "number" }, fixed(one.frequency_hz / 1e6, 3, "MHz")),
       h("td", { class: "number" }, one.flights),
       h("td", { class: "number" }, one.flights_heard),
@@ -59,11 +59,11 @@ function flown(found: SeasonRecord): string {
 
 function heard(found: SeasonRecord): string {
   const all = `${found.animals_heard} of ${found.animals.length} animals heard`;
-  return found.minutes_per_animal === null ? all : `${all}, ${fixed(found.minutes_per_animal, 1)} minutes of flight for each time`;
+  return found.minutes_per_animal === null ? all : `${all} · ${fixed(found.minutes_per_animal, 1)} minutes of flight for each time`;
 }
 
 function batteries(found: SeasonRecord): string {
   if (!found.batteries) return "no flight tells of its battery";
   const put = `${found.batteries} batteries put in, ${fixed(found.batteries_used, 1)} full ones used`;
-  return found.flights_without_battery ? `${put}, ${found.flights_without_battery} flights do not tell` : put;
+  return found.flights_without_battery ? `${put} · ${found.flights_without_battery} flights do not tell` : put;
 }

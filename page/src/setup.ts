@@ -3,6 +3,7 @@
 import { ApiError, BASE, get, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { droneSection } from "./drone";
+import { choose, language, LANGUAGES } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
 import type { Choices, FieldFault, Settings, TagRow } from "./types";
@@ -64,7 +65,7 @@ export function buildSetup(): void {
           h("button", { id: "tag-add", onclick: () => addRow() }, "Add a tag"),
           h("select", { id: "tag-preset", "aria-label": "New tags like", title: "New tags like" }, h("option", { value: "" }, "like the last one")),
           importButton(),
-          ...["tags.toml", "TagInfo.txt", "tags.csv"].map((name) => h("a", { class: "export", href: `${BASE}/api/tags/${name}`, download: name }, name)),
+          ...["tags.toml", "TagInfo.txt", "tags.csv"].map((name) => h("a", { class: "export", translate: "no", href: `${BASE}/api/tags/${name}`, download: name }, name)),
           h("span", { id: "tag-state", class: "note", role: "status" }),
           h("button", { id: "tag-save", class: "primary", onclick: () => void save() }, "Save"),
         ),
@@ -375,6 +376,9 @@ function connectionForm(): HTMLElement {
       h("option", { value: "G2v1" }, "TagTracker's, version 1"),
       h("option", { value: "G2" }, "TagTracker's, versions 4 to 7 (trial)"),
     )),
+    h("label", {}, "Language", h("select", { id: "set-language", onchange: () => speakIn(value("set-language")) },
+      ...LANGUAGES.map(([name, own]) => h("option", { value: name, lang: name, translate: "no", selected: name === language }, own)),
+    )),
     h(
       "div",
       { class: "row" },
@@ -383,6 +387,16 @@ function connectionForm(): HTMLElement {
       h("span", { id: "link-state", class: "note", role: "status" }),
     ),
   );
+}
+
+/** The page is loaded anew: what is typed must be saved before. */
+function speakIn(name: string): void {
+  if (!changed) {
+    choose(name);
+    return;
+  }
+  (by("set-language") as HTMLSelectElement).value = language;
+  toast("Save the tags first", 4);
 }
 
 function antennaForm(): HTMLElement {
@@ -447,14 +461,14 @@ function offer(): void {
   fill(
     by("link-kind"),
     h("option", { value: "" }, "as below"),
-    ...choices.ports.map((port) => h("option", { value: port.address }, `${port.device} ${port.description}`)),
+    ...choices.ports.map((port) => h("option", { value: port.address, translate: "no" }, `${port.device} ${port.description}`)),
     h("option", { value: "udpin://127.0.0.1:14550" }, "UDP, beside QGroundControl or a simulator"),
     h("option", { value: "udpin://0.0.0.0:14550" }, "UDP, from a telemetry Wi-Fi"),
-    h("option", { value: "tcp://127.0.0.1:5760" }, "TCP"),
+    h("option", { value: "tcp://127.0.0.1:5760", translate: "no" }, "TCP"),
   );
-  fill(by("set-antenna"), ...Object.keys(choices.antennas).map((name) => h("option", { value: name }, name)));
+  fill(by("set-antenna"), ...Object.keys(choices.antennas).map((name) => h("option", { value: name, translate: "no" }, name)));
   const presets = by("tag-preset");
-  choices.presets.forEach((preset, place) => presets.append(h("option", { value: place }, String(preset.name))));
+  choices.presets.forEach((preset, place) => presets.append(h("option", { value: place, translate: "no" }, String(preset.name))));
 }
 
 function suggest(): void {

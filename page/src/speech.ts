@@ -1,5 +1,7 @@
 /** Speech by the browser's own voice, which works without a network. */
 
+import { language } from "./i18n";
+
 let enabled = false;
 
 export function speaking(): boolean {
@@ -14,9 +16,9 @@ export function setSpeaking(on: boolean): void {
 export function speak(text: string): void {
   if (!("speechSynthesis" in window)) return;
   const words = new SpeechSynthesisUtterance(text);
-  words.lang = "en";
+  words.lang = language;
   // A voice of a service would send the text away.
-  const voice = speechSynthesis.getVoices().find((one) => one.localService && one.lang.startsWith("en"));
+  const voice = speechSynthesis.getVoices().find((one) => one.localService && one.lang.startsWith(language));
   if (!voice && speechSynthesis.getVoices().length) return;
   if (voice) words.voice = voice;
   speechSynthesis.speak(words);

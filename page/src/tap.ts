@@ -1,5 +1,6 @@
 /** A tap on the map: where that is, how far from me and the drone; marks and measuring. */
 
+import { told } from "./i18n";
 import { get, send } from "./api";
 import { by, fill, h } from "./dom";
 import { metres } from "./format";
@@ -84,7 +85,7 @@ function say(at: LonLat, measured: string): void {
 }
 
 async function mark([longitude, latitude]: LonLat, close: () => void): Promise<void> {
-  const text = prompt("Remark (may stay empty)");
+  const text = prompt(told("Remark (may stay empty)"));
   if (text === null) return;
   try {
     await send("POST", "/commands/mark", { text, latitude_deg: latitude, longitude_deg: longitude });

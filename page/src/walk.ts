@@ -1,5 +1,6 @@
 /** Where to go: the position of the chosen tag, large, in the form that the people use. */
 
+import { told } from "./i18n";
 import { get } from "./api";
 import { by, h, say } from "./dom";
 import { strongestSignal } from "./features";
@@ -22,6 +23,7 @@ export function walkBox(): HTMLElement {
       "button",
       {
         class: "format",
+        translate: "no",
         "data-format": name,
         "aria-pressed": String(name === format),
         onclick: () => {
@@ -38,7 +40,7 @@ export function walkBox(): HTMLElement {
     h("div", { class: "walk-head" }, h("span", { id: "walk-title" }), h("span", { id: "walk-sure" })),
     h("div", { id: "walk-place", class: "walk-place" }),
     h("div", { id: "walk-way", class: "walk-way" }),
-    h("ul", { id: "walk-remarks", class: "walk-remarks" }),
+    h("ul", { id: "walk-remarks", class: "walk-remarks", tabindex: "0", "aria-label": "Remarks on the place" }),
     h(
       "div",
       { class: "walk-formats", role: "group", "aria-label": "Form of the coordinates" },
@@ -141,7 +143,7 @@ export function takeOff(): { at: LonLat; named: string } | null {
 
 function spelled(): string {
   const place = by("walk-place").textContent ?? "";
-  return `${by("walk-title").textContent}. ${place.split("").join(" ").replaceAll(".", "point").replaceAll("-", "minus")}. ${by("walk-way").textContent}`;
+  return `${by("walk-title").textContent}. ${place.split("").join(" ").replaceAll(".", told("point")).replaceAll("-", told("minus"))}. ${by("walk-way").textContent}`;
 }
 
 function copyPlace(): void {

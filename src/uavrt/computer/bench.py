@@ -184,14 +184,13 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
     rises = {tag_id: levels[tag_id] - one.quietest_db for tag_id, one in known.items()}
     worst = max(rises, key=rises.__getitem__)
     if rises[worst] > NOISE_RISE_DB:
-        text = f"{rises[worst]:.0f} dB more than before at {names[worst]}"
+        text = f"{rises[worst]:.0f} dB more than before at {names[worst]} MHz"
         return _bad(what, text, NOISE_REMEDY)
     loudest = max(levels, key=levels.__getitem__)
     apart_db = levels[loudest] - min(levels.values())
     if apart_db > NOISE_APART_DB:
-        text = (
-            f"{apart_db:.0f} dB more at {names[loudest]} than at the quietest tag's frequency"
-        )
+        at = names[loudest]
+        text = f"{apart_db:.0f} dB more at {at} MHz than at the quietest tag's"
         return _bad(what, text, NOISE_REMEDY)
     return _good(what, f"even to {apart_db:.0f} dB, and steady")
 
@@ -286,8 +285,9 @@ def _battery(facts: FlightFacts) -> Finding:
         )
     if percent < BATTERY_PERCENT:
         return _bad(what, f"{percent:.0f} % left", "Charge it, or take a full one")
-    volts = "" if facts.battery_v is None else f", {facts.battery_v:.1f} V"
-    return _good(what, f"{percent:.0f} % left{volts}")
+    if facts.battery_v is None:
+        return _good(what, f"{percent:.0f} % left")
+    return _good(what, f"{percent:.0f} % left, {facts.battery_v:.1f} V")
 
 
 def _age_s(at_ns: int | None, now_ns: int) -> float:
@@ -295,4 +295,4 @@ def _age_s(at_ns: int | None, now_ns: int) -> float:
 
 
 def _megahertz(tag: Tag) -> str:
-    return f"{tag.frequency_hz / 1e6:.3f} MHz"
+    return f"{tag.frequency_hz / 1e6:.3f}"

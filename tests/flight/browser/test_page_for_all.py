@@ -1,0 +1,179 @@
+"""The page for everybody: accessible by axe's rules, by keyboard alone, in German."""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from page_driver import Ground, Watched
+from past_flight import write_flight
+from playwright.sync_api import Browser, Page, expect
+from willing_drone import WillingDrone
+
+from uavrt.demo.programs import free_udp_port
+
+pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
+
+AXE = Path(__file__).parents[3] / "page/node_modules/axe-core/axe.min.js"
+RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
+RUN_AXE = """(tags) => axe.run(document, { runOnly: tags }).then((found) =>
+  found.violations.map((one) =>
+    [one.impact, one.id, one.nodes.map((node) => node.target.join(" ")).join(", ")]))"""
+VIEWS = ("fly", "plots", "setup", "log", "flights", "check")
+CONTROLS = """() => [...document.querySelectorAll(
+  "button, a[href], input, select, textarea, summary, [tabindex='0'], canvas[tabindex]")]
+  .filter((one) => one.checkVisibility({ visibilityProperty: true }) && !one.disabled)
+  .filter((one) => one.tabIndex >= 0 && one.getBoundingClientRect().width > 0)
+  .map((one) => { one.dataset.walked ??= String(window.walked = (window.walked ?? 0) + 1);
+    return [one.dataset.walked, one.id || one.className || one.textContent]; })"""
+FOCUSED = """() => { const one = document.activeElement; const style = getComputedStyle(one);
+  const seen = style.outlineStyle !== "none" || style.boxShadow !== "none";
+  return [one.dataset.walked ?? null, seen]; }"""
+
+
+@pytest.fixture
+def station(
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> str:
+    """Address of a station with two past flights, a tag and a drone that is heard."""
+    here = tmp_path / "ground"
+    here.mkdir()
+    for east_m in (120.0, 150.0):
+        write_flight(here, east_m, 300.0)
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    willing(port)
+    return ground.address
+
+
+def ready(page: Page) -> None:
+    """Everything that fills a view: a tag in the table, a drone."""
+    expect(page.locator("#chip-state")).not_to_have_class("chip bad")
+    page.click("#tab-setup")
+    page.click("#tag-add")
+    for key, value in (("id", "2"), ("frequency_mhz", "148.712"), ("interval_ms", "1200")):
+        page.fill(f'input[data-row="0"][data-key="{key}"]', value)
+    for key in ("pulse_width_ms", "interval_uncertainty_ms", "interval_jitter_ms"):
+        page.fill(f'input[data-row="0"][data-key="{key}"]', "20")
+    page.click("#tag-save")
+    page.wait_for_function("() => window.uavrt.store.tags.length === 1")
+
+
+def states(page: Page) -> Iterator[str]:
+    """Go through the views, and what opens in them."""
+    for view in VIEWS:
+        page.click(f"#tab-{view}")
+        if view == "flights":
+            page.click("#season-show")
+            expect(page.locator("[data-animal]")).to_have_count(1)
+            for tick in page.locator(".tick").all():
+                tick.check()
+            page.click("#flights-compare")
+            expect(page.locator("#compare table")).to_be_visible()
+        if view == "check":
+            expect(page.locator(".check-row")).to_have_count(8)
+        yield view
+    page.click("#tab-fly")
+    page.click("#show-move")
+    page.locator(".layers summary").click()
+    yield "move and layers"
+    page.locator(".layers summary").click()
+    page.click("#tab-flights")
+    page.locator(".open-flight").first.click()
+    expect(page.locator("#banner")).to_be_visible()
+    page.wait_for_function("() => window.uavrt.store.positions.length > 0")
+    yield "past flight"
+    page.click("#show-after")
+    yield "after"
+    page.click("#tab-plots")
+    yield "plots of it"
+
+
+@pytest.mark.parametrize(("scheme", "locale"), [("light", "en-US"), ("dark", "de-DE")])
+def test_no_view_has_a_serious_finding_of_axe_or_a_text_in_another_language(
+    browser: Browser, station: str, scheme: str, locale: str
+) -> None:
+    watched = Watched(browser, station, color_scheme=scheme, locale=locale)
+    page = watched.page
+    expect(page.locator("html")).to_have_attribute("lang", locale[:2])
+    ready(page)
+    page.evaluate(AXE.read_text(encoding="utf-8"))
+    found: list[Any] = []
+    missing: set[tuple[str, str]] = set()
+    for state in states(page):
+        found += [(state, *one) for one in page.evaluate(RUN_AXE, RULES)]
+        untold = page.evaluate("() => [...window.uavrt.missing]")
+        missing |= {(state, text) for text in untold}
+        page.evaluate("() => window.uavrt.missing.clear()")
+    bad = [one for one in found if one[1] in ("serious", "critical")]
+    assert not bad, json.dumps(bad, indent=1)
+    assert not missing, json.dumps(sorted(missing), indent=1, ensure_ascii=False)
+    watched.close()
+
+
+def test_every_control_is_reached_by_the_tab_key_and_shows_the_focus(
+    browser: Browser, station: str
+) -> None:
+    watched = Watched(browser, station, color_scheme="light")
+    page = watched.page
+    ready(page)
+    lost: list[tuple[str, str]] = []
+    dark: list[tuple[str, str]] = []
+    for state in states(page):
+        controls = dict(page.evaluate(CONTROLS))
+        page.evaluate("() => document.activeElement.blur()")
+        page.mouse.move(0, 0)
+        reached: dict[str, bool] = {}
+        for _ in range(2 * len(controls) + 10):
+            page.keyboard.press("Tab")
+            number, shown = page.evaluate(FOCUSED)
+            if number is not None:
+                reached[number] = shown
+        lost += [(state, controls[one]) for one in controls if one not in reached]
+        dark += [(state, controls[one]) for one in controls if not reached.get(one, True)]
+    assert not lost
+    assert not dark
+    watched.close()
+
+
+def test_a_flight_is_begun_and_a_place_tapped_by_keyboard_alone(
+    browser: Browser, station: str
+) -> None:
+    watched = Watched(browser, station, color_scheme="light")
+    page = watched.page
+    ready(page)
+    page.focus("#tab-setup")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("ArrowLeft")
+    expect(page.locator("#view-fly")).to_be_visible()
+    for name, label in (("send_tags", "Tags sent"), ("start", "Detecting")):
+        page.focus(f"#act-{name}")
+        page.keyboard.press("Enter")
+        expect(
+            page.locator("#act-send_tags, #chip-state").filter(has_text=label)
+        ).to_be_visible()
+    page.focus("#map canvas")
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Enter")
+    expect(page.locator("#tap-place")).to_contain_text("46.500")
+    page.focus("#act-stop")
+    page.keyboard.press("Enter")
+    expect(page.locator("#chip-state")).to_have_text("Ready")
+    assert not watched.errors
+    watched.close()
+
+
+def test_the_language_that_is_chosen_is_kept(browser: Browser, station: str) -> None:
+    watched = Watched(browser, station, color_scheme="light", locale="de-DE")
+    page = watched.page
+    expect(page.locator("#tab-setup")).to_have_text("Einrichten")
+    page.click("#tab-setup")
+    page.select_option("#set-language", "en")
+    expect(page.locator("#tab-setup")).to_have_text("Set-up")
+    page.reload()
+    expect(page.locator("#tab-setup")).to_have_text("Set-up")
+    expect(page.locator("html")).to_have_attribute("lang", "en")
+    watched.close()

@@ -1,0 +1,95 @@
+"""Every text of the page is in the catalogue, in every language."""
+
+import ast
+import inspect
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from page_texts import CATALOGUE, PAGE, for_people, literals
+
+from uavrt.computer import bench
+from uavrt.ground.web import actions
+
+SOURCES = sorted(set(PAGE.glob("*.ts")) - {PAGE / "types.ts", PAGE / "i18n.ts"})
+NOT_FOR_PEOPLE = {
+    *("Feature", "FeatureCollection", "Point", "LineString", "MultiLineString", "Polygon"),
+    *("Content-Type", "If-Match", "Enter", "Etc/UTC", "input, select, textarea"),
+    *("Shift+T", "Shift+S", "Shift+X", "Shift+C", "TagInfo.txt", "chip warn serve-vehicle"),
+    "{}{} Hz",
+}
+"""Words of formats, keys and selectors that look like texts."""
+
+
+def plain(text: str) -> str:
+    return text.replace("\u202f", " ").strip()
+
+
+def parts(text: str) -> Iterator[str]:
+    """As the page divides a text: at dots in the middle, each with its own words."""
+    for part in plain(text).split(" · "):
+        if re.search(r"[A-Za-z]{2}", part.replace("{}", "")):
+            yield part.strip()
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.name)
+def test_each_text_in_the_sources_has_words(source: Path) -> None:
+    written = literals(source.read_text(encoding="utf-8"))
+    texts = {part for text in written if for_people(text) for part in parts(text)}
+    known = {plain(text) for text in CATALOGUE}
+    assert texts - known - NOT_FOR_PEOPLE == set()
+
+
+def said(module: ModuleType, *functions: str) -> set[str]:
+    """Texts that functions of the server return or are called with."""
+    found = set()
+    for node in ast.walk(ast.parse(inspect.getsource(module))):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in functions:
+            found |= {text for one in node.args[1:] for text in texts_of(one)}
+        if isinstance(node, ast.FunctionDef) and node.name in functions:
+            returned = (one.value for one in ast.walk(node) if isinstance(one, ast.Return))
+            found |= {text for one in returned if one is not None for text in texts_of(one)}
+    return found
+
+
+def texts_of(node: ast.expr) -> Iterator[str]:
+    match node:
+        case ast.Constant(value=str() as text):
+            yield text
+        case ast.JoinedStr(values=values):
+            yield "".join(
+                str(one.value) if isinstance(one, ast.Constant) else "{}" for one in values
+            )
+        case ast.IfExp(body=body, orelse=other):
+            yield from texts_of(body)
+            yield from texts_of(other)
+
+
+def has_words(text: str) -> bool:
+    shown = text.replace("{}", "7")
+    return any(
+        re.fullmatch(re.escape(plain(known)).replace(r"\{\}", ".*"), shown)
+        for known in CATALOGUE
+    )
+
+
+def test_what_the_server_says_of_buttons_and_checks_has_words() -> None:
+    texts = {*actions.ACTIONS.values(), *actions.NOT_NOW.values(), bench.NOISE_REMEDY}
+    texts |= said(actions, "_reason") | said(bench, "_good", "_bad")
+    assert len(texts) > 50
+    assert {text for text in texts if not has_words(text)} == set()
+
+
+def test_what_is_put_into_a_text_is_put_into_its_words() -> None:
+    for text, words in CATALOGUE.items():
+        assert words.strip(), text
+        assert text.count("{}") == words.count("{}"), text
+
+
+def test_a_text_without_words_is_noticed() -> None:
+    """The scanner sees texts in templates, also in templates within them."""
+    source = 'say(a, `Now ${one ? `and then ${two}` : "or never"}: go`); // "not this one"'
+    assert list(literals(source)) == ["and then {}", "or never", "Now {}: go"]
+    assert not has_words("Nobody has given words for this")
