@@ -438,6 +438,64 @@ class MotionRequest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FoundTag:
+    """A tag that a drone has found, as others are told of it."""
+
+    tag_id: int
+    place: tuple[float, float]
+    """Latitude and longitude [deg]."""
+    radius95_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """What a drone says of itself to others that fly: where it is, its way, its tags.
+
+    It owns the straight way from where it is to its goal, whenever it flies it.
+    """
+
+    sequence: int
+    """Rises by one with each, modulo 65536."""
+    place: tuple[float, float]
+    """Latitude and longitude [deg]."""
+    altitude_amsl_m: float
+    goal: tuple[float, float]
+    """End of the way that it flies; its place where it stays."""
+    searching: bool = False
+    """An order to search is confirmed."""
+    returning: bool = False
+    flown: int = 0
+    """Number of the way that it asked for last and flies; 0: none."""
+    asked: int = 0
+    """Number of the way that it asks for; 0: none."""
+    asked_way: tuple[tuple[float, float], ...] = ()
+    """Where that begins and ends."""
+    given: tuple[tuple[int, int], ...] = ()
+    """Vehicles, and the versions of their ways that it knew when it chose that way."""
+    held: tuple[int, ...] = ()
+    """Tags that it is after."""
+    found: tuple[FoundTag, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Neighbour:
+    """What a ground station tells a drone of another; nothing is asked for by it."""
+
+    vehicle: int
+    """Its system number; 0: there are others, none of which has said anything yet."""
+    version: int = 0
+    """Changes when it owns another way."""
+    granted: int = 0
+    """Number of the way that who is told this asked for last and now owns; 0: none."""
+    denied: int = 0
+    """Likewise of one that it does not get."""
+    age_s: float = 0.0
+    """Since it was heard."""
+    course: Course | None = None
+    """Its word; `asked_way` is what it owns besides and has not begun to fly."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SoughtTag:
     """What a search knows of a tag."""
 

@@ -12,9 +12,9 @@ from uavrt.attitude import from_euler_deg
 from uavrt.geodesy import distance_m
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.manners import MANNERS
-from uavrt.guidance.orders import Limits, Order
+from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
-from uavrt.guidance.seeker import Equipment, Seeker
+from uavrt.guidance.seeker import Choice, Equipment, Seeker
 from uavrt.localization import PATTERNS
 from uavrt.messages import Pose, Pulse, PulsePose, SearchNote, SearchReport, Tag
 from uavrt.simulation.flying import Flavour, Frame
@@ -145,12 +145,25 @@ class Searched:
         if now is None:
             return
         self.seeker.place(self.time_ns, now)
-        if flown.time_s >= self._think_s - (4.5 if self.pilot.idle else 0.0):
-            self._think_s = flown.time_s + 5.0
+        self.think(now)
+
+    def think(self, now: VehicleNow) -> None:
+        """As the guide does, in no time."""
+        if self.is_time:
             choice = self.seeker.think(self.time_ns, now, idle=self.pilot.idle)
-            self._note(choice.notes)
-            if choice.steps is not None:
-                self.pilot.redirect(choice.steps, now)
+            self.take_up(choice, now)
+
+    @property
+    def is_time(self) -> bool:
+        due = self.flown.time_s >= self._think_s - (4.5 if self.pilot.idle else 0.0)
+        if due:
+            self._think_s = self.flown.time_s + 5.0
+        return due
+
+    def take_up(self, choice: Choice, now: VehicleNow) -> None:
+        self._note(choice.notes)
+        if choice.steps is not None:
+            self.pilot.redirect(choice.steps, now)
 
     def _note(self, notes: tuple[SearchNote, ...]) -> None:
         self.notes.extend(notes)

@@ -4,11 +4,24 @@ import contextlib
 import socket
 import threading
 import time
+from dataclasses import replace
 
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.messages import SystemState
-from uavrt.tunnel import PAYLOAD_TYPE, AckG1, acked_command_of, heartbeat_to_wire
+from uavrt.messages import Course, Neighbour, SystemState
+from uavrt.tunnel import (
+    COURSE_TYPE,
+    MOTION_STATE_TYPE,
+    NEIGHBOUR_TYPE,
+    PAYLOAD_TYPE,
+    AckG1,
+    MotionState,
+    acked_command_of,
+    decode_neighbour,
+    encode_course,
+    encode_state,
+    heartbeat_to_wire,
+)
 from uavrt.tunnel.wire import CommandId
 
 AFTER = {
@@ -35,6 +48,10 @@ class WillingDrone:
         self.tags = 0
         """Of the last list."""
         self.silent = False
+        self.course: Course | None = None
+        """What it says of itself, with its standing in motion."""
+        self.told: list[Neighbour] = []
+        self._beats = 0
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
 
@@ -52,8 +69,13 @@ class WillingDrone:
                 message = frame.message()
                 if not isinstance(message, dialect.Tunnel) or self.silent:
                     continue
-                if message.target_system in (0, self._system_id):
-                    self._obey(bytes(message.payload[: message.payload_length]))
+                if message.target_system not in (0, self._system_id):
+                    continue
+                payload = bytes(message.payload[: message.payload_length])
+                if message.payload_type == NEIGHBOUR_TYPE:
+                    self.told.append(decode_neighbour(payload))
+                else:
+                    self._obey(payload)
 
     def _beat(self) -> None:
         beat = dialect.Heartbeat(
@@ -74,6 +96,12 @@ class WillingDrone:
             self._send(self._autopilot.encode(message))
         self._send(self._companion.encode(beat))
         self._tunnel(heartbeat_to_wire(self.state, 51.5).encode())
+        if self.course is not None:
+            self._beats += 1
+            course = replace(self.course, sequence=self._beats)
+            state = MotionState(kind="state", standing="in command", text="searching")
+            self._tunnel(encode_state(state), MOTION_STATE_TYPE)
+            self._tunnel(encode_course(course), COURSE_TYPE)
 
     def _obey(self, payload: bytes) -> None:
         command = acked_command_of(payload)
@@ -86,11 +114,11 @@ class WillingDrone:
         self._tunnel(AckG1(acked_command=command, result=1, message="").encode())
         self._beat()
 
-    def _tunnel(self, payload: bytes) -> None:
+    def _tunnel(self, payload: bytes, payload_type: int = PAYLOAD_TYPE) -> None:
         message = dialect.Tunnel(
             target_system=254,
             target_component=190,
-            payload_type=PAYLOAD_TYPE,
+            payload_type=payload_type,
             payload_length=len(payload),
             payload=payload,
         )

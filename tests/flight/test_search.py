@@ -68,6 +68,27 @@ def test_the_demo_says_that_a_search_was_cut_short(tmp_path: Path) -> None:
     assert {note.event for note in read_search_notes(flight)} >= {"begun", "decision"}
 
 
+def test_two_drones_search_together_at_one_ground_station(tmp_path: Path) -> None:
+    words = ("--search", "--drones", "2", "--json", "--duration", "12")
+    finished = subprocess.run(
+        [sys.executable, "-m", "uavrt.cli", "demo", *words, "--flight-dir", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
+    assert finished.returncode == 1, finished.stderr  # the time is over before all are found
+    summary = json.loads(finished.stdout.splitlines()[-1])
+    assert set(summary["drones"]) == {"1", "2"}
+    assert summary["apart_m"] >= 25.0
+    for number in ("1", "2"):
+        assert f"drone {number}: " in finished.stderr
+        flights = (tmp_path / f"drone-{number}").glob("flight_log_*")
+        notes = read_search_notes(next(flights))
+        assert {note.event for note in notes} >= {"begun", "decision"}
+        assert notes[0].height_m == pytest.approx(40.0 if number == "1" else 52.0, abs=2.0)
+
+
 def notes_until_the_end(field: Field) -> tuple[SearchNote, ...]:
     (flight,) = (field.drone.directory / "flights").glob("flight_log_*")
     end_s = time.monotonic() + 20.0

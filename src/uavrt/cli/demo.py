@@ -13,7 +13,7 @@ from rich.console import Console
 from uavrt.cli.kinds import Between, Port, Seconds, Seed
 from uavrt.cli.outputs import check_place
 from uavrt.cli.screen import has_page, has_screen
-from uavrt.demo import run_demo, run_fleet_demo, run_search_demo
+from uavrt.demo import run_demo, run_fleet_demo, run_search_demo, run_together_demo
 from uavrt.errors import UsageError
 
 FLIGHT_S = 120.0
@@ -46,7 +46,8 @@ def demo(
         its decisions are printed as it takes them. Exits with 1 unless all are found.
     drones
         So many drones fly, up to four, each with a receiver of its own, side by side; one
-        ground station has a page for each. Two take about half of a core.
+        ground station has a page for each. Two take about half of a core. With --search they
+        search together, each deciding by itself.
     duration
         Length of the flight in seconds, at least 40; 120 unless given. With --search, after
         which the drone returns at the latest; 600 unless given.
@@ -65,11 +66,15 @@ def demo(
     json_summary
         Print one JSON object as the last line.
     """
-    if drones > 1 and (search or picture is not None):
+    if drones > 1 and picture is not None:
         raise UsageError(
-            "several drones neither search together nor have a picture",
-            remedy="Leave out --drones, or --search and --picture",
+            "there is no picture of several drones",
+            remedy="Leave out --drones, or --picture",
         )
+    if search and drones > 1:
+        limit_s = duration or SEARCH_S
+        _search_together(drones, seed, limit_s, flight_dir, json_summary=json_summary)
+        return
     if search:
         _search(seed, duration or SEARCH_S, flight_dir, json_summary=json_summary)
         return
@@ -117,6 +122,33 @@ def _search(seed: int, limit_s: float, flight_dir: Path, *, json_summary: bool) 
         cpu, memory = summary.guide_cpu_percent, summary.guide_memory_mb
         screen.print(f"guide: {cpu:.1f} % of a core, {memory:.0f} MB")
         screen.print(f"flight: {summary.flight_directory}", soft_wrap=True)
+    if not summary.complete:
+        sys.exit(1)
+
+
+def _search_together(
+    drones: int, seed: int, limit_s: float, flight_dir: Path, *, json_summary: bool
+) -> None:
+    """Let several drones search together; exit with 1 unless they have found all."""
+    out = sys.stderr if json_summary else sys.stdout
+    summary = run_together_demo(
+        drones=drones,
+        seed=seed,
+        limit_s=limit_s,
+        flight_dir=flight_dir,
+        say=lambda line: print(line, file=out, flush=True),
+    )
+    if json_summary:
+        print(json.dumps(summary.as_dict(), allow_nan=False))
+    else:
+        screen = Console()
+        for number, one in summary.drones.items():
+            screen.print(f"[bold]drone {number}[/bold]", one.table())
+            screen.print(f"flight: {one.flight_directory}", soft_wrap=True)
+        screen.print(
+            f"{len(summary.found)} found, after {summary.duration_s:.0f} s; "
+            f"never less than {summary.apart_m:.0f} m apart"
+        )
     if not summary.complete:
         sys.exit(1)
 

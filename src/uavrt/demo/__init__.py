@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
     from uavrt.demo.run import run_demo
     from uavrt.demo.search import SearchSummary, run_search_demo
+    from uavrt.demo.search_together import TogetherSummary, run_together_demo
     from uavrt.demo.summary import DemoSummary
 
 __all__ = [
@@ -16,11 +17,13 @@ __all__ = [
     "DemoSummary",
     "Program",
     "SearchSummary",
+    "TogetherSummary",
     "drone_settings",
     "free_udp_port",
     "run_demo",
     "run_fleet_demo",
     "run_search_demo",
+    "run_together_demo",
 ]
 __getattr__ = lazily(
     __name__,
@@ -29,6 +32,8 @@ __getattr__ = lazily(
         "DemoSummary": "summary",
         "Program": "programs",
         "SearchSummary": "search",
+        "TogetherSummary": "search_together",
+        "run_together_demo": "search_together",
         "drone_settings": "programs",
         "free_udp_port": "programs",
         "run_demo": "run",

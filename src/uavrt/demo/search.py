@@ -30,9 +30,12 @@ SPEED_M_S = 8.0
 """Both as the simulated vehicle has them."""
 START_LEAD_S = 2.0
 READY_TIMEOUT_S = 30.0
+OTHERS_TIMEOUT_S = 60.0
 RETURNS_WITHIN_S = 30.0
 """After the time of the search, it must have ended."""
 REFRESH_S = 0.25
+FIRST_HEIGHT_M, ABOVE_M, BESIDE_M = 40.0, 12.0, 40.0
+"""Of the first drone, and how far above and beside the one before each other begins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,6 +98,29 @@ class SearchSummary:
         return table
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Among:
+    """Which of several drones that search together it is."""
+
+    number: int
+    ground_port: int
+    """Of the ground station that serves all."""
+    start_ns: int
+    """When the world of all begins."""
+
+    @property
+    def height_m(self) -> float:
+        """Of its search."""
+        return FIRST_HEIGHT_M + ABOVE_M * (self.number - 1)
+
+    def placed(self, scenario: Scenario) -> Scenario:
+        """Get the world with this drone's place to begin at."""
+        flight = replace(
+            scenario.flight, east_m=BESIDE_M * (self.number - 1), height_m=self.height_m
+        )
+        return replace(scenario, flight=flight)
+
+
 @dataclass(slots=True)
 class _Seen:
     """What the drone side has told so far."""
@@ -103,6 +129,8 @@ class _Seen:
     guide: list[tuple[float, ProcessStatus]] = field(default_factory=list)
     """With the time, while the search goes on."""
     flight_directory: str = ""
+    told: bool = False
+    """Its guide knows that there are others."""
 
     @property
     def ended(self) -> bool:
@@ -122,11 +150,20 @@ class SearchDemo:
         Where the drone makes its flight directory.
     say : callable
         Takes a line for the person at the terminal.
+    among : Among, optional
+        It searches with others.
     """
 
     def __init__(
-        self, *, seed: int, limit_s: float, flight_dir: Path, say: Callable[[str], None]
+        self,
+        *,
+        seed: int,
+        limit_s: float,
+        flight_dir: Path,
+        say: Callable[[str], None],
+        among: Among | None = None,
     ) -> None:
+        self._among = among
         self._seed, self._limit_s, self._flight_dir = seed, limit_s, flight_dir
         self._say = say
         self._stack = ExitStack()
@@ -151,11 +188,18 @@ class SearchDemo:
         self._stack.callback(shutil.rmtree, work, ignore_errors=True)
         paths = DemoPaths(directory=work, flights=self._flight_dir.resolve())
         self._paths, self._direct = paths, free_udp_port()
-        start_ns = Clock.start().now_ns() + ns_from_s(START_LEAD_S)
-        self.scenario: Scenario = search_scenario(self._seed).starting_at(start_ns)
+        among, scenario = self._among, search_scenario(self._seed)
+        if among is None:
+            start_ns = Clock.start().now_ns() + ns_from_s(START_LEAD_S)
+            number, ground = 1, free_udp_port()
+        else:
+            start_ns, number, ground = among.start_ns, among.number, among.ground_port
+            scenario = among.placed(scenario)
+        self.scenario: Scenario = scenario.starting_at(start_ns)
+        """The world."""
         write_scenario(self.scenario, paths.scenario)
         write_tags(paths.tags, self.scenario.tags)
-        companion, ground = free_udp_port(), free_udp_port()
+        companion = free_udp_port()
         settings = drone_settings(self.scenario, paths, companion, flies=True)
         settings = replace(
             settings,
@@ -167,7 +211,7 @@ class SearchDemo:
         self._autopilot = self._program(
             "autopilot",
             "uavrt.simulation.autopilot",
-            *("--scenario", str(paths.scenario)),
+            *("--scenario", str(paths.scenario), "--system-id", str(number)),
             *("--companion", f"127.0.0.1:{companion}"),
             *("--ground", f"127.0.0.1:{ground}"),
             *("--flies", "--path", str(paths.flown)),
@@ -194,6 +238,7 @@ class SearchDemo:
 
     def _search(self) -> None:
         """Order it once the drone is ready; then only watch."""
+        self._wait_for_others()
         order = self._ordered()
         deadline_s = time.monotonic() + self._limit_s + RETURNS_WITHIN_S
         while not self._seen.ended:
@@ -201,6 +246,17 @@ class SearchDemo:
             if time.monotonic() > deadline_s:
                 raise UavrtError("the search did not end", remedy="Run it again, or report it")
         order.stop()
+
+    def _wait_for_others(self) -> None:
+        """One of several begins once the ground station has told it of the others."""
+        deadline_s = time.monotonic() + OTHERS_TIMEOUT_S
+        while self._among is not None and not self._seen.told:
+            self._watch()
+            if time.monotonic() > deadline_s:
+                raise UavrtError(
+                    "the ground station does not tell the drones of each other",
+                    remedy="Run it again; give fewer drones where this computer is slow",
+                )
 
     def _ordered(self) -> Program:
         """The order, asked for again until the drone has its position and its home."""
@@ -212,6 +268,7 @@ class SearchDemo:
                 *("--mavlink", f"udpout://127.0.0.1:{self._direct}"),
                 *("--radius", str(RADIUS_M), "--radius-wish", str(WISH_M)),
                 *("--minutes", str(self._limit_s / 60.0)),
+                *(() if self._among is None else ("--height", str(self._among.height_m))),
             )
             while not self._seen.notes and not order.ended:
                 self._watch()
@@ -234,10 +291,17 @@ class SearchDemo:
         seen = self._seen
         seen.flight_directory = status.flight_directory or seen.flight_directory
         for one in status.processes:
+            if one.process == "guide":
+                seen.told |= one.counters.get("others_told", 0.0) > 0.0
             if one.process == "guide" and seen.notes and not seen.ended:
                 seen.guide.append((time.monotonic(), one))
 
     # ------------------------------------------------------------------ the account
+
+    @property
+    def searched_ns(self) -> tuple[int, int]:
+        """When the search began and ended."""
+        return self._seen.notes[0].time_ns, self._seen.notes[-1].time_ns
 
     def _summary(self) -> SearchSummary:
         seen = self._seen

@@ -11,16 +11,19 @@ import contextlib
 from collections.abc import Callable
 from typing import Any
 
-from uavrt.clock import Clock
+from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import UavrtError, UsageError
-from uavrt.ground.link import NO_KEYS, GroundEvent, LinkKeys, Links
+from uavrt.ground.link import NO_KEYS, GivenWays, GroundEvent, LinkKeys, Links
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store import GroundStore
 from uavrt.ground.web import vehicle_record
 from uavrt.mavlink import GCS_SYSTEM_ID, STATION_SYSTEM_ID, Signing
+from uavrt.messages import Course
 
 MOST_VEHICLES = 16
 """Heartbeats and poses of more would fill any radio."""
+TELL_S, TELL_WITHIN_S = 1.0, 0.05
+"""Between two words to each drone on the others, and on what is new."""
 
 
 class Fleet:
@@ -58,7 +61,10 @@ class Fleet:
             links=self._links,
             companions=self._beside,
             estimating=self._estimating,
+            on_course=self._take_course,
         )
+        self._ways = GivenWays()
+        self._tell_due = False
         self._others: dict[int, GroundSession] = {}
         self._tasks: dict[int, asyncio.Task[None]] = {}
 
@@ -76,12 +82,14 @@ class Fleet:
         for number in self._store.further_vehicles:
             with contextlib.suppress(UavrtError):
                 self.serve(number)
+        telling = asyncio.create_task(self._tell_each_second())
         try:
             await self.first.run()
         finally:
-            for task in self._tasks.values():
+            tasks = (telling, *self._tasks.values())
+            for task in tasks:
                 task.cancel()
-            await asyncio.gather(*self._tasks.values(), return_exceptions=True)
+            await asyncio.gather(*tasks, return_exceptions=True)
 
     def serve(self, system_id: int) -> GroundSession:
         """Serve a vehicle besides the others, on the same links.
@@ -110,6 +118,7 @@ class Fleet:
             companions=self._beside,
             my_place=self.first.my_place,
             estimating=self._estimating,
+            on_course=self._take_course,
         )
         self._others[system_id] = session
         self.first.identity.excluded.add(system_id)
@@ -141,6 +150,31 @@ class Fleet:
     def records(self) -> list[dict[str, Any]]:
         """All vehicles, for a page that shows one of them."""
         return [vehicle_record(one) for one in self.sessions]
+
+    def _take_course(self, session: GroundSession, course: Course) -> None:
+        """Keep where a drone goes; what is news to others is told soon, all at once."""
+        number = session.identity.system_id
+        if number is None or not self._ways.take(number, course, monotonic_s()):
+            return
+        if not self._tell_due:
+            self._tell_due = True
+            asyncio.get_running_loop().call_later(TELL_WITHIN_S, self._tell_ways)
+
+    async def _tell_each_second(self) -> None:
+        while True:
+            await asyncio.sleep(TELL_S)
+            self._tell_ways()
+
+    def _tell_ways(self) -> None:
+        """Tell each drone that flies by commands of the others; one alone is told nothing."""
+        self._tell_due = False
+        flying = [one for one in self.sessions if one.flying.record() is not None]
+        for session in flying if len(flying) > 1 else ():
+            number, link = session.identity.system_id, session.link
+            if number is None or link is None:
+                continue
+            for told in self._ways.told_to(number, monotonic_s()):
+                link.tell_neighbour(told)
 
     def _beside(self, session: GroundSession) -> list[GroundSession]:
         return [one for one in self.sessions if one is not session]

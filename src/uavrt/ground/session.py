@@ -56,6 +56,7 @@ from uavrt.log import get_logger
 from uavrt.mavlink import Frame
 from uavrt.messages import (
     BurstInside,
+    Course,
     LiveBearing,
     PulsePose,
     SearchReport,
@@ -108,6 +109,8 @@ class GroundSession:
         Of the first; without it there is one of its own.
     estimating : asyncio.Lock, optional
         Held while estimates are worked out, by one session at a time.
+    on_course : callable, optional
+        Takes this session and where its drone says that it goes.
     """
 
     def __init__(
@@ -121,6 +124,7 @@ class GroundSession:
         companions: Callable[["GroundSession"], Sequence["GroundSession"]] = lambda _own: (),
         my_place: MyPlace | None = None,
         estimating: asyncio.Lock | None = None,
+        on_course: Callable[["GroundSession", Course], None] = lambda _own, _course: None,
     ) -> None:
         self.store = store
         self._links, self._companions = links, companions
@@ -150,7 +154,7 @@ class GroundSession:
         self.commands = Commands(self)
         self.downloads = Downloads(self)
         self.flying = Flying(self)
-        self._on_event = on_event
+        self._on_event, self._on_course = on_event, on_course
         self._estimator = Estimator()
         self._estimate_due = False
         self._estimate_at_s = 0.0
@@ -367,6 +371,8 @@ class GroundSession:
                 self._take_heartbeat(event)
             case MotionState():
                 self.flying.take(event)
+            case Course():
+                self._on_course(self, event)
             case StatusText():
                 self.flight.add_text(event.severity, event.text, now_ns)
                 self.note(event.severity, event.text, source="drone")

@@ -12,6 +12,7 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.guidance.area_text import area_in, circle, keep_out_in
     from uavrt.guidance.authority import Authority, Standing
+    from uavrt.guidance.company import Company
     from uavrt.guidance.ground import GroundAround
     from uavrt.guidance.heights import target_amsl_m
     from uavrt.guidance.manners import MANNERS, AutopilotName, Manners, manners_of
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from uavrt.guidance.reports import now_of, wish_of, wish_record, with_place
     from uavrt.guidance.seeker import TAG_HEIGHT_M, Choice, Equipment, Seeker
     from uavrt.guidance.way_text import way_in
-    from uavrt.guidance.wishes import FlyThere, VehicleCommand, Wish
+    from uavrt.guidance.wishes import FlyThere, GoHome, VehicleCommand, Wish
 
 __all__ = [
     "MANNERS",
@@ -53,9 +54,11 @@ __all__ = [
     "Boot",
     "BootTimeSeen",
     "Choice",
+    "Company",
     "Equipment",
     "FailsafeSeen",
     "FlyThere",
+    "GoHome",
     "GroundAround",
     "HomeSeen",
     "LandedSeen",
@@ -104,9 +107,11 @@ __getattr__ = lazily(
         "Boot": "observed",
         "BootTimeSeen": "observed",
         "Choice": "seeker",
+        "Company": "company",
         "Equipment": "seeker",
         "FailsafeSeen": "observed",
         "FlyThere": "wishes",
+        "GoHome": "wishes",
         "GroundAround": "ground",
         "HomeSeen": "observed",
         "LandedSeen": "observed",

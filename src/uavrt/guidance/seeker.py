@@ -13,8 +13,10 @@ import numpy as np
 
 from uavrt.errors import PlanError
 from uavrt.guidance.heights import check_height
+from uavrt.guidance.lessons import Lessons
 from uavrt.guidance.listening import Antenna, Ears, Evidence
 from uavrt.guidance.manners import Manners
+from uavrt.guidance.neighbours import SEPARATION, beside_of, nearest_m
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.pilot import standing_place
 from uavrt.guidance.plans import (
@@ -30,15 +32,25 @@ from uavrt.guidance.plans import (
     reserve_wh,
     rotation,
 )
-from uavrt.localization import AntennaPattern, TagPrior
-from uavrt.messages import PulsePose, SearchNote, SearchReport, SoughtTag, Tag
+from uavrt.localization import AntennaPattern, TagPrior, TrackEstimate
+from uavrt.messages import (
+    FoundTag,
+    Neighbour,
+    PulsePose,
+    SearchNote,
+    SearchReport,
+    SoughtTag,
+    Tag,
+)
 from uavrt.planning import (
     Action,
     Battery,
     Beliefs,
+    Beside,
     Decision,
     EnergyModel,
     FlyTo,
+    Found,
     Hold,
     HonestStop,
     KeepAway,
@@ -77,8 +89,8 @@ PARTICLES, FEWER_PARTICLES = 10_000, 4_000
 """Of each tag, up to `FEW_TAGS` and beyond."""
 TURN_STEP_S = 2.7
 """From one heading to the next, by steps."""
-LEARNS_PERCENT = 3.0
-"""Of the battery between two lessons on what flying takes."""
+RADIUS50_OF_95 = 0.481
+"""Of a circle around a normal distribution: sqrt(ln 2 / ln 20)."""
 CELLS = 8
 """Along each side of the area, where a tag was not found."""
 MOST_CELLS = 6
@@ -111,6 +123,12 @@ class Choice:
     said: str
     """For the operator, in a line."""
     notes: tuple[SearchNote, ...]
+    way: tuple[Place, Place] | None = None
+    """Where the steps begin and end; the same where it stays."""
+    returning: bool = False
+    held: tuple[int, ...] = ()
+    """Tags that it is after, where others search, too."""
+    found: tuple[FoundTag, ...] = ()
 
 
 class Seeker:
@@ -183,10 +201,12 @@ class Seeker:
         """Likewise, of the decision before."""
         self._said = "searching"
         self._over = False
-        self._lessons = _Lessons()
+        self._lessons = Lessons()
         self._latest_s: dict[int, float] = {}
         self._near = 0.0
         """Probability that an animal was too near when the last decision was made."""
+        self._held: tuple[int, ...] = ()
+        self._before = self._mind
 
     # ------------------------------------------------------------------ the beginning
 
@@ -259,7 +279,10 @@ class Seeker:
         note = self._note("begun", time_ns, now, self.plan.summary, self._equipment.planner)
         stay = Go(place=(now.latitude_deg, now.longitude_deg), height_m=self._height_m)
         return Choice(
-            steps=(stay,), said=self._said, notes=(replace(note, area=self._outline),)
+            steps=(stay,),
+            said=self._said,
+            notes=(replace(note, area=self._outline),),
+            way=(stay.place, stay.place),
         )
 
     # ------------------------------------------------------------------ what it hears
@@ -323,7 +346,14 @@ class Seeker:
 
     # ------------------------------------------------------------------ what it decides
 
-    def think(self, time_ns: int, now: VehicleNow, *, idle: bool) -> Choice:
+    def think(
+        self,
+        time_ns: int,
+        now: VehicleNow,
+        *,
+        idle: bool,
+        others: Sequence[Neighbour] = (),
+    ) -> Choice:
         """Judge which tags are found, and decide where to fly.
 
         Parameters
@@ -332,13 +362,14 @@ class Seeker:
         now : VehicleNow
         idle : bool
             What was decided last is done; else it is still being flown.
+        others : sequence of Neighbour
+            Drones of the same search.
         """
         for evidence in self._ears.missed():
             self._listen(evidence)
         time_s = self._elapsed_s(time_ns)
-        notes = [
-            self._found_note(tag_id, time_ns, now) for tag_id in self._search.judge(time_s)
-        ]
+        new = [*self._found_by(others, time_s), *self._search.judge(time_s)]
+        notes = [self._found_note(tag_id, time_ns, now) for tag_id in new]
         if self._over:
             return Choice(steps=None, said=self._said, notes=tuple(notes))
         staying = self._goal_m is None and not idle
@@ -346,12 +377,13 @@ class Seeker:
         state = self._state(time_s, now, idle=idle)
         if staying and not must and not self._approached(state):
             return Choice(steps=None, said=self._said, notes=tuple(notes))
-        decision = self._decide(state, now)
+        decision = self._decide(state, now, others)
         goal = _goal_of(decision.action)
         goes_on = goal is not None and self._is_goal(goal)
         stays_on = staying and not must and goal is None and not _ends(decision.action)
         if not idle and (goes_on or stays_on):
             return Choice(steps=None, said=self._said, notes=tuple(notes))
+        self._before = self._mind
         self._near = self._search.near(state)
         self._way_m, self._goal_m = self._goal_m, goal
         self._over = isinstance(decision.action, Return)
@@ -360,8 +392,57 @@ class Seeker:
             f"{len(self._search.found)} of {len(self.tags)} found; {short}: {decision.reason}"
         )
         notes.append(self._note("decision", time_ns, now, short, decision.reason, goal=goal))
+        stand = self._stand(now)
         return Choice(
-            steps=self._steps(decision.action, now), said=self._said, notes=tuple(notes)
+            steps=self._steps(decision.action, now),
+            said=self._said,
+            notes=tuple(notes),
+            way=(stand, stand if goal is None else self._place(*goal)),
+            returning=self._over,
+            held=self._held,
+            found=self._all_found(),
+        )
+
+    @property
+    def _mind(self) -> "_Mind":
+        return (self._near, self._way_m, self._goal_m, self._over, self._said)
+
+    def withdraw(self) -> None:
+        """What was decided last is not flown: it goes on as before."""
+        self._near, self._way_m, self._goal_m, self._over, self._said = self._before
+
+    def _found_by(self, others: Sequence[Neighbour], time_s: float) -> list[int]:
+        """Take tags as found that another drone has found; which are new."""
+        new = []
+        for one in others:
+            for told in () if one.course is None else one.course.found:
+                belief = self._search.beliefs.get(told.tag_id)
+                if belief is None or told.tag_id in self._search.found:
+                    continue
+                east, north = self._plane.to_local(*told.place)
+                self._search.found[told.tag_id] = Found(
+                    time_s=time_s,
+                    estimate=TrackEstimate(
+                        east_m=float(east),
+                        north_m=float(north),
+                        radius50_m=RADIUS50_OF_95 * told.radius95_m,
+                        radius95_m=told.radius95_m,
+                        level_db=belief.estimate().level_db,
+                    ),
+                    reason=f"vehicle {one.vehicle} found it, 95 % within "
+                    f"{told.radius95_m:.0f} m",
+                )
+                new.append(told.tag_id)
+        return new
+
+    def _all_found(self) -> tuple[FoundTag, ...]:
+        return tuple(
+            FoundTag(
+                tag_id=tag_id,
+                place=self._place(one.estimate.east_m, one.estimate.north_m),
+                radius95_m=one.estimate.radius95_m,
+            )
+            for tag_id, one in self._search.found.items()
         )
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> SearchNote:
@@ -375,14 +456,39 @@ class Seeker:
         near = self._search.near(state)
         return near > 1.0 - KEPT and near > APPROACHED * self._near
 
-    def _decide(self, state: VehicleState, now: VehicleNow) -> Decision:
+    def _decide(
+        self, state: VehicleState, now: VehicleNow, others: Sequence[Neighbour]
+    ) -> Decision:
+        beside = None
+        if others:
+            beside, self._held = beside_of(
+                others,
+                state,
+                self._plane,
+                self._search.beliefs,
+                self._search.found,
+                self._held,
+                speed_m_s=self._limits.speed_m_s,
+            )
         if state.time_s >= self._order.duration_s and not self._search.finished:
             return Decision(action=Return(), reason="the time is over")
-        decision = self._search.decide(state, battery=self._battery(now))
+        decision = self._search.decide(state, battery=self._battery(now), beside=beside)
         reason = self._entered(decision.action, state, now)
+        if reason is None and beside is not None:
+            reason = self._meets(decision.action, state, beside)
         if reason is None:
             return decision
         return Decision(action=Hold(duration_s=CYCLE_S), reason=f"{decision.action} {reason}")
+
+    def _meets(self, action: Action, state: VehicleState, beside: Beside) -> str | None:
+        """How an action leads too near to another drone's way, whoever has planned it."""
+        if not isinstance(action, FlyTo):
+            return None
+        places = [(state.east_m, state.north_m), (action.east_m, action.north_m)]
+        near = nearest_m(beside, places)
+        if near >= SEPARATION.distance_m:
+            return None
+        return f"comes within {near:.0f} m of another drone's way"
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
         """How an action leads over people or buildings, whoever has planned it.
@@ -550,36 +656,9 @@ class Seeker:
         return tuple(squares)
 
 
-class _Lessons:
-    """What the energy model tells and what the battery gave, stretch by stretch."""
-
-    def __init__(self) -> None:
-        self._before_s: float | None = None
-        self._percent: float | None = None
-        self._begun_percent: float | None = None
-        self._predicted_wh = 0.0
-
-    def add(
-        self, time_s: float, percent: float, energy: EnergyModel, speed_m_s: float
-    ) -> tuple[float, float] | None:
-        """Take a reading; give predicted watt-hours and percents used when there are enough.
-
-        A stretch begins and ends where the reading, in whole percents, changes.
-        """
-        if self._before_s is not None:
-            self._predicted_wh += energy.used_wh(time_s - self._before_s, speed_m_s)
-        changed = self._percent is not None and percent != self._percent
-        self._before_s, self._percent = time_s, percent
-        if not changed:
-            return None
-        if self._begun_percent is None:
-            self._begun_percent, self._predicted_wh = percent, 0.0
-            return None
-        used = self._begun_percent - percent
-        if used < LEARNS_PERCENT or self._predicted_wh <= 0.0:
-            return None
-        predicted_wh, self._predicted_wh, self._begun_percent = self._predicted_wh, 0.0, percent
-        return predicted_wh, used
+_Goal = tuple[float, float] | None
+_Mind = tuple[float, _Goal, _Goal, bool, str]
+"""What is undone by `Seeker.withdraw`."""
 
 
 def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:

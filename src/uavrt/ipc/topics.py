@@ -152,6 +152,20 @@ TOPICS: dict[str, Topic] = {
             backlog=4,
         ),
         Topic(
+            name="course",
+            record=messages.Course,
+            meaning="where the drone is going, for others that fly",
+            lossless=False,
+            backlog=2,
+        ),
+        Topic(
+            name="neighbour",
+            record=messages.Neighbour,
+            meaning="what the ground tells of another drone",
+            lossless=False,
+            backlog=32,
+        ),
+        Topic(
             name="search_note",
             record=messages.SearchNote,
             meaning="what a search has decided or found, and why",

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from uavrt.planning.actions import Action, FlyTo, Hold, Leg, Return, Rotate
     from uavrt.planning.area import Circle, Polygon, SearchArea, survey_lines
     from uavrt.planning.beliefs import Beliefs, ModelCheck, TagBelief
-    from uavrt.planning.beside import Separation, places_at
+    from uavrt.planning.beside import Beside, Separation, Strip, places_at
     from uavrt.planning.coverage import (
         Absence,
         Coverage,
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         coverage_of,
         listening_way,
     )
+    from uavrt.planning.division import Start
     from uavrt.planning.energy import Battery, EnergyModel
     from uavrt.planning.keep_away import KeepAway
     from uavrt.planning.level import at_100_m
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     )
     from uavrt.planning.propagation import GroundReflection
     from uavrt.planning.search import Found, Search, SearchSettings
+    from uavrt.planning.shares import shared_out
     from uavrt.planning.situation import Candidate, Decision, Planner, Situation
     from uavrt.planning.stopping import DeterminantStop, HonestStop, LongestAxisStop, StopRule
     from uavrt.planning.together import SearchTogether
@@ -53,6 +55,7 @@ __all__ = [
     "Action",
     "Battery",
     "Beliefs",
+    "Beside",
     "Candidate",
     "Circle",
     "Coverage",
@@ -85,7 +88,9 @@ __all__ = [
     "Separation",
     "Shannon",
     "Situation",
+    "Start",
     "StopRule",
+    "Strip",
     "TagBelief",
     "Vehicle",
     "VehicleState",
@@ -99,6 +104,7 @@ __all__ = [
     "places_at",
     "planner_named",
     "reachable",
+    "shared_out",
     "survey_lines",
 ]
 __getattr__ = lazily(
@@ -145,6 +151,10 @@ __getattr__ = lazily(
         "SearchSettings": "search",
         "SearchTogether": "together",
         "Separation": "beside",
+        "shared_out": "shares",
+        "Start": "division",
+        "Strip": "beside",
+        "Beside": "beside",
         "Shannon": "planners",
         "Situation": "situation",
         "StopRule": "stopping",

@@ -15,6 +15,9 @@ from uavrt.errors import ConfigError
 from uavrt.planning.vehicle import Legs, Path, Vehicle, VehicleState, Wind
 
 _Floats = NDArray[np.float64]
+_Place = tuple[float | _Floats, float | _Floats]
+Strip = tuple[tuple[float, float], tuple[float, float]]
+"""East and north of a straight way's begin and end [m]."""
 _STEP_S = 1.0
 _SAMPLES = 8
 AHEAD = 1.6
@@ -59,6 +62,8 @@ class Beside:
     """Of those of them that are heard of: they will hear what is heard there."""
     left: frozenset[int] = frozenset()
     """Tags that are left to the others."""
+    strips: tuple[Strip, ...] = ()
+    """Straight ways that are others' at all times: where no clock tells when they are flown."""
 
     def nearest_m(
         self,
@@ -69,11 +74,27 @@ class Beside:
         wind: Wind,
         cycle_s: float,
     ) -> _Floats:
-        """(ways,) least distance from any other, if each stays where it has announced to."""
+        """(ways,) least distance from any other, if each stays where it has announced to.
+
+        From strips it is kept to the ways' ends, whenever they are flown.
+        """
+        apart = self.strips_apart_m((state.east_m, state.north_m), east_m, north_m)
+        if not self.announced:
+            return apart
         time = _grid(state.time_s, AHEAD * cycle_s)
         times = np.broadcast_to(time, (len(east_m), len(time)))
         legs = vehicle.along(state, east_m, north_m, wind, times)
-        return self._nearest_m(state.time_s + time, legs.east_m, legs.north_m)
+        timed = self._nearest_m(state.time_s + time, legs.east_m, legs.north_m)
+        return np.minimum(apart, timed)
+
+    def strips_apart_m(
+        self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
+    ) -> _Floats:
+        """(ways,) least distance of straight ways from all strips."""
+        least = np.full(len(east_m), np.inf)
+        for one in self.strips:
+            least = np.minimum(least, _apart_m(start_m, east_m, north_m, one))
+        return least
 
     def path_nearest_m(self, path: Path) -> float:
         """The same of a path that is to be announced."""
@@ -115,6 +136,45 @@ class Beside:
             north_m=np.array([north for _, north in places]),
             yaw_deg=np.array(yaw),
         )
+
+
+def _apart_m(
+    start_m: tuple[float, float], east_m: _Floats, north_m: _Floats, strip: Strip
+) -> _Floats:
+    """(ways,) least distance of straight ways from a strip.
+
+    Two straight lines come nearest at an end of one of them, unless they cross.
+    """
+    (a, b), (c, d) = start_m, (east_m, north_m)
+    (p, q), (r, s) = strip
+    ends = (
+        _off(np.full(len(c), p), np.full(len(c), q), (a, b), (c, d)),
+        _off(np.full(len(c), r), np.full(len(c), s), (a, b), (c, d)),
+        _off(np.full(len(c), a), np.full(len(c), b), (p, q), (r, s)),
+        _off(c, d, (p, q), (r, s)),
+    )
+    sides = (
+        _side((a, b), (c, d), (p, q)) * _side((a, b), (c, d), (r, s)),
+        _side((p, q), (r, s), (a, b)) * _side((p, q), (r, s), (c, d)),
+    )
+    crosses = (sides[0] < 0.0) & (sides[1] < 0.0)
+    return np.where(crosses, 0.0, np.min(ends, axis=0))
+
+
+def _off(x: _Floats, y: _Floats, begin: _Place, end: _Place) -> _Floats:
+    """How far places are from straight lines."""
+    dx, dy = end[0] - begin[0], end[1] - begin[1]
+    along = (x - begin[0]) * dx + (y - begin[1]) * dy
+    share = np.clip(along / np.maximum(dx * dx + dy * dy, 1e-12), 0.0, 1.0)
+    return np.hypot(x - begin[0] - share * dx, y - begin[1] - share * dy)
+
+
+def _side(begin: _Place, end: _Place, place: _Place) -> _Floats:
+    """On which side of a straight line a place is."""
+    return np.asarray(
+        (end[0] - begin[0]) * (place[1] - begin[1])
+        - (end[1] - begin[1]) * (place[0] - begin[0])
+    )
 
 
 def places_at(path: Path, time_s: _Floats) -> tuple[_Floats, _Floats]:

@@ -15,18 +15,15 @@ from numpy.random import Generator
 from uavrt.errors import ConfigError, PlanError
 from uavrt.localization import Listening
 from uavrt.planning.actions import Action, Hold, Return
-from uavrt.planning.beliefs import Beliefs, TagBelief
+from uavrt.planning.beliefs import Beliefs
 from uavrt.planning.beside import AHEAD, Beside, Separation
-from uavrt.planning.division import Start, divided
+from uavrt.planning.division import Start
 from uavrt.planning.energy import Battery
 from uavrt.planning.search import Found, Search, SearchSettings
+from uavrt.planning.shares import shared_out
 from uavrt.planning.situation import Decision, Planner
 from uavrt.planning.vehicle import Path, VehicleState, Wind, flown
 
-_STAY_S = 6.0
-"""At a tag of a round: turning to it and its last pulses."""
-_KNOWN = 0.5
-"""Share of its area's extent: tags whose clouds are wider are looked for by all."""
 _STANDS_S = 1.0
 
 
@@ -201,46 +198,30 @@ class SearchTogether:
 
     def _left(self, number: int, time_s: float, others: dict[int, _Member]) -> frozenset[int]:
         """Tags that others reach sooner; none where nothing else would be left to do."""
-        known = [
-            one
-            for tag_id, one in self.beliefs.items()
-            if tag_id not in self.found and _is_known(one)
-        ]
-        if not others or not known:
+        if not others:
             return frozenset()
         own = self._members[number].state
-        starts = [Start(east_m=own.east_m, north_m=own.north_m)]
-        starts += [
-            Start(
+        starts = {number: Start(east_m=own.east_m, north_m=own.north_m)}
+        starts |= {
+            other: Start(
                 east_m=float(one.path.east_m[-1]),
                 north_m=float(one.path.north_m[-1]),
                 after_s=max(0.0, float(one.path.time_s[-1]) - time_s),
             )
-            for one in others.values()
-        ]
-        drones = [number, *others]
-        place: dict[int | None, int] = {drone: at for at, drone in enumerate(drones)}
-        places = [one.spread() for one in known]
-        mine, *theirs = divided(
+            for other, one in others.items()
+        }
+        rounds = shared_out(
+            self.beliefs,
+            self.found,
             starts,
-            np.array([one.east_m for one in places]),
-            np.array([one.north_m for one in places]),
+            self._owners,
             speed_m_s=self.settings.vehicle.speed_m_s,
-            stay_s=_STAY_S,
-            owners=[place.get(self._owners.get(one.tag_id)) for one in known],
         )
-        for drone, tags in zip(drones, (mine, *theirs), strict=True):
-            self._owners |= {known[tag].tag_id: drone for tag in tags}
-        if not mine and len(known) + len(self.found) == len(self.beliefs):
+        self._owners |= {tag: drone for drone, tags in rounds.items() for tag in tags}
+        mine, known = rounds[number], sum(map(len, rounds.values()))
+        if not mine and known + len(self.found) == len(self.beliefs):
             return frozenset()
-        return frozenset(one.tag_id for at, one in enumerate(known) if at not in mine)
-
-
-def _is_known(belief: TagBelief) -> bool:
-    """Whether it is known in which part of its area a tag is."""
-    area = belief.prior.area
-    width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
-    return belief.spread().rms_m < float(_KNOWN * width)
+        return frozenset(tag for tags in rounds.values() for tag in tags) - set(mine)
 
 
 def _begun(state: VehicleState, path: Path) -> Path:

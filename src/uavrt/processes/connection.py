@@ -16,6 +16,7 @@ from uavrt.errors import (
     ConfigError,
     LinkError,
     RecordingError,
+    TunnelError,
 )
 from uavrt.ipc import ProcessFrame, SupervisorGone
 from uavrt.log import get_logger
@@ -37,6 +38,7 @@ from uavrt.messages import (
     STATION_COUNTER,
     Command,
     CommandReply,
+    Course,
     Delivered,
     FlightInfo,
     LiveBearing,
@@ -66,9 +68,12 @@ from uavrt.tunnel import (
     BEARING_TYPE,
     CODED_TAG_INSIDE,
     CODED_TAG_TYPE,
+    COURSE_TYPE,
     MOTION_INSIDE,
     MOTION_STATE_TYPE,
     MOTION_TYPE,
+    NEIGHBOUR_INSIDE,
+    NEIGHBOUR_TYPE,
     PARAMETER_INSIDE,
     PLAIN_INSIDE,
     RECEIPT_TYPE,
@@ -80,6 +85,7 @@ from uavrt.tunnel import (
     MotionState,
     PulseDelivery,
     encode_bearing,
+    encode_course,
     encode_state,
 )
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -298,6 +304,8 @@ class ConnectionProcess:
                 self._motion.offer(record)
             case VehicleWish() if self._motion is not None:
                 self._motion.wish(record)
+            case Course() if self._addresses:
+                self._tell_course(record)
             case Settings():
                 self._parameters.changed(record)
                 self._poses.use(record.pose)
@@ -443,6 +451,22 @@ class ConnectionProcess:
         priority = Priority.STATUS if peer is None else Priority.ACK
         self._link.tunnel.send_tunnel(payload, priority, peer, MOTION_STATE_TYPE)
 
+    def _take_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+        """Handle what is told of another drone; nobody listens where nothing is flown."""
+        if self._motion is not None:
+            asker = (peer.system_id, peer.component_id)
+            refusal = self._gate.refusal(asker, sealed=sealed)
+            self._motion.neighbour(payload, asker, refusal, sealed=sealed)
+
+    def _tell_course(self, course: Course) -> None:
+        """Report to all where the drone is going."""
+        try:
+            payload = encode_course(course)
+        except TunnelError as error:
+            log.warning("course not told", reason=error.message)
+            return
+        self._link.tunnel.send_tunnel(payload, Priority.STATUS, payload_type=COURSE_TYPE)
+
     def _admits(self, peer: Peer, answers: int = 0) -> bool:
         place = (peer.system_id, peer.component_id)
         return self._crowd.admits(place, self._base.now_ns(), answers=answers)
@@ -485,6 +509,9 @@ class ConnectionProcess:
             if kind == MOTION_INSIDE:
                 self._take_motion(payload, peer, sealed=True)
                 return
+            if kind == NEIGHBOUR_INSIDE:
+                self._take_neighbour(payload, peer, sealed=True)
+                return
             if kind == PARAMETER_INSIDE:
                 refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=True)
                 number = self._exchange.next_request_id()
@@ -495,6 +522,9 @@ class ConnectionProcess:
             return
         elif payload_type == CODED_TAG_TYPE:
             self._take_command(payload, peer, sealed=False, coded_tag=True)
+            return
+        elif payload_type == NEIGHBOUR_TYPE:
+            self._take_neighbour(payload, peer, sealed=False)
             return
         elif payload_type != RECEIPT_TYPE or self._gate.locked:
             return

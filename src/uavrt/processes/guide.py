@@ -16,7 +16,9 @@ from uavrt.errors import ConfigError, PlanError, UavrtError
 from uavrt.guidance import (
     TAG_HEIGHT_M,
     Choice,
+    Company,
     Equipment,
+    GoHome,
     GroundAround,
     Limits,
     Order,
@@ -37,6 +39,7 @@ from uavrt.messages import (
     KeepOut,
     MotionOffer,
     MotionRequest,
+    Neighbour,
     PulsePose,
     SearchNote,
     SearchReport,
@@ -55,6 +58,8 @@ log = get_logger()
 
 TICK_S = 0.05
 ALIVE_S = 0.5
+COURSE_S, ASKING_S = 1.0, 0.4
+"""Between two words on ourselves, and while a way is asked for."""
 MONOPOLE = "monopole"
 """An upright one, which has no pattern to look around with."""
 
@@ -153,6 +158,11 @@ def equipment_of(settings: Settings) -> Equipment:
     )
 
 
+def _height_m(order: Order, now: VehicleNow) -> float:
+    """Above home, that an order is flown at."""
+    return now.altitude_relative_m if order.height_m is None else order.height_m
+
+
 class Guide:
     """The state of the process; see the module's text."""
 
@@ -172,8 +182,9 @@ class Guide:
         """Of searches that are over, until they have summed up."""
         flight = frame.assignment.flight
         self._tags: tuple[Tag, ...] = () if flight is None else flight.tags
-        self._alive_s = 0.0
-        self.offers = self.flown = self.decisions = 0
+        self._alive_s = self._course_s = 0.0
+        self._company = Company(secrets.randbits(16))
+        self.offers = self.flown = self.decisions = self.ways_not_given = 0
         frame.send("wish", VehicleWish(order_id=None, kind="end"))
 
     def take(self, topic: str, record: object) -> None:
@@ -186,6 +197,8 @@ class Guide:
                 self._fence = record
             case MotionRequest():
                 self._offer(record)
+            case Neighbour():
+                self._company.take(record, monotonic_s())
             case FlightInfo():
                 self._tags = record.tags if topic == "flight" else ()
             case PulsePose() if self._thinker is not None:
@@ -241,12 +254,12 @@ class Guide:
                 equipment_of(self._frame.assignment.settings),
                 hills=hills_of(guidance, now.home),
             )
+            self._company.check(now, _height_m(order, now))
             self._seeker = Seeker(order, self._tags, now, self._limits, manners, equipment)
             plan = self._seeker.plan
         else:
             plan = plan_of(order, now, self._limits, manners)
-            height = now.altitude_relative_m if order.height_m is None else order.height_m
-            order = replace(order, height_m=height)
+            order = replace(order, height_m=_height_m(order, now))
         self._offered = Pilot(order, plan, self._limits, waits=self._seeker is not None)
         unknown = "" if self._fence is not None else "; the vehicle's own fence is not known"
         return f"{plan.summary}{unknown}; out of {vehicle.mode}"
@@ -275,9 +288,16 @@ class Guide:
         )
 
     def _fly(self, vehicle: VehicleReport) -> None:
-        """Wish what is due, while the order that was offered is the one confirmed."""
-        offered, now_s = self._offered, monotonic_s()
+        """Wish what is due, and say where it goes."""
+        now_s = monotonic_s()
         now = now_of(vehicle, now_s)
+        self._wish(vehicle, now, now_s)
+        if now is not None:
+            self._tell_course(now, now_s)
+
+    def _wish(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
+        """Wish what is due, while the order that was offered is the one confirmed."""
+        offered = self._offered
         if offered is not None and vehicle.order_id == offered.order.order_id:
             self._begin(offered, vehicle, now)
         pilot = self._pilot
@@ -291,6 +311,8 @@ class Guide:
         said = f"{pilot.plan.summary}: {pilot.said or pilot.progress}"
         if self._thinker is not None:
             said = pilot.said
+        if isinstance(wish, GoHome) and now is not None:
+            self._company.go(now.home, returning=True)
         if wish is not None:
             self._frame.send("wish", wish_record(pilot.order.order_id, wish, said))
             self._alive_s = now_s
@@ -312,7 +334,9 @@ class Guide:
             return
         order, self.flown = offered.order, self.flown + 1
         try:
+            self._company.begin(now.time_s)
             if self._seeker is not None:
+                self._company.check(now, _height_m(order, now))
                 self._seeker.check(now)
             else:
                 plan = plan_of(order, now, self._limits, manners_of(vehicle.autopilot))
@@ -327,6 +351,19 @@ class Guide:
             self._thinker.begin(self._frame.clock.now_ns(), now)
         self._seeker = None
 
+    def _tell_course(self, now: VehicleNow, now_s: float) -> None:
+        """Say where it is going, while there is somebody who tells others."""
+        company, pilot = self._company, self._pilot
+        every_s = ASKING_S if company.waits else COURSE_S
+        if not company.told(now_s) or now_s - self._course_s < every_s:
+            return
+        self._course_s = now_s
+        height, searching = None, self._thinker is not None and pilot is not None
+        if pilot is not None and searching:
+            height = _height_m(pilot.order, now)
+        course = company.course(now, searching=searching, height_m=height)
+        self._frame.send("course", course)
+
     def _end(self, order_id: int, reason: str) -> None:
         log.info("order ended", order=order_id, reason=reason)
         self._frame.send("wish", VehicleWish(order_id=order_id, kind="end", said=reason))
@@ -340,14 +377,45 @@ class Guide:
         for thought in thinker.thoughts():
             match thought:
                 case Choice():
-                    self._note(thought.notes)
-                    pilot.said = thought.said
-                    if thought.steps is not None:
-                        pilot.redirect(thought.steps, now)
+                    self._choose(thought, pilot, now)
                 case Failed():
                     pilot.ended = thought.reason
-        if now.began and pilot.ended is None:
-            thinker.ask(time_ns, now, idle=pilot.idle)
+        company = self._company
+        if company.waits:
+            self._await_way(thinker, pilot, now)
+        elif now.began and pilot.ended is None and thinker.is_time(now, idle=pilot.idle):
+            others = company.thinks(now.time_s)
+            thinker.ask(time_ns, now, idle=pilot.idle, others=others)
+
+    def _choose(self, choice: Choice, pilot: Pilot, now: VehicleNow) -> None:
+        """Fly what was chosen; a way among others only when it was given."""
+        if choice.steps is None or choice.way is None or self._company.choose(choice, now):
+            self._take_up(choice, choice.notes, pilot, now)
+            return
+        self._note([note for note in choice.notes if note.event != "decision"])
+        self._course_s = 0.0
+
+    def _await_way(self, thinker: Thinker, pilot: Pilot, now: VehicleNow) -> None:
+        """Fly the way that was asked for when it is given; go on as before if it is not."""
+        answer = self._company.answer(now)
+        if answer is None:
+            return
+        choice, given = answer
+        if given:
+            decided = [note for note in choice.notes if note.event == "decision"]
+            self._take_up(choice, decided, pilot, now)
+        else:
+            self.ways_not_given += 1
+            thinker.withdraw(now)
+        self._course_s = 0.0
+
+    def _take_up(
+        self, choice: Choice, notes: Sequence[SearchNote], pilot: Pilot, now: VehicleNow
+    ) -> None:
+        self._note(notes)
+        pilot.said = choice.said
+        if choice.steps is not None:
+            pilot.redirect(choice.steps, now)
 
     def _note(self, notes: Sequence[SearchNote]) -> None:
         """Record what was decided; the operator is told of what was found, and of the ends."""
@@ -361,6 +429,7 @@ class Guide:
     def _end_search(self, now: VehicleNow | None, reason: str) -> None:
         """Let the search sum up; whatever it still thinks moves nothing."""
         thinker, self._thinker = self._thinker, None
+        self._company.end()
         if thinker is None:
             return
         if now is not None:
@@ -390,6 +459,8 @@ class Guide:
             "orders_offered": self.offers,
             "orders_flown": self.flown,
             "search_decisions": self.decisions,
+            "ways_not_given": self.ways_not_given,
+            "others_told": len(self._company.others(monotonic_s())),
         }
 
 

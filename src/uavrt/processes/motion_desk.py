@@ -43,6 +43,7 @@ from uavrt.tunnel import (
     MotionStop,
     StateKind,
     decode_motion,
+    decode_neighbour,
     encode_state,
 )
 
@@ -62,6 +63,8 @@ the second what the autopilot said meanwhile is read before a command is sent.""
 ANSWERS_WITHIN_S = 2.0
 """The supervisor on a confirmation, then who confirmed has given up."""
 BATTERY_AGE_S = 10.0
+TELLER_S = 10.0
+"""Who told of other drones so lately is the only one that may: two would give the same way."""
 UNKNOWN = "the autopilot is not known. Fly a multirotor with PX4 or ArduPilot"
 SIMULATOR_NUMBER = 0x75617672
 """AUTOPILOT_VERSION's uid of `uavrt.simulation.fake_autopilot`: ``uavr``."""
@@ -138,9 +141,11 @@ class MotionDesk:
         self._awake_s = monotonic_s()
         self._stop_by_s = 0.0
         self._ground_silent_s = NEVER_S
+        self._teller: tuple[Asker | None, float] = (None, -inf)
+        """Who tells of other drones, and when last."""
         self._standing = Standing.OUT
         self._next_report_s = self._next_state_s = 0.0
-        self.refused_orders = 0
+        self.refused_orders = self.refused_neighbours = 0
         """Orders that were not sealed, or could not be read."""
 
     # ------------------------------------------------------------- from the autopilot
@@ -232,6 +237,30 @@ class MotionDesk:
             self._ask("fly", message, asker, sealed=sealed)
         else:
             self._ask("confirm_motion", (message, asker), asker, sealed=sealed)
+
+    def neighbour(
+        self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
+    ) -> None:
+        """Handle what a ground station tells of another drone: the guide is to know it.
+
+        Parameters as of `receive`; the payload is of type 60010.
+        """
+        now_s = monotonic_s()
+        try:
+            told = decode_neighbour(payload)
+        except TunnelError as error:
+            self.refused_neighbours += 1
+            log.seldom(self.refused_neighbours, "neighbour refused", reason=error.message)
+            return
+        proven = sealed or bool(self._simulated)
+        teller, told_s = self._teller
+        another = teller not in (None, asker) and now_s - told_s < TELLER_S
+        own = told.vehicle == self._own_place()[0]
+        if refusal is not None or not proven or another or own:
+            self.refused_neighbours += 1
+            return
+        self._teller = (asker, now_s)
+        self._out.record("neighbour", told)
 
     def _ask(
         self,
@@ -526,6 +555,7 @@ class MotionDesk:
         counts = {} if self._authority is None else self._authority.counters
         return {
             "motion_orders_refused": self.refused_orders,
+            "neighbours_refused": self.refused_neighbours,
             **self._fence.counters(),
             **{f"motion_{name}": float(count) for name, count in counts.items()},
         }

@@ -6,12 +6,12 @@ search's beliefs belong to the thread alone, all that it is told waits in one qu
 
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from uavrt.guidance import Choice, Seeker, VehicleNow
 from uavrt.log import get_logger
-from uavrt.messages import PulsePose, SearchNote, SearchReport
+from uavrt.messages import Neighbour, PulsePose, SearchNote, SearchReport
 
 log = get_logger()
 
@@ -19,6 +19,8 @@ CYCLE_S = 5.0
 """From one decision to the next while the drone is under way."""
 LEAST_S = 0.5
 """And when it waits."""
+AGAIN_S = 2.0
+"""After a way that it did not get."""
 
 _Job = Callable[[], Choice | SearchNote | None]
 
@@ -43,7 +45,7 @@ class Thinker:
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._thoughts: queue.SimpleQueue[Choice | SearchNote | Failed] = queue.SimpleQueue()
         self._thinking = False
-        self._asked_s = 0.0
+        self._asked_s = self._again_s = 0.0
         self._thread = threading.Thread(target=self._run, name="search", daemon=True)
         self._thread.start()
 
@@ -64,13 +66,28 @@ class Thinker:
         self._thinking = True
         self._jobs.put(lambda: self._seeker.begin(time_ns, now))
 
-    def ask(self, time_ns: int, now: VehicleNow, *, idle: bool) -> None:
-        """Ask where to fly, if it is time and nothing was asked before that is not answered."""
-        waited_s = now.time_s - self._asked_s
-        if self._thinking or waited_s < (LEAST_S if idle else CYCLE_S):
-            return
-        self._thinking, self._asked_s = True, now.time_s
-        self._jobs.put(lambda: self._seeker.think(time_ns, now, idle=idle))
+    def ask(
+        self,
+        time_ns: int,
+        now: VehicleNow,
+        *,
+        idle: bool,
+        others: Sequence[Neighbour] = (),
+    ) -> None:
+        """Ask where to fly, if it is time."""
+        if self.is_time(now, idle=idle):
+            self._thinking, self._asked_s = True, now.time_s
+            self._jobs.put(lambda: self._seeker.think(time_ns, now, idle=idle, others=others))
+
+    def is_time(self, now: VehicleNow, *, idle: bool) -> bool:
+        """Whether nothing was asked that is not answered, and long enough ago."""
+        due_s = max(self._again_s, self._asked_s + (LEAST_S if idle else CYCLE_S))
+        return not self._thinking and now.time_s >= due_s
+
+    def withdraw(self, now: VehicleNow) -> None:
+        """Pass on that the last choice is not flown; it is thought over soon."""
+        self._jobs.put(self._seeker.withdraw)
+        self._asked_s, self._again_s = now.time_s - CYCLE_S, now.time_s + AGAIN_S
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> None:
         """Ask for the summary; the last thought is it."""

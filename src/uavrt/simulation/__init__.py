@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from uavrt.simulation.arrivals import DeliveredStream, Delivery
     from uavrt.simulation.demo_world import demo_scenario, fleet_scenarios, search_scenario
     from uavrt.simulation.flight import Flight, Leg
+    from uavrt.simulation.flown_path import FlownPath
     from uavrt.simulation.forwarding import PASS_NS, ForwardRing
     from uavrt.simulation.geometry import from_euler_deg
     from uavrt.simulation.link_trial import LinkTrial, TrialSettings
@@ -42,6 +43,7 @@ __all__ = [
     "Delivery",
     "Fading",
     "Flight",
+    "FlownPath",
     "ForwardRing",
     "Home",
     "IQSynthesizer",
@@ -84,6 +86,7 @@ __getattr__ = lazily(
         "Delivery": "arrivals",
         "Fading": "propagation",
         "Flight": "flight",
+        "FlownPath": "flown_path",
         "ForwardRing": "forwarding",
         "Home": "scenario",
         "IQSynthesizer": "synthesis",

@@ -4,10 +4,11 @@ from uavrt.clock import wall_ns
 from uavrt.errors import LinkError, TunnelError
 from uavrt.log import get_logger
 from uavrt.tunnel.coded_tag import CODED_TAG_TYPE
-from uavrt.tunnel.private import MOTION_TYPE, RECEIPT_TYPE
+from uavrt.tunnel.private import MOTION_TYPE, NEIGHBOUR_TYPE, RECEIPT_TYPE
 from uavrt.tunnel.seal import (
     CODED_TAG_INSIDE,
     MOTION_INSIDE,
+    NEIGHBOUR_INSIDE,
     PARAMETER_INSIDE,
     PLAIN_INSIDE,
     RECEIPT_INSIDE,
@@ -113,11 +114,12 @@ class Sealer:
         self._last = max(self._last, newest)
 
     def __call__(self, payload: bytes, payload_type: int) -> bytes:
-        """Seal a payload of type 0, a receipt, an order of motion or a coded tag."""
+        """Seal a payload of type 0, a receipt, an order, a coded tag or a neighbour."""
         kinds = {
             RECEIPT_TYPE: RECEIPT_INSIDE,
             MOTION_TYPE: MOTION_INSIDE,
             CODED_TAG_TYPE: CODED_TAG_INSIDE,
+            NEIGHBOUR_TYPE: NEIGHBOUR_INSIDE,
         }
         return self._seal(payload, kinds.get(payload_type, PLAIN_INSIDE))
 

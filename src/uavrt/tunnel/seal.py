@@ -7,7 +7,8 @@ the proof is inside the payload, in our own payload type 60002::
     0       u8     version, 2
     1       u8     0: what is inside has payload type 0; 1: it is a receipt; 2: a parameter's
                    name, char[16], and wanted value, f32; 3: an order of motion
-                   (`uavrt.tunnel.motion`); 4: a coded tag (`uavrt.tunnel.coded_tag`)
+                   (`uavrt.tunnel.motion`); 4: a coded tag (`uavrt.tunnel.coded_tag`); 5:
+                   what is told of another drone (`uavrt.tunnel.neighbours`)
     2       u16    zero
     4       u64    counter of the sender, strictly rising
     12      u8[8]  keyed BLAKE2b of the session (u64), the drone's system and component id, the
@@ -43,7 +44,7 @@ from uavrt.errors import TunnelError
 SEALED_SIZE = 20
 MAX_INSIDE = 108
 PLAIN_INSIDE, RECEIPT_INSIDE, PARAMETER_INSIDE, MOTION_INSIDE = 0, 1, 2, 3
-CODED_TAG_INSIDE = 4
+CODED_TAG_INSIDE, NEIGHBOUR_INSIDE = 4, 5
 LEAST_KEY = 16
 MOST_KEY = 256
 _HEAD = struct.Struct("<BBHQ")
@@ -166,7 +167,7 @@ class SealKeeper:
             raise TunnelError("a sealed message has at least 20 bytes", payload)
         head, mac, inside = payload[:12], payload[12:20], payload[20:]
         version, kind, _, counter = _HEAD.unpack(head)
-        if version != _VERSION or kind > CODED_TAG_INSIDE:
+        if version != _VERSION or kind > NEIGHBOUR_INSIDE:
             raise TunnelError("a sealed message of another version", payload)
         proven = Session(self._session, drone).mixed_in() + bytes(sender) + head + inside
         if not hmac.compare_digest(mac, _mac(self._key, proven)):

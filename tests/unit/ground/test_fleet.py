@@ -4,6 +4,7 @@ import asyncio
 import json
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from willing_drone import WillingDrone
 
-from uavrt.messages import SystemState, Tag
+from uavrt.messages import Course, SystemState, Tag
 from uavrt.recording import read_flight
 
 TAGS = [
@@ -197,3 +198,47 @@ def test_records_of_a_vehicle_that_nobody_serves_are_refused(
     assert asyncio.run(first_topic()) == "hello"
     with pytest.raises(InvalidStatus):
         asyncio.run(first_topic("http://evil.example"))
+
+
+def test_drones_that_fly_are_told_of_each_other_and_get_their_ways_in_turn(
+    tmp_path: Path, serve: Any
+) -> None:
+    station = serve(tmp_path / "ground")
+    drones = {1: WillingDrone(station.mavlink_port)}
+    one = drones[1]
+    try:
+        until(station, lambda state: state["drone"]["system_id"] == 1)
+        one.course = course = Course(
+            sequence=1,
+            place=(46.5, 8.0),
+            altitude_amsl_m=1000.0,
+            goal=(46.5, 8.0),
+            searching=True,
+        )
+        drones[2] = two = WillingDrone(station.mavlink_port, system_id=2)
+        until(station, lambda state: state["drone"]["others"] == [2])
+        time.sleep(1.5)
+        assert one.told == []  # alone: nobody is told anything
+        serve_second(station)
+        two.course = replace(course, place=(46.501, 8.0), goal=(46.501, 8.0))
+        wait(lambda: {told.vehicle for told in one.told} >= {2})
+        wait(lambda: {told.vehicle for told in two.told} >= {1})
+        assert one.told[-1].course is not None
+        assert one.told[-1].course.goal == pytest.approx((46.501, 8.0), abs=1e-5)
+        time.sleep(2.0)  # by then all have spoken
+        way = ((46.5, 8.0), (46.5, 8.001))
+        one.course = replace(one.course, asked=9, asked_way=way, given=((2, 1),))
+        two.course = replace(two.course, asked=8, asked_way=way, given=((1, 77),))
+        wait(lambda: one.told[-1].granted == 9)
+        wait(lambda: two.told[-1].denied == 8)
+    finally:
+        for drone in drones.values():
+            drone.close()
+
+
+def wait(what: Any) -> None:
+    for _ in range(500):
+        if what():
+            return
+        time.sleep(0.02)
+    raise AssertionError

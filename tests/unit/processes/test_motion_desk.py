@@ -1,6 +1,6 @@
 """The desk at the link: who may move the drone, and when it lets go."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pytest
@@ -12,9 +12,11 @@ from uavrt.mavlink import dialect
 from uavrt.messages import (
     Command,
     CommandReply,
+    Course,
     KeepOut,
     MotionOffer,
     MotionRequest,
+    Neighbour,
     StatusText,
     VehicleFence,
     VehicleReport,
@@ -22,6 +24,7 @@ from uavrt.messages import (
 )
 from uavrt.processes.motion_desk import SIMULATOR_NUMBER, MotionDesk, Outlets
 from uavrt.simulation.mission_store import MissionStore
+from uavrt.tunnel import encode_neighbour
 from uavrt.tunnel.motion import (
     MotionConfirmation,
     MotionState,
@@ -491,3 +494,49 @@ def test_a_guide_that_was_restarted_is_told_the_fence_at_once() -> None:
     link.run(3.0)
     link.desk.wish(VehicleWish(order_id=None, kind="end"))
     assert fences(link) == [MEADOW, MEADOW]
+
+
+ELSEWHERE = Neighbour(
+    vehicle=2,
+    version=3,
+    granted=5,
+    course=Course(sequence=1, place=(46.5, 8.0), altitude_amsl_m=480.0, goal=(46.51, 8.0)),
+)
+
+
+def test_what_is_told_of_another_drone_commands_nothing() -> None:
+    """Neither in command nor out: it goes to the guide, which may only withhold by it."""
+    link = Link()
+    link.run(2.0)
+    for standing in ("out", "confirmed", "in command"):
+        if standing == "confirmed":
+            link.offered()
+            link.confirm()
+        elif standing == "in command":
+            link.fly(50.0)
+            link.run(0.5)
+        before = len(link.motions)
+        link.desk.neighbour(encode_neighbour(ELSEWHERE), US, None, sealed=True)
+        link.run(0.2)
+        told = [one for one in link.records if isinstance(one, Neighbour)]
+        assert told[-1].granted == 5
+        assert len(link.motions) == before
+
+
+def test_words_on_others_that_are_not_to_be_trusted_are_counted_and_dropped() -> None:
+    link = Link()
+    link.run(2.0)
+    payload = encode_neighbour(ELSEWHERE)
+    own = encode_neighbour(replace(ELSEWHERE, vehicle=1))
+    link.desk.neighbour(payload, US, None, sealed=False)
+    link.desk.neighbour(payload, US, "may not command", sealed=True)
+    link.desk.neighbour(payload[:-1], US, None, sealed=True)
+    link.desk.neighbour(own, US, None, sealed=True)
+    assert link.desk.counters()["neighbours_refused"] == 4
+    link.desk.neighbour(payload, US, None, sealed=True)
+    link.desk.neighbour(payload, OTHERS, None, sealed=True)  # two would give the same way
+    assert link.desk.counters()["neighbours_refused"] == 5
+    assert len([one for one in link.records if isinstance(one, Neighbour)]) == 1
+    link.simulator()
+    link.desk.neighbour(payload, US, None, sealed=False)
+    assert link.desk.counters()["neighbours_refused"] == 5

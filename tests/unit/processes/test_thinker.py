@@ -21,7 +21,8 @@ class Slow:
     def pulse(self, _: Any) -> None:
         self.pulses += 1
 
-    def think(self, _time_ns: int, _now: VehicleNow, *, idle: bool) -> Choice:
+    def think(self, _time_ns: int, _now: VehicleNow, *, idle: bool, others: Any) -> Choice:
+        assert others == ()
         self.asked += 1
         self.go.wait(10.0)
         return Choice(steps=None, said=f"idle {idle}", notes=())

@@ -3,7 +3,8 @@
 `protocol` and `delivery_receipts` hold the protocol, without I/O; `drone_link` runs it over
 MAVLink and `parallel_links` over several links at once. `commands` sends one command at a time,
 `vehicle` listens to the autopilot, `vehicle_identity` and `keys` decide whom to trust;
-`my_place` is this computer's own GPS receiver, `motion` and `flying` ask for motions.
+`my_place` is this computer's own GPS receiver, `motion` and `flying` ask for motions,
+`given_ways` keeps drones that search together apart.
 """
 
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from uavrt.ground.link.delivery_receipts import Receipts
     from uavrt.ground.link.drone_link import GroundLink
     from uavrt.ground.link.flying import Flying, area_of_file
+    from uavrt.ground.link.given_ways import GivenWays
     from uavrt.ground.link.keys import NO_KEYS, LinkKeys, read_link_keys
     from uavrt.ground.link.motion import ask, confirm, motion_request, stop
     from uavrt.ground.link.my_place import MyPlace
@@ -38,6 +40,7 @@ __all__ = [
     "DetectorAlive",
     "DroneHeartbeat",
     "Flying",
+    "GivenWays",
     "GroundEvent",
     "GroundLink",
     "LinkKeys",
@@ -65,6 +68,7 @@ __getattr__ = lazily(
         "DetectorAlive": "protocol",
         "DroneHeartbeat": "protocol",
         "Flying": "flying",
+        "GivenWays": "given_ways",
         "GroundEvent": "protocol",
         "GroundLink": "drone_link",
         "LinkKeys": "keys",

@@ -37,16 +37,18 @@ from uavrt.mavlink import (
     SigningKey,
 )
 from uavrt.mavlink.dialect import Tunnel
-from uavrt.messages import Tag
+from uavrt.messages import Neighbour, Tag
 from uavrt.tunnel import (
     CODED_TAG_TYPE,
     MAX_SEALED_HASHES,
     MOTION_TYPE,
+    NEIGHBOUR_TYPE,
     PAYLOAD_TYPE,
     Generation,
     Key,
     MotionState,
     Sealer,
+    encode_neighbour,
     is_confirmation,
     is_stop,
 )
@@ -418,6 +420,11 @@ class GroundLink:
                 yield self._events.popleft()
             self._event_there.clear()
             await self._event_there.wait()
+
+    def tell_neighbour(self, told: Neighbour) -> None:
+        """Tell the drone of another one, once it is there and has told its session."""
+        with contextlib.suppress(LinkError):
+            self.send(self.protocol.tunnel_message(encode_neighbour(told), NEIGHBOUR_TYPE))
 
     @property
     def refused(self) -> dict[str, int]:

@@ -19,6 +19,7 @@ from uavrt.mavlink import (
 )
 from uavrt.messages import (
     BurstInside,
+    Course,
     LiveBearing,
     PulsePose,
     SearchReport,
@@ -29,6 +30,7 @@ from uavrt.messages import (
 from uavrt.tunnel import (
     BEARING_TYPE,
     BURST_TYPE,
+    COURSE_TYPE,
     MOTION_STATE_TYPE,
     RECEIPT_TYPE,
     SEALED_TYPE,
@@ -40,6 +42,7 @@ from uavrt.tunnel import (
     Sealer,
     decode_bearing,
     decode_burst,
+    decode_course,
     decode_state,
 )
 from uavrt.units import ns_from_s
@@ -100,6 +103,7 @@ GroundEvent = (
     | Acknowledged
     | OperationStep
     | MotionState
+    | Course
 )
 
 
@@ -235,6 +239,8 @@ class GroundProtocol:
                 return self._burst(message.payload[: message.payload_length])
             if message.payload_type == MOTION_STATE_TYPE:
                 return self._motion(message.payload[: message.payload_length])
+            if message.payload_type == COURSE_TYPE:
+                return self._course(message.payload[: message.payload_length])
             if message.payload_type == SESSION_TYPE and self._sealer is not None:
                 self._hear_session(message.payload[: message.payload_length], peer)
             if message.payload_type != tunnel.PAYLOAD_TYPE:
@@ -280,6 +286,14 @@ class GroundProtocol:
         except TunnelError as error:
             self.counters["bad_payloads"] += 1
             self._log_bad("bad state of motion", error)
+            return []
+
+    def _course(self, payload: bytes) -> list[GroundEvent]:
+        try:
+            return [decode_course(payload)]
+        except TunnelError as error:
+            self.counters["bad_payloads"] += 1
+            self._log_bad("bad course", error)
             return []
 
     def _log_bad(self, event: str, error: TunnelError) -> None:

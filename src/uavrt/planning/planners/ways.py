@@ -102,7 +102,7 @@ def _beside_others(
     Of two that are nearer already, ways that bring them no nearer are left.
     """
     beside, state = situation.beside, situation.state
-    if beside is None or not beside.announced:
+    if beside is None or not (beside.announced or beside.strips):
         return refused
     apart = beside.separation
     air, cycle = situation.wind, situation.cycle_s

@@ -1,0 +1,162 @@
+"""``uavrt demo --search --drones``: several simulated drones search together, by themselves."""
+
+import math
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from itertools import combinations
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from uavrt.clock import Clock
+from uavrt.demo.programs import Program, free_udp_port
+from uavrt.demo.search import START_LEAD_S, Among, SearchDemo, SearchSummary
+from uavrt.errors import UavrtError
+from uavrt.simulation import FlownPath
+from uavrt.units import ns_from_s
+
+STEP_NS = ns_from_s(0.2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TogetherSummary:
+    """What ``uavrt demo --search --drones --json`` prints as its last line."""
+
+    drones: dict[str, SearchSummary]
+    apart_m: float
+    """Least distance over ground of any two, while both searched."""
+    duration_s: float
+    """Until the last of them had ended."""
+
+    @property
+    def found(self) -> set[str]:
+        """Animals that any has found."""
+        return {
+            tag
+            for drone in self.drones.values()
+            for tag, animal in drone.tags.items()
+            if animal.found
+        }
+
+    @property
+    def complete(self) -> bool:
+        """Whether every animal was found."""
+        return self.found == {tag for drone in self.drones.values() for tag in drone.tags}
+
+    def as_dict(self) -> dict[str, object]:
+        """Get it as plain values for JSON."""
+        return asdict(self)
+
+
+class TogetherDemo:
+    """One search of several drones on this machine, by the real processes.
+
+    Parameters
+    ----------
+    drones : int
+    seed, limit_s, say
+        As of `SearchDemo`; each line begins with the drone's number.
+    flight_dir : Path
+        Each drone's flight directory is made below `drone-NUMBER` in it, the ground's in
+        `ground`.
+    """
+
+    def __init__(
+        self,
+        *,
+        drones: int,
+        seed: int,
+        limit_s: float,
+        flight_dir: Path,
+        say: Callable[[str], None],
+    ) -> None:
+        self._drones, self._seed, self._limit_s = drones, seed, limit_s
+        self._flight_dir, self._say = flight_dir.resolve(), say
+        self._searches: dict[int, SearchDemo] = {}
+        self._ended: dict[int, SearchSummary | UavrtError] = {}
+
+    def run(self) -> TogetherSummary:
+        """Fly once; raises as `SearchDemo.run`."""
+        with ExitStack() as stack:
+            ground_port = self._start_ground(stack)
+            start_ns = Clock.start().now_ns() + ns_from_s(START_LEAD_S)
+            threads = [
+                threading.Thread(target=self._one, args=(number, ground_port, start_ns))
+                for number in range(1, 1 + self._drones)
+            ]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+        summaries = {}
+        for number, one in sorted(self._ended.items()):
+            if isinstance(one, UavrtError):
+                raise one
+            summaries[str(number)] = one
+        return TogetherSummary(
+            drones=summaries,
+            apart_m=round(self._apart_m(summaries), 1),
+            duration_s=max(one.duration_s for one in summaries.values()),
+        )
+
+    def _start_ground(self, stack: ExitStack) -> int:
+        """The station that serves all; it orders nothing."""
+        work = Path(stack.enter_context(TemporaryDirectory(prefix="uavrt-together-")))
+        port = free_udp_port()
+        further = [word for n in range(2, 1 + self._drones) for word in ("--vehicle", str(n))]
+        ground = Program(
+            "ground",
+            (
+                *("uavrt.cli", "ground", "--page", "--no-browser", "--port", "0"),
+                *("--mavlink", f"udpin://127.0.0.1:{port}", *further),
+                *("-o", str(self._flight_dir / "ground")),
+            ),
+            work / "ground.log",
+        )
+        stack.callback(ground.stop)
+        return port
+
+    def _one(self, number: int, ground_port: int, start_ns: int) -> None:
+        directory = self._flight_dir / f"drone-{number}"
+        directory.mkdir(parents=True, exist_ok=True)
+        search = self._searches[number] = SearchDemo(
+            seed=self._seed,
+            limit_s=self._limit_s,
+            flight_dir=directory,
+            say=lambda line: self._say(f"drone {number}: {line}"),
+            among=Among(number=number, ground_port=ground_port, start_ns=start_ns),
+        )
+        try:
+            self._ended[number] = search.run()
+        except UavrtError as error:
+            self._ended[number] = error
+
+    def _apart_m(self, summaries: dict[str, SearchSummary]) -> float:
+        """By where the simulated vehicles were, not by what they told."""
+        paths = {
+            number: FlownPath(
+                Path(summaries[str(number)].flight_directory) / "flown.path",
+                search.scenario.plane,
+            )
+            for number, search in self._searches.items()
+        }
+        least = math.inf
+        for one, other in combinations(self._searches, 2):
+            spans = [self._searches[number].searched_ns for number in (one, other)]
+            begin, end = max(first for first, _ in spans), min(last for _, last in spans)
+            for time_ns in range(begin, end, STEP_NS):
+                states = [paths[number].state(time_ns) for number in (one, other)]
+                a, b = (state.position_ned_m[:2] for state in states if state is not None)
+                least = min(least, math.dist(a, b))
+        return least
+
+
+def run_together_demo(
+    *, drones: int, seed: int, limit_s: float, flight_dir: Path, say: Callable[[str], None]
+) -> TogetherSummary:
+    """Run the search of several drones once; see `TogetherDemo`."""
+    demo = TogetherDemo(
+        drones=drones, seed=seed, limit_s=limit_s, flight_dir=flight_dir, say=say
+    )
+    return demo.run()

@@ -1,0 +1,221 @@
+"""One drone among others: what it was told, what it asks for, what it says of itself. Pure.
+
+While a ground station serves several, a way is flown only after the ground has given it: it
+gives none that was chosen without knowing all ways of the others. That withholds ways and
+commands none; whoever gets no answer flies what it owns to its end, and stays there.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
+
+from uavrt.errors import PlanError
+from uavrt.guidance.heights import target_amsl_m
+from uavrt.guidance.neighbours import SEPARATION, nearest_m, strips_of
+from uavrt.guidance.orders import Place, VehicleNow
+from uavrt.guidance.pilot import standing_place
+from uavrt.messages import Course, Neighbour
+from uavrt.planning import Beside
+from uavrt.tangent_plane import TangentPlane
+
+if TYPE_CHECKING:
+    from uavrt.guidance.seeker import Choice
+
+TOLD_S = 10.0
+"""Others that were told so lately are there."""
+ANSWER_S = 3.0
+"""So long it waits for a way."""
+_ROUND = 0x10000
+_Tag = TypeVar("_Tag")
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    number: int
+    way: tuple[Place, Place]
+    given: tuple[tuple[int, int], ...]
+    asked_s: float
+
+
+class Company:
+    """The others, as one drone knows them.
+
+    Parameters
+    ----------
+    sequence : int
+        Of its first word; drawn at random, for a guide that restarts.
+    """
+
+    def __init__(self, sequence: int = 0) -> None:
+        self._sequence = self._number = sequence % _ROUND
+        self._told_s: float | None = None
+        self._others: dict[int, tuple[Neighbour, float]] = {}
+        self._asked: _Asked | None = None
+        self._granted: bool | None = None
+        self._given: dict[int, int] = {}
+        """Versions of others' ways that it is thinking with."""
+        self._choice: Choice | None = None
+        """Chosen last."""
+        self._flown = 0
+        self._goal: Place | None = None
+        """None: it stays where it is."""
+        self._returning = False
+
+    def take(self, told: Neighbour, now_s: float) -> None:
+        """Take what the ground tells."""
+        self._told_s = now_s
+        asked = self._asked
+        if asked is not None and asked.number in (told.granted, told.denied):
+            self._granted = told.granted == asked.number
+        if told.course is not None:
+            self._others[told.vehicle] = (told, now_s)
+
+    def told(self, now_s: float) -> bool:
+        """Whether a ground station tells of others now: then it is to speak, too."""
+        return self._told_s is not None and now_s - self._told_s < TOLD_S
+
+    def has_others(self, now_s: float) -> bool:
+        """Whether ways must be asked for."""
+        return bool(self._others) or self.told(now_s)
+
+    def others(self, now_s: float) -> tuple[Neighbour, ...]:
+        """All that are known, each as old as it is by now."""
+        return tuple(
+            replace(one, age_s=one.age_s + now_s - told_s)
+            for one, told_s in self._others.values()
+        )
+
+    # ------------------------------------------------------------------ a search
+
+    def check(self, now: VehicleNow, height_m: float) -> None:
+        """Refuse to search too near another, or at its height.
+
+        Raises
+        ------
+        PlanError
+            With the vehicle, and what to do.
+        """
+        plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+        here = plane.to_local(now.latitude_deg, now.longitude_deg)
+        amsl = target_amsl_m(now.altitude_amsl_m, now.altitude_relative_m, height_m)
+        for one in self.others(now.time_s):
+            course = one.course
+            if course is None or not course.searching:
+                continue
+            beside = Beside(separation=SEPARATION, strips=strips_of((one,), plane))
+            place = (float(here[0]), float(here[1]))
+            off = nearest_m(beside, [place, place])
+            if off < SEPARATION.distance_m:
+                raise PlanError(
+                    f"the way of vehicle {one.vehicle} is {off:.0f} m from here",
+                    remedy=f"Start {SEPARATION.distance_m:.0f} m from it or more",
+                )
+            apart = abs(course.altitude_amsl_m - amsl)
+            if apart < SEPARATION.height_m - 0.5:
+                raise PlanError(
+                    f"vehicle {one.vehicle} searches {apart:.0f} m above or below that height",
+                    remedy=f"Give heights {SEPARATION.height_m:.0f} m apart or more",
+                )
+
+    def begin(self, now_s: float) -> None:
+        """Begin an order: who was not told of lately is not there."""
+        self._others = {
+            vehicle: (one, told_s)
+            for vehicle, (one, told_s) in self._others.items()
+            if now_s - told_s < TOLD_S
+        }
+        self._choice = None
+        self.end()
+
+    def end(self) -> None:
+        """It flies no way any more."""
+        self._asked = self._granted = self._goal = None
+        self._returning = False
+
+    def thinks(self, now_s: float) -> tuple[Neighbour, ...]:
+        """All that are known, with which the next choice is made."""
+        self._given = {vehicle: one.version for vehicle, (one, _) in self._others.items()}
+        return self.others(now_s)
+
+    @property
+    def waits(self) -> bool:
+        """Whether a way was asked for, and nothing was decided on it."""
+        return self._asked is not None
+
+    def choose(self, choice: "Choice", now: VehicleNow) -> bool:
+        """Take what was chosen; whether it is flown at once, or was asked for.
+
+        What it owns already is flown unasked, and the way home, which its height keeps apart.
+        """
+        assert choice.way is not None
+        begin, end = choice.way
+        self._choice = choice
+        if begin == end or choice.returning or not self.has_others(now.time_s):
+            self.go(now.home if choice.returning else end, returning=choice.returning)
+            return True
+        self._number = self._number % (_ROUND - 1) + 1
+        given = tuple(self._given.items())
+        self._asked = _Asked(self._number, (begin, end), given, now.time_s)
+        self._granted = None
+        return False
+
+    def answer(self, now: VehicleNow) -> "tuple[Choice, bool] | None":
+        """What was asked for, and whether it is its own and flown; None while that is open."""
+        asked, choice = self._asked, self._choice
+        if asked is None or choice is None:
+            return None
+        if self._granted is None and now.time_s - asked.asked_s < ANSWER_S:
+            return None
+        self._asked = None
+        if not (self._granted and self._clear(now, asked.way[1])):
+            return choice, False
+        self._flown, self._goal, self._returning = asked.number, asked.way[1], False
+        return choice, True
+
+    def _clear(self, now: VehicleNow, end: Place) -> bool:
+        """Whether a way keeps the distance also from where the drone is by now."""
+        plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+        here = (now.latitude_deg, now.longitude_deg)
+        stand = here if self._goal is None else standing_place(now, self._goal)
+        places = [plane.to_local(*place) for place in (here, stand, end)]
+        strips = strips_of(self.others(now.time_s), plane)
+        beside = Beside(separation=SEPARATION, strips=strips)
+        off = nearest_m(beside, [(float(x), float(y)) for x, y in places])
+        return off >= SEPARATION.distance_m
+
+    def go(self, goal: Place | None, *, returning: bool = False) -> None:
+        """Fly, stay or return without asking: alone, on what it owns, or for safety."""
+        self._asked, self._goal, self._returning = None, goal, returning
+
+    # ------------------------------------------------------------------ its own word
+
+    def course(
+        self,
+        now: VehicleNow,
+        *,
+        searching: bool = False,
+        height_m: float | None = None,
+    ) -> Course:
+        """What it says of itself now; other tags come first each time."""
+        self._sequence = (self._sequence + 1) % _ROUND
+        here = (now.latitude_deg, now.longitude_deg)
+        height = now.altitude_relative_m if height_m is None else height_m
+        asked, choice = self._asked, self._choice
+        return Course(
+            sequence=self._sequence,
+            place=here,
+            altitude_amsl_m=target_amsl_m(now.altitude_amsl_m, now.altitude_relative_m, height),
+            goal=here if self._goal is None else self._goal,
+            searching=searching,
+            returning=self._returning,
+            flown=self._flown,
+            asked=0 if asked is None else asked.number,
+            asked_way=() if asked is None else asked.way,
+            given=() if asked is None else asked.given,
+            held=() if choice is None else _turned(choice.held, self._sequence),
+            found=() if choice is None else _turned(choice.found, self._sequence),
+        )
+
+
+def _turned(items: tuple[_Tag, ...], by: int) -> tuple[_Tag, ...]:
+    at = by % len(items) if items else 0
+    return items[at:] + items[:at]

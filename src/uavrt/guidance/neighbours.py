@@ -1,0 +1,131 @@
+"""Other drones of the same search, as the one that decides sees them. Pure.
+
+No clock is shared with them: a straight way belongs to its drone from where it was last seen
+to its goal, whenever it flies that. So nothing depends on how late their word is.
+"""
+
+from collections.abc import Collection, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from uavrt.guidance.orders import Place
+from uavrt.messages import Neighbour
+from uavrt.planning import (
+    Beliefs,
+    Beside,
+    Path,
+    Separation,
+    Start,
+    Strip,
+    VehicleState,
+    shared_out,
+)
+from uavrt.tangent_plane import TangentPlane
+
+MISSING_S = 10.0
+"""A drone not heard for so long gives its tags back; its ways remain its own."""
+SEPARATION = Separation()
+_OWN = 0
+"""Among the numbers of vehicles, which begin at 1."""
+_Metres = tuple[float, float]
+
+
+def strips_of(others: Sequence[Neighbour], plane: TangentPlane) -> tuple[Strip, ...]:
+    """Ways that are others': those they fly, and those that they were given and will."""
+    return tuple(strip for one in others for strip in pairwise(_corners(one, plane)))
+
+
+def _corners(one: Neighbour, plane: TangentPlane) -> list[_Metres]:
+    """Where it is, where it flies to, and from there where it will."""
+    course = one.course
+    if course is None:
+        return []
+    places = [course.place, course.goal, *course.asked_way]
+    return [_local(plane, place) for place in places]
+
+
+def _local(plane: TangentPlane, place: Place) -> _Metres:
+    east, north = plane.to_local(*place)
+    return float(east), float(north)
+
+
+def beside_of(
+    others: Sequence[Neighbour],
+    state: VehicleState,
+    plane: TangentPlane,
+    beliefs: Beliefs,
+    found: Collection[int],
+    held: Collection[int],
+    *,
+    speed_m_s: float,
+) -> tuple[Beside, tuple[int, ...]]:
+    """What a drone is to count with, and the tags that it is after from now on.
+
+    Parameters
+    ----------
+    others : sequence of Neighbour
+    state : VehicleState
+        Where it decides from.
+    plane : TangentPlane
+    beliefs : Beliefs
+        Its own.
+    found : collection of int
+        Tags that need no more searching.
+    held : collection of int
+        Tags that it was after until now.
+    speed_m_s : float
+        Of all drones.
+    """
+    starts = {_OWN: Start(east_m=state.east_m, north_m=state.north_m)}
+    owners, listening = dict.fromkeys(held, _OWN), []
+    for one in others:
+        course = one.course
+        if course is None or one.age_s > MISSING_S:
+            continue
+        if course.searching and not course.returning:
+            path = _path(_corners(one, plane), state, speed_m_s)
+            listening.append(path)
+            starts[one.vehicle] = Start(
+                east_m=float(path.east_m[-1]),
+                north_m=float(path.north_m[-1]),
+                after_s=float(path.time_s[-1] - path.time_s[0]),
+            )
+            owners |= dict.fromkeys(course.held, one.vehicle)
+    rounds = shared_out(beliefs, found, starts, owners, speed_m_s=speed_m_s)
+    mine = rounds.pop(_OWN)
+    # What others are after and is not known here is theirs: they know where it is.
+    theirs = {tag_id for tag_id, drone in owners.items() if drone != _OWN} - set(mine)
+    theirs |= {tag_id for tags in rounds.values() for tag_id in tags}
+    wanted = set(beliefs) - set(found)
+    beside = Beside(
+        separation=SEPARATION,
+        listening=tuple(listening),
+        left=frozenset(theirs & wanted) if wanted - theirs else frozenset(),
+        strips=strips_of(others, plane),
+    )
+    return beside, tuple(mine)
+
+
+def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path:
+    """When it will probably be where: at once on its way, at the speed of all."""
+    east, north = np.array(corners).T
+    steps = np.hypot(np.diff(east), np.diff(north))
+    yaw = np.degrees(np.arctan2(np.diff(east), np.diff(north)))
+    time = state.time_s + np.append(0.0, np.cumsum(steps)) / speed_m_s
+    count = len(corners)
+    return Path(
+        time_s=time,
+        east_m=east,
+        north_m=north,
+        height_m=np.full(count, state.height_m),
+        yaw_deg=np.append(yaw, yaw[-1]),
+    )
+
+
+def nearest_m(beside: Beside, places: Sequence[_Metres]) -> float:
+    """How near a way through places comes to what is others'."""
+    return min(
+        float(beside.strips_apart_m(begin, np.array([end[0]]), np.array([end[1]]))[0])
+        for begin, end in pairwise(places)
+    )

@@ -1,0 +1,62 @@
+"""Which tags are whose, of drones that search together."""
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from uavrt.planning.beliefs import Beliefs, TagBelief
+from uavrt.planning.division import Start, divided
+
+_STAY_S = 6.0
+"""At a tag of a round: turning to it and its last pulses."""
+_KNOWN = 0.5
+"""Share of its area's extent: tags whose clouds are wider are looked for by all."""
+
+
+def shared_out(
+    beliefs: Beliefs,
+    found: Collection[int],
+    starts: Mapping[int, Start],
+    owners: Mapping[int, int],
+    *,
+    speed_m_s: float,
+) -> dict[int, list[int]]:
+    """Tags of each drone in the order of its round, of those that it is known where they are.
+
+    Parameters
+    ----------
+    beliefs : Beliefs
+    found : collection of int
+        Tags that need no more searching.
+    starts : mapping
+        Where and when each drone's round begins, by its number.
+    owners : mapping
+        Who had each tag before, by its number.
+    speed_m_s : float
+        Of the drones.
+    """
+    known = [one for tag_id, one in beliefs.items() if tag_id not in found and _is_known(one)]
+    drones = list(starts)
+    if not known:
+        return {drone: [] for drone in drones}
+    place: dict[int | None, int] = {drone: at for at, drone in enumerate(drones)}
+    places = [one.spread() for one in known]
+    rounds = divided(
+        [starts[drone] for drone in drones],
+        np.array([one.east_m for one in places]),
+        np.array([one.north_m for one in places]),
+        speed_m_s=speed_m_s,
+        stay_s=_STAY_S,
+        owners=[place.get(owners.get(one.tag_id)) for one in known],
+    )
+    return {
+        drone: [known[tag].tag_id for tag in tags]
+        for drone, tags in zip(drones, rounds, strict=True)
+    }
+
+
+def _is_known(belief: TagBelief) -> bool:
+    """Whether it is known in which part of its area a tag is."""
+    area = belief.prior.area
+    width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
+    return belief.spread().rms_m < float(_KNOWN * width)

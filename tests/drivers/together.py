@@ -1,0 +1,199 @@
+"""Drones that search together in virtual time, by a ground station over a bad radio."""
+
+import copy
+import heapq
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from flown import STEP_S
+from searched import Animal, Searched
+
+from uavrt.ground.link import GivenWays
+from uavrt.guidance import Company, Limits
+from uavrt.guidance.orders import Order, VehicleNow
+from uavrt.messages import Course, Neighbour
+from uavrt.simulation.flying import Flavour, Frame
+from uavrt.tunnel import decode_course, decode_neighbour, encode_course, encode_neighbour
+
+
+@dataclass
+class Among(Searched):
+    """One of them: it flies a way when it was given."""
+
+    start_m: tuple[float, float] = (0.0, 0.0)
+    """North, east."""
+    height_m: float = 40.0
+    number: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        vehicle = self.flown.vehicle
+        vehicle.north_m, vehicle.east_m = self.start_m
+        vehicle.height_m = self.height_m
+        self.flown.run(1.2)
+        self.company = Company(1000 * self.number)
+        self.not_given = 0
+        self._course_s = 0.0
+
+    def order(self, **values: object) -> Order:
+        return super().order(height_m=self.height_m, **values)
+
+    def started(self) -> None:
+        now = self.flown.now()
+        assert now is not None
+        self.company.begin(now.time_s)
+        self.company.check(now, self.height_m)
+        self.begin()
+        self.company.go((now.latitude_deg, now.longitude_deg))
+
+    @property
+    def searching(self) -> bool:
+        return hasattr(self, "pilot") and not self.out
+
+    def think(self, now: VehicleNow) -> None:
+        if self.out:
+            self.company.end()
+            return
+        if self.flown.pilot is not None and self.flown.pilot.said.startswith("returning"):
+            self.company.go(now.home, returning=True)
+        if self.company.waits:
+            answer = self.company.answer(now)
+            if answer is None:
+                return
+            choice, given = answer
+            if given:
+                decided = tuple(note for note in choice.notes if note.event == "decision")
+                self.take_up(replace(choice, notes=decided), now)
+            else:
+                self.not_given += 1
+                self.seeker.withdraw()
+        elif self.is_time:
+            others = self.company.thinks(now.time_s)
+            idle = self.pilot.idle
+            choice = self.seeker.think(self.time_ns, now, idle=idle, others=others)
+            flown_now = choice.steps is None or self.company.choose(choice, now)
+            if flown_now:
+                self.take_up(choice, now)
+            else:
+                self._note(tuple(note for note in choice.notes if note.event != "decision"))
+
+    def course(self) -> Course | None:
+        """What is due to be told."""
+        now = self.flown.now()
+        if now is None or not self.company.told(now.time_s):
+            return None
+        if now.time_s < self._course_s + (0.4 if self.company.waits else 1.0):
+            return None
+        self._course_s = now.time_s
+        return self.company.course(now, searching=self.searching, height_m=self.height_m)
+
+
+@dataclass
+class Together:
+    """All of them, and the station; each message may be late or lost."""
+
+    flavour: Flavour
+    animals: list[Animal]
+    starts_m: list[tuple[float, float]]
+    seed: int = 1
+    loss: float = 0.0
+    late_s: float = 0.2
+    frame: Frame = field(default_factory=lambda: Frame(battery_wh=160.0))
+    keep_away_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.rng = np.random.default_rng((self.seed, 77))
+        limits = Limits(
+            battery_wh=160.0, speed_m_s=8.0, fence_m=700.0, keep_away_m=self.keep_away_m
+        )
+        self.drones = [
+            Among(
+                self.flavour,
+                copy.deepcopy(self.animals),
+                seed=10 * self.seed + number,
+                limits=limits,
+                frame=self.frame,
+                start_m=start,
+                height_m=40.0 + 12.0 * number,
+                number=number + 1,
+            )
+            for number, start in enumerate(self.starts_m)
+        ]
+        self.ways = GivenWays()
+        self.station_up = True
+        self.silent: set[int] = set()
+        """Drones whose radio is dead."""
+        self.apart_m = math.inf
+        """Least, of those that search."""
+        self._post: list[tuple[float, int, Callable[[], None]]] = []
+        self._sent = 0
+        self._tell_s = 0.0
+        self.time_s = 0.0
+
+    def run(self, seconds: float, until: Callable[[], bool] | None = None) -> None:
+        for _ in range(round(seconds / STEP_S)):
+            self.step()
+            if until is not None and until():
+                return
+
+    def begin(self) -> None:
+        self.run(3.0)
+        for one in self.drones:
+            one.started()
+
+    @property
+    def over(self) -> bool:
+        return all(one.out for one in self.drones)
+
+    def step(self) -> None:
+        self.time_s += STEP_S
+        for one in self.drones:
+            if one.searching:
+                one.step()
+            else:
+                one.flown.step()
+                if hasattr(one, "pilot"):
+                    one.company.end()
+            course = one.course()
+            if course is not None:
+                self._up(one, encode_course(course))
+        while self._post and self._post[0][0] <= self.time_s:
+            heapq.heappop(self._post)[2]()
+        if self.time_s >= self._tell_s:
+            self._tell()
+        self._measure()
+
+    def _send(self, number: int, what: Callable[[], None]) -> None:
+        if number in self.silent or not self.station_up or self.rng.random() < self.loss:
+            return
+        self._sent += 1
+        late = float(self.rng.exponential(self.late_s)) if self.late_s else 0.0
+        heapq.heappush(self._post, (self.time_s + late, self._sent, what))
+
+    def _up(self, one: Among, payload: bytes) -> None:
+        def take() -> None:
+            if self.ways.take(one.number, decode_course(payload), self.time_s):
+                self._tell()
+
+        self._send(one.number, take)
+
+    def _tell(self) -> None:
+        self._tell_s = self.time_s + 1.0
+        for one in self.drones:
+            for told in self.ways.told_to(one.number, self.time_s):
+                self._down(one, told)
+
+    def _down(self, one: Among, told: Neighbour) -> None:
+        payload = encode_neighbour(told)
+        self._send(
+            one.number,
+            lambda: one.company.take(decode_neighbour(payload), one.flown.time_s),
+        )
+
+    def _measure(self) -> None:
+        places = [one.flown.vehicle.place_m for one in self.drones if one.searching]
+        for number, a in enumerate(places):
+            for b in places[:number]:
+                self.apart_m = min(self.apart_m, math.dist(a, b))

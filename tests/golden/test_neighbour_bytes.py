@@ -1,0 +1,54 @@
+"""Bytes between a ground station and drones that search together: both may be of other days."""
+
+from uavrt import tunnel
+from uavrt.messages import Course, FoundTag, Neighbour
+
+COURSE = (
+    "01053412060007004b52401c42f4170500200444f4010000c8000000c800e8030202010002000300"
+    "050002010200040006000cfe0cfe1800"
+)
+NEIGHBOUR = (
+    "01010900070005000200000001053412060007004b52401c42f4170500200444f4010000c8000000"
+    "c800e803000201000200040006000cfe0cfe1800"
+)
+SAID = Course(
+    sequence=0x1234,
+    place=(47.3977419, 8.5455938),
+    altitude_amsl_m=528.5,
+    goal=(47.3987419, 8.5455938),
+    searching=True,
+    flown=6,
+    asked=7,
+    asked_way=((47.3981419, 8.5455938), (47.3981419, 8.5475938)),
+    given=((2, 3), (5, 258)),
+    held=(2, 4),
+    found=(FoundTag(tag_id=6, place=(47.3967419, 8.5445938), radius95_m=24.0),),
+)
+
+
+def test_a_course_has_its_bytes() -> None:
+    assert tunnel.encode_course(SAID).hex() == COURSE
+    got = tunnel.decode_course(bytes.fromhex(COURSE))
+    assert (got.sequence, got.flown, got.asked, got.given) == (0x1234, 6, 7, SAID.given)
+    assert (got.held, got.found[0].tag_id, got.found[0].radius95_m) == ((2, 4), 6, 24.0)
+    assert (got.searching, got.returning) == (True, False)
+
+
+def test_a_neighbour_has_its_bytes() -> None:
+    told = Neighbour(vehicle=1, version=9, granted=7, denied=5, age_s=2.0, course=SAID)
+    assert tunnel.encode_neighbour(told).hex() == NEIGHBOUR
+    got = tunnel.decode_neighbour(bytes.fromhex(NEIGHBOUR))
+    assert (got.vehicle, got.version, got.granted, got.denied, got.age_s) == (1, 9, 7, 5, 2.0)
+    assert got.course is not None
+    assert got.course.given == ()  # of no use to others
+
+
+def test_the_word_that_there_are_others_has_its_bytes() -> None:
+    alone = Neighbour(vehicle=0, granted=3)
+    assert tunnel.encode_neighbour(alone).hex() == "010000000300000000000000"
+    assert tunnel.decode_neighbour(bytes.fromhex("010000000300000000000000")) == alone
+
+
+def test_their_payload_types_and_kind_of_seal() -> None:
+    assert (tunnel.COURSE_TYPE, tunnel.NEIGHBOUR_TYPE) == (60_009, 60_010)
+    assert tunnel.NEIGHBOUR_INSIDE == 5

@@ -1,0 +1,141 @@
+"""One drone among others: what it refuses, and what it does without."""
+
+from dataclasses import replace
+
+import pytest
+from flown import Flown
+
+from uavrt.errors import PlanError
+from uavrt.guidance import Choice, Company, VehicleNow
+from uavrt.guidance.company import ANSWER_S, TOLD_S
+from uavrt.messages import Course, FoundTag, Neighbour
+
+
+@pytest.fixture
+def now() -> VehicleNow:
+    """At home, 40 m above it."""
+    found = Flown("px4").now()
+    assert found is not None
+    return found
+
+
+FLOWN = Flown("px4")
+
+
+def other(north_m: float, east_m: float, above_m: float, to: tuple[float, float]) -> Neighbour:
+    """Vehicle 2, so far from home, and its goal."""
+    course = Course(
+        sequence=1,
+        place=FLOWN.place(north_m, east_m),
+        altitude_amsl_m=430.0 + above_m,
+        goal=FLOWN.place(*to),
+        searching=True,
+    )
+    return Neighbour(vehicle=2, version=4, course=course)
+
+
+@pytest.fixture
+def heights(now: VehicleNow) -> VehicleNow:
+    return replace(now, altitude_amsl_m=470.0, altitude_relative_m=40.0)
+
+
+def choice(north_m: float, east_m: float, held: tuple[int, ...] = ()) -> Choice:
+    found = (FoundTag(tag_id=9, place=FLOWN.place(0.0, 50.0), radius95_m=20.0),)
+    way = (FLOWN.place(0.0, 0.0), FLOWN.place(north_m, east_m))
+    return Choice(steps=(), said="", notes=(), way=way, held=held, found=found)
+
+
+@pytest.mark.parametrize(
+    ("neighbour", "named"),
+    [
+        (other(60.0, 0.0, 52.0, (-60.0, 0.0)), "the way of vehicle 2 is 0 m from here"),
+        (other(60.0, 0.0, 45.0, (90.0, 0.0)), "searches 5 m above or below"),
+    ],
+)
+def test_a_search_too_near_another_is_refused(
+    heights: VehicleNow, neighbour: Neighbour, named: str
+) -> None:
+    company = Company()
+    company.take(neighbour, heights.time_s)
+    with pytest.raises(PlanError, match=named):
+        company.check(heights, 40.0)
+    assert neighbour.course is not None
+    hand_flown = replace(neighbour, course=replace(neighbour.course, searching=False))
+    company.take(hand_flown, heights.time_s)
+    company.check(heights, 40.0)
+
+
+def test_one_alone_asks_nobody_and_says_nothing(now: VehicleNow) -> None:
+    company = Company()
+    assert company.choose(choice(0.0, 100.0), now)
+    assert not company.waits
+    assert not company.told(now.time_s)
+
+
+def test_a_way_is_flown_once_it_is_given(now: VehicleNow) -> None:
+    company = Company(7)
+    company.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
+    assert [one.vehicle for one in company.thinks(now.time_s)] == [2]
+    assert not company.choose(choice(0.0, 100.0, held=(4, 6)), now)
+    course = company.course(now, searching=True)
+    assert (course.given, course.asked_way) == (((2, 4),), choice(0.0, 100.0).way)
+    assert sorted(course.held) == [4, 6]
+    assert course.goal == course.place
+    assert company.answer(now) is None
+    company.take(Neighbour(vehicle=0, granted=course.asked), now.time_s)
+    flown_choice, given = company.answer(now) or (None, False)
+    assert given
+    assert flown_choice is not None
+    after = company.course(now, searching=True)
+    assert (after.flown, after.asked, after.goal) == (course.asked, 0, FLOWN.place(0.0, 100.0))
+
+
+@pytest.mark.parametrize("how", ["denied", "no answer", "old grant", "another came near"])
+def test_without_a_way_it_goes_on_as_before(now: VehicleNow, how: str) -> None:
+    company = Company(7)
+    company.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
+    company.thinks(now.time_s)
+    company.choose(choice(0.0, 100.0), now)
+    number, later = company.course(now).asked, now
+    match how:
+        case "denied":
+            company.take(Neighbour(vehicle=0, denied=number), now.time_s)
+        case "no answer":
+            later = replace(now, time_s=now.time_s + ANSWER_S)
+        case "old grant":
+            company.take(Neighbour(vehicle=0, granted=number - 1), now.time_s)
+            assert company.answer(now) is None
+            later = replace(now, time_s=now.time_s + ANSWER_S)
+        case "another came near":
+            near = other(40.0, 60.0, 52.0, (-40.0, 60.0))
+            company.take(replace(near, granted=number), now.time_s)
+    answer = company.answer(later)
+    assert answer is not None
+    assert not answer[1]
+    assert not company.waits
+    course = company.course(later)
+    assert (course.flown, course.goal) == (0, course.place)
+    # A grant that comes now is for nothing.
+    company.take(Neighbour(vehicle=0, granted=number), later.time_s)
+    assert company.answer(later) is None
+
+
+def test_it_stays_and_returns_unasked(now: VehicleNow) -> None:
+    company = Company()
+    company.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
+    assert company.choose(choice(0.0, 0.0), now)
+    assert company.choose(replace(choice(0.0, 0.0), returning=True), now)
+    course = company.course(now)
+    assert (course.goal, course.returning) == (now.home, True)
+
+
+def test_others_stay_as_they_were_told_until_the_next_order(now: VehicleNow) -> None:
+    company = Company()
+    company.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
+    late_s = now.time_s + 5.0 * TOLD_S
+    (one,) = company.others(late_s)
+    assert one.age_s == 5.0 * TOLD_S
+    assert company.has_others(late_s)
+    assert not company.told(late_s)
+    company.begin(late_s)
+    assert not company.has_others(late_s)
