@@ -75,7 +75,7 @@ function drawAfter(): void {
 function verdict(one: Verdict): HTMLElement {
   const row = store.review?.rows.find((each) => Number(each.id) === one.tag_id);
   const name = `Tag ${[one.tag_id, row?.name].filter(Boolean).join(" ")}`;
-  if (!one.found) return h("li", {}, h("strong", {}, name), ` not found: noise alone shows as much ${often(one.false_alarm_probability)}`);
+  if (!one.found) return h("li", {}, h("strong", {}, name), ` not found: noise alone shows as much ${often(one.false_alarm_probability)}`, remarks(one));
   const where = isPlace(one)
     ? h("span", { class: "place" }, ` ${fixed(one.latitude_deg!, 5)}, ${fixed(one.longitude_deg!, 5)}, within ${metres(one.radius95_m!)} (95\u202f%)`)
     : one.places > 1
@@ -89,7 +89,12 @@ function verdict(one: Verdict): HTMLElement {
     h("strong", {}, name),
     ` found, every ${fixed(one.interval_s, 4)} s; noise alone shows as much ${often(one.false_alarm_probability)}. ${one.pulses} pulses in hindsight (rings), ${one.heard_live} heard in flight.`,
     where,
+    remarks(one),
   );
+}
+
+function remarks(one: Verdict): HTMLElement | string {
+  return one.remarks ? h("p", { class: "note" }, one.remarks) : "";
 }
 
 function often(probability: number): string {

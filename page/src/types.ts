@@ -284,6 +284,7 @@ export interface Verdict {
   places: number;
   pulses: number;
   heard_live: number;
+  remarks: string;
 }
 
 export interface Hindsight {

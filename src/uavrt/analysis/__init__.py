@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from uavrt.analysis.positions import (
         TagPosition,
         check_position_method,
+        over_ground,
         position_of_strength,
         positions_of_bearings,
         positions_of_powers,
@@ -95,6 +96,7 @@ __all__ = [
     "learnt_antenna",
     "map_around",
     "maps_in",
+    "over_ground",
     "plan_coverage",
     "position_of_strength",
     "positions_of_bearings",
@@ -156,6 +158,7 @@ __getattr__ = lazily(
         "plan_coverage": "coverage",
         "position_of_strength": "positions",
         "positions_of_bearings": "positions",
+        "over_ground": "positions",
         "positions_of_powers": "positions",
         "read_bearings": "bearings",
         "read_map": "map_files",

@@ -133,6 +133,7 @@ def _verdict(one: IntegratedTag, pulses: int) -> IntegratedVerdict:
         pulses=pulses,
         flights=one.flights,
         heard_live=train - pulses,
+        remarks="; ".join(one.limitations),
     )
 
 

@@ -12,6 +12,7 @@ from uavrt.analysis import (
     TagPosition,
     bearings_of_flight,
     bearings_of_pulses,
+    over_ground,
     positions_of_bearings,
     positions_of_powers,
 )
@@ -24,6 +25,7 @@ from uavrt.localization import HEIGHT_SIGMA_M, PositionMethod, pattern_named
 from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import Pulse, PulsePose, Tag
 from uavrt.recording import Flight, IntegratedVerdict, read_flight
+from uavrt.terrain import Elevation, open_elevation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +41,10 @@ class PlacingSettings:
     """With a monopole: over the tags, where the poses do not tell."""
     heading_sigma_deg: float = HEADING_SIGMA_DEG
     height_sigma_m: float = HEIGHT_SIGMA_M
+    dem: str | None = None
+    """Elevation file or folder of them; None takes the ground as level."""
+    sea: bool = False
+    """Take ground that no file covers for water."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,13 +177,14 @@ def _integrated(
     if task.settings.antenna == MONOPOLE:
         return (), "integrate: a whole flight is judged by an antenna's pattern: name one"
     pattern = pattern_named(_antenna(task.settings.antenna))
+    elevation = _elevation(task.settings.dem, task.settings.sea)
     channels = kept_channels(Path(flight.info.directory))
     verdicts, faults = [], []
     for tag in flight.info.tags:
         if channel_of(channels, tag) is None:
             continue
         try:
-            (result,) = integrate_kept(flight, [tag], pattern)
+            (result,) = integrate_kept(flight, [tag], pattern, elevation=elevation)
         except UavrtError as error:
             faults.append(f"integrate tag {tag.tag_id}: {error}")
         else:
@@ -210,16 +217,20 @@ def _located(
 ) -> tuple[list[TagBearing], list[TagPosition]]:
     """Estimate as `uavrt localize` does."""
     how = task.settings
+    elevation = _elevation(how.dem, how.sea) if "localize" in task.steps else None
+    poses = () if flight is None else flight.poses
+    over = None if elevation is None else over_ground(elevation, poses, posed)
     if how.antenna == MONOPOLE:
         if "localize" not in task.steps:
             return [], []
         positions, _ = positions_of_powers(
             posed,
             () if flight is None else flight.info.tags,
-            () if flight is None else flight.poses,
+            poses,
             method=how.method,
             height_m=how.height_m,
             height_sigma_m=how.height_sigma_m,
+            over=over,
         )
         return [], positions
     antenna = _antenna(how.antenna)
@@ -230,7 +241,7 @@ def _located(
     if "localize" not in task.steps:
         return bearings, []
     return bearings, positions_of_bearings(
-        bearings, method=how.method, heading_sigma_deg=how.heading_sigma_deg
+        bearings, method=how.method, heading_sigma_deg=how.heading_sigma_deg, over=over
     )
 
 
@@ -238,6 +249,12 @@ def _located(
 def _antenna(text: str) -> str:
     """Make an antenna's file known once in each process."""
     return antenna_named(text)
+
+
+@lru_cache(maxsize=4)
+def _elevation(dem: str | None, sea: bool) -> Elevation | None:
+    """Open the elevation files once in each process."""
+    return None if dem is None else open_elevation(Path(dem), sea=sea)
 
 
 def _pose_rows(task: FlightTask, posed: Sequence[PulsePose]) -> list[PoseRow]:

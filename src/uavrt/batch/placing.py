@@ -128,6 +128,7 @@ class Placing:
             start_time_ns=result.start_time_ns,
             steps=",".join(task.steps),
             antenna=task.settings.antenna,
+            dem=task.settings.dem,
             pulses=result.pulses,
             pulses_with_pose=len(result.poses),
             clock_offset_s=result.clock_offset_s,
@@ -189,7 +190,11 @@ def _key(task: FlightTask) -> str:
     kept: list[Path] = []
     if "integrate" in task.steps and task.is_flight:
         kept = sorted(FlightLayout(Path(task.path)).channels_directory.glob("*.sigmf-*"))
-    return _hashed(facts, [*_files(task), Path(task.settings.antenna), *kept])
+    ground: list[Path] = []
+    if task.settings.dem is not None:
+        dem = Path(task.settings.dem)
+        ground = sorted(dem.iterdir()) if dem.is_dir() else [dem]
+    return _hashed(facts, [*_files(task), Path(task.settings.antenna), *ground, *kept])
 
 
 def _recorded_key(task: FlightTask) -> str:

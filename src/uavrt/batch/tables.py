@@ -72,6 +72,8 @@ class FlightRow:
     cpu_s: float
     finished_time_ns: int
     uavrt_version: str
+    dem: str | None = None
+    """Elevation files of the ground; without any it was taken as level."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

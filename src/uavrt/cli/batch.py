@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from uavrt.cli.elevation import elevation_of
 from uavrt.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ def batch(
     height: Metres | None = None,
     heading_error: DegreesOfError = 1.5,
     height_error: MetresOfError = 7.0,
+    dem: Path | None = None,
+    sea: bool = False,
 ) -> None:
     """Find the pulses of tags in all recordings of an archive, and where the tags were.
 
@@ -86,8 +89,8 @@ def batch(
     steps
         Only these of detect, attach, bearing, localize, integrate; by default all but the last,
         which judges tags below the noise over each whole flight that kept its channels, and
-        takes a minute and 0.7 GB of memory for each. Without detect, what is detected already
-        is used.
+        takes some seconds and 0.7 GB of memory for each. Without detect, what is detected
+        already is used.
     antenna
         Name of the antenna's pattern, or a CSV file of angles and gains; monopole: no bearings,
         positions from signal strength along the flight.
@@ -101,6 +104,12 @@ def batch(
         Standard deviation of the heading error common to a whole flight [°].
     height_error
         With a monopole: standard deviation of the error common to all heights above a tag [m].
+    dem
+        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them, for positions and whole
+        flights: hills weaken what is heard, and explain silence. Without it the ground is taken
+        as level.
+    sea
+        Take ground that no elevation file covers for water at height 0.
     """
     from uavrt.analysis import MONOPOLE, check_position_method
     from uavrt.analysis.measure import antenna_named, read_tag_source
@@ -120,6 +129,7 @@ def batch(
     if antenna != MONOPOLE:
         antenna_named(antenna)
     check_position_method(method)
+    elevation_of(dem, sea=sea)  # a damaged file is told before anything is done
     found = find_recordings(paths, None if manifest is None else read_manifest(manifest))
     if not found.recordings and not found.flights:
         raise UsageError(
@@ -147,6 +157,8 @@ def batch(
             height_m=height,
             heading_sigma_deg=heading_error,
             height_sigma_m=height_error,
+            dem=None if dem is None else str(dem.absolute()),
+            sea=sea,
         ),
     )
     settings.check()

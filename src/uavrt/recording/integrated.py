@@ -49,6 +49,8 @@ class IntegratedVerdict:
     """Judged together; the place is then from the middle of all."""
     heard_live: int = 0
     """Of the train's pulses those that the flight's own log has already; not written again."""
+    remarks: str = ""
+    """What the figures do not hold for: another datum, ground that no file tells."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,6 +199,8 @@ def _verdict(record: dict[str, Any]) -> IntegratedVerdict:
     verdict = IntegratedVerdict(**{k: v for k, v in record.items() if k in _FIELDS})
     for name, value in asdict(verdict).items():
         if value is None and name in _OPTIONAL:
+            continue
+        if name == "remarks" and isinstance(value, str):
             continue
         if not isinstance(value, bool | int | float) or not math.isfinite(value):
             raise ValueError(f"{name} is {value!r}")

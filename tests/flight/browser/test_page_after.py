@@ -43,6 +43,7 @@ def integrated(directory: Path) -> None:
         false_alarm_probability=0.41,
         interval_s=1.19,
         frequency_hz=148_792_000.0,
+        remarks="the elevation files do not cover the flight: the ground is taken as level",
     )
     heard = read_flight(directory).pulse_poses[::3]
     pulses = [
@@ -76,6 +77,7 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(
     expect(verdicts.nth(0)).to_contain_text("24 pulses in hindsight")
     expect(verdicts.nth(0)).to_contain_text("within 95 m")
     expect(verdicts.nth(1)).to_contain_text("Tag 6 owl not found")
+    expect(verdicts.nth(1)).to_contain_text("do not cover the flight")
     watched.picture("after")
 
     page.select_option("#silence-tag", "6")

@@ -63,6 +63,18 @@ def test_an_archive_tells_which_tags_whole_flights_show(
     for name in ("tag_id", "false_alarm_probability", "interval_s", "frequency_hz"):
         assert row[name] == alone[name], name
     assert abs((row["bearing_deg"] - weak.bearing_deg + 180.0) % 360.0 - 180.0) < 15.0
+    assert row["remarks"] == ""
+
+    # Ground that lies elsewhere than the flight says: it is judged again, and that is told.
+    dem = tmp_path / "N35W111.hgt"
+    dem.write_bytes(np.full((1201, 1201), 4321, ">i2").tobytes())
+    asked = replace(ASKED, placing=replace(ASKED.placing, dem=str(dem)))
+    (flight,) = run_batch(found, sought, output, asked).flights
+    assert flight.dem == str(dem)
+    (row,) = ask(output, "SELECT * FROM integrated").to_pylist()
+    assert row["found"]
+    assert "datum" in row["remarks"]
+    assert run_batch(found, sought, output, asked).placed_now == 0
 
 
 def test_a_monopole_judges_no_whole_flight_and_says_so(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from uavrt.analysis.report.roses import verdict
 from uavrt.analysis.survey import Survey
 from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
 from uavrt.localization import Position, TangentPlane
+from uavrt.recording import IntegratedVerdict
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 Table = tuple[list[str], list[list[str]]]
@@ -116,7 +117,7 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
     over = f"over {verdict.flights} flights together" if many else "over the whole flight"
     middle = "all flights" if many else "the flight"
     if not verdict.found:
-        return [f"In hindsight, {over}: not found ({chance})."]
+        return [f"In hindsight, {over}: not found ({chance}).", *_remarks(verdict)]
     parts = [
         f"In hindsight, {over}: found ({chance}), "
         f"{_count(verdict.pulses, 'further pulse')} every {verdict.interval_s:.4f} s"
@@ -126,7 +127,7 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
             f"in one of {verdict.places} places that the flight cannot tell apart "
             "(`uavrt integrate` lists them)"
         )
-        return ["; ".join(parts) + "."]
+        return ["; ".join(parts) + ".", *_remarks(verdict)]
     if verdict.bearing_deg is not None and verdict.arc95_deg is not None:
         parts.append(
             f"from the middle of {middle} at {verdict.bearing_deg:.0f}°, "
@@ -137,7 +138,13 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
             f"at {verdict.latitude_deg:.5f}, {verdict.longitude_deg:.5f}, within "
             f"{verdict.radius95_m:.0f}\u00a0m with 95\u00a0%"
         )
-    return ["; ".join(parts) + "."]
+    return ["; ".join(parts) + ".", *_remarks(verdict)]
+
+
+def _remarks(verdict: IntegratedVerdict) -> list[str]:
+    """What a verdict does not hold for, as a sentence."""
+    text = verdict.remarks
+    return [f"{text[:1].upper()}{text[1:]}."] if text else []
 
 
 def tag_table(survey: Survey) -> Table:
