@@ -30,8 +30,10 @@ _ROUGH_SIDE = 64
 _FINEST_M = 15.0
 _HEIGHT_STEP_M = 4.0
 _LEAST_ABOVE_M = 1.0
+_ROUGH_HEIGHT_STEP_M = 16.0
 _MOST_PLACES = 100
 """Of the drone, for one question: 1.5 s of a core at the most."""
+_ROUGH_MOST_PLACES = 40
 _MOST_BYTES = 64_000_000
 """Of remembered losses."""
 
@@ -70,7 +72,13 @@ class HillLosses:
     ) -> None:
         plane = TangentPlane(latitude_deg=latitude_deg, longitude_deg=longitude_deg)
         self._squares = _Squares(elevation, plane)
-        self._rough = _Squares(elevation, plane, most_side=_ROUGH_SIDE)
+        self._rough = _Squares(
+            elevation,
+            plane,
+            most_side=_ROUGH_SIDE,
+            most_places=_ROUGH_MOST_PLACES,
+            height_step_m=_ROUGH_HEIGHT_STEP_M,
+        )
         self.frequency_hz, self.tag_m = frequency_hz, tag_m
         self.limitations = limitations
         self.origin_m = (0.0, 0.0)
@@ -168,7 +176,18 @@ class HillLosses:
             none = np.zeros((1, 2, 2), np.float32)
             which = np.zeros(np.size(drone_east_m), np.intp)
             return LossesFrom(maps=none, which=which, west_m=0.0, south_m=0.0, cell_m=1.0)
-        nodes, which = self._nodes(drone_east_m, drone_north_m, drone_up_m)
+        # Each tag of a search asks for the same ways in turn.
+        asked = np.stack((drone_east_m, drone_north_m, drone_up_m)).astype(np.float64)
+        of = (self.frequency_hz, self.tag_m, self.origin_m)
+        last = self._squares.last
+        if last is not None and last[0] == of and np.array_equal(last[1], asked):
+            return last[2]
+        seen = self._seen_from(drone_east_m, drone_north_m, drone_up_m)
+        self._squares.last = (of, asked, seen)
+        return seen
+
+    def _seen_from(self, east_m: _Floats, north_m: _Floats, up_m: _Floats) -> "LossesFrom":
+        nodes, which = self._nodes(east_m, north_m, up_m)
         maps = [self._squares.map(node, self.frequency_hz, self.tag_m) for node in nodes]
         grid = self._squares.grid
         return LossesFrom(
@@ -202,12 +221,13 @@ class HillLosses:
         self._squares.reach(float(np.max(np.abs(east))), float(np.max(np.abs(north))))
         reach, coarser = self._squares.reach_m, 1.0
         while True:
-            steps = coarser * np.array([self._squares.grid.cell_m] * 2 + [_HEIGHT_STEP_M])
+            cell, height = self._squares.grid.cell_m, self._squares.height_step_m
+            steps = coarser * np.array([cell, cell, height])
             lattice = np.rint(np.stack((east, north, up_m), axis=1) / steps) * steps
             lattice[:, :2] = np.clip(lattice[:, :2], -reach, reach)
             whole = np.rint(lattice).astype(np.int64)
             nodes, which = np.unique(whole, axis=0, return_inverse=True)
-            if len(nodes) <= _MOST_PLACES:
+            if len(nodes) <= self._squares.most_places:
                 found = [(int(e), int(n), int(u)) for e, n, u in nodes]
                 return found, np.asarray(which, np.intp).ravel()
             coarser *= 2.0
@@ -255,14 +275,23 @@ class _Squares:
     """The ground as it is laid, and the losses that were computed over it."""
 
     def __init__(
-        self, elevation: Elevation, plane: TangentPlane, *, most_side: int = _MOST_SIDE
+        self,
+        elevation: Elevation,
+        plane: TangentPlane,
+        *,
+        most_side: int = _MOST_SIDE,
+        most_places: int = _MOST_PLACES,
+        height_step_m: float = _HEIGHT_STEP_M,
     ) -> None:
         self._elevation, self.plane, self._most_side = elevation, plane, most_side
+        self.most_places, self.height_step_m = most_places, height_step_m
         at = elevation.heights_m([plane.latitude_deg], [plane.longitude_deg])
         self.start_m = float(at[0])
         self.reach_m = 0.0
         self._grid: GroundGrid | None = None
         self._maps: OrderedDict[tuple[int, ...], NDArray[np.float32]] = OrderedDict()
+        self.last: tuple[tuple[object, ...], _Floats, LossesFrom] | None = None
+        """Who asked last, from where, and the answer."""
 
     @property
     def grid(self) -> GroundGrid:
@@ -293,6 +322,7 @@ class _Squares:
             cell_m=max(2.0 * reach / self._most_side, _FINEST_M),
         )
         self._maps.clear()
+        self.last = None
 
     def map(self, node: _Node, frequency_hz: float, tag_m: float) -> NDArray[np.float32]:
         key = (*node, round(frequency_hz / 2e6), round(tag_m * 10.0))
