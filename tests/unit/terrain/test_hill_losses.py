@@ -58,6 +58,7 @@ def test_a_long_way_costs_a_bounded_number_of_views() -> None:
     east, north = rng.uniform(-450.0, 450.0, (2, 2000))
     seen = hills.seen_from(east, north, np.full(2000, 60.0))
     assert len(seen.maps) <= 100
+    assert len(hills.rough().seen_from(east, north, np.full(2000, 60.0)).maps) <= 40
     lost = seen(np.array([300.0]), np.array([0.0]))
     assert lost.shape == (1, 2000)
     west = east < 0.0
@@ -79,3 +80,22 @@ def test_a_void_is_told() -> None:
     hills.cover([400.0], [400.0])
     (told,) = hills.told()
     assert "do not tell 2" in told  # a quarter of the ground
+
+
+def test_who_asks_the_same_again_is_answered_from_memory_and_others_are_not() -> None:
+    hills = around(elevation_of(ridge))
+    latitude, longitude = PLANE.to_geodetic(120.0, -80.0)
+    east, north, up = np.array([0.0, 40.0]), np.array([0.0, 9.0]), np.array([40.0, 40.0])
+    first = hills.seen_from(east, north, up)
+    assert hills.seen_from(east.copy(), north, up) is first
+    others = [
+        hills.at(450e6).seen_from(east, north, up),
+        hills.rough().seen_from(east, north, up),
+        hills.seen_from(east, north, up + 30.0),
+        hills.in_plane(
+            TangentPlane(latitude_deg=float(latitude), longitude_deg=float(longitude))
+        ).seen_from(east, north, up),
+    ]
+    behind = np.array([350.0]), np.array([60.0])
+    lost = [float(one.between(np.intp(0), *behind)[0]) for one in (first, *others)]
+    assert len({round(one, 3) for one in lost}) == 5
