@@ -99,7 +99,8 @@ address1=10.42.0.1/24
 [ipv6]
 method=disabled
 AP
-    printf 'UAVRT_GROUND_PASSWORD=%s\n' "$page" >/data/page.env
+    printf 'UAVRT_GROUND_PASSWORD=%s\nUAVRT_ACCESS_POINT="WIFI:T:WPA;S:%s;P:%s;;"\n' \
+        "$page" "$name" "$wifi" >/data/page.env
     printf 'Wi-Fi %s, password %s\npage http://%s.local:8650, password %s\n' \
         "$name" "$wifi" "$name" "$page" >/data/access-point.txt
 fi

@@ -2,6 +2,7 @@
 
 import { ApiError, BASE, get, send } from "./api";
 import { by, fill, h, say } from "./dom";
+import { doorsSection } from "./doors";
 import { droneSection } from "./drone";
 import { choose, language, LANGUAGES } from "./i18n";
 import { toast } from "./notice";
@@ -80,6 +81,7 @@ export function buildSetup(): void {
         ),
       ),
       droneSection(),
+      doorsSection(),
     ),
   );
   store.on(["tags"], () => {

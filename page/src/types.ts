@@ -341,3 +341,11 @@ export interface SeasonRecord {
     last_heard_ns: number | null;
   }[];
 }
+
+/** A way to this page from another screen. */
+export interface Door {
+  what: string;
+  text: string;
+  /** A QR code, as a data address. */
+  picture: string;
+}

@@ -32,6 +32,8 @@ DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 LAST_THREADS_S = 1.5
 """How long threads that still work are waited for when everything else has ended."""
 PASSWORD = "UAVRT_GROUND_PASSWORD"
+ACCESS_POINT = "UAVRT_ACCESS_POINT"
+"""How a phone joins the Wi-Fi of this computer, as in its QR code."""
 
 Flag = Annotated[bool, Parameter(negative="")]
 
@@ -176,6 +178,7 @@ def ground(
             password=os.environ.get(PASSWORD) or None,
             certificate=certificate,
             key=key,
+            access_point=os.environ.get(ACCESS_POINT) or None,
         ),
     )
     if browser and not json_lines:

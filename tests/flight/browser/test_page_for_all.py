@@ -1,5 +1,6 @@
 """The page for everybody: accessible by axe's rules, by keyboard alone, in German."""
 
+import io
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,8 +9,10 @@ from typing import Any
 import pytest
 from page_driver import Ground, Watched
 from past_flight import write_flight
+from PIL import Image
 from playwright.sync_api import Browser, Page, expect
 from willing_drone import WillingDrone
+from zxingcpp import read_barcodes
 
 from uavrt.demo.programs import free_udp_port
 
@@ -176,4 +179,29 @@ def test_the_language_that_is_chosen_is_kept(browser: Browser, station: str) -> 
     page.reload()
     expect(page.locator("#tab-setup")).to_have_text("Set-up")
     expect(page.locator("html")).to_have_attribute("lang", "en")
+    watched.close()
+
+
+def test_a_phone_reads_the_way_to_the_page_and_its_wi_fi(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    wi_fi = "WIFI:T:WPA;S:lynx-1;P:k7m2p9x4w3q8;;"
+    monkeypatch.setenv("UAVRT_GROUND_PASSWORD", "marmot")
+    monkeypatch.setenv("UAVRT_ACCESS_POINT", wi_fi)
+    ground = start_ground(tmp_path, 0, "--listen", "0.0.0.0", "--host-name", "lynx-1.local")
+    watched = Watched(browser, f"http://127.0.0.1:{ground.port}/", color_scheme="dark")
+    page = watched.page
+    page.fill("input[type=password]", "marmot")
+    page.keyboard.press("Enter")
+    page.click("#tab-setup")
+    read = {}
+    for what in ("page", "access point"):
+        picture = page.locator(f'[data-door="{what}"] img')
+        expect(picture).to_be_visible()
+        (code,) = read_barcodes(Image.open(io.BytesIO(picture.screenshot())).convert("L"))
+        read[what] = code.text
+    assert read == {"page": f"http://lynx-1.local:{ground.port}/", "access point": wi_fi}
     watched.close()

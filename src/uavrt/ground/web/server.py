@@ -6,7 +6,7 @@ Imported only for ``uavrt ground`` with a page: it needs the extra ``uavrt[groun
 import contextlib
 import socket
 import ssl
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from uavrt.errors import ConfigError, LinkError
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.session import GroundSession
 from uavrt.ground.web.api import Api, answered
+from uavrt.ground.web.doors import Served, doors
 from uavrt.ground.web.drone_flights import ExtraApi
 from uavrt.ground.web.fleet_api import FleetApi
 from uavrt.ground.web.guard import Guard
@@ -50,6 +51,8 @@ class ServerSettings:
     password: str | None = None
     certificate: Path | None = None
     key: Path | None = None
+    access_point: str | None = None
+    """How phones join this computer's own Wi-Fi: ``WIFI:T:WPA;S:name;P:password;;``."""
 
 
 def listening_socket(settings: ServerSettings) -> socket.socket:
@@ -139,12 +142,24 @@ def application(
         for path, method, handler in FleetApi(fleet).routes():
             routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
         routes.append(Mount("/vehicle/{number:int}", FurtherVehicles(fleet)))
+    routes.append(Route("/api/doors", answered(_doors(settings))))
     routes.append(Route("/maps/{name}", answered(api.map_file)))
     routes.append(Route("/maps/{name}/{z:int}/{x:int}/{y:int}", answered(api.map_tile)))
     if (STATIC / "assets").is_dir():
         assets = _Assets(directory=STATIC / "assets", follow_symlink=False)
         routes.append(Mount("/assets", assets))
     return Starlette(routes=routes, middleware=[guard])
+
+
+def _doors(settings: ServerSettings) -> Callable[[Request], Awaitable[Any]]:
+    served = Served(
+        host=settings.host, names=settings.names, access_point=settings.access_point
+    )
+
+    async def ways_in(request: Request) -> Any:
+        return doors(served, request.url)
+
+    return ways_in
 
 
 def _routes(session: GroundSession, api: Api) -> list[Route | Mount | WebSocketRoute]:

@@ -1,0 +1,72 @@
+"""How another screen comes to the page: addresses and the access point, as QR codes."""
+
+import socket
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import segno
+from starlette.datastructures import URL
+
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
+WILDCARD = ("0.0.0.0", "::")
+UNROUTED = ("192.0.2.1", 9)
+"""Of the documentation (RFC 5737): no packet goes there, but the system says from which of our
+addresses one would."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Served:
+    """How the page is served."""
+
+    host: str
+    """That the server listens on."""
+    names: frozenset[str]
+    """By which others know this computer."""
+    access_point: str | None
+    """The text of its own Wi-Fi's code."""
+
+
+def doors(served: Served, asked: URL) -> list[dict[str, Any]]:
+    """Get each way in: what it is, its text, and a picture for a phone's camera.
+
+    None where the page is served to this computer only.
+
+    Parameters
+    ----------
+    served : Served
+        How the page is served.
+    asked : URL
+        What the browser has asked for.
+    """
+    if served.host in LOOPBACK:
+        return []
+    found = [("page", address) for address in addresses(served, asked)]
+    if served.access_point is not None:
+        found.insert(0, ("access point", served.access_point))
+    return [{"what": what, "text": text, "picture": picture(text)} for what, text in found]
+
+
+def addresses(served: Served, asked: URL) -> list[str]:
+    """Get the addresses at which other computers reach the page."""
+    names = sorted(served.names)
+    if not names and asked.hostname and asked.hostname not in LOOPBACK:
+        names = [asked.hostname]
+    if not names:
+        names = [served.host] if served.host not in WILDCARD else own_address()
+    port = f":{asked.port}" if asked.port else ""
+    return [f"{asked.scheme}://{f'[{name}]' if ':' in name else name}{port}/" for name in names]
+
+
+def own_address() -> list[str]:
+    """Get this computer's address in its network; none without one."""
+    with suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.connect(UNROUTED)
+        return [str(sock.getsockname()[0])]
+    return []
+
+
+def picture(text: str) -> str:
+    """Draw a QR code (ISO/IEC 18004) as a data URI; dark on white in any theme."""
+    code = segno.make(text, micro=False, error="m")
+    return code.svg_data_uri(scale=4, border=4, light="#fff", dark="#000")
