@@ -42,10 +42,21 @@ def list_store(url: str) -> tuple[str, ...]:
     """
     with _asked(url):
         system, path = _opened(url)
-        found = [path] if system.isfile(path) else system.find(path)
+        found = [path] if _is_file(system, path) else system.find(path)
     if not found:
         raise FormatError(f"there is nothing at {url}", remedy="Check the address")
     return tuple(sorted(str(system.unstrip_protocol(one)) for one in found))
+
+
+def _is_file(system: Any, path: str) -> bool:
+    """Whether it is a file: a web server, which calls all things files, is asked by the name.
+
+    To ask it for links would fetch the file.
+    """
+    if "http" not in system.protocol:
+        return bool(system.isfile(path))
+    name = path.split("://", 1)[-1].partition("/")[2]
+    return bool(PurePosixPath(name).suffix) and bool(system.exists(path))
 
 
 def marks_of(url: str) -> list[object]:
@@ -138,11 +149,22 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
         with copy.open("wb") as file:
             file.truncate(size)
             middle = size if whole else min(size, ENDS_BYTES)
-            file.write(system.cat_file(path, start=0, end=middle))
+            file.write(_piece(url, system, path, 0, middle))
             if (last := max(middle, size - ENDS_BYTES)) < size:
                 file.seek(last)
-                file.write(system.cat_file(path, start=last, end=size))
+                file.write(_piece(url, system, path, last, size))
     return copy
+
+
+def _piece(url: str, system: Any, path: str, start: int, end: int) -> bytes:
+    """Get a piece of a file; a web server may give all of it instead."""
+    piece = bytes(system.cat_file(path, start=start, end=end))
+    if len(piece) > end - start:
+        raise StoreError(
+            f"{url}: the server gives whole files only",
+            remedy="Fetch the file, or have it served in pieces (HTTP ranges)",
+        )
+    return piece
 
 
 @lru_cache(maxsize=64)
