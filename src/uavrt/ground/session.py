@@ -526,9 +526,15 @@ class GroundSession:
             self.note(4, f"another vehicle, {system_id}, is heard; this page keeps to {ours}")
         foreign = self.identity.foreign(now_ns)
         if foreign and not self._foreign_told:
-            self.note(2, f"another autopilot answers under the number {ours}: {FOREIGN_REMEDY}")
+            who = "autopilot" if self.vehicle_flies else "station"
+            self.note(2, f"another {who} answers under the number {ours}: {FOREIGN_REMEDY}")
         self._foreign_told = foreign
         self.store.set_served(ours, self.identity.uid, self.commander.page)
+
+    @property
+    def vehicle_flies(self) -> bool:
+        """Whether an autopilot speaks for our vehicle; else it is a mast, or a person."""
+        return self.vehicle is not None and self.vehicle.autopilot is not None
 
     def choose_vehicle(self, system_id: int) -> None:
         """Serve another vehicle; the flight of the one before ends here, not on its drone.

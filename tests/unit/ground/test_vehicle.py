@@ -1,5 +1,6 @@
 """What the ground reads from the autopilot's and the radio's frames."""
 
+from copy import copy
 from itertools import pairwise
 
 import pytest
@@ -160,3 +161,34 @@ def test_the_loss_is_the_share_of_missing_numbers(arrived: list[bool], first: in
     elif all(gap < 128 for gap in gaps):
         assert share == pytest.approx(1.0 - len(kept) / (kept[-1] - kept[0] + 1))
     assert meter.share(NOW_NS + 60 * SECOND) is None
+
+
+def places_of(watch: VehicleWatch, *north_1e7: int) -> bool:
+    """Tell where a station without an autopilot is, five times a second; is it two?"""
+    station = Autopilot(component=191)
+    for number, north in enumerate(north_1e7):
+        time_ns = NOW_NS + number * SECOND // 5
+        place = copy(PLACE)
+        place.lat += north
+        assert watch.receive(station.frame(place), time_ns) is not None
+    return watch.identity.foreign(NOW_NS + len(north_1e7) * SECOND // 5)
+
+
+@pytest.mark.parametrize(
+    ("north_1e7", "two"),
+    [
+        ((0, 9000) * 4, True),  # 100 m apart, in turn
+        ((0, 0, 9000, 0, 0, 9000, 0, 0, 9000), True),
+        ((0, 0, 9000, 0, 0, 0, 0), False),  # a GPS receiver that slips
+        (tuple(range(0, 9000, 300)), False),  # a person who walks
+        ((0, 5000, 10_000, 15_000, 20_000, 25_000), False),  # by car
+    ],
+)
+def test_two_masts_under_one_number_are_told_by_their_places(
+    north_1e7: tuple[int, ...], two: bool
+) -> None:
+    watch = VehicleWatch(Peer(255, 190), VehicleIdentity(1))
+    assert places_of(watch, *north_1e7) is two
+    if two:  # the operator takes this one
+        watch.identity.choose(1)
+        assert not watch.identity.foreign(NOW_NS)

@@ -113,7 +113,10 @@ class VehicleWatch:
                 self._take_computer(message)
             return None
         if frame.component_id == DRONE_COMPONENT and self._alone(frame.system_id, now_ns):
-            return self._take_pose(message, now_ns)
+            pose = self._take_pose(message, now_ns)
+            if pose is not None:
+                self.identity.take_place((pose.latitude_deg, pose.longitude_deg), now_ns)
+            return pose
         if frame.component_id != MavComponent.COMP_ID_AUTOPILOT1:
             return None
         peer = Peer(frame.system_id, frame.component_id)

@@ -6,12 +6,16 @@ operator chooses another: a station that went over to whoever is heard would sto
 record the wrong one.
 """
 
+from uavrt.geodesy import distance_m
 from uavrt.mavlink import dialect
 from uavrt.units import ns_from_s
 
 FOREIGN_NS = ns_from_s(60.0)
 """An answer with another unique number counts so long: three questions."""
 MAX_OTHERS = 16
+APART_M, SAME_M, TIMES = 40.0, 15.0, 4
+"""A station is told several times a second: one that is so far off at once, and then back, so
+many times one after the other, is two."""
 
 
 class VehicleIdentity:
@@ -33,11 +37,13 @@ class VehicleIdentity:
         self.excluded: set[int] = set()
         """Vehicles that are never taken for ours: another session serves them."""
         self._foreign_ns: int | None = None
+        self._places = _Places()
 
     def choose(self, system_id: int) -> None:
         """Serve this vehicle from now on, whatever autopilot it has."""
         self.system_id, self.uid, self._foreign_ns = system_id, None, None
         self.others.pop(system_id, None)
+        self._places = _Places()
 
     def heard(self, system_id: int, now_ns: int) -> bool:
         """Handle a vehicle's heartbeat: the first is ours. Returns whether it is ours."""
@@ -59,9 +65,34 @@ class VehicleIdentity:
         if uid != self.uid:
             self._foreign_ns = now_ns
 
+    def take_place(self, place: tuple[float, float], now_ns: int) -> None:
+        """Take where a station without an autopilot is: of two the places come in turn."""
+        if self._places.take(place):
+            self._foreign_ns = now_ns
+
     def foreign(self, now_ns: int) -> bool:
-        """True while another autopilot answers under our vehicle's number."""
+        """True while another autopilot or station answers under our vehicle's number."""
         return self._foreign_ns is not None and now_ns - self._foreign_ns < FOREIGN_NS
+
+
+class _Places:
+    """Tells one that moves from two that stand: these go back to where they were, each time."""
+
+    def __init__(self) -> None:
+        self._last: tuple[float, float] | None = None
+        self._before: tuple[float, float] | None = None
+        """Where it was before it last moved as no one moves."""
+        self._back = 0
+
+    def take(self, place: tuple[float, float]) -> bool:
+        """Whether these are two."""
+        last, self._last = self._last, place
+        if last is None or distance_m(*last, *place) < APART_M:
+            return False
+        before, self._before = self._before, last
+        returned = before is not None and distance_m(*before, *place) < SAME_M
+        self._back = self._back + 1 if returned else 0
+        return self._back >= TIMES
 
 
 def unique_number(message: dialect.AutopilotVersion) -> str | None:
