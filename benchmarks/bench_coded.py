@@ -8,7 +8,7 @@ from uavrt_experiments.detection.coded import RATE_HZ, WINDOW_HZ, add_burst, som
 from uavrt_experiments.detection.signals import START_NS, noise
 
 BLOCK = 655
-SIGNAL_S = 40.0
+SIGNAL_S = 20.0
 
 
 def run() -> list[Table]:
@@ -22,7 +22,7 @@ def run() -> list[Table]:
                 case("noise, 500 codes", 500),
                 case("ten tags of 20 dB, 500 codes", 500, senders=10),
             ],
-            rounds=3,
+            rounds=2,
             in_a_row=1,
             notes=["Bar: 500 codes 10 %."],
         )
