@@ -22,7 +22,7 @@ from uavrt.localization import (
     TagPrior,
     TrackEstimate,
 )
-from uavrt.localization.position import ANY_STRENGTH
+from uavrt.localization.position import by_chance_density
 
 _Floats = NDArray[np.float64]
 _FADES = 0.95
@@ -96,7 +96,7 @@ class Rival:
             level_drift_db_per_root_s=0.0,
         )
         self._missed = prior.missed_share
-        self._chance = prior.chance_share * ANY_STRENGTH
+        self._chance = prior.chance_share
         self.tracker = ParticleTracker(own, rng, particles=_RIVAL_PARTICLES)
         share = prior.rival_share
         self._log_odds = self._least = float(np.log(share / (1.0 - share)))
@@ -120,9 +120,10 @@ class Rival:
     def heard(self, heard: Listening, log_probability: float) -> None:
         """Take a pulse in, whose density was what is told before, by the tag and all others."""
         others = self._missed * self.probability * self._density
-        tags = max(float(np.exp(log_probability)) - others, self._chance)
+        chance = self._chance * by_chance_density(heard)
+        tags = max(float(np.exp(log_probability)) - others, chance)
         self._add(np.log((tags + self._missed * self._density) / tags))
-        self.tracker.listen(heard, elsewhere=max(tags / self._missed - self._chance, 0.0))
+        self.tracker.listen(heard, elsewhere=max(tags / self._missed - chance, 0.0))
 
     def missed(self, heard: Listening) -> None:
         """Take in that nothing was heard."""
@@ -200,14 +201,15 @@ class TagBelief:
         rival, chance = self._rival, self.prior.chance_share
         if heard.snr_db is None:
             expected = self._tracker.listen(heard)
-            absent = float(np.log1p(-min(chance, 0.999)))
+            # That nothing came by chance either is as probable with a tag as without one.
+            absent = 0.0
             if rival is not None:
                 rival.missed(heard)
         else:
             rivals = 0.0 if rival is None else rival.density(heard)
             part = 0.0 if rival is None else self.prior.missed_share * rival.probability
             expected = self._tracker.listen(heard, elsewhere=part * rivals)
-            by_chance = max(chance, 1e-6) * ANY_STRENGTH
+            by_chance = max(chance, 1e-6) * by_chance_density(heard)
             # Were there no tag, what is heard would be a rival.
             absent = float(np.log(by_chance + rivals))
             if rival is not None:

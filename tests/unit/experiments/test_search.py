@@ -132,6 +132,14 @@ def test_no_tag_is_lost_to_an_interferer() -> None:
     assert run.complete
 
 
+def test_tags_that_are_not_there_take_no_time_from_those_that_are() -> None:
+    """Two of twelve; false pulses speak for them."""
+    run = fly(SCENARIOS["T9"], replace(OURS, stop="ours"), 900_010, particles=600)
+    assert run.complete
+    assert run.time_s < 700.0
+    assert all(one.error_m is not None for one in run.judged)
+
+
 def test_the_searchers_map_of_the_hills_is_as_wrong_as_maps_are() -> None:
     scenario = SCENARIOS["T6"]
     world = World(scenario, 1)

@@ -1,5 +1,7 @@
 """What is believed of a tag: whether it is there, and whether its pulses are as they should."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,24 @@ def test_a_tag_that_is_heard_exists_and_a_silent_one_hardly() -> None:
         chances.append(belief.existence_probability)
     assert chances[0] > 0.999
     assert chances[1] < 0.2
+
+
+def test_false_pulses_that_barely_pass_the_threshold_make_no_tag() -> None:
+    """Silence told that there is one (+ 10 nats), and so did each pulse at the threshold."""
+    prior = replace(PRIOR, chance_share=0.02, motion=(0.0, 1.0, 0.0), walking_m_per_root_s=2.0)
+    belief = TagBelief(1, prior, np.random.default_rng(1), particles=1000, existence=0.5)
+    for second in range(500):
+        belief.advance_to(float(second))
+        belief.listen(
+            Listening(
+                east_m=250.0 + 200.0 * np.sin(second / 40.0),
+                north_m=250.0 + 200.0 * np.cos(second / 23.0),
+                height_m=40.0,
+                snr_db=10.0 if second % 150 == 100 else None,
+                yaw_deg=float(3 * second % 360),
+            )
+        )
+    assert belief.existence_probability < 0.3
 
 
 def test_the_stop_rule_wants_the_circle_and_the_existence_and_the_model() -> None:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         ANY_STRENGTH,
         REFERENCE_M,
         antenna_gain_db,
+        by_chance_density,
     )
     from uavrt.localization.position.level_evidence import Propagation
     from uavrt.localization.position.loss_error import ALIKE_M, LossError, doubtful_db
@@ -67,6 +68,7 @@ __all__ = [
     "Propagation",
     "Stations",
     "antenna_gain_db",
+    "by_chance_density",
     "doubtful_db",
     "estimate_position",
     "fit_each",
@@ -97,6 +99,7 @@ __getattr__ = lazily(
         "WRONG_COMPASS_DEG": "common_errors",
         "WRONG_COMPASS_SHARE": "common_errors",
         "antenna_gain_db": "level_belief",
+        "by_chance_density": "level_belief",
         "doubtful_db": "loss_error",
         "estimate_position": "estimate",
         "fit_each": "power_evidence",

@@ -7,6 +7,7 @@ first two moments. So the strength is learnt while the tag is found.
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import exp
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ BY_CHANCE = 0.02
 """Share of pulses that are missed, or are heard at any strength, for no reason of geometry."""
 ANY_STRENGTH = 1.0 / 120.0
 """Density of those [1/dB]."""
+_BARELY_DB = 3.0
 REFERENCE_M = 100.0
 _TINY = 1e-30
 _COSINES = 4096
@@ -49,6 +51,18 @@ class Listening:
     """SNR from which it would have been heard."""
     yaw_deg: float | None = None
     """Boresight; None is an upright monopole."""
+
+
+def by_chance_density(heard: Listening) -> float:
+    """Density [1/dB] of the level of pulses that are heard by chance.
+
+    Noise that passes the threshold passes it barely; half of them are of that kind, and half
+    of any strength. Were all of any strength, each that barely passes would be one more sign of
+    a tag that is barely heard, and none would ever be taken for absent.
+    """
+    assert heard.snr_db is not None
+    over = max(float(heard.snr_db) - float(heard.threshold_db), 0.0)
+    return 0.5 * ANY_STRENGTH + 0.5 / _BARELY_DB * exp(-over / _BARELY_DB)
 
 
 @lru_cache(maxsize=64)
@@ -204,6 +218,7 @@ class LevelBelief:
         *,
         missed_share: float = BY_CHANCE,
         chance_share: float = BY_CHANCE,
+        elsewhere: float = 0.0,
         behind: Behind | None = None,
     ) -> _Floats:
         """Take one pulse or miss in; its log-likelihood at each place.
@@ -218,7 +233,9 @@ class LevelBelief:
         missed_share : float
             Pulses that are missed however strong they are.
         chance_share : float
-            Pulses that are heard at any strength wherever the tag is.
+            Pulses that are heard by chance wherever the tag is.
+        elsewhere : float
+            Density [1/dB] of a pulse of this level from another source.
         behind : Behind or None
             What `expected_db` was told.
         """
@@ -230,7 +247,8 @@ class LevelBelief:
             innovation = float(heard.snr_db) - expected_db
             scale = (1.0 - missed_share) / _ROOT_TWO_PI / np.sqrt(variance)
             density = np.exp(-0.5 * innovation * innovation / variance) * scale
-            mixed = density + max(chance_share * ANY_STRENGTH, _TINY)
+            others = chance_share * by_chance_density(heard) + elsewhere
+            mixed = density + max(others, _TINY)
             if learns:
                 # What came by chance says nothing of the strength.
                 part = density / mixed / variance

@@ -22,6 +22,7 @@ from uavrt.localization.position.level_belief import (
     Behind,
     LevelBelief,
     Listening,
+    by_chance_density,
 )
 from uavrt.localization.position.loss_error import LossError
 from uavrt.terrain import HillLosses
@@ -480,7 +481,8 @@ class ParticleTracker:
             expected,
             scatter_db,
             missed_share=prior.missed_share,
-            chance_share=prior.chance_share + elsewhere / ANY_STRENGTH,
+            chance_share=prior.chance_share,
+            elsewhere=elsewhere,
             behind=behind,
         )
         state.mean_db = np.asarray(level.mean_db, np.float32)
@@ -491,7 +493,7 @@ class ParticleTracker:
         if heard.snr_db is None:
             self._wonder(min(-evidence, _UNHEARD_NATS) - _CALMS_NATS)
         else:
-            chance = max(prior.chance_share, BY_CHANCE) * ANY_STRENGTH
+            chance = max(prior.chance_share, BY_CHANCE) * by_chance_density(heard)
             by_others = chance + elsewhere
             self._wonder(float(np.log(by_others)) + chance / by_others - evidence)
         return Expectation(level_db=mean, variance_db2=variance, log_probability=evidence)
