@@ -85,6 +85,22 @@ class Track:
                 gain_db[place] -= lost_db[place]
         return gain_db
 
+    def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
+        """How far places were: (places, parts), 10 dB for each factor of ten.
+
+        Parameters
+        ----------
+        east_m, north_m : ndarray of float64, shape (places,)
+        part : ndarray of float64, shape (parts,)
+            Indices among the times, whole or between two.
+        """
+        times = np.arange(len(self.east_m))
+        east, north, height = (
+            np.interp(part, times, each) for each in (self.east_m, self.north_m, self.height_m)
+        )
+        square = (east_m[:, np.newaxis] - east) ** 2 + (north_m[:, np.newaxis] - north) ** 2
+        return np.asarray(5.0 * np.log10(np.maximum(square + height**2, 1.0)))
+
 
 def places_around(
     poses: PoseColumns,

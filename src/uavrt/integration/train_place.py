@@ -18,6 +18,7 @@ from uavrt.integration.drifting import train_times_s
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.places import (
     BEARING_STEP_DEG,
+    EXPONENT,
     RANGE_STEP,
     Places,
     common_gains,
@@ -44,6 +45,12 @@ _LIKELY = 100
 _KEPT = 0.998
 _BETWEEN_DB = 3.0
 """Of a tag's level from one flight to another: posture, receiver, ground."""
+_EXPONENTS = (2.0, 2.5, 3.0, 3.5, 4.0)
+"""Of the fall with distance, from free space to a tag on the ground beyond the break point."""
+_EXPONENT_SHARES = np.exp(-0.5 * ((np.array(_EXPONENTS) - EXPONENT) / 0.7) ** 2)
+"""As `uavrt.localization.Propagation` believes in them."""
+_SAME_RANGE_DB = 0.3
+"""Where a place was as far all the time, the exponent tells nothing."""
 _COUNTED = 0.8
 """Of the pulses' evidence: what pattern, poses and ground do beyond the model is the same for
 neighbouring pulses. With all of it regions of 90 % held .85 (I4)."""
@@ -293,7 +300,8 @@ def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
     levels_db = top_db + np.arange(_LEVELS_DB[0], _LEVELS_DB[1] + 0.5)
     tables = [_log_ratios(_exponentials(one.mean_noise_energy)) for one in heard]
     gains = common_gains([one.places for one in heard])
-    logs = _all_logs(heard, gains, tables, levels_db)
+    here = heard[0].places
+    logs = _all_logs(heard, gains, (here.east_m, here.north_m), tables, levels_db)
     area = heard[0].places.area[:, np.newaxis]
     joint = np.exp(logs - logs.max()) * area
     evidence = float(logs.max() + np.log(joint.sum() / (area.sum() * len(levels_db))))
@@ -320,7 +328,7 @@ def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
     held = place.probability[likely]
     table = _log_ratios(_exponentials(one.mean_noise_energy))
     levels_db = place.level_db + _BETWEEN_DB * np.linspace(-2.0, 2.0, 13)
-    logs = _logs(one.pulses, one.places.time_s, gain[likely], table, levels_db)
+    logs = _logs(one.pulses, _gain_db(one, gain[likely]), table, levels_db)
     weight = np.exp(-0.5 * np.linspace(-2.0, 2.0, 13) ** 2)
     own = special.logsumexp(logs, axis=1, b=weight / weight.sum())
     return float(held @ special.expit(own - one.log_trains) / held.sum())
@@ -329,13 +337,45 @@ def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
 def _all_logs(
     heard: Sequence[HeardTrain],
     gains: Sequence[_Floats],
+    east_north_m: tuple[_Floats, _Floats],
+    tables: Sequence[_Floats],
+    levels_db: _Floats,
+) -> _Floats:
+    """Log likelihood ratio of each place and level, over all flights and exponents."""
+    gains_db = [_gain_db(one, gain) for one, gain in zip(heard, gains, strict=True)]
+    away_db = [_away_db(one, *east_north_m) for one in heard]
+    spread_db = np.ptp(np.concatenate(away_db, axis=1), axis=1)
+    if spread_db.max() < _SAME_RANGE_DB:
+        return _COUNTED * _joint_logs(heard, gains_db, tables, levels_db)
+    top_db = _strongest(gains_db)
+    logs = []
+    for exponent in _EXPONENTS:
+        turned_db = [
+            gain_db + (EXPONENT - exponent) * away
+            for gain_db, away in zip(gains_db, away_db, strict=True)
+        ]
+        shift_db = top_db - _strongest(turned_db)  # levels are of the strongest pulse
+        turned_db = [one + shift_db for one in turned_db]
+        logs.append(_COUNTED * _joint_logs(heard, turned_db, tables, levels_db))
+    shares = (_EXPONENT_SHARES / _EXPONENT_SHARES.sum())[:, np.newaxis, np.newaxis]
+    return np.asarray(special.logsumexp(logs, axis=0, b=shares))
+
+
+def _strongest(gains_db: Sequence[_Floats]) -> _Floats:
+    """Of each place over all flights: (places, 1)."""
+    return np.asarray(np.max([one.max(axis=1) for one in gains_db], axis=0))[:, np.newaxis]
+
+
+def _joint_logs(
+    heard: Sequence[HeardTrain],
+    gains_db: Sequence[_Floats],
     tables: Sequence[_Floats],
     levels_db: _Floats,
 ) -> _Floats:
     """Log likelihood ratio of each place and level, over all flights."""
-    logs = np.zeros((len(gains[0]), len(levels_db)))
-    for one, gain, table in zip(heard, gains, tables, strict=True):
-        own = _logs(one.pulses, one.places.time_s, gain, table, levels_db)
+    logs = np.zeros((len(gains_db[0]), len(levels_db)))
+    for one, gain_db, table in zip(heard, gains_db, tables, strict=True):
+        own = _logs(one.pulses, gain_db, table, levels_db)
         if one.log_trains is not None:
             own = np.logaddexp(0.0, own - one.log_trains)
         if len(heard) > 1:
@@ -343,21 +383,29 @@ def _all_logs(
             blurred = ndimage.gaussian_filter1d(np.exp(own - top), _BETWEEN_DB, mode="nearest")
             own = top + np.log(np.maximum(blurred, 1e-300))
         logs += own
-    return _COUNTED * logs
+    return logs
 
 
-def _logs(
-    pulses: TrainPulses, time_s: _Floats, gain: _Floats, table: _Floats, levels_db: _Floats
-) -> _Floats:
+def _gain_db(one: HeardTrain, gain: _Floats) -> _Floats:
+    """Gains at the pulses: (places, pulses)."""
+    at_s, time_s = one.pulses.time_s, one.places.time_s
+    return 10.0 * np.log10(np.stack([np.interp(at_s, time_s, row) for row in gain]) + 1e-9)
+
+
+def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
+    """How far places were at the pulses: (places, pulses)."""
+    time_s = one.places.time_s
+    part = np.interp(one.pulses.time_s, time_s, np.arange(len(time_s)).astype(np.float64))
+    return one.places.track.away_db(east_m, north_m, part)
+
+
+def _logs(pulses: TrainPulses, gain_db: _Floats, table: _Floats, levels_db: _Floats) -> _Floats:
     """Log likelihood ratio of each place and level."""
     amplitude = np.sqrt(np.maximum(pulses.energy, 0.0))
     column = np.minimum(np.rint(amplitude / _AMPLITUDES[1]), len(_AMPLITUDES) - 1)
     chosen = np.ascontiguousarray(table[:, column.astype(np.intp)])
     at = np.arange(len(column))
-    gain_db = 10.0 * np.log10(
-        np.stack([np.interp(pulses.time_s, time_s, row) for row in gain]) + 1e-9
-    )
-    logs = np.empty((len(gain), len(levels_db)))
+    logs = np.empty((len(gain_db), len(levels_db)))
     for level, level_db in enumerate(levels_db):
         strength = np.rint((gain_db + level_db - _STRENGTHS_DB[0]) / 0.5)
         strength = np.clip(strength, 0, len(_STRENGTHS_DB) - 1).astype(np.intp)
@@ -389,7 +437,7 @@ def _fined(
         10.0 ** ((gain_db - strongest_db.max(axis=0)[:, np.newaxis]) / 10.0)
         for gain_db in each_db
     ]
-    logs = _all_logs(heard, gains, tables, levels_db)
+    logs = _all_logs(heard, gains, (east_m, north_m), tables, levels_db)
     fine = np.exp(logs - logs.max()).sum(axis=1) * distance.ravel() ** 2
     fine *= probability[likely].sum() / fine.sum()
     return Cells(
