@@ -34,7 +34,7 @@ for share in ${SHARE:-}; do # HOST:PLACE below the root
     mkdir -p "$root${share#*:}"
     mount --bind "${share%%:*}" "$root${share#*:}"
 done
-cp /etc/resolv.conf /etc/hosts "$root/etc/"
+cp --remove-destination /etc/resolv.conf /etc/hosts "$root/etc/"
 [ ! -e /etc/ssl/certs/ca-certificates.crt ] || {
     mkdir -p "$root/etc/ssl/certs"
     cp -L /etc/ssl/certs/ca-certificates.crt "$root/etc/ssl/certs/"

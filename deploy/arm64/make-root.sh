@@ -55,7 +55,7 @@ mkdir -p "$root/usr/bin" "$root/usr/sbin" "$root/usr/lib" "$root/var/lib/dpkg/in
 for name in bin sbin lib; do ln -s "usr/$name" "$root/$name"; done
 for deb in $(printf '%s\n' "$work"/apt/cache/archives/*.deb | LC_ALL=C sort); do
     dpkg-deb --fsys-tarfile "$deb" |
-        tar -x --keep-directory-symlink --no-same-owner -C "$root"
+        tar -xp --keep-directory-symlink --no-same-owner -C "$root"
     {
         dpkg-deb -f "$deb" | sed '/^Package:/a Status: install ok installed'
         echo

@@ -32,14 +32,17 @@ write /etc/hosts <<HOSTS
 127.0.1.1 $name
 ::1 localhost
 HOSTS
-# Written by the first boot, kept on the data partition: each computer its own.
-ln -sf /data/machine-id "$root/etc/machine-id"
+# Empty, not missing (machine-id(5)): each boot has an identity of its own in memory, as the
+# journal has, and no boot takes itself for the first.
+rm -f "$root/etc/machine-id"
+write /etc/machine-id </dev/null
 write /etc/fstab <<'FSTAB'
 LABEL=uavrt-root /               ext4  ro,noatime,errors=remount-ro 0 1
 LABEL=uavrt-data /data           ext4  rw,noatime,errors=remount-ro,x-systemd.before=uavrt-first-boot.service 0 2
 /data/uavrt      /var/lib/uavrt  none  bind,x-systemd.requires-mounts-for=/data 0 0
 /data/opt        /opt/uavrt      none  bind,x-systemd.requires-mounts-for=/data 0 0
 /data/network    /etc/NetworkManager/system-connections none bind,x-systemd.requires-mounts-for=/data 0 0
+tmpfs            /var/lib/systemd tmpfs nosuid,nodev,size=1% 0 0
 /data/timesync   /var/lib/systemd/timesync none bind,x-systemd.requires-mounts-for=/data 0 0
 tmpfs            /tmp            tmpfs nosuid,nodev,size=25% 0 0
 tmpfs            /var/tmp        tmpfs nosuid,nodev,size=10% 0 0
@@ -60,9 +63,14 @@ HostKey /data/ssh/ssh_host_ed25519_key
 PermitRootLogin no
 SSH
 
+# The page on the drone is a ground station of its own: a link to it, and the key of the first boot.
+settings=$root/var/lib/uavrt/uavrt.toml
+[ ! -f "$settings" ] || sed -i 's|^direct_links = \[\]$|direct_links = ["udpin://127.0.0.1:14560"]|
+    s|^# key_file =$|key_file = "/var/lib/uavrt/command.key"|' "$settings"
+
 write /usr/local/sbin/uavrt-first-boot 755 <<'FIRST'
 #!/bin/sh
-# What each computer has for itself, made once: the size of its card, identity, keys, passwords.
+# What each computer has for itself, made once: the size of its card, keys, passwords.
 set -eu
 umask 077
 data=$(findmnt -no SOURCE /data)
@@ -72,7 +80,6 @@ echo ', +' | sfdisk --no-reread -N "$number" "$disk" && partx -u "$disk" && resi
     echo "the data partition keeps its size"
 mkdir -p /data/uavrt /data/opt /data/network /data/ssh /data/timesync
 chmod 755 /data /data/opt /data/timesync
-[ -s /data/machine-id ] || { tr -d - </proc/sys/kernel/random/uuid >/data/machine-id; chmod 444 /data/machine-id; }
 [ -e /data/ssh/ssh_host_ed25519_key ] || ssh-keygen -q -t ed25519 -N '' -f /data/ssh/ssh_host_ed25519_key
 secret() { tr -dc 'abcdefghijkmnpqrstuvwxyz23456789' </dev/urandom | head -c "$1"; }
 name=$(cat /etc/hostname)
@@ -112,7 +119,7 @@ sync
 FIRST
 write /etc/systemd/system/uavrt-first-boot.service <<'UNIT'
 [Unit]
-Description=uavrt: identity, keys and passwords of this computer
+Description=uavrt: keys and passwords of this computer
 ConditionPathExists=!/data/.first-boot-done
 DefaultDependencies=no
 RequiresMountsFor=/data
@@ -137,7 +144,7 @@ RequiresMountsFor=/data /opt/uavrt
 
 [Service]
 EnvironmentFile=/data/page.env
-ExecStart=/opt/uavrt/venv/bin/uavrt ground --page --no-browser --listen 0.0.0.0 --host-name $name.local --mavlink udpout://127.0.0.1:14560 --output /var/lib/uavrt/ground --command-key /var/lib/uavrt/command.key
+ExecStart=/opt/uavrt/venv/bin/uavrt ground --page --no-browser --listen 0.0.0.0 --host-name $name.local --mavlink udpout://127.0.0.1:14560 --output /var/lib/uavrt/ground --command-key /var/lib/uavrt/command.key --component-id 192
 User=uavrt
 WorkingDirectory=/var/lib/uavrt
 Restart=always

@@ -33,7 +33,6 @@ mkdir -p "$work/data/network" "$work/data/ssh" "$work/data/timesync"
 rm -rf "$work/root/src" "$work/root/wheels" "$work/root/shared" "$work/root/.complete"
 rm -f "$work/root/etc/ssh/ssh_host_"*_key* "$work"/root/var/lib/dbus/machine-id
 rm -rf "$work/root/tmp" "$work/root/run" "$work/root/var/log" && mkdir -p "$work/root/tmp" "$work/root/run" "$work/root/var/log"
-find "$work/root" "$work/data" -name __pycache__ -prune -exec rm -rf {} +
 find "$work/root" "$work/data" -exec touch -hd "@$SOURCE_DATE_EPOCH" {} +
 
 digest=$(cd "$work" && find root data -type f -exec sha256sum {} + | sort -k2 | sha256sum | cut -c-32)
@@ -43,6 +42,23 @@ uuid() { # a UUID that only depends on the contents and a word
 }
 size_mib() { echo $(($(du -sm --apparent-size "$1" | cut -f1) * 13 / 10 + ${2})); }
 root_mib=$(size_mib "$work/root" 64) data_mib=$(size_mib "$work/data" 256) efi_mib=${EFI_MIB:-192}
+group_id() { sed -n "s/^$1:[^:]*:\([0-9]*\):.*/\1/p" "$work/root/etc/group"; }
+owners() { # DIRECTORY: all is root's, whoever built it, but for what Debian gives to groups
+    (cd "$1" && find . \( ! -uid 0 -o ! -gid 0 \) | sed 's/^\.//; s/"/""/g') |
+        while read -r path; do
+            printf 'set_inode_field "%s" uid 0\nset_inode_field "%s" gid 0\n' "${path:-/}" "${path:-/}"
+        done
+    for pair in etc/shadow:shadow:0100640 etc/gshadow:shadow:0100640 \
+        usr/sbin/unix_chkpwd:shadow:0102755 usr/bin/chage:shadow:0102755 \
+        usr/bin/expiry:shadow:0102755 usr/bin/ssh-agent:_ssh:0102755 \
+        usr/lib/dbus-1.0/dbus-daemon-launch-helper:messagebus:0104754; do
+        file=${pair%%:*} group=${pair#*:} mode=${pair##*:}
+        group=$(group_id "${group%:*}")
+        [ -e "$1/$file" ] && [ -n "$group" ] || continue
+        printf 'set_inode_field "/%s" gid %s\nset_inode_field "/%s" mode %s\n' \
+            "$file" "$group" "$file" "$mode"
+    done
+}
 filesystem() { # DIRECTORY FILE MIB LABEL
     truncate -s "$3M" "$2"
     mkfs.ext4 -q -F -d "$1" -L "$4" -U "$(uuid "$4")" -m 1 -E "hash_seed=$(uuid "$4 hash"),root_owner=0:0" \
@@ -55,6 +71,7 @@ filesystem() { # DIRECTORY FILE MIB LABEL
                 printf 'set_inode_field "%s" %s_extra 0\n' "$path" $field
             done
         done >"$2.times"
+    owners "$1" >>"$2.times"
     debugfs -w -f "$2.times" "$2" >/dev/null 2>&1
 }
 filesystem "$work/root" "$work/root.ext4" "$root_mib" uavrt-root
@@ -70,8 +87,8 @@ if [ -n "$kernel" ]; then
     cp "$kernel" "$work/esp/linux"
     cp "$root/boot/initrd.img-$version" "$work/esp/initrd"
     printf 'timeout 0\ndefault uavrt.conf\n' >"$work/esp/loader/loader.conf"
-    printf 'title uavrt\nlinux /linux\ninitrd /initrd\noptions root=PARTUUID=%s ro quiet console=tty0\n' \
-        "$(uuid partition-root)" >"$work/esp/loader/entries/uavrt.conf"
+    printf 'title uavrt\nlinux /linux\ninitrd /initrd\noptions root=PARTUUID=%s ro %s\n' \
+        "$(uuid partition-root)" "${KERNEL_OPTIONS:-quiet console=tty0}" >"$work/esp/loader/entries/uavrt.conf"
     find "$work/esp" -exec touch -hd "@$SOURCE_DATE_EPOCH" {} +
     (cd "$work/esp" && mcopy -s -p -m -i "$work/efi" EFI loader linux initrd ::)
 else

@@ -4,11 +4,15 @@ import configparser
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+
+from uavrt.cli.run_ground import OWN_COMPONENT
+from uavrt.config import load_settings, write_default_settings
 
 IMAGE = Path(__file__).parents[2] / "deploy/image"
 TOOLS = ("sfdisk", "mkfs.ext4", "mkfs.vfat", "mcopy", "debugfs")
@@ -24,9 +28,11 @@ def root(tmp_path: Path) -> Path:
     (version / "uavrt").write_text("#!/bin/sh\n")
     (root / "opt/uavrt/venv").symlink_to("versions/source")
     (root / "var/lib/uavrt").mkdir(parents=True)
-    (root / "var/lib/uavrt/uavrt.toml").write_text('[mavlink]\naddress = ""\n')
+    write_default_settings(root / "var/lib/uavrt/uavrt.toml")
     (root / "etc/ssh").mkdir(parents=True)
     (root / "etc/ssh/ssh_host_rsa_key").write_text("of the machine that built it")
+    (root / "etc/group").write_text("root:x:0:\nshadow:x:42:\n")
+    (root / "etc/shadow").write_text("root:*:20000:0:99999:7:::\n")
     (root / "boot").mkdir()
     (root / "boot/vmlinuz-6.1.0-arm64").write_bytes(b"MZ kernel")
     (root / "boot/initrd.img-6.1.0-arm64").write_bytes(b"initrd")
@@ -61,6 +67,12 @@ def test_the_root_is_read_only_and_what_changes_lies_on_the_data_partition(root:
     for place in mounts:
         assert (root / place.lstrip("/")).is_dir() or mounts[place][0] == "tmpfs"
     assert (root / "etc/hostname").read_text() == "lynx-1\n"
+    # The page that runs beside the drone side hears it, and may command it.
+    mavlink = load_settings(root / "var/lib/uavrt/uavrt.toml").mavlink
+    page = (root / "etc/systemd/system/uavrt-page.service").read_text()
+    assert [link.replace("udpin", "udpout") in page for link in mavlink.direct_links] == [True]
+    assert f"--command-key {mavlink.key_file}" in page
+    assert f"--component-id {OWN_COMPONENT}" in page
     again = contents(root)
     assert configure(root, "lynx-1").returncode == 0
     assert contents(root) == again
@@ -123,6 +135,13 @@ def test_an_image_built_twice_is_the_same_and_holds_what_it_should(
         return subprocess.run(words, check=True, capture_output=True, env=environment).stdout
 
     assert b"LABEL=uavrt-data" in read("uavrt-root", "/etc/fstab")
+    for path, mode, group in (("/etc/shadow", "0640", 42), ("/etc/fstab", "0644", 0)):
+        words = ["debugfs", "-R", f"stat {path}", str(tmp_path / "uavrt-root")]
+        told = subprocess.run(
+            words, check=True, capture_output=True, text=True, env=environment
+        )
+        assert re.search(rf"Mode:\s+{mode}\b", told.stdout), told.stdout
+        assert re.search(rf"User:\s+0\s+Group:\s+{group}\b", told.stdout), told.stdout
     assert read("uavrt-root", "/etc/ssh/ssh_host_rsa_key") == b""
     assert read("uavrt-root", "/opt/uavrt/versions/source/bin/uavrt") == b""
     assert read("uavrt-data", "/opt/versions/source/bin/uavrt") == b"#!/bin/sh\n"
