@@ -97,7 +97,10 @@ EXAMPLES: dict[str, list[str]] = {
         "cd /var/lib/uavrt && sudo /opt/uavrt/venv/bin/uavrt update uavrt-0.2.0.tar",
         "uavrt update uavrt-0.2.0.tar --check           # what is it, would it go?",
     ],
-    "starter install": ["uavrt starter install", "uavrt starter remove"],
+    "starter install": [
+        "uavrt starter install --help  # where it goes",
+        "uavrt starter install",
+    ],
     "service install": ['sudo .venv/bin/uavrt service install --directory "$PWD"'],
 }
 

@@ -56,6 +56,8 @@ a line's spacing away. And cells of the side of that."""
 _RIVALS_NATS = 20.0
 """What such a place may be less likely by, with each pulse a fact of its own: some 4 where
 fading lasts."""
+_LEAST_DB = 0.05
+"""Powers are not read more finely; those that are all equal leave no residual."""
 _FREEDOM = 3.0
 _ROUNDS = 4
 _CHUNK = 400
@@ -243,7 +245,7 @@ class SurveyEvidence:
             slope = (ones * xz - x * level_sum) / np.maximum(ones * xx - x * x, 1e-9)
             level = (level_sum - slope * x) / ones
             residual = z - level[:, None] - slope[:, None] * loss
-            scale = np.sqrt(np.mean(weight * residual**2, axis=1))
+            scale = np.sqrt(np.mean(weight * residual**2, axis=1) + _LEAST_DB**2)
             weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale[:, None]) ** 2)
         law = np.log1p((residual / scale[:, None]) ** 2 / _FREEDOM)
         score = -z.shape[1] * np.log(scale) - 0.5 * (_FREEDOM + 1.0) * law.sum(axis=1)

@@ -311,9 +311,19 @@ def _places(body: bytes) -> tuple[tuple[float, float], ...]:
     )
 
 
+def _cut(text: str) -> str:
+    """A text that fits; what is cut ends with its last whole word and an ellipsis."""
+    if len(text.encode()) <= MAX_TEXT:
+        return text
+    room = MAX_TEXT - len("…".encode())
+    fits = text.encode()[:room].decode("utf-8", "ignore")
+    whole, space, _ = fits.rpartition(" ")
+    return f"{whole.rstrip(' ,;:') if space else fits}…"
+
+
 def encode_state(state: MotionState) -> bytes:
     """Write what became of an order; a text that is too long is cut."""
-    text = state.text.encode()[:MAX_TEXT].decode("utf-8", "ignore").encode()
+    text = _cut(state.text).encode()
     return (
         _STATE.pack(
             _VERSION,

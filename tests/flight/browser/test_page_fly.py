@@ -197,7 +197,7 @@ def test_a_search_is_refused_without_tags_and_watched_with_them(
     watched.caption("Asked again, it says what it would do. Nothing moves until it is held.")
     assert "search" in here.fly()
     watched.caption("Each flight and turn comes with its reason.", 1.0)
-    expect(page.locator("#motion-text")).to_contain_text("candidates")
+    expect(page.locator("#motion-text")).to_contain_text("nats about")
     watched.picture("move-searching")
     if VIDEO:
         standing = page.locator("#motion-standing")

@@ -322,3 +322,30 @@ def test_what_has_no_position_is_refused_by_name(change: dict[str, object], word
     arguments = {"stations": stations(LINE, (0.0, 400.0)), **change}
     with pytest.raises(UsageError, match=word):
         estimate_position(**arguments)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("spread_m", [0.0, 3.0])
+def test_powers_of_a_station_that_stands_still_give_no_place(spread_m: float) -> None:
+    rng = np.random.default_rng(5)
+    latitude, longitude = PLANE.to_geodetic(*rng.normal(0.0, spread_m, (2, 200)))
+    heard = PowerTrack(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=np.full(200, 5.0),
+        snr_db=rng.normal(15.0, 2.0, 200),
+        time_s=np.arange(200) * 3.0,
+    )
+    with pytest.raises(UsageError, match="one place"):
+        estimate_position(None, heard)
+
+
+def test_powers_that_are_all_equal_break_nothing() -> None:
+    latitude, longitude = PLANE.to_geodetic(np.linspace(-100.0, 100.0, 60), np.zeros(60))
+    heard = PowerTrack(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=np.full(60, 40.0),
+        snr_db=np.full(60, 15.0),
+        time_s=np.arange(60) * 2.0,
+    )
+    assert estimate_position(None, heard).radius95_m > 30.0

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from uavrt.errors import TunnelError, UsageError
 from uavrt.messages import KeepOut, MotionRequest
 from uavrt.tunnel.motion import (
+    MAX_TEXT,
     MOTION_ACTIONS,
     STANDINGS,
     MotionConfirmation,
@@ -135,6 +136,20 @@ def test_a_confirmation_a_stop_and_a_state_come_back_as_they_were() -> None:
         kind="offer", standing=STANDINGS[2], text="ü" * 54, request_id=3, order_id=4, nonce=5
     )
     assert decode_state(encode_state(state)) == state
+
+
+@given(text=st.text(st.characters(codec="utf-8"), max_size=300))
+def test_a_text_that_is_too_long_ends_with_an_ellipsis(text: str) -> None:
+    state = MotionState(
+        kind="offer", standing=STANDINGS[2], text=text, request_id=3, order_id=4, nonce=5
+    )
+    told = decode_state(encode_state(state)).text
+    if len(text.encode()) <= MAX_TEXT:
+        assert told == text
+    else:
+        assert len(told.encode()) <= MAX_TEXT
+        assert told.endswith("…")
+        assert text.startswith(told[:-1])
 
 
 @given(st.binary(max_size=128))

@@ -26,6 +26,8 @@ _Floats = NDArray[np.float64]
 HEADING_SIGMA_DEG = 1.5
 """Error that all headings of a flight share, were nothing said of it: a calibrated compass, a
 mounting by eye, and the declination."""
+LEAST_EXTENT_M = 20.0
+"""Of a track of powers: less is one place, with a satellite receiver's wandering."""
 PositionEstimator = Callable[[Stations | None, PowerTrack | None], Position]
 ADDED_METHODS: Registry[PositionEstimator] = Registry("uavrt.position_methods", {})
 """Estimators that installed packages add, by the name of the method."""
@@ -88,8 +90,9 @@ def estimate_position(
     Raises
     ------
     UsageError
-        There is nothing to estimate from, arrays differ in length, or the method is unknown or
-        does not come to a position; the text says what to use instead.
+        There is nothing to estimate from, powers alone are from one place, arrays differ in
+        length, or the method is unknown or does not come to a position; the text says what to
+        use instead.
     """
     _check(stations, powers)
     if method in ("bayes", "track"):
@@ -141,6 +144,19 @@ def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
             raise UsageError("fewer than three powers", remedy="Fly nearer, or turn in place")
         if powers.antenna is not None and powers.yaw_deg is None:
             raise UsageError("a directional antenna without headings", remedy="Give yaw_deg")
+        if stations is None and powers.antenna is None and _extent_m(powers) < LEAST_EXTENT_M:
+            raise UsageError(
+                "powers heard from one place alone tell neither direction nor distance",
+                remedy=f"Fly {LEAST_EXTENT_M:.0f} m or more past the tag, or turn an antenna",
+            )
+
+
+def _extent_m(powers: PowerTrack) -> float:
+    """Diagonal of the rectangle that holds the middle nine tenths of the places."""
+    plane = plane_around(powers.latitude_deg, powers.longitude_deg)
+    places = plane.to_local(powers.latitude_deg, powers.longitude_deg)
+    spans = [np.subtract(*np.quantile(one, [0.95, 0.05])) for one in places]
+    return float(np.hypot(*spans))
 
 
 def _check_lengths(

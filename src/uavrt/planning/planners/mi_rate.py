@@ -106,8 +106,10 @@ class MiRate:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
         exploring = self._explores(situation)
         ways, spans, legs, goals = self._ways(situation, exploring=exploring)
-        if not exploring and any(map(_by_animals_only, ways.refused)):
-            # Round an animal, or away from it.
+        if not exploring and (
+            not ways.allowed.any() or any(map(_by_animals_only, ways.refused))
+        ):
+            # Round an animal, or away from it; past another drone that stays beside the tag.
             ways, spans, legs, goals = self._ways(situation, exploring=True)
         return self._best(situation, ways, spans, legs, goals)
 
