@@ -33,6 +33,7 @@ types: $(STAMP)         ## every annotation
 locks: $(STAMP)         ## pin what the drone installs, with hashes (needs uv)
 	uv pip compile pyproject.toml $(LOCK) -o deploy/locks/drone.txt
 	uv pip compile pyproject.toml --extra ros2 $(LOCK) -c deploy/locks/drone.txt -o deploy/locks/drone-ros2.txt
+	uv pip compile pyproject.toml --extra ground $(LOCK) -c deploy/locks/drone.txt -o deploy/locks/drone-page.txt
 	$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"], sep="\n")' \
 	  | uv pip compile - $(LOCK) -o deploy/locks/build.txt
 

@@ -9,6 +9,7 @@
 #   --directory DIR  settings and flights (default /var/lib/uavrt)
 #   --prefix DIR     the program (default /opt/uavrt)
 #   --ros2           also the gateway to ROS 2
+#   --page           also what serves the ground station's page from the drone
 #   --update-key FILE  public key (PEM) of who makes updates for `uavrt update`
 #   --root DIR       install below DIR: no system packages, no groups, nothing is started
 set -eu
@@ -17,11 +18,12 @@ say() { printf '%s\n' "uavrt: $*"; }
 fail() { printf '%s\n' "uavrt: $*" >&2; exit 1; }
 
 radio=airspy user=uavrt directory=/var/lib/uavrt prefix=/opt/uavrt
-lock=drone.txt root= update_key=
+locks=drone.txt root= update_key=
 while [ $# -gt 0 ]; do
     case $1 in
-        --ros2) lock=drone-ros2.txt; shift; continue ;;
-        -h | --help) sed -n '2,15s/^# \{0,1\}//p' "$0"; exit 0 ;;
+        --ros2) locks="$locks drone-ros2.txt"; shift; continue ;;
+        --page) locks="$locks drone-page.txt"; shift; continue ;;
+        -h | --help) sed -n '2,16s/^# \{0,1\}//p' "$0"; exit 0 ;;
     esac
     [ $# -ge 2 ] || fail "$1 needs a value, or is unknown (--help)"
     case $1 in
@@ -81,7 +83,7 @@ stamp=$environment/.uavrt-source
 fingerprint() {
     (cd "$source" && find pyproject.toml hatch_build.py src deploy/locks -type f \
         ! -path '*/__pycache__/*' -exec cksum {} + | sort -k3 | cksum)
-    printf '%s' "$lock"
+    printf '%s' "$locks"
 }
 if [ "$(cat "$stamp" 2>/dev/null)" = "$(fingerprint)" ]; then
     say "the program is up to date"
@@ -95,7 +97,9 @@ else
     # A drone finds animals without the ground station's page: no Node must not stop it here.
     UAVRT_PAGE=optional "$work/venv/bin/python" -m pip wheel --quiet --no-deps \
         --no-build-isolation --wheel-dir "$work" "$source"
-    "$environment/bin/python" -m pip install --quiet --require-hashes -r "$source/deploy/locks/$lock"
+    for lock in $locks; do # they agree on the versions
+        "$environment/bin/python" -m pip install --quiet --require-hashes -r "$source/deploy/locks/$lock"
+    done
     "$environment/bin/python" -m pip install --quiet --no-deps --force-reinstall "$work"/uavrt-*.whl
     # After the build, which writes the MAVLink dialect into the source.
     fingerprint >"$stamp"
@@ -108,7 +112,7 @@ fi
 [ -z "$update_key" ] || install -m 644 "$update_key" "$root$prefix/update-keys.pem"
 
 # The DDS binding has no wheel for 64-bit ARM; all else runs without it.
-if [ "$lock" = drone-ros2.txt ] && ! "$environment/bin/python" -c 'import cyclonedds.core' 2>/dev/null; then
+if [ "$locks" != "${locks#*ros2}" ] && ! "$environment/bin/python" -c 'import cyclonedds.core' 2>/dev/null; then
     say "no DDS binding for $(uname -m): the gateway to ROS 2 stays off (docs/how-to/ros2.md)"
 fi
 

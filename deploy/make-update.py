@@ -4,8 +4,8 @@
     python deploy/make-update.py --key release.pem --alone dist/uavrt-0.2.0-py3-none-any.whl
 
 The first writes the program and all its libraries into one file. Libraries are the wheels in
-``--libraries DIR``; without it pip fetches those of deploy/locks/drone.txt for 64-bit ARM
-(``--machine``, ``--python``). The second writes the signature of a wheel alone beside it.
+``--libraries DIR``; without it pip fetches those of deploy/locks/drone-page.txt, which the
+drone side and the page need, for 64-bit ARM (``--machine``, ``--python``). The second writes the signature of a wheel alone beside it.
 ``--keys FILE`` lets the public keys in FILE count from then on, instead of those before. A key
 is made by
 
@@ -28,7 +28,8 @@ import msgspec
 
 from uavrt.computer.update_file import FORMAT, MANIFEST, SIGNATURE, WHEELS, Manifest, Wheel
 
-LOCK = Path(__file__).parent / "locks" / "drone.txt"
+LOCK = Path(__file__).parent / "locks" / "drone-page.txt"
+"""With the page: a drone whose image serves it must still do so with the next version."""
 
 
 def signed(content: bytes, key: Path) -> bytes:

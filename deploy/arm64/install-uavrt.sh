@@ -19,13 +19,8 @@ if [ ! -e "$wheels/.complete" ]; then
             --platform manylinux_2_28_aarch64 --platform manylinux_2_17_aarch64 \
             --platform manylinux2014_aarch64 --platform linux_aarch64 "$@"
     }
-    fetch --require-hashes -r "$source/deploy/locks/drone.txt"
+    fetch --require-hashes -r "$source/deploy/locks/drone-page.txt"
     fetch --require-hashes -r "$source/deploy/locks/build.txt"
-    # The page: what a drone may serve, too.
-    # shellcheck disable=SC2046
-    fetch $("$python" -c 'import sys, tomllib
-wanted = tomllib.load(open(sys.argv[1], "rb"))["project"]["optional-dependencies"]["ground"]
-print(*(name.replace(" ", "") for name in wanted))' "$source/pyproject.toml")
     touch "$wheels/.complete"
 fi
 
@@ -40,6 +35,4 @@ mkdir -p "$copy"
 
 # The namespace has no other user than root.
 SHARE="$wheels:/wheels" "$source/deploy/arm64/enter.sh" "$work" /usr/bin/env PIP_NO_INDEX=1 \
-    PIP_FIND_LINKS=/wheels PIP_NO_COMPILE=1 /src/deploy/install.sh --radio none --user root "$@"
-SHARE="$wheels:/wheels" "$source/deploy/arm64/enter.sh" "$work" /opt/uavrt/venv/bin/python -m pip \
-    install --quiet --no-index --find-links /wheels --no-compile 'uavrt[ground]'
+    PIP_FIND_LINKS=/wheels PIP_NO_COMPILE=1 /src/deploy/install.sh --radio none --user root --page "$@"

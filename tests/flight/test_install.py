@@ -94,7 +94,7 @@ def test_every_dependency_of_the_drone_has_a_wheel_for_its_processor(python: str
             *("--implementation", "cp", "--platform", "manylinux_2_28_aarch64"),
             *("--platform", "manylinux_2_17_aarch64", "--platform", "manylinux2014_aarch64"),
             *("--disable-pip-version-check", "--ignore-installed"),
-            *("--require-hashes", "-r", str(ROOT / "deploy/locks/drone.txt")),
+            *("--require-hashes", "-r", str(ROOT / "deploy/locks/drone-page.txt")),
         ],
         capture_output=True,
         text=True,
