@@ -33,6 +33,17 @@ mkdir -p "$copy"
 [ ! -d "$source/src/uavrt/ground/static" ] ||
     cp -r "$source/src/uavrt/ground/static" "$copy/src/uavrt/ground/"
 
+# A key is named by its place on this machine, and read in the root.
+for word in "$@"; do
+    shift
+    if [ "${before:-}" = --update-key ]; then
+        cp "$word" "$copy/update-keys.pem"
+        word=/src/update-keys.pem
+    fi
+    set -- "$@" "$word"
+    before=$word
+done
+
 # The namespace has no other user than root.
 SHARE="$wheels:/wheels" "$source/deploy/arm64/enter.sh" "$work" /usr/bin/env PIP_NO_INDEX=1 \
     PIP_FIND_LINKS=/wheels PIP_NO_COMPILE=1 /src/deploy/install.sh --radio none --user root --page "$@"

@@ -2,10 +2,11 @@
 # Make a drone's root of a Debian root where uavrt is installed: configure-root.sh ROOT [NAME]
 #
 # Read-only, with everything that changes on a data partition: settings and flights
-# (/var/lib/uavrt), versions (/opt/uavrt), what is to be remembered of network and ssh. NAME
-# (default uavrt) is the hostname and the access point's: the page is at http://NAME.local:8650.
-# Keys and passwords are made at the first boot, none is in the image. Changes only files below
-# ROOT; run it as often as you like.
+# (/var/lib/uavrt), versions (/opt/uavrt), what is to be remembered of network and ssh. NAME is
+# the hostname and the access point's: the page is at http://NAME.local:8650. Without it each
+# computer names itself uavrt-XXXX at its first boot. Keys and passwords are made then, too, none
+# is in the image; the page's first set-up changes them. Changes only files below ROOT; run it as
+# often as you like.
 set -eu
 
 root=${1:?configure-root.sh ROOT [NAME]}
@@ -19,6 +20,9 @@ write() { # FILE [MODE]: what is on stdin
     cat >"$root$1"
     chmod "${2:-644}" "$root$1"
 }
+# The name of one image is that of many computers, so it is given at each start.
+given=
+[ -z "${2:-}" ] || given=$name
 enable() { # UNIT TARGET
     mkdir -p "$root/etc/systemd/system/$2.wants"
     ln -sf "/etc/systemd/system/$1" "$root/etc/systemd/system/$2.wants/$1"
@@ -27,11 +31,8 @@ enable() { # UNIT TARGET
 write /etc/hostname <<HOST
 $name
 HOST
-write /etc/hosts <<HOSTS
-127.0.0.1 localhost
-127.0.1.1 $name
-::1 localhost
-HOSTS
+rm -f "$root/etc/hosts"
+ln -s /run/uavrt-hosts "$root/etc/hosts"
 # Empty, not missing (machine-id(5)): each boot has an identity of its own in memory, as the
 # journal has, and no boot takes itself for the first.
 rm -f "$root/etc/machine-id"
@@ -58,6 +59,10 @@ write /etc/systemd/journald.conf.d/uavrt.conf <<'JOURNAL'
 Storage=volatile
 RuntimeMaxUse=32M
 JOURNAL
+write /etc/NetworkManager/conf.d/uavrt.conf <<'NETWORK'
+[main]
+hostname-mode=none
+NETWORK
 write /etc/ssh/sshd_config.d/uavrt.conf <<'SSH'
 HostKey /data/ssh/ssh_host_ed25519_key
 PermitRootLogin no
@@ -70,7 +75,7 @@ settings=$root/var/lib/uavrt/uavrt.toml
 
 write /usr/local/sbin/uavrt-first-boot 755 <<'FIRST'
 #!/bin/sh
-# What each computer has for itself, made once: the size of its card, keys, passwords.
+# What each computer has for itself, made once: the size of its card, and keys.
 set -eu
 umask 077
 data=$(findmnt -no SOURCE /data)
@@ -81,11 +86,40 @@ echo ', +' | sfdisk --no-reread -N "$number" "$disk" && partx -u "$disk" && resi
 mkdir -p /data/uavrt /data/opt /data/network /data/ssh /data/timesync
 chmod 755 /data /data/opt /data/timesync
 [ -e /data/ssh/ssh_host_ed25519_key ] || ssh-keygen -q -t ed25519 -N '' -f /data/ssh/ssh_host_ed25519_key
+[ -e /data/uavrt/command.key ] || { head -c 32 /dev/urandom | od -An -v -tx1 | tr -d ' \n' >/data/uavrt/command.key
+    chown uavrt:uavrt /data/uavrt/command.key; }
+chown -R uavrt:uavrt /data/uavrt
+touch /data/.first-boot-done
+sync
+FIRST
+write /usr/local/sbin/uavrt-identity 755 <<IDENTITY
+#!/bin/sh
+# Who this computer is, at each start: name, passwords, and what the first set-up on the page
+# has left in set-up.conf, which is taken once. uavrt-identity [DATA]
+set -eu
+umask 077
+data=\${1:-/data} given=$given
+IDENTITY
+cat >>"$root/usr/local/sbin/uavrt-identity" <<'IDENTITY'
+mkdir -p "$data/network"
 secret() { tr -dc 'abcdefghijkmnpqrstuvwxyz23456789' </dev/urandom | head -c "$1"; }
-name=$(cat /etc/hostname)
-if [ ! -e /data/access-point.txt ]; then
-    wifi=$(secret 12) page=$(secret 12)
-    cat >/data/network/uavrt-access-point.nmconnection <<AP
+# As the page's own user, so that a link it could have put there leads nowhere; and whatever does
+# not look as it should is left out: root believes nothing that a service has written.
+handed() { runuser -u uavrt -- head -c 20000 "$data/uavrt/$1" 2>/dev/null || :; }
+wanted() { handed set-up.conf | sed -nE "s/^$1=($2)\$/\1/p" | head -n 1; }
+kept() { sed -nE "s/^$1=(.*)\$/\1/p" "$data/identity" 2>/dev/null | head -n 1; }
+either() { [ -n "$1" ] && printf '%s' "$1" || printf '%s' "$2"; }
+
+name=$(either "$(wanted name '[a-z0-9]([a-z0-9-]{0,30}[a-z0-9])?')" "$(kept name)")
+wifi=$(either "$(wanted wifi_password '[A-Za-z0-9._-]{8,63}')" "$(kept wifi_password)")
+page=$(either "$(wanted page_password '[A-Za-z0-9._-]{8,63}')" "$(kept page_password)")
+name=$(either "$name" "${given:-uavrt-$(secret 4)}")
+wifi=$(either "$wifi" "$(secret 12)")
+page=$(either "$page" "$(secret 12)")
+
+told=$(printf 'name=%s\nwifi_password=%s\npage_password=%s' "$name" "$wifi" "$page")
+if [ "$told" != "$(cat "$data/identity" 2>/dev/null)" ]; then
+    cat >"$data/network/uavrt-access-point.nmconnection" <<AP
 [connection]
 id=uavrt-access-point
 type=wifi
@@ -106,37 +140,58 @@ address1=10.42.0.1/24
 [ipv6]
 method=disabled
 AP
-    printf 'UAVRT_GROUND_PASSWORD=%s\nUAVRT_ACCESS_POINT="WIFI:T:WPA;S:%s;P:%s;;"\n' \
-        "$page" "$name" "$wifi" >/data/page.env
+    printf 'UAVRT_GROUND_PASSWORD=%s\nUAVRT_HOST_NAME=%s.local\nUAVRT_ACCESS_POINT="WIFI:T:WPA;S:%s;P:%s;;"\n' \
+        "$page" "$name" "$name" "$wifi" >"$data/page.env"
     printf 'Wi-Fi %s, password %s\npage http://%s.local:8650, password %s\n' \
-        "$name" "$wifi" "$name" "$page" >/data/access-point.txt
+        "$name" "$wifi" "$name" "$page" >"$data/access-point.txt"
+    # Last, as what says that the others are right; and whole, whatever happens meanwhile.
+    printf '%s\n' "$told" >"$data/identity.new"
+    sync "$data/identity.new" "$data/page.env" "$data/network/uavrt-access-point.nmconnection"
+    mv "$data/identity.new" "$data/identity"
 fi
-[ -e /data/uavrt/command.key ] || { head -c 32 /dev/urandom | od -An -v -tx1 | tr -d ' \n' >/data/uavrt/command.key
-    chown uavrt:uavrt /data/uavrt/command.key; }
-chown -R uavrt:uavrt /data/uavrt
-touch /data/.first-boot-done
-sync
-FIRST
-write /etc/systemd/system/uavrt-first-boot.service <<'UNIT'
+# Whose updates are taken: the first key counts, later ones come by an update that it has signed.
+keys=$(handed update-keys.pem)
+case $keys in
+    "-----BEGIN PUBLIC KEY-----"*) [ -e "$data/opt/update-keys.pem" ] || {
+        printf '%s\n' "$keys" >"$data/opt/update-keys.pem"
+        chmod 644 "$data/opt/update-keys.pem"
+    } ;;
+esac
+sync "$data"
+rm -f "$data/uavrt/set-up.conf" "$data/uavrt/update-keys.pem"
+[ "$data" = /data ] || exit 0 # elsewhere for a trial: this computer stays as it is
+printf '127.0.0.1 localhost\n127.0.1.1 %s\n::1 localhost\n' "$name" >/run/uavrt-hosts
+chmod 644 /run/uavrt-hosts
+printf '%s' "$name" >/proc/sys/kernel/hostname
+IDENTITY
+for unit in first-boot identity; do
+    case $unit in
+        first-boot)
+            what="size of the card, keys" after= before=uavrt-identity.service
+            once='ConditionPathExists=!/data/.first-boot-done' ;;
+        identity) what="name and passwords" after=uavrt-first-boot.service before= once= ;;
+    esac
+    write /etc/systemd/system/uavrt-$unit.service <<UNIT
 [Unit]
-Description=uavrt: keys and passwords of this computer
-ConditionPathExists=!/data/.first-boot-done
+Description=uavrt: $what of this computer
+$once
 DefaultDependencies=no
 RequiresMountsFor=/data
-After=local-fs.target
-Before=NetworkManager.service ssh.service uavrt.service uavrt-page.service sysinit.target
+After=local-fs.target $after
+Before=NetworkManager.service avahi-daemon.service ssh.service uavrt.service uavrt-page.service sysinit.target $before
 
 [Service]
 Type=oneshot
 RemainAfterExit=yes
-ExecStart=/usr/local/sbin/uavrt-first-boot
+ExecStart=/usr/local/sbin/uavrt-$unit
 StandardOutput=journal+console
 
 [Install]
 WantedBy=sysinit.target
 UNIT
-enable uavrt-first-boot.service sysinit.target
-write /etc/systemd/system/uavrt-page.service <<UNIT
+    enable uavrt-$unit.service sysinit.target
+done
+write /etc/systemd/system/uavrt-page.service <<'UNIT'
 [Unit]
 Description=uavrt: the ground station's page on the drone's own Wi-Fi
 After=network.target uavrt.service
@@ -144,7 +199,7 @@ RequiresMountsFor=/data /opt/uavrt
 
 [Service]
 EnvironmentFile=/data/page.env
-ExecStart=/opt/uavrt/venv/bin/uavrt ground --page --no-browser --listen 0.0.0.0 --host-name $name.local --mavlink udpout://127.0.0.1:14560 --output /var/lib/uavrt/ground --command-key /var/lib/uavrt/command.key --component-id 192
+ExecStart=/opt/uavrt/venv/bin/uavrt ground --page --no-browser --listen 0.0.0.0 --host-name ${UAVRT_HOST_NAME} --set-up /var/lib/uavrt/uavrt.toml --mavlink udpout://127.0.0.1:14560 --output /var/lib/uavrt/ground --command-key /var/lib/uavrt/command.key --component-id 192
 User=uavrt
 WorkingDirectory=/var/lib/uavrt
 Restart=always

@@ -16,6 +16,7 @@ import { buildSetup } from "./setup";
 import { setSpeaking, speaking } from "./speech";
 import { store } from "./store";
 import type { State } from "./types";
+import { offerSetUp } from "./wizard";
 
 const VIEWS: [string, string][] = [
   ["fly", "Fly"],
@@ -229,5 +230,6 @@ show(VIEWS.some(([name]) => name === wanted) ? wanted : "fly");
 fill(by("banner"), "Connecting …");
 by("banner").hidden = false;
 store.connect();
+void offerSetUp();
 // For the tests, which look at the map's frames.
 (window as unknown as { uavrt: unknown }).uavrt = { store, missing, map: () => (mapView() as unknown as { map: unknown }).map };

@@ -349,3 +349,26 @@ export interface Door {
   /** A QR code, as a data address. */
   picture: string;
 }
+
+/** What the first set-up of the drone's computer begins with. */
+export interface SetUp {
+  wanted: boolean;
+  done: string[];
+  values: {
+    name: string;
+    antenna: string;
+    yaw_offset_deg: number;
+    kind: string;
+    gain: number | null;
+    sample_rate_msps: number;
+    bias_tee: boolean;
+    address: string;
+    command_key: boolean;
+    update_key: boolean;
+  };
+  choices: {
+    antennas: string[];
+    radios: { kind: string; title: string; gains: [number, number]; rate_msps: number }[];
+    plugged_in: string[];
+  };
+}

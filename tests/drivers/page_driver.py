@@ -32,6 +32,11 @@ ARGUMENTS = (
     "--disable-component-update",
     "--disable-sync",
 )
+AXE = Path(__file__).parents[2] / "page/node_modules/axe-core/axe.min.js"
+RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
+RUN_AXE = """(tags) => axe.run(document, { runOnly: tags }).then((found) =>
+  found.violations.map((one) =>
+    [one.impact, one.id, one.nodes.map((node) => node.target.join(" ")).join(", ")]))"""
 VIDEO = os.environ.get("UAVRT_VIDEO")
 SCREENSHOTS = os.environ.get("UAVRT_SCREENSHOTS")
 WAIT_MS = 60_000
@@ -50,6 +55,14 @@ def chromium() -> Iterator[Browser]:
         )
         yield running
         running.close()
+
+
+def axe_findings(page: Page) -> list[list[str]]:
+    """Impact, rule and places of all that axe finds in what is shown."""
+    if not page.evaluate("() => 'axe' in window"):
+        page.evaluate(AXE.read_text(encoding="utf-8"))
+    found: list[list[str]] = page.evaluate(RUN_AXE, RULES)
+    return found
 
 
 class Ground:

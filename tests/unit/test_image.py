@@ -10,8 +10,10 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from update_maker import make_key
 
 from uavrt.cli.run_ground import OWN_COMPONENT
+from uavrt.computer import FirstSetup
 from uavrt.config import load_settings, write_default_settings
 
 IMAGE = Path(__file__).parents[2] / "deploy/image"
@@ -73,6 +75,7 @@ def test_the_root_is_read_only_and_what_changes_lies_on_the_data_partition(root:
     assert [link.replace("udpin", "udpout") in page for link in mavlink.direct_links] == [True]
     assert f"--command-key {mavlink.key_file}" in page
     assert f"--component-id {OWN_COMPONENT}" in page
+    assert "--set-up /var/lib/uavrt/uavrt.toml" in page
     again = contents(root)
     assert configure(root, "lynx-1").returncode == 0
     assert contents(root) == again
@@ -94,11 +97,97 @@ def test_units_and_first_boot_are_well_formed_and_no_secret_is_in_the_root(root:
         wanted = parser["Install"]["WantedBy"]
         link = root / f"etc/systemd/system/{wanted}.wants" / unit.name
         assert str(link.readlink()) == f"/etc/systemd/system/{unit.name}"
-    first = root / "usr/local/sbin/uavrt-first-boot"
-    subprocess.run(["sh", "-n", str(first)], check=True)
+    for script in ("uavrt-first-boot", "uavrt-identity"):
+        subprocess.run(["sh", "-n", str(root / "usr/local/sbin" / script)], check=True)
     said = b"".join(contents(root).values()).decode(errors="replace")
     assert "psk=$wifi" in said  # made when it starts, not now
     assert "PRIVATE KEY" not in said
+
+
+class Started:
+    """A computer's data partition, and what each start makes of it."""
+
+    def __init__(self, root: Path, place: Path) -> None:
+        self.script = root / "usr/local/sbin/uavrt-identity"
+        self.data = place / "data"
+        for name in ("uavrt", "opt"):
+            (self.data / name).mkdir(parents=True)
+        # Of the user uavrt, whom the machine of this test need not have.
+        tools = place / "tools"
+        tools.mkdir()
+        (tools / "runuser").write_text('#!/bin/sh\nshift 3\nexec "$@"\n')
+        (tools / "runuser").chmod(0o755)
+        self._path = f"{tools}:{os.environ['PATH']}"
+
+    def start(self) -> dict[str, str]:
+        """Start it; who it is then."""
+        command = ["sh", str(self.script), str(self.data)]
+        subprocess.run(command, check=True, env=os.environ | {"PATH": self._path})
+        lines = (self.data / "identity").read_text().splitlines()
+        return dict(line.split("=", 1) for line in lines)
+
+
+def test_each_computer_names_itself_and_keeps_its_name(root: Path, tmp_path: Path) -> None:
+    configure(root)
+    one = Started(root, tmp_path / "one")
+    first = one.start()
+    assert re.fullmatch("uavrt-[a-z0-9]{4}", first["name"])
+    assert one.start() == first
+    other = Started(root, tmp_path / "other").start()
+    assert not set(first.values()) & set(other.values())
+    told = (one.data / "access-point.txt").read_text()
+    assert f"http://{first['name']}.local:8650, password {first['page_password']}" in told
+    for secret in ("identity", "page.env", "access-point.txt"):
+        assert (one.data / secret).stat().st_mode & 0o077 == 0, secret
+    configure(root, "lynx-1")
+    assert Started(root, tmp_path / "third").start()["name"] == "lynx-1"
+
+
+def test_what_the_page_has_set_up_counts_from_the_next_start(
+    root: Path, tmp_path: Path
+) -> None:
+    configure(root)
+    computer = Started(root, tmp_path)
+    before = computer.start()
+    write_default_settings(computer.data / "uavrt/uavrt.toml")
+    setup = FirstSetup(computer.data / "uavrt/uavrt.toml")
+    assert not setup.take("name", {"name": "lynx-2"})
+    _, keys = make_key(tmp_path, "release")
+    given = {"page_password": "marmot-2026", "update_key": keys}
+    assert not setup.take("keys", given)
+    after = computer.start()
+    assert after == before | {"name": "lynx-2", "page_password": "marmot-2026"}
+    environment = (computer.data / "page.env").read_text()
+    assert "UAVRT_GROUND_PASSWORD=marmot-2026\nUAVRT_HOST_NAME=lynx-2.local\n" in environment
+    assert f"WIFI:T:WPA;S:lynx-2;P:{before['wifi_password']};;" in environment
+    access_point = (computer.data / "network/uavrt-access-point.nmconnection").read_text()
+    assert "ssid=lynx-2\n" in access_point
+    assert (computer.data / "opt/update-keys.pem").read_text() == keys
+    # Taken once, and a later key needs an update that this one has signed.
+    assert not (computer.data / "uavrt/set-up.conf").exists()
+    (computer.data / "uavrt/update-keys.pem").write_text(keys.replace("A", "B"))
+    assert computer.start() == after
+    assert (computer.data / "opt/update-keys.pem").read_text() == keys
+
+
+@pytest.mark.parametrize(
+    "handed",
+    [
+        "name=lynx; reboot\nwifi_password=a b\npage_password=short\n",
+        "name=-x\nname=LYNX\nwifi_password=1234567\n",
+        "name=lynx\x00\npage_password=$(reboot)xxxxxxxx\n",
+        "",
+        "\x80\xff" * 3000,
+    ],
+)
+def test_what_root_is_handed_is_believed_only_if_it_looks_right(
+    root: Path, tmp_path: Path, handed: str
+) -> None:
+    configure(root, "lynx-1")
+    computer = Started(root, tmp_path)
+    before = computer.start()
+    (computer.data / "uavrt/set-up.conf").write_bytes(handed.encode("latin-1"))
+    assert computer.start() == before
 
 
 @pytest.mark.skipif(

@@ -58,6 +58,7 @@ def ground(
     vehicle: Vehicles = (),
     my_place: str | None = None,
     dem: str | None = None,
+    set_up: Path | None = None,
     component_id: Component = 190,
     as_gcs: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
@@ -117,6 +118,9 @@ def ground(
         Elevation file (SRTM .hgt or GeoTIFF) or a folder of them, for the page's positions,
         reports and exports: hills weaken what is heard, and explain silence. "" for none any
         more.
+    set_up
+        The drone side's uavrt.toml, where the page runs on the drone's own computer: until it
+        has been set up, the page asks for name, antenna, radio, autopilot and keys.
     component_id
         Our MAVLink component id in system 254. uavrt ground stations that listen to one drone
         at the same time need different ids.
@@ -143,6 +147,7 @@ def ground(
             vehicle=bool(vehicle),
             my_place=my_place is not None,
             dem=dem is not None,
+            set_up=set_up is not None,
             listen=listen != LOOPBACK,
             host_name=bool(host_name),
             certificate=certificate is not None,
@@ -179,6 +184,7 @@ def ground(
             certificate=certificate,
             key=key,
             access_point=os.environ.get(ACCESS_POINT) or None,
+            drone_settings=set_up,
         ),
     )
     if browser and not json_lines:

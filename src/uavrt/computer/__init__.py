@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from uavrt.computer.bench import Bench, FlightFacts, first_flight
     from uavrt.computer.checks import check_card, check_disk, check_radio, examine
     from uavrt.computer.finding import Finding
+    from uavrt.computer.first_setup import FirstSetup
     from uavrt.computer.service import ServicePlan, install, remove, status
     from uavrt.computer.starter import data_home, install_starter, remove_starter
     from uavrt.computer.trial import Needs, Seen, Trial, Verdict, require_still
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Bench",
     "Finding",
+    "FirstSetup",
     "FlightFacts",
     "Installation",
     "Needs",
@@ -45,6 +47,7 @@ __getattr__ = lazily(
     {
         "Bench": "bench",
         "Finding": "finding",
+        "FirstSetup": "first_setup",
         "FlightFacts": "bench",
         "Installation": "versions",
         "Needs": "trial",

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         with_parameter,
     )
     from uavrt.config.radios import RADIOS, RadioRow
+    from uavrt.config.setting_writer import change_settings
     from uavrt.config.settings import (
         RADIO_GROUP,
         AntennaSettings,
@@ -110,6 +111,7 @@ __all__ = [
     "Shape",
     "TagDraft",
     "UdpChannelSettings",
+    "change_settings",
     "check_tag_file_name",
     "default_settings_text",
     "faults_of_tags",
@@ -173,6 +175,7 @@ __getattr__ = lazily(
         "Shape": "settings",
         "TagDraft": "tag_rules",
         "UdpChannelSettings": "settings",
+        "change_settings": "setting_writer",
         "check_tag_file_name": "tag_files",
         "default_settings_text": "loader",
         "faults_of_tags": "tag_files",

@@ -34,6 +34,8 @@ class RadioRow:
     """Of the program's samples (`uavrt.radio.formats`)."""
     rates_hz: tuple[float, float] = (0.0, float("inf"))
     """Lowest and highest sample rate."""
+    usual_rate_hz: float = 3e6
+    """What the first set-up proposes."""
     overruns_option: str = ""
     """Option, in versions that have it, that makes the program count its overruns on stderr."""
     absent: tuple[str, ...] = ()
@@ -71,6 +73,7 @@ RADIOS: dict[str, RadioRow] = {
             gains=(0, 8),  # steps of 6 dB, 8 is no attenuation
             default_gain=8,
             rates_hz=(1e5, 1e6),
+            usual_rate_hz=768e3,
             absent=("No devices attached", "airspyhf_open() failed"),
             serial_prefix="0x",
             usb=(("03eb", "800c", "Airspy HF+"),),
@@ -88,6 +91,7 @@ RADIOS: dict[str, RadioRow] = {
             default_gain=40,
             # The RTL2832 resamples properly only within 225 to 300 kS/s and 0.9 to 3.2 MS/s.
             rates_hz=(225e3, 3.2e6),
+            usual_rate_hz=250e3,
             absent=("No supported devices", "No matching devices"),
             usb=(("0bda", "2838", "RTL-SDR"), ("0bda", "2832", "RTL-SDR")),
         ),

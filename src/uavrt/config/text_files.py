@@ -30,12 +30,15 @@ def decode_text(content: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def write_text_atomically(path: Path, text: str, *, sync: bool = True) -> None:
+def write_text_atomically(
+    path: Path, text: str, *, sync: bool = True, mode: int = 0o644
+) -> None:
     """Replace a file as a whole: after a crash there is the old or the new one.
 
     What a link leads to is replaced, not the link; a pipe or a device is written to. Without
     `sync` the same holds for a killed program, and after a power cut a new file may be empty;
-    for what is written too often to wait for the disk.
+    for what is written too often to wait for the disk. `mode` says who may read it: a secret is
+    its owner's alone.
 
     Raises
     ------
@@ -51,7 +54,7 @@ def write_text_atomically(path: Path, text: str, *, sync: bool = True) -> None:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
             file.write(text)
             file.flush()
-            os.fchmod(file.fileno(), 0o644)
+            os.fchmod(file.fileno(), mode)
             if sync:
                 os.fsync(file.fileno())
         Path(name).replace(path)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page_driver import Ground, Watched
+from page_driver import Ground, Watched, axe_findings
 from past_flight import write_flight
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect
@@ -18,11 +18,6 @@ from uavrt.demo.programs import free_udp_port
 
 pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
 
-AXE = Path(__file__).parents[3] / "page/node_modules/axe-core/axe.min.js"
-RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
-RUN_AXE = """(tags) => axe.run(document, { runOnly: tags }).then((found) =>
-  found.violations.map((one) =>
-    [one.impact, one.id, one.nodes.map((node) => node.target.join(" ")).join(", ")]))"""
 VIEWS = ("fly", "plots", "setup", "log", "flights", "check")
 CONTROLS = """() => [...document.querySelectorAll(
   "button, a[href], input, select, textarea, summary, [tabindex='0'], canvas[tabindex]")]
@@ -103,11 +98,10 @@ def test_no_view_has_a_serious_finding_of_axe_or_a_text_in_another_language(
     page = watched.page
     expect(page.locator("html")).to_have_attribute("lang", locale[:2])
     ready(page)
-    page.evaluate(AXE.read_text(encoding="utf-8"))
     found: list[Any] = []
     missing: set[tuple[str, str]] = set()
     for state in states(page):
-        found += [(state, *one) for one in page.evaluate(RUN_AXE, RULES)]
+        found += [(state, *one) for one in axe_findings(page)]
         untold = page.evaluate("() => [...window.uavrt.missing]")
         missing |= {(state, text) for text in untold}
         page.evaluate("() => window.uavrt.missing.clear()")

@@ -116,12 +116,12 @@ class Api:
         self._check_commander(request)
         tags, faults = tag_table.tags_from_rows(await json_body(request))
         if faults:
-            return _Answer(422, {"faults": [asdict(fault) for fault in faults]})
+            return Answer(422, {"faults": [asdict(fault) for fault in faults]})
         now = self._session.store.tags
         wanted = request.headers.get("if-match", "*").strip('" ')
         if wanted not in ("*", tag_table.table_version(now)):
             changed = "the tags were changed by another page meanwhile"
-            return _Answer(412, {"error": changed, **_tag_answer(now)})
+            return Answer(412, {"error": changed, **_tag_answer(now)})
         self._session.store.set_tags(tags)
         self._session.tags_changed()
         return {"faults": [], **_tag_answer(tags)}
@@ -222,13 +222,13 @@ class Api:
         }
         name = request.path_params["name"]
         if name not in commands:
-            return _Answer(404, {"error": f"there is no command {name[:40]!r}"})
+            return Answer(404, {"error": f"there is no command {name[:40]!r}"})
         try:
             if name not in FOR_ALL:
                 self._check_commander(request)
             return {"accepted": True, "message": await commands[name]()}
         except (CommandRefused, LinkError) as error:
-            return _Answer(409, {"accepted": False, "message": str(error)})
+            return Answer(409, {"accepted": False, "message": str(error)})
 
     async def motion_area(self, request: Request) -> Any:
         """Corners of an area: ``{"name": …, "text": …}`` of a file, or centre and radius."""
@@ -373,7 +373,7 @@ class Api:
         """A flight as a file for other programs."""
         flight_id, name = _flight_id(request), request.path_params["name"]
         if name not in EXPORTS:
-            return _Answer(404, {"error": f"there is no export {name[:40]!r}"})
+            return Answer(404, {"error": f"there is no export {name[:40]!r}"})
         antenna = self._session.store.settings.antenna_choice
         path = await asyncio.to_thread(self._session.library.path, flight_id)
         content = await asyncio.to_thread(export, name, path, antenna)
@@ -480,7 +480,9 @@ async def _until_closed(websocket: WebSocket) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Answer:
+class Answer:
+    """A value with a status other than 200."""
+
     status: int
     value: Any
 
@@ -498,7 +500,7 @@ def answered(handler: Callable[[Request], Awaitable[Any]]) -> Callable[[Request]
             return _json_response({"error": str(error)}, 404 if missing else 422)
         if isinstance(value, Response):
             return value
-        if isinstance(value, _Answer):
+        if isinstance(value, Answer):
             return _json_response(value.value, value.status)
         return _json_response(value, 200)
 

@@ -28,6 +28,7 @@ from uavrt.ground.web.doors import Served, doors
 from uavrt.ground.web.drone_flights import ExtraApi
 from uavrt.ground.web.fleet_api import FleetApi
 from uavrt.ground.web.guard import Guard
+from uavrt.ground.web.set_up_api import SetUpApi
 
 STATIC = Path(__file__).parents[1] / "static"
 DEFAULT_PORT = 8650
@@ -53,6 +54,8 @@ class ServerSettings:
     key: Path | None = None
     access_point: str | None = None
     """How phones join this computer's own Wi-Fi: ``WIFI:T:WPA;S:name;P:password;;``."""
+    drone_settings: Path | None = None
+    """``uavrt.toml`` of the drone side on this computer, which the page may set up."""
 
 
 def listening_socket(settings: ServerSettings) -> socket.socket:
@@ -138,6 +141,8 @@ def application(
     api = Api(session)
     guard = Middleware(Guard, hosts=settings.names, password=settings.password)
     routes = _routes(session, api)
+    for path, method, handler in SetUpApi(session, settings.drone_settings).routes():
+        routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
     if fleet is not None:
         for path, method, handler in FleetApi(fleet).routes():
             routes.append(Route(f"/api{path}", answered(handler), methods=[method]))

@@ -1,0 +1,331 @@
+"""The first set-up of a drone's computer: what its image asks on the page, step by step.
+
+Each step is judged as a whole and then written at once to ``uavrt.toml``, so that a power cut
+costs no step. What only root may change (hostname, passwords, whose updates are taken) is left
+in ``set-up.conf`` beside it, for the image's own start (``uavrt-identity``) to take and remove.
+"""
+
+import os
+import re
+import secrets
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from uavrt.computer.checks import check_autopilot, check_permissions, check_radio
+from uavrt.computer.finding import Finding
+from uavrt.computer.update_file import split_keys
+from uavrt.computer.versions import Installation
+from uavrt.config import RADIOS, Settings, change_settings, load_settings, write_text_atomically
+from uavrt.errors import ConfigError, UsageError
+from uavrt.localization import PATTERNS
+from uavrt.mavlink import parse_address
+from uavrt.messages import SystemStatus
+from uavrt.radio import usb_radios
+
+STEPS = ("name", "antenna", "radio", "autopilot", "keys")
+DONE = "set-up-done"
+"""This file beside the settings says that nobody need be asked any more."""
+HANDOVER = "set-up.conf"
+UPDATE_KEYS = "update-keys.pem"
+COMMAND_KEY = "command.key"
+NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,30}[a-z0-9])?")
+"""A hostname (RFC 1123) that the computer's Wi-Fi can have as well: 32 bytes."""
+SECRET = re.compile(r"[A-Za-z0-9._-]{8,63}")
+"""A password: WPA wants 8 to 63 signs; these need no quoting anywhere."""
+KEY = re.compile(r"(?:[0-9a-fA-F]{2}){16,256}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepFault:
+    """What is wrong with what was typed."""
+
+    field: str
+    text: str
+
+
+class FirstSetup:
+    """The steps, and what is known of this computer.
+
+    Parameters
+    ----------
+    config : Path
+        The drone side's ``uavrt.toml``.
+    """
+
+    def __init__(self, config: Path) -> None:
+        self.config = config
+        self.done: set[str] = set()
+        self._runs_with: str | None = None
+        with suppress(ConfigError):
+            self._runs_with = self._settings().mavlink.address
+
+    @property
+    def wanted(self) -> bool:
+        """Whether nobody has gone through it yet."""
+        return not (self.config.parent / DONE).exists()
+
+    def values(self) -> dict[str, Any]:
+        """Get what each step begins with; no secrets."""
+        settings = self._settings()
+        return {
+            "name": self._handed_over().get("name") or socket.gethostname(),
+            "antenna": settings.bearings.antenna,
+            "yaw_offset_deg": settings.antenna.yaw_offset_deg,
+            "kind": settings.radio.kind,
+            "gain": settings.radio.gain,
+            "sample_rate_msps": settings.radio.sample_rate_hz / 1e6,
+            "bias_tee": settings.radio.bias_tee,
+            "address": settings.mavlink.address,
+            "command_key": settings.mavlink.key_file is not None,
+            "update_key": self._has_update_key(),
+        }
+
+    def choices(self) -> dict[str, Any]:
+        """Get what may be chosen, and which radios are plugged in."""
+        return {
+            "antennas": list(PATTERNS),
+            "radios": [
+                {
+                    "kind": row.kind,
+                    "title": row.title,
+                    "gains": row.gains,
+                    "rate_msps": row.usual_rate_hz / 1e6,
+                }
+                for row in RADIOS.values()
+            ],
+            "plugged_in": sorted({radio.kind for radio in usb_radios()}),
+        }
+
+    def take(self, step: str, values: object) -> tuple[StepFault, ...]:
+        """Judge a step and, if it has no fault, write it.
+
+        Raises
+        ------
+        UsageError
+            There is no such step, it is done already, or the values are none.
+        ConfigError
+            The settings cannot be written.
+        """
+        judge: dict[str, Callable[[dict[str, Any]], tuple[StepFault, ...]]] = {
+            "name": self._name,
+            "antenna": self._antenna,
+            "radio": self._radio,
+            "autopilot": self._autopilot,
+            "keys": self._keys,
+        }
+        if step not in judge:
+            raise UsageError(f"there is no step {step[:40]!r}")
+        if not isinstance(values, dict):
+            raise UsageError("the values of a step must be an object")
+        self._require_wanted()
+        faults = judge[step](values)
+        if not faults:
+            self.done.add(step)
+        return faults
+
+    def test(self, step: str, running: SystemStatus | None) -> list[Finding]:
+        """Try what a step has set: the radio, or the link to the autopilot. Takes seconds."""
+        self._require_wanted()
+        settings = self._settings()
+        if step == "radio":
+            return [check_radio(settings, running)]
+        if step != "autopilot":
+            raise UsageError(f"there is nothing to test in the step {step[:40]!r}")
+        allowed = check_permissions(settings)
+        if not allowed.ok:
+            return [allowed]
+        # The drone side holds its own port, and says what it hears there.
+        held = running if settings.mavlink.address == self._runs_with else None
+        return [check_autopilot(settings, held)]
+
+    def finish(self) -> dict[str, str]:
+        """End the set-up: from the next start on nobody is asked.
+
+        Raises
+        ------
+        UsageError
+            A step is missing.
+        """
+        self._require_wanted()
+        missing = [step for step in STEPS if step not in self.done]
+        if missing:
+            raise UsageError(f"the step {missing[0]} is missing")
+        write_text_atomically(self.config.parent / DONE, "")
+        return {"name": str(self.values()["name"])}
+
+    def command_key(self) -> str:
+        """Get the drone's command key, for a laptop that is to command; only while set up."""
+        self._require_wanted()
+        named = self._settings().mavlink.key_file
+        if named is None:
+            raise UsageError("there is no command key yet")
+        return Path(named).read_text(encoding="ascii").strip() + "\n"
+
+    # ------------------------------------------------------------------- steps
+
+    def _name(self, values: dict[str, Any]) -> tuple[StepFault, ...]:
+        name = _text(values, "name")
+        if not NAME.fullmatch(name):
+            text = "1 to 32 small letters, digits and hyphens, none at the ends"
+            return (StepFault(field="name", text=text),)
+        self._hand_over(name=name)
+        return ()
+
+    def _antenna(self, values: dict[str, Any]) -> tuple[StepFault, ...]:
+        faults = []
+        antenna, turned = _text(values, "antenna"), _number(values, "yaw_offset_deg")
+        if antenna not in PATTERNS:
+            faults.append(StepFault(field="antenna", text="choose one of the list"))
+        if turned is None or not -360.0 <= turned <= 360.0:
+            faults.append(StepFault(field="yaw_offset_deg", text="degrees from -360 to 360"))
+        if not faults:
+            self._change(
+                {("bearings", "antenna"): antenna, ("antenna", "yaw_offset_deg"): turned}
+            )
+        return tuple(faults)
+
+    def _radio(self, values: dict[str, Any]) -> tuple[StepFault, ...]:
+        row = RADIOS.get(_text(values, "kind"))
+        if row is None:
+            return (StepFault(field="kind", text="choose one of the list"),)
+        faults = []
+        gain, rate_msps = _number(values, "gain"), _number(values, "sample_rate_msps")
+        left_out = values.get("gain") in (None, "")
+        lowest, highest = row.gains
+        if not left_out and (
+            gain is None or not gain.is_integer() or not lowest <= gain <= highest
+        ):
+            text = f"a whole number from {lowest} to {highest}, or empty"
+            faults.append(StepFault(field="gain", text=text))
+        slowest, fastest = (max(rate, 3e3) / 1e6 for rate in row.rates_hz)
+        if rate_msps is None or not slowest <= rate_msps <= min(fastest, 100.0):
+            text = f"a number from {slowest:g} to {min(fastest, 100.0):g}"
+            faults.append(StepFault(field="sample_rate_msps", text=text))
+        if faults or rate_msps is None:
+            return tuple(faults)
+        self._change(
+            {
+                ("radio", "kind"): row.kind,
+                ("radio", "gain"): None if left_out or gain is None else int(gain),
+                ("radio", "sample_rate_hz"): round(rate_msps * 1e6, 3),
+                ("radio", "bias_tee"): values.get("bias_tee") is True,
+            }
+        )
+        return ()
+
+    def _autopilot(self, values: dict[str, Any]) -> tuple[StepFault, ...]:
+        address = _text(values, "address")
+        if address:
+            try:
+                parse_address(address)
+            except ConfigError as error:
+                return (StepFault(field="address", text=str(error)),)
+        self._change({("mavlink", "address"): address})
+        return ()
+
+    def _keys(self, values: dict[str, Any]) -> tuple[StepFault, ...]:
+        faults = []
+        passwords = {name: _text(values, name) for name in ("page_password", "wifi_password")}
+        for name, password in passwords.items():
+            if password and not SECRET.fullmatch(password):
+                text = "8 to 63 letters, digits, dots, hyphens and underscores, or empty"
+                faults.append(StepFault(field=name, text=text))
+        kept = _text(values, "command_key")
+        if kept not in ("", "new") and not KEY.fullmatch(kept):
+            text = "32 to 512 hexadecimal digits, or empty"
+            faults.append(StepFault(field="command_key", text=text))
+        pem = _text(values, "update_key")
+        if pem and (len(pem) > 10_000 or not _are_public_keys(pem)):
+            text = "an Ed25519 key that begins with -----BEGIN PUBLIC KEY-----, or empty"
+            faults.append(StepFault(field="update_key", text=text))
+        elif pem and self._has_update_key():
+            text = "this computer has keys already; an update changes them"
+            faults.append(StepFault(field="update_key", text=text))
+        if faults:
+            return tuple(faults)
+        if kept:
+            path = self.config.parent.resolve() / COMMAND_KEY
+            key = secrets.token_hex(32) if kept == "new" else kept
+            write_text_atomically(path, f"{key}\n", mode=0o600)
+            self._change({("mavlink", "key_file"): str(path)})
+        if pem:
+            keys = "".join(split_keys(_lines(pem)))
+            write_text_atomically(self.config.parent / UPDATE_KEYS, keys)
+        self._hand_over(**{name: one for name, one in passwords.items() if one})
+        return ()
+
+    # ------------------------------------------------------------------- files
+
+    def _settings(self) -> Settings:
+        return load_settings(self.config) if self.config.exists() else Settings()
+
+    def _change(self, changes: dict[tuple[str, str], Any]) -> None:
+        change_settings(self.config, changes)
+
+    def _require_wanted(self) -> None:
+        if not self.wanted:
+            raise UsageError(
+                "this computer has been set up",
+                remedy=f"Remove the file {DONE} beside its settings to be asked again",
+            )
+
+    def _handed_over(self) -> dict[str, str]:
+        with suppress(OSError, ValueError):
+            text = (self.config.parent / HANDOVER).read_text(encoding="ascii")
+            return dict(line.split("=", 1) for line in text.splitlines())
+        return {}
+
+    def _hand_over(self, **values: str) -> None:
+        whole = self._handed_over() | values
+        text = "".join(f"{name}={value}\n" for name, value in sorted(whole.items()))
+        write_text_atomically(self.config.parent / HANDOVER, text, mode=0o600)
+
+    def _has_update_key(self) -> bool:
+        installed = Installation.of(sys.executable)
+        return installed is not None and installed.keys.exists()
+
+
+def _text(values: dict[str, Any], name: str) -> str:
+    value = values.get(name, "")
+    return value.strip() if isinstance(value, str) else ""
+
+
+def _number(values: dict[str, Any], name: str) -> float | None:
+    """Read a number that was typed, perhaps with a comma."""
+    value = values.get(name)
+    if isinstance(value, bool):
+        return None
+    try:
+        return float(str(value).strip().replace(",", "."))
+    except ValueError:
+        return None
+
+
+def _lines(pem: str) -> str:
+    return "\n".join(line.strip() for line in pem.splitlines()) + "\n"
+
+
+def _are_public_keys(pem: str) -> bool:
+    """Whether a text holds nothing but public keys of the kind that signs updates."""
+    keys = split_keys(_lines(pem))
+    return bool(keys) and "".join(keys) == _lines(pem) and all(map(_is_ed25519, keys))
+
+
+def _is_ed25519(pem: str) -> bool:
+    command = ["openssl", "pkey", "-pubin", "-noout", "-text"]
+    environment = os.environ | {"LC_ALL": "C"}
+    try:
+        told = subprocess.run(
+            command, input=pem.encode(), capture_output=True, check=False, env=environment
+        )
+    except FileNotFoundError:
+        raise UsageError(
+            "there is no openssl to look at keys with", remedy="sudo apt install openssl"
+        ) from None
+    return told.returncode == 0 and told.stdout.upper().startswith(b"ED25519")

@@ -1,0 +1,141 @@
+"""Change single settings of ``uavrt.toml``; comments and all else stay as they are."""
+
+import copy
+import json
+import os
+import stat
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from uavrt.config.loader import default_settings_text, parse_settings
+from uavrt.config.settings import Settings
+from uavrt.config.text_files import decode_text, write_text_atomically
+from uavrt.config.toml_lines import find_lines
+from uavrt.errors import ConfigError
+
+Value = str | int | float | bool | None
+Changes = Mapping[tuple[str, str], Value]
+"""New values by table and key; None: the default again."""
+
+
+def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
+    """Write some settings; a file that is not there begins with all defaults.
+
+    Parameters
+    ----------
+    path : path
+        Of ``uavrt.toml``; who may read it stays.
+    changes : mapping
+        New values.
+
+    Returns
+    -------
+    Settings
+        All of the file.
+
+    Raises
+    ------
+    ConfigError
+        A value is not allowed, the file has faults or cannot be written; it stays as it was.
+    """
+    target = Path(path)
+    settings, text = changed_settings(target, changes)
+    try:
+        mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o644
+        write_text_atomically(target, text, mode=mode)
+    except OSError as error:
+        raise ConfigError(
+            f"cannot write the settings {target}: {error.strerror}",
+            remedy="See whether the card is full or read-only: uavrt doctor",
+        ) from error
+    return settings
+
+
+def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
+    """Get the settings as they would be, and the file's text; raises as `change_settings`."""
+    try:
+        before = decode_text(path.read_bytes()) if path.exists() else default_settings_text()
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ConfigError(
+            f"cannot read the settings {path}: {reason}", remedy="Look at the file"
+        ) from error
+    parse_settings(before.encode(), name=path.name)
+    text = before
+    for (table, key), value in changes.items():
+        text = _with_value(text, table, key, value)
+    _require_only(before, text, changes, path)
+    return parse_settings(text.encode(), name=path.name), text
+
+
+def _with_value(text: str, table: str, key: str, value: Value) -> str:
+    lines = text.split("\n")
+    places = find_lines(text)
+    shown = f"# {key} =" if value is None else f"{key} = {_toml(value)}"
+    at = places.get((table, key))
+    if at is not None:
+        lines[at - 1 : _end_of_value(lines, at)] = [shown]
+    elif value is None:
+        return text
+    elif (header := places.get((table,))) is not None:
+        at = _left_out(lines, header, key)
+        if at is None:
+            lines.insert(header, shown)
+        else:
+            lines[at] = shown
+    else:
+        lines += [f"[{table}]", shown, ""]
+    return "\n".join(lines)
+
+
+def _end_of_value(lines: list[str], first: int) -> int:
+    """Get the last line of a value that begins in a line; both are counted from 1."""
+    for last in range(first, len(lines) + 1):
+        try:
+            tomllib.loads("\n".join(lines[first - 1 : last]))
+        except tomllib.TOMLDecodeError:
+            continue
+        return last
+    return first
+
+
+def _left_out(lines: list[str], header: int, key: str) -> int | None:
+    """Find where a table says ``# key =``, as `default_settings_text` does."""
+    for number in range(header, len(lines)):
+        if lines[number].startswith("["):
+            return None
+        if lines[number].rstrip() == f"# {key} =":
+            return number
+    return None
+
+
+def _toml(value: str | float) -> str:
+    return json.dumps(value, ensure_ascii=False)  # the same in TOML for these
+
+
+def _require_only(before: str, after: str, changes: Changes, path: Path) -> None:
+    """Make sure that the text has changed as wanted, and in nothing else."""
+    wanted: dict[str, Any] = copy.deepcopy(tomllib.loads(before))
+    for (table, key), value in changes.items():
+        inside = wanted.setdefault(table, {})
+        if value is None:
+            inside.pop(key, None)
+        else:
+            inside[key] = value
+    try:
+        found = tomllib.loads(after)
+    except tomllib.TOMLDecodeError:
+        found = {}
+    if _without_empty(found) != _without_empty(wanted):
+        names = ", ".join(f"[{table}] {key}" for table, key in changes)
+        raise ConfigError(
+            f"{path.name} is written in a way in which {names} cannot be changed from here",
+            remedy="Change it with an editor, or move the file away and begin anew",
+        )
+
+
+def _without_empty(document: dict[str, Any]) -> dict[str, Any]:
+    """Leave out tables without a key, which say nothing."""
+    return {name: value for name, value in document.items() if value != {}}

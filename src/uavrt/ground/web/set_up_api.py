@@ -1,0 +1,129 @@
+"""Routes of a drone's first set-up, where the page runs on the drone's own computer."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from uavrt.config import load_settings
+from uavrt.errors import UavrtError
+from uavrt.ground.session import GroundSession
+from uavrt.ground.web.api import Answer, json_body
+from uavrt.messages import SystemStatus
+
+if TYPE_CHECKING:
+    from uavrt.computer import FirstSetup
+
+STATUS_S = 3.0
+"""The drone side tells its state once a second."""
+
+
+class SetUpApi:
+    """The steps of `uavrt.computer.first_setup`, asked of this computer.
+
+    Parameters
+    ----------
+    session : GroundSession
+        The page's; it takes over the drone's name and antenna.
+    config : Path, optional
+        The drone side's settings on this computer; None: the page runs elsewhere.
+    """
+
+    def __init__(self, session: GroundSession, config: Path | None) -> None:
+        self._session = session
+        self._setup: FirstSetup | None = None
+        if config is not None:
+            # Only a drone's computer has what it looks at; the page of a laptop runs anywhere.
+            from uavrt.computer import first_setup
+
+            self._setup = first_setup.FirstSetup(config)
+
+    def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
+        """Path below ``/api``, method, handler."""
+        if self._setup is None:
+            return [("/set-up", "GET", self.state)]
+        return [
+            ("/set-up", "GET", self.state),
+            ("/set-up/finish", "POST", self.finish),
+            ("/set-up/command.key", "GET", self.command_key),
+            ("/set-up/{step}", "PUT", self.take),
+            ("/set-up/{step}/test", "POST", self.test),
+        ]
+
+    async def state(self, request: Request) -> Any:
+        """Whether the set-up is wanted; then what each step begins with, and choices."""
+        setup = self._setup
+        if setup is None or not setup.wanted:
+            return {"wanted": False}
+        return {
+            "wanted": True,
+            "done": sorted(setup.done),
+            "values": await asyncio.to_thread(setup.values),
+            "choices": await asyncio.to_thread(setup.choices),
+        }
+
+    async def take(self, request: Request) -> Any:
+        """Judge and write a step: 422 with ``faults: [{field, text}]``, or what it now is."""
+        setup = self._checked(request)
+        body = await json_body(request)
+        faults = await asyncio.to_thread(setup.take, request.path_params["step"], body)
+        if faults:
+            return Answer(422, {"faults": [asdict(fault) for fault in faults]})
+        return {"faults": [], "values": await asyncio.to_thread(setup.values)}
+
+    async def test(self, request: Request) -> Any:
+        """Try the radio, or the link to the autopilot, as they have been set."""
+        setup = self._checked(request)
+
+        def findings() -> list[dict[str, Any]]:
+            running = _running(setup.config)
+            return [asdict(one) for one in setup.test(request.path_params["step"], running)]
+
+        return await asyncio.to_thread(findings)
+
+    async def finish(self, request: Request) -> Any:
+        """End the set-up; the page's own settings follow."""
+        setup = self._checked(request)
+        values = await asyncio.to_thread(setup.values)
+        told = await asyncio.to_thread(setup.finish)
+        store = self._session.store
+        own = {"vehicle_name": values["name"], "antenna": values["antenna"]}
+        store.set_settings(store.settings.changed(own))
+        self._session.settings_changed()
+        return told
+
+    async def command_key(self, request: Request) -> Any:
+        """The drone's command key as a file, for a laptop that is to command."""
+        assert self._setup is not None
+        key = await asyncio.to_thread(self._setup.command_key)
+        attached = {"Content-Disposition": 'attachment; filename="command.key"'}
+        return Response(key, media_type="text/plain", headers=attached)
+
+    def _checked(self, request: Request) -> "FirstSetup":
+        assert self._setup is not None
+        self._session.commander.check(request.headers.get("x-page"))
+        return self._setup
+
+
+def _running(config: Path) -> SystemStatus | None:
+    """Ask the drone side on this computer for its state; None where none runs."""
+    from uavrt.monitor import StatusReader, status_socket_path
+
+    try:
+        settings = load_settings(config)
+        socket_path = config.parent / status_socket_path(settings)
+        reader = StatusReader(socket_path, 0.0, lambda: None)
+    except (UavrtError, OSError):
+        return None
+    try:
+        for _ in range(round(STATUS_S / 0.1)):
+            for _, record in reader.read(0.1):
+                if isinstance(record, SystemStatus):
+                    return record
+    finally:
+        reader.close()
+    return None
