@@ -5,9 +5,9 @@
 
 The first writes the program and all its libraries into one file. Libraries are the wheels in
 ``--libraries DIR``; without it pip fetches those of deploy/locks/drone-page.txt, which the
-drone side and the page need, for 64-bit ARM (``--machine``, ``--python``). The second writes the signature of a wheel alone beside it.
-``--keys FILE`` lets the public keys in FILE count from then on, instead of those before. A key
-is made by
+drone side and the page need, for 64-bit ARM (``--machine``, ``--python``). The second writes
+the signature of a wheel alone beside it. ``--keys FILE`` lets the public keys in FILE count
+from then on, instead of those before. A key is made by
 
     openssl genpkey -algorithm ed25519 -out release.pem
     openssl pkey -in release.pem -pubout -out update-keys.pem
