@@ -88,7 +88,7 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
             tag_id=tag.tag_id,
             frequency_hz=tag.frequency_hz + train.offset_hz,
             start_time_ns=time_ns,
-            end_time_ns=time_ns + ns_from_s(tag.pulse_width_s),
+            end_time_ns=time_ns + ns_from_s(tag.length_s),
             snr_db=db_from_power(energy - 1.0) if energy > 1.0 else math.nan,
             group_snr_db=level_db,
             score=math.nan,

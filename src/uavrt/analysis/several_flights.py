@@ -99,14 +99,15 @@ def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) 
             if _nature(tags[tag_id]) != _nature(first):
                 raise UsageError(
                     f"tag {tag_id} is another one in {flight.info.directory} than in "
-                    f"{flights[0].info.directory}: frequency, pulse width or intervals differ",
+                    f"{flights[0].info.directory}: frequency, pulse width, intervals "
+                    "or gaps differ",
                     remedy="Name the tag file that holds for all with --tags",
                 )
     return [own[0][tag_id] for tag_id in ids]
 
 
-def _nature(tag: Tag) -> tuple[float, float, tuple[float, ...]]:
-    return tag.frequency_hz, tag.pulse_width_s, tag.pulse_intervals_s
+def _nature(tag: Tag) -> tuple[float, float, tuple[float, ...], tuple[float, ...]]:
+    return tag.frequency_hz, tag.pulse_width_s, tag.pulse_intervals_s, tag.gaps_s
 
 
 def judge_together(

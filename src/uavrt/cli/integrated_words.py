@@ -14,7 +14,8 @@ def sentence(one: "IntegratedTag") -> str:
     from uavrt.analysis import chance_in_words
 
     chance = chance_in_words(one.train.false_alarm_probability)
-    alone = f"; {one.heard_alone} pulses were confirmed alone" if one.heard_alone else ""
+    what = "bursts" if one.tag.coded else "pulses"
+    alone = f"; {one.heard_alone} {what} were confirmed alone" if one.heard_alone else ""
     others = "".join(f"\n  {_other(other)}" for other in one.others)
     others += "".join(f"\n  {text}" for text in one.limitations)
     if one.ambiguous is not None:
@@ -24,7 +25,7 @@ def sentence(one: "IntegratedTag") -> str:
     place, pulses = one.place, one.pulses
     lines = [
         f"tag {one.tag.tag_id}: found over the whole flight, {chance}{alone}",
-        f"{len(pulses.time_s)} pulses every {pulses.interval_s:.5f} s, "
+        f"{len(pulses.time_s)} {what} every {pulses.interval_s:.5f} s, "
         f"{pulses.offset_hz:+.0f} Hz from its frequency, the strongest {place.level_db:.1f} dB",
         *where(place),
     ]
@@ -65,6 +66,8 @@ def where(place: "PlaceBelief", flown: str = "the flight") -> list[str]:
 def _other(other: "OtherTrain") -> str:
     """Say what else is on a tag's frequency."""
     told = f"another train on its frequency, every {other.interval_s:.4f} s"
+    if other.other_code:
+        return f"bursts of another code on its frequency, every {other.interval_s:.4f} s"
     if other.ratio is None:
         return told
     above, below = other.ratio
@@ -86,6 +89,7 @@ def record(one: "IntegratedTag") -> dict[str, Any]:
                 "interval_s": other.interval_s,
                 "frequency_hz": one.tag.frequency_hz + other.offset_hz,
                 "ratio": None if other.ratio is None else "{}/{}".format(*other.ratio),
+                **({"other_code": True} if other.other_code else {}),
             }
             for other in one.others
         ],

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.search import Grid, Spectrogram, make_grid, sliding_maximum
+from uavrt.integration.bursts import SinglePulses, burst_columns, pulse_starts_s
 from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -60,6 +61,10 @@ class SlotEnergies:
     """(frequencies, slots) whether there was a pulse loud enough to be seen alone."""
     listened: NDArray[np.bool_]
     """(slots,) whether there were samples."""
+    pulses: int = 1
+    """In a burst: of a coded tag an energy is the mean over those of the burst."""
+    single: SinglePulses | None = None
+    """Of a coded tag."""
 
     @property
     def time_s(self) -> NDArray[np.float64]:
@@ -83,6 +88,7 @@ class SlotEnergies:
             level=self.level[:, first:end],
             loud=self.loud[:, first:end],
             listened=self.listened[first:end],
+            single=_joined_singles([self], first, end),
         )
 
     def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
@@ -141,6 +147,20 @@ def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
         level=level,
         loud=np.concatenate([one.loud for one in parts], axis=1),
         listened=np.concatenate([one.listened for one in parts]),
+        single=_joined_singles(parts),
+    )
+
+
+def _joined_singles(
+    parts: Sequence[SlotEnergies], first: int = 0, end: int | None = None
+) -> SinglePulses | None:
+    """Single pulses of neighbouring slots, as a whole or some of them."""
+    known = [one.single for one in parts if one.single is not None]
+    if not known:
+        return None
+    return SinglePulses(
+        level=np.concatenate([one.level[:, first:end] for one in known], axis=1),
+        starts_s=known[0].starts_s,
     )
 
 
@@ -152,6 +172,8 @@ class SlotLayout:
     columns_per_slot: int
     reach: int
     """Columns on each side of a slot's middle that are looked at."""
+    beyond: int = 0
+    """Columns from the first to the last pulse of a burst."""
 
     @property
     def samples_per_slot(self) -> int:
@@ -162,6 +184,7 @@ class SlotLayout:
     def slots_beside(self) -> int:
         """Slots on each side of a stretch whose samples its energies depend on."""
         columns = 2 * self.reach + 2 * _HOPS_BESIDE + -(-self.grid.window // self.grid.hop)
+        columns += self.beyond
         return math.ceil(columns / self.columns_per_slot) + 2
 
 
@@ -183,7 +206,8 @@ def slot_layout(
     per_slot = max(1, round(tag.pulse_width_s / slots_per_pulse / grid.hop_s))
     half_s = 0.5 * per_slot * grid.hop_s
     reach = math.ceil((tag.interval_jitter_s + half_s) / grid.hop_s - 0.5)
-    return SlotLayout(grid=grid, columns_per_slot=per_slot, reach=reach)
+    beyond = math.ceil(1.05 * sum(tag.gaps_s) / grid.hop_s)
+    return SlotLayout(grid=grid, columns_per_slot=per_slot, reach=reach, beyond=beyond)
 
 
 def gather(
@@ -292,7 +316,13 @@ def slot_energies(
     loud |= wide & whole
     power[:, ~whole] = 0.0
     seen = (power > _SEEN_ALONE) & pulse
-    heard = ~_spread(~whole | _spread(loud, _HOPS_BESIDE), reach)
+    quiet = ~(~whole | _spread(loud, _HOPS_BESIDE))
+    single = power
+    if tag.coded:
+        bursts = burst_columns(power, seen, quiet, whole, tag, grid.hop_s)
+        power, seen = bursts.power, bursts.seen
+        quiet, whole = bursts.heard, bursts.listened
+    heard = ~_spread(~quiet, reach)
     count = max(0, (columns - 2 * reach - per_slot) // per_slot)
     # Slot s begins at column s × per_slot + reach; its value is looked at from its middle.
     at = np.arange(count) * per_slot + per_slot // 2
@@ -313,6 +343,10 @@ def slot_energies(
         level=level,
         loud=marked,
         listened=~_spread(~whole, reach)[at + reach],
+        pulses=1 + len(tag.gaps_s),
+        single=None
+        if not tag.coded
+        else SinglePulses(level=_tops(single, reach, at), starts_s=pulse_starts_s(tag)),
     )
 
 

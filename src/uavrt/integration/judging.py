@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.integration.bursts import Sender, hidden_with_s, sender_of
 from uavrt.integration.drifting import even_order, search_drifting, train_times_s
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.whole_flight import (
@@ -33,6 +34,8 @@ _SHORTEST, _LONGEST = 0.3, 3.2
 _SMALL = 3
 _SAME = 0.01
 _MOST_OTHERS = 4
+_MOST_CODES = 12
+"""Senders of other codes that are taken out before a tag counts as not found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +50,8 @@ class OtherTrain:
     ratio: tuple[int, int] | None
     """Its interval over the one that passed for the tag's, where both numbers are small: the
     two cannot be told apart by their times alone."""
+    other_code: bool = False
+    """Whether its bursts lack pulses of the tag's code."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,16 +96,63 @@ def judge(
     while True:
         weights = low_rank_weights(gain, gain_time_s, energies, tag.pulse_intervals_s[0])
         train = search_drifting(energies, weights, tag, most_drift)
-        other = None
-        if train.false_alarm_probability <= false_alarm_probability:
-            other = better_elsewhere(energies, weights, train, tag)
-        if other is None or len(others) == _MOST_OTHERS:
+        found = train.false_alarm_probability <= false_alarm_probability
+        if found and energies.single is not None:
+            sender = _sender(energies, weights, train)
+            if sender.shift_s is None:
+                others.append(_other_code(train))
+                if sum(one.other_code for one in others) > _MOST_CODES:
+                    train = replace(train, false_alarm_probability=1.0)
+                    return Judgement(train=train, energies=energies, others=tuple(others))
+                energies = _without_code(energies, train, sender)
+                continue
+            train = replace(train, phase_s=train.phase_s + sender.shift_s)
+        other = better_elsewhere(energies, weights, train, tag) if found else None
+        trains = sum(not one.other_code for one in others)
+        if other is None or trains == _MOST_OTHERS:
             return Judgement(train=train, energies=energies, others=tuple(others))
         others.append(other)
         span_s = len(energies.heard) * energies.slot_s
         energies = energies.without(
             train_times_s(other.phase_s, other.interval_s, other.drift, span_s)
         )
+
+
+def _sender(energies: SlotEnergies, weights: Weights, train: FoldedTrain) -> Sender:
+    """Whose a train of bursts is."""
+    span_s = len(energies.heard) * energies.slot_s
+    time_s = train_times_s(train.phase_s, train.interval_s, train.drift, span_s)
+    at = np.clip(np.floor(time_s / energies.slot_s).astype(np.intp), 0, len(energies.heard) - 1)
+    weight = np.ones(len(at))
+    if not train.loud:
+        weight = (weights.mixing[train.place] @ weights.basis[:, at]).astype(np.float64)
+        weight = np.maximum(weight, 0.0)
+    row = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
+    assert energies.single is not None
+    return sender_of(energies.single, energies.slot_s, row, time_s, weight)
+
+
+def _without_code(energies: SlotEnergies, train: FoldedTrain, sender: Sender) -> SlotEnergies:
+    """Leave out all bursts that have a pulse of a sender of another code."""
+    assert energies.single is not None
+    span_s = len(energies.heard) * energies.slot_s
+    time_s = train_times_s(train.phase_s, train.interval_s, train.drift, span_s)
+    beside_s = hidden_with_s(sender.pulses_s, energies.single.starts_s)
+    if not len(beside_s):
+        beside_s = np.zeros(1)
+    return energies.without(np.add.outer(time_s, beside_s).ravel())
+
+
+def _other_code(train: FoldedTrain) -> OtherTrain:
+    return OtherTrain(
+        interval_s=train.interval_s,
+        phase_s=train.phase_s,
+        offset_hz=train.offset_hz,
+        drift=train.drift,
+        loud=train.loud,
+        ratio=None,
+        other_code=True,
+    )
 
 
 def better_elsewhere(

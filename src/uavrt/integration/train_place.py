@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, special, stats
 from scipy.sparse import csgraph
 
+from uavrt.integration.bursts import exponentials, log_ratio_parts
 from uavrt.integration.drifting import train_times_s
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.places import (
@@ -200,6 +201,8 @@ class TrainPulses:
     """(n,) in units of the noise."""
     interval_s: float
     offset_hz: float
+    pulses: int = 1
+    """In a burst, of which each energy is the mean."""
 
 
 def train_pulses(
@@ -243,6 +246,7 @@ def train_pulses(
         energy=energies.level[row, at[good]].astype(np.float64),
         interval_s=interval_s,
         offset_hz=float(energies.offsets_hz[row]),
+        pulses=energies.pulses,
     )
 
 
@@ -298,7 +302,7 @@ def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
         max(1.0, *(float(np.quantile(one.pulses.energy, 0.98)) for one in heard))
     )
     levels_db = top_db + np.arange(_LEVELS_DB[0], _LEVELS_DB[1] + 0.5)
-    tables = [_log_ratios(_exponentials(one.mean_noise_energy)) for one in heard]
+    tables = [_table(one) for one in heard]
     gains = common_gains([one.places for one in heard])
     here = heard[0].places
     logs = _all_logs(heard, gains, (here.east_m, here.north_m), tables, levels_db)
@@ -326,7 +330,7 @@ def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
         return 1.0
     likely = np.argsort(-place.probability, kind="stable")[:_LIKELY]
     held = place.probability[likely]
-    table = _log_ratios(_exponentials(one.mean_noise_energy))
+    table = _table(one)
     levels_db = place.level_db + _BETWEEN_DB * np.linspace(-2.0, 2.0, 13)
     logs = _logs(one.pulses, _gain_db(one, gain[likely]), table, levels_db)
     weight = np.exp(-0.5 * np.linspace(-2.0, 2.0, 13) ** 2)
@@ -485,6 +489,14 @@ def _summary(
     )
 
 
+def _table(one: HeardTrain) -> _Floats:
+    """Log likelihood ratios of the energies of a train's pulses, or bursts."""
+    pulses, mean = one.pulses.pulses, one.mean_noise_energy
+    if pulses == 1:
+        return _log_ratios(_exponentials(mean))
+    return _log_ratios(exponentials(mean, pulses), pulses)
+
+
 def _exponentials(mean: float) -> float:
     """How many unit exponentials have a largest of such a mean: H(m) = mean."""
     many = np.linspace(1.0, 12.0, 1101)
@@ -492,19 +504,23 @@ def _exponentials(mean: float) -> float:
     return float(many[int(np.argmin(np.abs(means - mean)))])
 
 
-def _log_ratios(many: float) -> _Floats:
+def _log_ratios(many: float, pulses: int = 1) -> _Floats:
     """Log likelihood ratio of a slot's energy, shape (strengths, amplitudes).
 
     Of the largest of m exponentials, one of which may be a pulse's: with f and F the density
-    and law of its energy, f/(m e^-E) + (m-1)/m F/(1-e^-E).
+    and law of its energy, f/(m e^-E) + (m-1)/m F/(1-e^-E). Of bursts alike, with the mean of
+    a burst's pulses in place of E; what fades or hides a burst does so to all of its pulses.
     """
     energy = np.maximum(_AMPLITUDES, 0.1) ** 2
     strength = 10.0 ** (_STRENGTHS_DB / 10.0)[:, np.newaxis]
-    x = 2.0 * np.sqrt(energy * strength)
-    # Bounded: what is so far above noise is beyond doubt.
-    density = np.exp(np.minimum(x - strength + np.log(special.i0e(x)), 600.0))
-    held = stats.ncx2.cdf(2.0 * energy, 2, 2.0 * strength)
-    ratio = density / many + (many - 1.0) / many * held / -np.expm1(-energy)
+    if pulses == 1:
+        x = 2.0 * np.sqrt(energy * strength)
+        # Bounded: what is so far above noise is beyond doubt.
+        density = np.exp(np.minimum(x - strength + np.log(special.i0e(x)), 600.0))
+        law = stats.ncx2.cdf(2.0 * energy, 2, 2.0 * strength) / -np.expm1(-energy)
+    else:
+        density, law = log_ratio_parts(energy, strength, pulses)
+    ratio = density / many + (many - 1.0) / many * law
     step = _STRENGTHS_DB[1] - _STRENGTHS_DB[0]
     ratio = ndimage.gaussian_filter1d(ratio, _FADING_DB / step, axis=0, mode="nearest")
     ratio = (1.0 - _OUTLIER) * ratio + _OUTLIER

@@ -49,6 +49,8 @@ _LEAST_SKEWNESS = 0.02
 _INDEPENDENT = 6.0
 """Hypotheses for each pattern and cell one correlation length wide in phase and interval.
 From the least probabilities of noise flights (`uavrt experiment integrate`)."""
+_OF_BURSTS = 2.5
+"""Times as many of bursts of a coded tag, each the best of some stretches of its gaps."""
 _LOUD_INDEPENDENT = 1.5
 """The same for each cell of marks."""
 _LAGS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
@@ -336,7 +338,8 @@ def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
     """Independent hypotheses of the search for weak pulses."""
     own = float(np.sum(correlation_slots(energies) ** -2.0))
     cells = _cells(energies, tag) * len(weights.basis) * own
-    return _INDEPENDENT * cells / (1.0 - _LOUD_SHARE)
+    independent = _INDEPENDENT * (_OF_BURSTS if energies.pulses > 1 else 1.0)
+    return independent * cells / (1.0 - _LOUD_SHARE)
 
 
 def correlation_slots(energies: SlotEnergies) -> _Floats:

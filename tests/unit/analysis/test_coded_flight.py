@@ -1,5 +1,6 @@
-"""A burst goes wherever a pulse goes: recorded, posed, a bearing, exported."""
+"""A burst goes wherever a pulse goes: recorded, posed, a bearing, exported, integrated."""
 
+import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -12,12 +13,13 @@ from uavrt.analysis.export import export_survey
 from uavrt.analysis.export.bursts import DETECTION_COLUMNS
 from uavrt.analysis.found_bursts import bursts_of_pulses
 from uavrt.analysis.measure import detect
-from uavrt.config import parse_tags
-from uavrt.messages import FlightInfo, Pulse, PulsePose
+from uavrt.config import parse_tags, write_tags
+from uavrt.messages import FlightInfo, Poses, Pulse, PulsePose
 from uavrt.radio import open_recording
 from uavrt.recording import FlightRecorder, read_flight
 from uavrt.recording.formats import read_pulse_log
 from uavrt.simulation import parse_scenario, simulate_to_directory
+from uavrt.tangent_plane import TangentPlane
 
 SCENARIO = """
 duration_s = 70
@@ -156,3 +158,95 @@ def test_a_coded_tag_is_measured_as_one_not_as_several_that_beep(
     (tag,) = parse_tags(written.encode(), name="tags.toml")
     assert tag.gaps_s == pytest.approx((0.022, 0.0488, 0.0366), abs=5e-4)
     assert tag.pulse_intervals_s[0] == pytest.approx(2.3, abs=1e-3)
+
+
+TWO_PLACES = """
+duration_s = 100
+seed = 5
+[radio]
+sample_rate_hz = 60000
+center_frequency_hz = 166360000
+[[tag]]
+tag_id = 12
+frequency_hz = 166370000
+pulse_width_s = 0.0025
+pulse_intervals_s = [2.3]
+gaps_s = [0.022, 0.0488, 0.0366]
+k = 10
+interval_uncertainty_s = 0.004
+north_m = 200
+east_m = 200
+erp_dbm = -58
+[[tag]]
+tag_id = 14
+frequency_hz = 166370000
+pulse_width_s = 0.0025
+pulse_intervals_s = [2.3]
+gaps_s = [0.022, 0.031, 0.0544]
+k = 10
+interval_uncertainty_s = 0.004
+first_pulse_s = 1.6
+north_m = -150
+east_m = 100
+erp_dbm = -50
+[flight]
+height_m = 40
+[[flight.leg]]
+duration_s = 40
+turn_deg = 360
+[[flight.leg]]
+duration_s = 20
+east_m = 200
+[[flight.leg]]
+duration_s = 40
+turn_deg = 360
+"""
+
+
+def test_a_whole_flight_places_a_code_beside_one_that_shares_three_of_its_pulses(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = parse_scenario(TWO_PLACES)
+    recording = simulate_to_directory(scenario, tmp_path / "simulated")
+    info = FlightInfo(
+        directory=str(tmp_path / "flight"),
+        start_time_ns=scenario.start_time_ns,
+        clock_offset_ns=0,
+        center_frequency_hz=166_360_000.0,
+        sample_rate_hz=60_000.0,
+        tags=scenario.tags,
+    )
+    recorder = FlightRecorder.create(info, None)
+    times_ns = [scenario.start_time_ns + number * 200_000_000 for number in range(501)]
+    recorder.write_poses(Poses(poses=tuple(scenario.antenna_pose(one) for one in times_ns)))
+    recorder.commit()
+    recorder.close()
+    sender = scenario.tags[0]
+    silent = replace(sender, tag_id=13, gaps_s=(0.0366, 0.0488, 0.031))
+    write_tags(tmp_path / "listed.toml", [sender, silent])
+    ended = uavrt(
+        *("integrate", str(tmp_path / "flight"), "--recording", str(recording.metadata)),
+        *("--tags", str(tmp_path / "listed.toml"), "--frequency-window", "250", "--json"),
+    )
+    assert ended == 0
+    found, other = json.loads(capsys.readouterr().out)
+    assert found["found"]
+    assert len(found["integrated_pulses"]) == pytest.approx(40, abs=6)
+    assert found["radius95_m"] < 400.0
+    begun = scenario.antenna_pose(scenario.start_time_ns)
+    plane = TangentPlane(latitude_deg=begun.latitude_deg, longitude_deg=begun.longitude_deg)
+    latitude, longitude = plane.to_geodetic(200.0, 200.0)
+    assert any(_around(ring, float(latitude), float(longitude)) for ring in found["region95"])
+    assert other["other_trains"]
+    assert not other["found"]
+    assert all(one["other_code"] for one in other["other_trains"])
+
+
+def _around(ring: list[list[float]], latitude: float, longitude: float) -> bool:
+    """Whether an outline goes around a place: a ray crosses it an odd number of times."""
+    crossed = False
+    for (north, east), (north2, east2) in pairwise(ring):
+        if (north > latitude) != (north2 > latitude):
+            at = east + (latitude - north) / (north2 - north) * (east2 - east)
+            crossed ^= longitude < at
+    return crossed

@@ -1,0 +1,286 @@
+"""Bursts of a coded tag, each judged as one: the mean of its pulses at the gaps of its code.
+
+A column of windows becomes that of the bursts that begin there. Whatever is folded then is a
+train of bursts; whether its pulses are all there says whether it is this code's.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, special, stats
+
+from uavrt.config import GAP_TOLERANCE_S
+from uavrt.messages import Tag
+
+_STRETCHES = (0.0, -0.67, 0.67)
+"""Of the tolerance of all gaps together: a tag's crystal stretches all gaps alike."""
+_LOUD_PULSES = 2
+"""Of a burst, that are seen alone, for the burst to count as loud."""
+_CAP = 40.0
+"""Most that one pulse counts for whose burst it is [noise energies]."""
+_UNEQUAL_CHANCE, _DOUBTFUL_CHANCE = 1e-3, 0.1
+"""Of pulses that are equally strong, to look more unequal; and where others lie beside them."""
+_UNLIKE, _UNLIKE_ALL = 0.25, 0.1
+"""Of their mean, by which pulses of one burst, and of all bursts, differ beside the noise."""
+_SENDS, _SENDER = 4.5, 0.15
+"""Standard deviations of a sum, and parts of the largest, from which somebody sends there."""
+_BESIDE_S, _SLOTS_BESIDE = 0.005, 4
+"""Around a burst and a pulse, what is its own."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BurstColumns:
+    """What `slot_energies` knows of each column, of bursts that begin in it."""
+
+    power: NDArray[np.float32]
+    """(rows, columns): mean over the pulses that nothing covers."""
+    seen: NDArray[np.bool_]
+    """(rows, columns)."""
+    heard: NDArray[np.bool_]
+    """(columns,)."""
+    listened: NDArray[np.bool_]
+    """(columns,)."""
+
+
+def pulse_starts_s(tag: Tag) -> NDArray[np.float64]:
+    """(pulses,) from the start of a burst, or of a pulse, by the list."""
+    return np.concatenate(([0.0], np.cumsum(tag.gaps_s)))
+
+
+def burst_columns(
+    power: NDArray[np.float32],
+    seen: NDArray[np.bool_],
+    quiet: NDArray[np.bool_],
+    whole: NDArray[np.bool_],
+    tag: Tag,
+    hop_s: float,
+) -> BurstColumns:
+    """Take the mean over the pulses of each burst, at the best of some stretches.
+
+    Parameters
+    ----------
+    power, seen : ndarray, shape (rows, columns)
+        Of pulses that begin in each column, and whether it is loud and looks like one.
+    quiet, whole : ndarray of bool, shape (columns,)
+        Nothing loud is near; no sample is missing.
+    tag : Tag
+    hop_s : float
+        From one column to the next.
+    """
+    rows, columns = power.shape
+    starts_s = pulse_starts_s(tag)
+    pulses = len(starts_s)
+    best = BurstColumns(
+        power=np.zeros((rows, columns), np.float32),
+        seen=np.zeros((rows, columns), np.bool_),
+        heard=np.zeros(columns, np.bool_),
+        listened=np.zeros(columns, np.bool_),
+    )
+    for stretch in _STRETCHES:
+        longer = 1.0 + stretch * GAP_TOLERANCE_S / max(float(starts_s[-1]), 1e-9)
+        places = np.rint(starts_s * longer / hop_s).astype(np.intp).tolist()
+        count = columns - places[-1]
+        if count <= 0:
+            break
+        marks = np.zeros((rows, count), np.int8)
+        total = np.zeros((rows, count), np.float32)
+        valid = np.zeros((rows, count), np.int8)
+        alone = np.zeros(count, np.int8)
+        there = np.ones(count, np.bool_)
+        for place in places:
+            part = slice(place, place + count)
+            marks += seen[:, part]
+            alone += quiet[part]
+            there &= whole[part]
+        heard = there & (alone >= max(2, pulses - 1))
+        for place in places:
+            part = slice(place, place + count)
+            use = quiet[part] | (seen[:, part] & ~heard)
+            total += np.where(use, power[:, part], np.float32(0.0))
+            valid += use
+        loud = there & (marks >= _LOUD_PULSES) & (valid >= max(2, pulses - 1))
+        mean = total / np.maximum(valid, 1)
+        np.maximum(best.power[:, :count], mean, out=best.power[:, :count])
+        best.seen[:, :count] |= loud
+        best.heard[:count] |= heard
+        best.listened[:count] |= there
+    return best
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SinglePulses:
+    """Energies of single pulses, to tell whose a train of bursts is.
+
+    Attributes
+    ----------
+    level : ndarray of float32, shape (frequencies, slots)
+        Largest power over noise of the pulses that begin in each slot; 0 without samples.
+    starts_s : ndarray of float64, shape (pulses,)
+        Of the code, from the start of a burst.
+    """
+
+    level: NDArray[np.float32]
+    starts_s: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sender:
+    """Who makes a train of bursts, as its pulses show.
+
+    Attributes
+    ----------
+    shift_s : float, optional
+        By how much later the bursts of this code begin; None if it is another code's train.
+    pulses_s : ndarray of float64, shape (m,)
+        Where another code's pulses lie, from the start of this code's bursts.
+    """
+
+    shift_s: float | None
+    pulses_s: NDArray[np.float64]
+
+
+def sender_of(
+    single: SinglePulses,
+    slot_s: float,
+    row: int,
+    time_s: NDArray[np.float64],
+    weight: NDArray[np.float64],
+) -> Sender:
+    """Say whether a train is of this code, by the energies of its single pulses.
+
+    Of a burst all pulses are equally strong. A burst of another code has some of its pulses
+    where this code has some, and none at the others; so has a burst of this code that is
+    taken to begin at another of its pulses.
+
+    Parameters
+    ----------
+    single : SinglePulses
+    slot_s : float
+    row : int
+        Frequency.
+    time_s : ndarray of float64, shape (n,)
+        Starts of the bursts, from the first slot's beginning.
+    weight : ndarray of float64, shape (n,)
+        By how strong each is expected.
+    """
+    own = Sender(shift_s=0.0, pulses_s=np.zeros(0))
+    capped = np.minimum(single.level[row].astype(np.float64), _CAP)
+    # What is found in a slot beside belongs to the pulse, too: the train's times are rough.
+    near = ndimage.maximum_filter1d(capped, 3)
+    listened = near > 0.0
+    reach = 2 * round((single.starts_s[-1] + _BESIDE_S) / slot_s)
+    at = np.floor(time_s / slot_s).astype(np.intp)
+    inside = (at >= reach) & (at + reach < len(near))
+    at, weight = at[inside], weight[inside]
+    if not len(at):
+        return own
+    floor, variance = float(near[listened].mean()), float(near[listened].var())
+    over = np.where(listened, near - floor, 0.0)
+    picked, places = _picked(over, at, single.starts_s, slot_s)
+    off = _inequality(picked, weight, variance)
+    lags = np.arange(-reach, reach + 1)
+    profile = weight @ over[at[:, np.newaxis] + lags]
+    deviation = 1.4826 * float(np.median(np.abs(profile - np.median(profile))))
+    sums = weight @ picked
+    beside = np.abs(np.subtract.outer(lags, places)).min(axis=1) > _SLOTS_BESIDE
+    strange = beside & (profile > max(_SENDS * deviation, 0.5 * float(sums.mean())))
+    if off <= _limit(_UNEQUAL_CHANCE if not strange.any() else _DOUBTFUL_CHANCE, len(sums)):
+        return own
+    least = max(_SENDS * deviation, _SENDER * float(sums.max()))
+    spread = ndimage.maximum_filter1d(profile, 3)
+    tried = lags[(lags >= -reach // 2) & (lags + places[-1] <= reach)]
+    weakest = np.min([spread[tried + reach + place] for place in places], axis=0)
+    best = int(weakest.argmax())
+    if weakest[best] > least:
+        shift = int(tried[best])
+        again, _ = _picked(over, at + shift, single.starts_s, slot_s)
+        if _inequality(again, weight, variance) <= _limit(_UNEQUAL_CHANCE, len(sums)):
+            return Sender(shift_s=shift * slot_s, pulses_s=np.zeros(0))
+    foreign = lags[profile > least] * slot_s
+    return Sender(shift_s=None, pulses_s=np.asarray(foreign))
+
+
+def _inequality(
+    over: NDArray[np.float64], weight: NDArray[np.float64], variance: float
+) -> float:
+    """Chi square of the sums of each pulse of the bursts, if all are equally strong.
+
+    Energies of pulses of a strength S vary by noise, by 2 S and by a part of S.
+    """
+    strength = np.maximum(over.mean(axis=1), 0.0)
+    varies = variance + 2.0 * strength + (_UNLIKE * strength) ** 2
+    sums = weight @ over
+    middle = float(sums.mean())
+    expected = float(weight**2 @ varies) + (_UNLIKE_ALL * middle) ** 2
+    return float(((sums - middle) ** 2).sum()) / max(expected, 1e-12)
+
+
+def _limit(chance: float, pulses: int) -> float:
+    return float(stats.chi2.isf(chance, pulses - 1))
+
+
+def _picked(
+    values: NDArray[np.float64],
+    at: NDArray[np.intp],
+    starts_s: NDArray[np.float64],
+    slot_s: float,
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """(bursts, pulses) at the stretch that has most, and the pulses' slots from the start."""
+    found = []
+    for stretch in _STRETCHES:
+        longer = 1.0 + stretch * GAP_TOLERANCE_S / max(float(starts_s[-1]), 1e-9)
+        places = np.rint(starts_s * longer / slot_s).astype(np.intp)
+        found.append((values[at[:, np.newaxis] + places], places))
+    return max(found, key=lambda one: float(one[0].sum()))
+
+
+def hidden_with_s(
+    foreign_s: NDArray[np.float64], starts_s: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Starts of bursts that have one of those pulses, relative to the train's."""
+    return np.unique(np.round(np.subtract.outer(foreign_s, starts_s).ravel(), 9))
+
+
+def exponentials(mean: float, pulses: int) -> float:
+    """How many bursts of noise have a largest of such a mean energy of a pulse.
+
+    The largest of m Erlang variables of shape p has the mean of the integral of 1 - F(x)^m.
+    """
+    energy = np.arange(0.0, 12.0, 0.01)
+    law = special.gammainc(pulses, pulses * energy)
+    many = np.geomspace(1.0, 40.0, 400)
+    means = (1.0 - law ** many[:, np.newaxis]).sum(axis=1) * 0.01
+    return float(many[int(np.argmin(np.abs(means - mean)))])
+
+
+def log_ratio_parts(
+    energy: NDArray[np.float64], strength: NDArray[np.float64], pulses: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Density and law of a burst's mean energy, over those of noise.
+
+    The sum over p pulses of strength S is a noncentral chi-square of 2 p degrees of freedom
+    (Johnson, Kotz and Balakrishnan 1995, Continuous Univariate Distributions 2, 29).
+
+    Parameters
+    ----------
+    energy : ndarray of float64, shape (energies,)
+        Mean of a burst's pulses [noise energies].
+    strength : ndarray of float64, shape (strengths, 1)
+    pulses : int
+    """
+    total, power = pulses * energy, pulses * strength
+    x = 2.0 * np.sqrt(total * power)
+    order = pulses - 1
+    logs = (
+        x
+        - power
+        + np.log(np.maximum(special.ive(order, x), 1e-300))
+        - 0.5 * order * np.log(np.maximum(total * power, 1e-300))
+        + math.lgamma(pulses)
+    )
+    density = np.exp(np.minimum(logs, 600.0))
+    held = stats.ncx2.cdf(2.0 * total, 2 * pulses, 2.0 * power)
+    law = held / np.maximum(special.gammainc(pulses, total), 1e-300)
+    return np.asarray(density), np.asarray(law)
