@@ -19,7 +19,7 @@ from uavrt_experiments.measured import measured_now
 
 FOLDERS = ("detection", "dsp", "localization", "tunnel")
 """Of the package: code whose changes may change a figure here …"""
-FOLDERS_OF = {"search": ("localization", "planning")}
+FOLDERS_OF = {"search": ("localization", "planning"), "terrain": ("planning", "terrain")}
 """… and of sections that time something else."""
 
 
