@@ -323,6 +323,8 @@ def _pulses(rng: np.random.Generator, flight: str, start_ns: int, count: int) ->
         "also_possible_tag_ids": [[]] * count,
         "ghost_of_tag_id": [None] * count,
         "clipped": np.zeros(count, np.bool_),
+        "burst_starts_ns": [()] * count,
+        "burst_snrs_db": [()] * count,
         "recording": [f"/archive/{flight}.sigmf-meta"] * count,
         "cell": np.zeros(count, np.int32),
     }

@@ -1,27 +1,56 @@
-/** Past flights: the list, and each to be looked at and exported. */
+/** Past flights: the list by tag and day, and each to be looked at and exported. */
 
 import { ApiError, BASE, get, send } from "./api";
+import { archiveSection, showArchive } from "./archive";
 import { compare } from "./compare";
 import { by, describe, fill, h, say } from "./dom";
 import { downloadSection } from "./downloads";
 import { dateTime, span } from "./format";
 import { toast } from "./notice";
+import { pager } from "./pager";
 import { seasonSection } from "./season";
 import { store } from "./store";
 import type { Choices, FlightSummary } from "./types";
 
+/** Rows of a table at once: a page of thousands would take seconds to draw. */
+const ROWS = 25;
 let exports: string[] = [];
 let openView: (name: string) => void = () => undefined;
 /** Ticked to be compared, in the order of ticking; two at most. */
 let ticked: string[] = [];
+let after = 0;
+/** The last that was asked: an older answer is not shown. */
+let asked = 0;
 
 export function buildFlights(go: (name: string) => void): void {
   openView = go;
+  const sought = () => {
+    after = 0;
+    void refresh();
+    showArchive(wanted());
+  };
+  const day = (id: string, words: string) => h("label", { class: "check" }, words, h("input", { id, type: "date", onchange: sought }));
   fill(
     by("view-flights"),
-    h("div", { class: "toolbar" }, h("h2", {}, "Flights on this computer"), h("button", { id: "flights-refresh", onclick: () => void refresh() }, "Refresh"), h("button", { id: "flights-compare", "aria-disabled": "true", onclick: () => void compareTicked() }, "Compare two")),
+    h(
+      "div",
+      { class: "toolbar" },
+      h("h2", {}, "Flights on this computer"),
+      h("button", { id: "flights-refresh", onclick: () => void all() }, "Refresh"),
+      h("button", { id: "flights-compare", "aria-disabled": "true", onclick: () => void compareTicked() }, "Compare two"),
+    ),
+    h(
+      "div",
+      { class: "toolbar sought", role: "search" },
+      h("label", { class: "check" }, "Tag", h("input", { id: "flights-tag", type: "number", min: "0", step: "1", placeholder: "any", onchange: sought })),
+      day("flights-from", "Day"),
+      day("flights-to", "to"),
+      h("button", { id: "flights-all", onclick: () => clear(sought) }, "All"),
+      h("span", { id: "flights-pager", class: "pager", role: "status" }),
+    ),
     h("div", { id: "flights-list", class: "table-wrap" }),
     h("div", { id: "compare", class: "table-wrap" }),
+    archiveSection((id) => void open(id)),
     seasonSection(),
     downloadSection(() => void refresh()),
   );
@@ -33,13 +62,60 @@ export function buildFlights(go: (name: string) => void): void {
   );
 }
 
-export async function refresh(): Promise<void> {
-  const flights = await get<FlightSummary[]>("/flights").catch(() => []);
-  if (!flights.length) {
-    fill(by("flights-list"), h("p", { class: "empty" }, "No flight yet. The first start makes one."));
+/** Both lists, with what is sought. */
+export async function all(): Promise<void> {
+  showArchive(wanted());
+  await refresh();
+}
+
+function clear(then: () => void): void {
+  for (const id of ["flights-tag", "flights-from", "flights-to"]) (by(id) as HTMLInputElement).value = "";
+  then();
+}
+
+/** What is sought, as the server has it; a day alone is that day. */
+function wanted(): URLSearchParams {
+  const value = (id: string) => (by(id) as HTMLInputElement).value;
+  const found = new URLSearchParams();
+  const [tag, from, to] = [value("flights-tag"), value("flights-from"), value("flights-to")];
+  if (tag) found.set("tag", tag);
+  if (from) found.set("from", from);
+  if (to || from) found.set("to", to || from);
+  return found;
+}
+
+async function refresh(): Promise<void> {
+  const number = ++asked;
+  const query = wanted();
+  const any = query.size === 0;
+  query.set("after", String(after));
+  query.set("limit", String(ROWS));
+  let found: { total: number; flights: FlightSummary[] };
+  try {
+    found = await get(`/found-flights?${query}`);
+  } catch (error) {
+    if (number !== asked) return;
+    fill(by("flights-list"), h("p", { class: "fault-line" }, error instanceof ApiError ? error.message : "the server cannot be reached"));
+    fill(by("flights-pager"));
     return;
   }
-  ticked = ticked.filter((id) => flights.some((flight) => flight.flight_id === id));
+  if (number !== asked) return;
+  if (after && !found.flights.length) {
+    after = 0; // fewer than there were
+    return refresh();
+  }
+  pager(by("flights-pager"), found.total, after, ROWS, (next) => {
+    after = next;
+    void refresh();
+  });
+  if (!found.total) {
+    fill(by("flights-list"), h("p", { class: "empty" }, any ? "No flight yet. The first start makes one." : "No such flight on this computer."));
+    return;
+  }
+  draw(found.flights);
+}
+
+function draw(flights: FlightSummary[]): void {
   const rows = flights.map((flight) => {
     const live = flight.flight_id === store.state?.flight.flight_id && !store.state.flight.ended;
     const tags = flight.tags.map((tag) => (tag.name ? `${tag.tag_id} ${tag.name}` : String(tag.tag_id)));

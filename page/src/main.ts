@@ -6,7 +6,7 @@ import { act, buildFly, mapView } from "./fly";
 import { send } from "./api";
 import { drawVehicles, unserved } from "./vehicles";
 import { append, by, fill, h, say } from "./dom";
-import { buildFlights, refresh } from "./flights";
+import { all, buildFlights } from "./flights";
 import { dateTime, fixed, span } from "./format";
 import { language, missing, told } from "./i18n";
 import { motionBar } from "./motion";
@@ -92,7 +92,7 @@ export function show(name: string): void {
   showPlots(name === "plots");
   showLog(name === "log");
   showCheck(name === "check");
-  if (name === "flights") void refresh();
+  if (name === "flights") void all();
   if (name === "fly") mapView().resize();
 }
 

@@ -222,6 +222,25 @@ export interface FlightSummary {
   vehicle: string | null;
 }
 
+export interface ArchivedFlight {
+  flight: string;
+  path: string;
+  start_time_ns: number | null;
+  end_time_ns: number | null;
+  /** Confirmed ones. */
+  pulses: number;
+  /** Tag and pulses. */
+  heard: [number, number][];
+  /** It is on this computer, too. */
+  here: boolean;
+}
+
+export interface ArchiveAnswer {
+  directory: string | null;
+  total: number;
+  flights: ArchivedFlight[];
+}
+
 export interface Choices {
   ports: { device: string; description: string; address: string }[];
   antennas: Record<string, { e_plane_db: number[] | null }>;

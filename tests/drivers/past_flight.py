@@ -1,6 +1,9 @@
 """A flight as the ground station records it: a turn at each of two places, past a tag."""
 
 import math
+import shutil
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +26,8 @@ GAIN_DB = PATTERNS["RA-23K"].e_plane_db
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 STATIONS = ((0.0, 0.0), (250.0, 0.0))
 """East and north of the origin [m]: a turn on the spot at each."""
+NOON_NS, DAY_NS = 1_777_636_800 * 10**9, 86_400 * 10**9
+"""Of 1 May 2026."""
 
 
 def write_flight(
@@ -57,6 +62,28 @@ def write_flight(
         keeper.add_pulse(PulsePose(pulse=pulse_at(time_ns, number, snr_db), pose=pose))
     keeper.close()
     return flight_id
+
+
+def write_days(directory: Path, days: int) -> list[str]:
+    """Write flights at noon of days in May 2026, of tag 2 on odd and tag 4 on even days."""
+    directory.mkdir(exist_ok=True)
+    first = write_flight(directory, 120.0, 300.0)
+    names = []
+    for number in range(days):
+        name = f"flight_log_2026-05-{number + 1:02d}_12-00-00"
+        shutil.copytree(directory / first, directory / name)
+        with closing(sqlite3.connect(directory / name / "flight.sqlite")) as database:
+            (start_ns,) = database.execute("SELECT start_time_ns FROM flight").fetchone()
+            later_ns = NOON_NS + number * DAY_NS - start_ns
+            database.execute("UPDATE flight SET start_time_ns = start_time_ns + ?", [later_ns])
+            for table, columns in (("pulses", ("start", "end")), ("poses", ("",))):
+                for column in (f"{one}_time_ns".lstrip("_") for one in columns):
+                    database.execute(f"UPDATE {table} SET {column} = {column} + ?", [later_ns])
+            database.execute("UPDATE tags SET tag_id = ?", [2 + 2 * (number % 2)])
+            database.commit()
+        names.append(name)
+    shutil.rmtree(directory / first)
+    return names
 
 
 def pulse_at(time_ns: int, number: int, snr_db: float) -> Pulse:

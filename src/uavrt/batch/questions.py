@@ -1,6 +1,8 @@
 """Questions over all that a batch has written, in SQL, by DuckDB on its Parquet."""
 
 import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,8 +38,16 @@ SELECT tag_id, count(*) AS pulses, count(*) FILTER (confirmed) AS confirmed,
        median(frequency_hz) FILTER (confirmed) AS median_frequency_hz
 FROM pulses GROUP BY tag_id ORDER BY tag_id
 """,
+    "heard": """
+SELECT flight, tag_id, count(*) AS pulses, count(*) FILTER (confirmed) AS confirmed,
+       make_timestamp_ns(min(start_time_ns)) AS first_utc,
+       make_timestamp_ns(max(start_time_ns)) AS last_utc
+FROM pulses GROUP BY flight, tag_id ORDER BY tag_id, flight
+""",
 }
 """Ready ones, by name."""
+KEPT = ("tags", "heard")
+"""Those that look at every pulse: a batch keeps what they give."""
 
 
 def ask(archive: Path, question: str) -> "pa.Table":
@@ -60,20 +70,40 @@ def ask(archive: Path, question: str) -> "pa.Table":
     """
     with needs_extra("batch", "An archive"):
         import duckdb
+    check_archive(archive)
+    for name in KEPT:
+        if question == QUESTIONS[name] and (kept := kept_answer(archive, name)) is not None:
+            question = f"SELECT * FROM read_parquet({quoted(kept)})"
+    with told_of(archive), duckdb.connect() as connection:
+        _make_views(connection, archive, question)
+        answer = connection.sql(question)
+        if answer is None:
+            raise UsageError("that is no question", remedy="Begin it with SELECT")
+        return answer.to_arrow_table()
+
+
+def check_archive(archive: Path) -> None:
+    """Refuse a directory that no batch has written to.
+
+    Raises
+    ------
+    FormatError
+        There is no table of recordings.
+    """
     if not (archive / RECORDINGS).is_file():
         raise FormatError(
             f"{archive} holds no {RECORDINGS}",
             remedy="Name the directory that uavrt batch wrote with -o",
         )
-    if question == QUESTIONS["tags"] and (kept := _kept(archive)) is not None:
-        return kept
+
+
+@contextmanager
+def told_of(archive: Path) -> Iterator[None]:
+    """Tell of what DuckDB does not take, and what to do."""
+    import duckdb
+
     try:
-        with duckdb.connect() as connection:
-            _make_views(connection, archive, question)
-            answer = connection.sql(question)
-            if answer is None:
-                raise UsageError("that is no question", remedy="Begin it with SELECT")
-            return answer.to_arrow_table()
+        yield
     except (duckdb.IOException, duckdb.InvalidInputException) as error:
         raise FormatError(
             f"{archive}: {error}",
@@ -87,7 +117,7 @@ def ask(archive: Path, question: str) -> "pa.Table":
 
 
 def keep_answers(archive: Path) -> None:
-    """Keep the answer that looks at every pulse, for as long as no pulse changes.
+    """Keep the answers that look at every pulse, for as long as no pulse changes.
 
     Raises
     ------
@@ -98,30 +128,32 @@ def keep_answers(archive: Path) -> None:
         return
     import pyarrow.parquet as pq
 
-    answer = ask(archive, QUESTIONS["tags"]).replace_schema_metadata({"of": _state(archive)})
-    part = archive / MONTHS / "tags.part"
-    pq.write_table(answer, part)
-    part.replace(archive / MONTHS / "tags.parquet")
+    for name in KEPT:
+        place = _place(archive, name)
+        if place.is_file():
+            continue
+        part = place.with_suffix(".part")
+        pq.write_table(ask(archive, QUESTIONS[name]), part)
+        part.replace(place)
+        for old in place.parent.glob(f"{name}-*.parquet"):
+            if old != place:
+                old.unlink()
 
 
-def _kept(archive: Path) -> "pa.Table | None":
-    """The answer that was kept, if it is of these pulses."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        kept = pq.read_table(archive / MONTHS / "tags.parquet")
-    except (OSError, pa.ArrowException):
-        return None
-    if (kept.schema.metadata or {}).get(b"of") != _state(archive).encode():
-        return None
-    return kept.replace_schema_metadata()
+def kept_answer(archive: Path, name: str) -> Path | None:
+    """Find the kept answer to one of `KEPT`; None unless it is of these pulses."""
+    place = _place(archive, name)
+    return place if place.is_file() else None
 
 
-def _state(archive: Path) -> str:
-    """Name the files of all pulses: those of months are named by what they hold."""
-    said = f"{source_of(archive, PULSES)} {SCHEMA_VERSION}".replace(str(archive), "")
-    return hashlib.sha256(said.encode()).hexdigest()
+def _place(archive: Path, name: str) -> Path:
+    """Where an answer is kept: its name is that of all pulses' files, and of those of months
+    by what they hold.
+    """
+    whole = archive.absolute()
+    said = f"{source_of(whole, PULSES)} {SCHEMA_VERSION}".replace(str(whole), "")
+    state = hashlib.sha256(said.encode()).hexdigest()[:16]
+    return archive / MONTHS / f"{name}-{state}.parquet"
 
 
 def _make_views(connection: "duckdb.DuckDBPyConnection", archive: Path, question: str) -> None:

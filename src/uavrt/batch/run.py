@@ -124,8 +124,8 @@ def _run(
             placed_now += 1
     write_rows(output / RECORDINGS, RecordingRow, recordings.rows)
     write_rows(output / FLIGHTS, FlightRow, flights.rows)
-    if gather_months(output, recordings.rows, flights.rows):
-        keep_answers(output)
+    gather_months(output, recordings.rows, flights.rows)
+    keep_answers(output)
     return BatchSummary(
         rows=tuple(recordings.rows),
         flights=tuple(flights.rows),

@@ -59,6 +59,7 @@ def ground(
     my_place: str | None = None,
     dem: str | None = None,
     set_up: Path | None = None,
+    archive: str | None = None,
     component_id: Component = 190,
     as_gcs: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
@@ -121,6 +122,9 @@ def ground(
     set_up
         The drone side's uavrt.toml, where the page runs on the drone's own computer: until it
         has been set up, the page asks for name, antenna, radio, autopilot and keys.
+    archive
+        Directory that uavrt batch wrote: the page lists its flights, too, by tag and day. By
+        default "archive" in the directory of -o, if it is there. "" for none any more.
     component_id
         Our MAVLink component id in system 254. uavrt ground stations that listen to one drone
         at the same time need different ids.
@@ -148,6 +152,7 @@ def ground(
             my_place=my_place is not None,
             dem=dem is not None,
             set_up=set_up is not None,
+            archive=archive is not None,
             listen=listen != LOOPBACK,
             host_name=bool(host_name),
             certificate=certificate is not None,
@@ -173,6 +178,7 @@ def ground(
         my_place=my_place,
         further_vehicles=vehicle,
         dem=dem,
+        archive=archive,
         tags=tag_list,
         start=start,
         keys=keys,

@@ -9,9 +9,10 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
+from archived_pulses import archive
 from file_drone import FileDrone
 from page_driver import WAIT_MS, Ground, Watched, colour_at, write_vector_map
-from past_flight import write_flight
+from past_flight import write_days, write_flight
 from playwright.sync_api import Browser, Page, expect
 from recorded import frames, write_recording
 
@@ -59,6 +60,62 @@ def test_a_flight_is_starred_by_one_press_and_loses_the_star_by_another(
     expect(star).to_have_text("☆")
     assert not (here / first / "starred").exists()
     assert not watched.errors
+
+
+def test_many_flights_are_sought_by_tag_and_day_here_and_in_the_archive(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    here, without = tmp_path / "ground", tmp_path / "without"
+    names = write_days(here, 30)
+    archive(here / "archive")
+    (here / names[0]).rename(here / "03")  # in the archive, too
+    without.mkdir()
+    (without / "duckdb.py").write_text("raise ImportError(name='duckdb')\n")
+    monkeypatch.setenv("PYTHONPATH", str(without))
+    ground = start_ground(tmp_path, 0)
+    watched = Watched(browser, ground.address, color_scheme="light")
+    page = watched.page
+    rows, archived = page.locator("tr[data-flight]"), page.locator("tr[data-archived]")
+    page.click("#tab-flights")
+    # Without the package the archive says what to do, and the list goes on.
+    expect(page.locator("#archive-list")).to_contain_text("pip install 'uavrt[batch]'")
+    expect(rows).to_have_count(25)
+    ground.stop()
+    monkeypatch.delenv("PYTHONPATH")
+    ground = start_ground(tmp_path, ground.port)
+    page.reload()
+    page.click("#tab-flights")
+    expect(archived).to_have_count(9)
+    expect(page.locator("#flights-pager")).to_contain_text("1 to 25 of 30")
+    page.get_by_label("Older flights").click()
+    expect(rows).to_have_count(5)
+    expect(page.locator("#flights-pager")).to_contain_text("26 to 30 of 30")
+    page.fill("#flights-tag", "4")
+    page.press("#flights-tag", "Enter")
+    expect(rows).to_have_count(15)
+    page.fill("#flights-from", "2026-05-04")
+    expect(rows).to_have_count(1)
+    expect(rows).to_contain_text("2026-05-04 12:00 UTC")
+    expect(archived).to_have_count(0)
+    # The archive's days are of another year; of tag 4 the sought pulses come first.
+    page.fill("#flights-from", "1970-01-21")
+    page.fill("#flights-to", "1970-01-31")
+    expect(rows).to_have_count(0)
+    expect(archived).to_have_count(2)
+    expect(archived.first).to_contain_text("4 (2), 2 (3)")
+    box = page.locator("#archive-list").bounding_box()
+    assert box is not None
+    assert box["x"] + box["width"] <= 1024
+    assert box["y"] + box["height"] <= 600, "in sight at 1024 x 600"
+    page.click('tr[data-archived="03"] .open-flight')
+    expect(page.locator("#banner")).to_contain_text("Past flight")
+    page.click("#tab-flights")
+    page.click("#flights-all")
+    expect(rows).to_have_count(25)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1024
 
 
 def test_flights_are_fetched_compared_and_exported(

@@ -2,71 +2,12 @@
 
 from pathlib import Path
 
-from pulses import pulse_at
+from archived_pulses import archive, put
 
 from uavrt.batch import QUESTIONS, ask
-from uavrt.batch.ledger import DONE, Ledger
 from uavrt.batch.months import gather_months
 from uavrt.batch.questions import keep_answers
-from uavrt.batch.tables import (
-    PULSES,
-    RECORDINGS,
-    RecordingRow,
-    folder_of,
-    write_pulses,
-    write_rows,
-)
-
-DAY_NS = 86_400 * 10**9
-
-
-def put(
-    output: Path, ledger: Ledger[RecordingRow], number: int, *, key: str, pulses: int
-) -> None:
-    """A flight each tenth day, of so many pulses."""
-    start_ns = 10 * number * DAY_NS
-    flight = f"{number:02d}"
-    state = "done" if pulses else "failed"
-    if pulses:
-        found = [
-            (
-                0,
-                pulse_at(
-                    start_ns + 10**9 * each, tag_id=2 + 2 * (each % 2), snr_db=float(each)
-                ),
-            )
-            for each in range(pulses)
-        ]
-        write_pulses(output / PULSES / folder_of(flight) / f"{key}.parquet", found, flight)
-    ledger.settle(
-        RecordingRow(
-            path=flight,
-            flight=flight,
-            fingerprint=key,
-            state=state,
-            fault=None,
-            start_time_ns=start_ns,
-            length_s=60.0,
-            sample_rate_hz=48e3,
-            center_frequency_hz=148.7e6,
-            pulses=pulses,
-            confirmed=pulses,
-            lost_samples=0,
-            invalid_values=0,
-            cells=1,
-            cpu_s=1.0,
-            finished_time_ns=DAY_NS,
-            uavrt_version="0",
-        )
-    )
-    write_rows(output / RECORDINGS, RecordingRow, ledger.rows)
-
-
-def archive(output: Path, flights: int = 9) -> Ledger[RecordingRow]:
-    ledger = Ledger(output, DONE, RecordingRow, [PULSES])
-    for number in range(flights):
-        put(output, ledger, number, key=f"key{number}", pulses=0 if number == 4 else 5)
-    return ledger
+from uavrt.batch.tables import PULSES
 
 
 def every(output: Path) -> list[dict[str, object]]:

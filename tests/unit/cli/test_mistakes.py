@@ -69,6 +69,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("ground --command-key nowhere", "No such file"),
         ("ground --port 99999", "--port"),
         ("ground --headless --vehicle 3 --dem hills", "--vehicle, --dem"),
+        ("ground --headless --archive searched", "--archive"),
+        ("ground --no-browser --port 0 -o flights --archive flights", "recordings.parquet"),
         ("report pulses.jsonl -o r.pdf", "Give the directory"),
         ("ground --vehicle 300", '"300" for --vehicle'),
         ("ground --no-browser --port 0 -o flights --certificate nowhere", "nowhere"),

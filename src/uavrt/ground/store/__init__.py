@@ -1,7 +1,8 @@
 """Ground storage: the flight being recorded, finished flights, settings.
 
 `flight_keeper` starts and ends the ground's own flight, `flights` lists and reads stored
-flights, `estimates` computes bearings and positions, `settings` persists between runs.
+flights, `known_flights` keeps what the list says, `estimates` computes bearings and positions,
+`settings` persists between runs.
 """
 
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from uavrt.ground.store.event_log import EventLog
     from uavrt.ground.store.flight_keeper import FlightKeeper
     from uavrt.ground.store.flights import PULSE_COLUMNS, Columns, FlightLibrary
+    from uavrt.ground.store.known_flights import FlightChoice
     from uavrt.ground.store.settings import GroundStore
     from uavrt.ground.store.stored import PULSES_NAME, read_ground_pulses
 
@@ -24,6 +26,7 @@ __all__ = [
     "Estimates",
     "Estimator",
     "EventLog",
+    "FlightChoice",
     "FlightKeeper",
     "FlightLibrary",
     "GroundStore",
@@ -37,6 +40,7 @@ __getattr__ = lazily(
         "Estimates": "estimates",
         "Estimator": "estimates",
         "EventLog": "event_log",
+        "FlightChoice": "known_flights",
         "FlightKeeper": "flight_keeper",
         "FlightLibrary": "flights",
         "GroundStore": "settings",

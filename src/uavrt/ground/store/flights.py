@@ -4,6 +4,7 @@ A flight of 100 000 pulses is read in columns, never as objects: 10 MB in place 
 """
 
 import math
+import os
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
@@ -16,8 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError, RecordingError, UsageError
+from uavrt.ground.store.known_flights import (
+    FlightChoice,
+    FlightSummary,
+    KnownFlights,
+    Stamp,
+    stamp_of,
+)
 from uavrt.ground.store.prepared_columns import PreparedColumns
-from uavrt.messages import DetectionStatus, Pulse, PulsePose, Tag
+from uavrt.messages import DetectionStatus, Pulse, PulsePose
 from uavrt.recording import (
     POSE_COLUMNS,
     TAG_COLUMNS,
@@ -32,6 +40,8 @@ from uavrt.recording import (
 )
 
 CHUNK = 4000
+PREPARED_MOST = 200
+"""Flights whose columns are kept ready: of thousands they would fill the disk."""
 STATUSES: tuple[DetectionStatus, ...] = tuple(
     status for status in get_args(DetectionStatus) if status != "integrated"
 )
@@ -91,23 +101,6 @@ _SELECT_POSES = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightSummary:
-    """One line of the list of flights."""
-
-    flight_id: str
-    start_time_ns: int
-    end_time_ns: int
-    pulses: int
-    tags: tuple[Tag, ...]
-    source: str
-    """``"ground"`` when this ground station recorded it, ``"drone"`` when it was copied."""
-    starred: bool = False
-    """It is never removed from the computer that it is on."""
-    vehicle: str | None = None
-    """Number and name of its vehicle, where the ground station wrote them."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Columns:
     """Pulses and poses of a flight."""
@@ -134,21 +127,43 @@ class FlightLibrary:
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
-        self._known: dict[str, tuple[tuple[int, int], FlightSummary]] = {}
+        self._known = KnownFlights(directory / "flight_list.json")
         self._prepared = PreparedColumns(directory / "columns")
         self._preparing = threading.Lock()
         self._preparer: threading.Thread | None = None
         self._at_work: str | None = None
+        self._ready: dict[str, Stamp] = {}
+        self._listed: list[FlightSummary] | None = None
+        self._prepared_for: list[FlightSummary] | None = None
 
     def summaries(self) -> list[FlightSummary]:
         """Get all flights, newest first; what cannot be read is left out."""
         found = []
-        for database in self.directory.glob("*/flight.sqlite"):
-            try:
-                found.append(self.summary(database.parent.name))
-            except (FormatError, UsageError, OSError):
-                continue
-        return sorted(found, key=lambda flight: flight.start_time_ns, reverse=True)
+        with suppress(FileNotFoundError), os.scandir(self.directory) as entries:
+            for entry in entries:
+                known = self._known.get(entry.name, stamp_of(entry.path))
+                if known is not None:
+                    found.append(_starred(known, entry.path))
+                    continue
+                with suppress(FormatError, UsageError, OSError):
+                    found.append(self.summary(entry.name))
+        self._listed = sorted(found, key=lambda flight: flight.start_time_ns, reverse=True)
+        return self._listed
+
+    def find(
+        self, choice: FlightChoice, after: int, limit: int
+    ) -> tuple[int, list[FlightSummary]]:
+        """Get how many flights are wanted, and some of them, newest first."""
+        found = [flight for flight in self.summaries() if choice.holds(flight)]
+        return len(found), found[after : after + limit]
+
+    def has(self, flight_id: str) -> bool:
+        """Return whether there is such a flight."""
+        try:
+            self.path(flight_id)
+        except UsageError:
+            return False
+        return True
 
     def path(self, flight_id: str) -> Path:
         """Get the directory of a flight.
@@ -174,12 +189,10 @@ class FlightLibrary:
         FormatError
             It is damaged.
         """
-        layout = FlightLayout(self.path(flight_id))
-        stamp = _stamp(layout)
-        known = self._known.get(flight_id)
-        starred = layout.star.exists()
-        if known is not None and known[0] == stamp:
-            return replace(known[1], starred=starred)
+        path = str(self.path(flight_id))
+        stamp = stamp_of(path)
+        if (known := self._known.get(flight_id, stamp)) is not None:
+            return _starred(known, path)
         with self._database(flight_id) as database:
             row = database.execute("SELECT start_time_ns FROM flight").fetchone()
             if row is None:
@@ -204,11 +217,10 @@ class FlightLibrary:
                 pulses=count,
                 tags=tuple(map(tag_from_row, tags)),
                 source="ground" if ours else "drone",
-                starred=starred,
                 vehicle=vehicle_of(vehicles),
             )
-        self._known[flight_id] = (stamp, summary)
-        return summary
+        self._known.put(summary, stamp)
+        return _starred(summary, path)
 
     def places(self, flight_id: str) -> Places:
         """Get where a flight took off, and its marks; raises as `summary`."""
@@ -260,17 +272,23 @@ class FlightLibrary:
         return self._read_poses(flight_id) if kept is None else kept
 
     def prepare_soon(self, live: str | None = None) -> None:
-        """Do `prepare` on a thread of its own, unless one is at it."""
+        """Do `prepare` on a thread of its own, unless one is at it or no flight has changed."""
+        if self._listed is not None and self._listed == self._prepared_for:
+            return
         if self._preparer is None or not self._preparer.is_alive():
             self._preparer = threading.Thread(target=self.prepare, args=(live,), daemon=True)
             self._preparer.start()
 
     def prepare(self, live: str | None = None) -> None:
-        """Make the columns of all flights but `live` ready to be read at once.
+        """Make the columns of the newest flights but `live` ready to be read at once.
 
-        Newest first. Without room for them flights are read from their databases as before.
+        Older ones, and all without room, are read from their databases as before.
         """
-        flights = [flight.flight_id for flight in self.summaries()]
+        self._prepared_for = self.summaries()
+        flights = [flight.flight_id for flight in self._prepared_for]
+        with suppress(OSError):
+            self._known.write(set(flights))
+        flights = flights[:PREPARED_MOST]
         for flight_id in flights:
             if flight_id != live:
                 with self._preparing, suppress(FormatError, UsageError, OSError):
@@ -279,16 +297,19 @@ class FlightLibrary:
         self._at_work = None
         with suppress(OSError):
             self._prepared.keep_only(set(flights))
+        self._ready = {name: self._ready[name] for name in flights if name in self._ready}
 
     def _prepare(self, flight_id: str) -> None:
-        stamp = _stamp(FlightLayout(self.path(flight_id)))
-        if self._prepared.has(flight_id, stamp):
+        stamp = stamp_of(str(self.path(flight_id)))
+        if self._ready.get(flight_id) == stamp:
             return
-        pulses, poses = self._read_pulses(flight_id), self._read_poses(flight_id)
-        self._prepared.write(flight_id, stamp, pulses, poses)
+        if not self._prepared.has(flight_id, stamp):
+            pulses, poses = self._read_pulses(flight_id), self._read_poses(flight_id)
+            self._prepared.write(flight_id, stamp, pulses, poses)
+        self._ready[flight_id] = stamp
 
     def _kept(self, flight_id: str, name: str) -> NDArray[np.float64] | None:
-        stamp = _stamp(FlightLayout(self.path(flight_id)))
+        stamp = stamp_of(str(self.path(flight_id)))
         found = self._prepared.read(flight_id, stamp, name)
         if found is None and self._at_work == flight_id:
             with self._preparing:  # ready in a moment
@@ -386,14 +407,10 @@ def _columns(
     return cells[:, :place]
 
 
-def _stamp(layout: FlightLayout) -> tuple[int, int]:
-    """When and how large the database and its log were last."""
-    size, changed = 0, 0
-    for path in (layout.database, layout.database.with_name("flight.sqlite-wal")):
-        if path.exists():
-            stat = path.stat()
-            size, changed = size + stat.st_size, max(changed, stat.st_mtime_ns)
-    return size, changed
+def _starred(flight: FlightSummary, path: str) -> FlightSummary:
+    """A flight with its star as it is now."""
+    starred = os.path.exists(f"{path}/starred")
+    return flight if flight.starred == starred else replace(flight, starred=starred)
 
 
 def known(value: float) -> float | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from uavrt.analysis import MONOPOLE
+from uavrt.batch import check_archive
 from uavrt.config import write_tags, write_text_atomically
 from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
@@ -45,6 +46,8 @@ class GroundSettings:
     """What the operator calls the vehicle, shown beside its number."""
     dem: str = ""
     """Elevation file or folder on this computer; empty: the ground is taken as level."""
+    archive: str = ""
+    """Directory that `uavrt batch` wrote; empty: `archive` beside the flights, if there."""
     left_out: tuple[int, ...] = ()
     """Numbers of tags in the table that are not flown with."""
 
@@ -131,6 +134,14 @@ class GroundStore:
             store.set_settings(replace(self.settings, vehicle_name=""))
             store.set_tags(self.tags)
         return store
+
+    @property
+    def archive(self) -> Path | None:
+        """What `uavrt batch` wrote: where it is set, else beside the flights; None: nothing."""
+        if self.settings.archive:
+            return Path(self.settings.archive)
+        beside = self.directory / "archive"
+        return beside if beside.is_dir() else None
 
     @property
     def chosen_tags(self) -> tuple[Tag, ...]:
@@ -221,6 +232,8 @@ def _judged(name: str, value: Any) -> Any:
             return _receiver(str(value).strip())
         case "dem":
             return _elevation(str(value).strip())
+        case "archive":
+            return _archive(str(value).strip())
         case "vehicle_name" if isinstance(value, str) and len(value.strip()) <= MOST_NAME:
             return " ".join(value.split())
         case "generation" if value in get_args(Generation):
@@ -264,6 +277,17 @@ def _elevation(text: str) -> str:
         return ""
     try:
         open_elevation(Path(text))
+    except FormatError as error:
+        raise UsageError(error.message, remedy=error.remedy) from error
+    return str(Path(text).absolute())
+
+
+def _archive(text: str) -> str:
+    """Judge an archive by the table that each has; empty for none."""
+    if not text:
+        return ""
+    try:
+        check_archive(Path(text))
     except FormatError as error:
         raise UsageError(error.message, remedy=error.remedy) from error
     return str(Path(text).absolute())

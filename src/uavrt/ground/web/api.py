@@ -51,7 +51,6 @@ class Api:
         self._estimates: dict[tuple[Any, ...], Any] = {}
         self._reporter = Reporter(session.store.directory / "reports")
         self._silence = SilenceDesk()
-        self._prepare()
 
     def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
         """Path below ``/api``, method, handler."""
@@ -80,7 +79,6 @@ class Api:
             ("/parameters", "POST", self.parameters),
             ("/readout", "GET", self.readout),
             ("/log", "GET", self.log),
-            ("/flights", "GET", self.flights),
             ("/season", "GET", self.season),
             ("/flights/{flight_id}", "GET", self.flight),
             ("/flights/{flight_id}/star", "PUT", self.star),
@@ -278,11 +276,6 @@ class Api:
         """The operator's log."""
         return self._session.log.lines()
 
-    async def flights(self, request: Request) -> Any:
-        """All flights on this computer, newest first; who asks will open one soon."""
-        self._prepare()
-        return await asyncio.to_thread(self._session.library.summaries)
-
     async def season(self, request: Request) -> Any:
         """All flights on this computer in numbers, as `uavrt season` gives them."""
         return asdict(await asyncio.to_thread(read_season, self._session.library.directory))
@@ -310,8 +303,8 @@ class Api:
 
     async def pulses(self, request: Request) -> Any:
         """Some pulses as records: ``?after=0&limit=1000``."""
-        after = _whole(request, "after", 0, 2**31)
-        limit = _whole(request, "limit", 1000, 10_000)
+        after = whole_number(request, "after", 0, 2**31)
+        limit = whole_number(request, "limit", 1000, 10_000)
         library, flight_id = self._session.library, _flight_id(request)
         return await asyncio.to_thread(library.records, flight_id, after, limit)
 
@@ -329,7 +322,10 @@ class Api:
     async def track(self, request: Request) -> Any:
         """The vehicle's poses, likewise; ``?most=20000``: not more, evenly taken."""
         library, flight_id = self._session.library, _flight_id(request)
-        names, most = request.query_params.get("names"), _whole(request, "most", 10**9, 10**9)
+        names, most = (
+            request.query_params.get("names"),
+            whole_number(request, "most", 10**9, 10**9),
+        )
         return await asyncio.to_thread(
             lambda: chosen_columns(thinned(library.poses(flight_id), most), POSE_COLUMNS, names)
         )
@@ -446,10 +442,6 @@ class Api:
     def _check_commander(self, request: Request) -> None:
         self._session.commander.check(request.headers.get("x-page"))
 
-    def _prepare(self) -> None:
-        flight = self._session.flight
-        self._session.library.prepare_soon(None if flight.ended else flight.flight_id)
-
     async def _columns(self, request: Request) -> Columns:
         return await asyncio.to_thread(self._session.library.columns, _flight_id(request))
 
@@ -535,7 +527,8 @@ def _flight_id(request: Request) -> str:
     return str(request.path_params["flight_id"])
 
 
-def _whole(request: Request, name: str, default: int, most: int) -> int:
+def whole_number(request: Request, name: str, default: int, most: int) -> int:
+    """Read a number of a query; raises `FormatError`."""
     text = request.query_params.get(name, str(default))
     if not text.isascii() or not text.isdigit():
         raise FormatError(f"{name} must be a whole number")

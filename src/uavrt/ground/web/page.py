@@ -47,6 +47,8 @@ class PageSettings:
     """Of a GPS receiver; None: that of the last time."""
     dem: str | None = None
     """Elevation files; None: those of the last time."""
+    archive: str | None = None
+    """What `uavrt batch` wrote; None: that of the last time."""
     tags: tuple[Tag, ...] | None = None
     start: bool = False
     further_vehicles: tuple[int, ...] = ()
@@ -72,12 +74,9 @@ class PageStation:
         self._stopping = asyncio.Event()
         self._started: set[GroundSession] = set()
         store = GroundStore(settings.directory)
-        if settings.address is not None:
-            store.set_settings(store.settings.changed({"address": settings.address}))
-        if settings.my_place is not None:
-            store.set_settings(store.settings.changed({"my_place": settings.my_place}))
-        if settings.dem is not None:
-            store.set_settings(store.settings.changed({"dem": settings.dem}))
+        for name in ("address", "my_place", "dem", "archive"):
+            if (value := getattr(settings, name)) is not None:
+                store.set_settings(store.settings.changed({name: value}))
         if settings.tags is not None:
             store.set_tags(settings.tags)
         self.fleet = Fleet(store, Clock.start(), self._take, settings.keys)
@@ -117,6 +116,7 @@ class PageStation:
         finally:
             queries_ended.set()
             tidying.cancel()
+            gc.unfreeze()  # libraries look for what they left behind
             work.cancel()
             session.cancel()
             with contextlib.suppress(asyncio.CancelledError, LinkError):

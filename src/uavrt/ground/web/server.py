@@ -27,6 +27,7 @@ from uavrt.ground.web.api import Api, answered
 from uavrt.ground.web.doors import Served, doors
 from uavrt.ground.web.drone_flights import ExtraApi
 from uavrt.ground.web.fleet_api import FleetApi
+from uavrt.ground.web.flight_lists import FlightListApi
 from uavrt.ground.web.guard import Guard
 from uavrt.ground.web.set_up_api import SetUpApi
 
@@ -173,7 +174,8 @@ def _routes(session: GroundSession, api: Api) -> list[Route | Mount | WebSocketR
         Route("/", _page),
         WebSocketRoute("/api/records", api.records),
     ]
-    for path, method, handler in [*api.routes(), *ExtraApi(session).routes()]:
+    more = [*ExtraApi(session).routes(), *FlightListApi(session).routes()]
+    for path, method, handler in [*api.routes(), *more]:
         routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
     return routes
 

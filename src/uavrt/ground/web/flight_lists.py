@@ -1,0 +1,111 @@
+"""Routes that list flights: those on this computer, and those of an archive."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import asdict
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from starlette.requests import Request
+
+from uavrt.batch import find_flights
+from uavrt.errors import FormatError
+from uavrt.ground.session import GroundSession
+from uavrt.ground.store import FlightChoice
+from uavrt.ground.web.api import whole_number
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+MOST = 500
+"""Flights of an archive in one answer."""
+FIRST_YEAR, LAST_YEAR = 1970, 2200
+"""Nanoseconds since 1970 end in 2262."""
+_ALL = 10**9
+
+
+class FlightListApi:
+    """Flights by tag and day, so many at a time.
+
+    Parameters
+    ----------
+    session : GroundSession
+        Whose flights they are.
+    """
+
+    def __init__(self, session: GroundSession) -> None:
+        self._session = session
+        self._prepare()
+
+    def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
+        """Path below ``/api``, method, handler."""
+        return [
+            ("/flights", "GET", self.flights),
+            ("/found-flights", "GET", self.found),
+            ("/archive", "GET", self.archived),
+        ]
+
+    async def flights(self, request: Request) -> Any:
+        """All flights on this computer, newest first; who asks will open one soon."""
+        found = await asyncio.to_thread(self._session.library.summaries)
+        self._prepare()
+        return found
+
+    async def found(self, request: Request) -> Any:
+        """Some of them: ``?tag=4&from=2026-05-01&to=2026-05-02&after=0&limit=50``."""
+        choice, (after, limit) = _choice(request), _page(request, _ALL)
+        library = self._session.library
+        total, flights = await asyncio.to_thread(library.find, choice, after, limit)
+        self._prepare()
+        return {"total": total, "flights": flights}
+
+    async def archived(self, request: Request) -> Any:
+        """The same of the archive; ``directory`` is null where there is none."""
+        choice, (after, limit) = _choice(request), _page(request, MOST)
+        archive = self._session.store.archive
+        if archive is None:
+            return {"directory": None, "total": 0, "flights": []}
+
+        def find() -> dict[str, Any]:
+            wanted = asdict(choice)
+            found = find_flights(archive, **wanted, after=after, limit=limit)
+            # Where the flight is here, too, it can be opened.
+            have = self._session.library.has
+            flights = [{**asdict(one), "here": have(one.flight)} for one in found.flights]
+            return {"directory": str(archive), "total": found.total, "flights": flights}
+
+        return await asyncio.to_thread(find)
+
+    def _prepare(self) -> None:
+        flight = self._session.flight
+        self._session.library.prepare_soon(None if flight.ended else flight.flight_id)
+
+
+def _choice(request: Request) -> FlightChoice:
+    """Read what is wanted; days are of UTC, and both count."""
+    wanted = request.query_params
+    first, last = (_day(wanted.get(name, ""), name) for name in ("from", "to"))
+    return FlightChoice(
+        tag_id=whole_number(request, "tag", 0, 2**31) if wanted.get("tag") else None,
+        since_ns=None if first is None else _time_ns(first),
+        before_ns=None if last is None else _time_ns(last + timedelta(days=1)),
+    )
+
+
+def _day(text: str, name: str) -> datetime | None:
+    if not text:
+        return None
+    try:
+        day = datetime.strptime(text, "%Y-%m-%d").replace(tzinfo=UTC)
+    except ValueError as error:
+        raise FormatError(f"{name} must be a day such as 2026-05-01") from error
+    if not FIRST_YEAR <= day.year <= LAST_YEAR:
+        raise FormatError(f"{name} must be a day from {FIRST_YEAR} to {LAST_YEAR}")
+    return day
+
+
+def _time_ns(day: datetime) -> int:
+    return int(day.timestamp()) * NANOSECONDS_PER_SECOND
+
+
+def _page(request: Request, most: int) -> tuple[int, int]:
+    limit = whole_number(request, "limit", min(50, most), most)
+    return whole_number(request, "after", 0, _ALL), limit
