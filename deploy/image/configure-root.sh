@@ -102,7 +102,7 @@ data=\${1:-/data} given=$given
 IDENTITY
 cat >>"$root/usr/local/sbin/uavrt-identity" <<'IDENTITY'
 mkdir -p "$data/network"
-secret() { tr -dc 'abcdefghijkmnpqrstuvwxyz23456789' </dev/urandom | head -c "$1"; }
+secret() { head -c 4096 /dev/urandom | tr -dc 'abcdefghijkmnpqrstuvwxyz23456789' | head -c "$1"; }
 # As the page's own user, so that a link it could have put there leads nowhere; and whatever does
 # not look as it should is left out: root believes nothing that a service has written.
 handed() { runuser -u uavrt -- head -c 20000 "$data/uavrt/$1" 2>/dev/null || :; }

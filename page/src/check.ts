@@ -14,6 +14,7 @@ const NAMES: Record<string, string> = {
   tags: "Bench tag",
   disk: "Disk",
   battery: "Battery",
+  card: "Card",
 };
 
 let timer: number | undefined;

@@ -71,9 +71,21 @@ function findBare(text: string): string | null {
   const one = whole.get(plain(text));
   if (one !== undefined) return one;
   if (text.includes(" · ")) return text.split(" · ").map(told).join(" · ");
+  const fault = faultAndRemedy(text);
+  if (fault !== null) return fault;
   for (const [form, words] of patterns) {
     const found = form.exec(plain(text));
     if (found) return filled(words, found.slice(1).map((part) => find(part) ?? part));
+  }
+  return null;
+}
+
+/** Errors say what is wrong, then what to do: each has its own words. */
+function faultAndRemedy(text: string): string | null {
+  for (let at = text.indexOf(". "); at > 0; at = text.indexOf(". ", at + 1)) {
+    const fault = findBare(text.slice(0, at));
+    const remedy = fault === null ? null : findBare(text.slice(at + 2));
+    if (remedy !== null) return `${fault}. ${remedy}`;
   }
   return null;
 }

@@ -14,7 +14,7 @@ from update_maker import make_key
 
 from uavrt.cli.run_ground import OWN_COMPONENT
 from uavrt.computer import FirstSetup
-from uavrt.config import load_settings, write_default_settings
+from uavrt.config import RADIOS, load_settings, write_default_settings
 
 IMAGE = Path(__file__).parents[2] / "deploy/image"
 TOOLS = ("sfdisk", "mkfs.ext4", "mkfs.vfat", "mcopy", "debugfs")
@@ -102,6 +102,12 @@ def test_units_and_first_boot_are_well_formed_and_no_secret_is_in_the_root(root:
     said = b"".join(contents(root).values()).decode(errors="replace")
     assert "psk=$wifi" in said  # made when it starts, not now
     assert "PRIVATE KEY" not in said
+
+
+def test_the_image_has_the_programs_of_all_radios() -> None:
+    lines = (IMAGE / "packages.txt").read_text().splitlines()
+    packages = {line for line in lines if line and not line.startswith("#")}
+    assert {row.package for row in RADIOS.values() if row.receive} <= packages
 
 
 class Started:

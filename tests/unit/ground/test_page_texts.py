@@ -2,8 +2,10 @@
 
 import ast
 import inspect
+import pkgutil
 import re
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -11,6 +13,7 @@ import pytest
 from page_texts import CATALOGUE, PAGE, for_people, literals
 
 from uavrt.computer import bench
+from uavrt.ground import fetch, link, web
 from uavrt.ground.web import actions
 
 SOURCES = sorted(set(PAGE.glob("*.ts")) - {PAGE / "types.ts", PAGE / "i18n.ts"})
@@ -79,6 +82,30 @@ def test_what_the_server_says_of_buttons_and_checks_has_words() -> None:
     texts = {*actions.ACTIONS.values(), *actions.NOT_NOW.values(), bench.NOISE_REMEDY}
     texts |= said(actions, "_reason") | said(bench, "_good", "_bad")
     assert len(texts) > 50
+    assert {text for text in texts if not has_words(text)} == set()
+
+
+FOR_TERMINALS = {"page", "server", "keys"}
+"""Modules whose errors end the program before there is a page."""
+ASKED_OF = [
+    *(one.name for one in pkgutil.iter_modules(web.__path__, f"{web.__name__}.")),
+    *(one.name for one in pkgutil.iter_modules(link.__path__, f"{link.__name__}.")),
+    *(one.name for one in pkgutil.iter_modules(fetch.__path__, f"{fetch.__name__}.")),
+    *("uavrt.ground.session", "uavrt.ground.fleet", "uavrt.computer.first_setup"),
+]
+
+
+@pytest.mark.parametrize("name", ASKED_OF)
+def test_errors_that_a_page_is_answered_with_have_words(name: str) -> None:
+    """But for those of values that only a script sends wrong (`FormatError`)."""
+    if name.rpartition(".")[2] in FOR_TERMINALS:
+        return
+    raised = ("UsageError", "LinkError", "CommandRefused", "ConfigError", "StepFault")
+    texts = set()
+    for node in ast.walk(ast.parse(inspect.getsource(import_module(name)))):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in raised:
+            said = [*node.args[:1], *(one.value for one in node.keywords)]
+            texts |= {text for one in said for text in texts_of(one) if " " in text}
     assert {text for text in texts if not has_words(text)} == set()
 
 

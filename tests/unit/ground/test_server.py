@@ -352,7 +352,18 @@ def test_with_a_password_nothing_is_told_without_it(
         script = {"Authorization": "Bearer marmot"}
         assert station.ask("GET", "/api/state", headers=script).status == 200
         form = {"Content-Type": "application/x-www-form-urlencoded"}
-        assert station.ask("POST", "/login", b"password=wrong", form).status == 401
+        for wanted, language, told in (
+            ("de-CH,de;q=0.9,en;q=0.8", "de", "Das ist nicht das Passwort."),
+            ("fr,en;q=0.5", "en", "This is not the password."),
+            ("", "en", "This is not the password."),
+        ):
+            spoken = form | {"Accept-Language": wanted}
+            wrong = station.ask("POST", "/login", b"password=wrong", spoken)
+            assert wrong.status == 401
+            assert f'lang="{language}"' in wrong.body.decode()
+            assert told in wrong.body.decode()
+            asked = station.ask("GET", "/", headers={"Accept-Language": wanted}).body.decode()
+            assert told not in asked
         answer = station.ask("POST", "/login", b"password=marmot", form)
         assert answer.status == 303
         headers = {name.lower(): value for name, value in answer.headers.items()}

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from willing_drone import WillingDrone
 
-from uavrt.computer import FirstSetup
+from uavrt.computer import FirstSetup, checks
+from uavrt.computer.card import Card
 from uavrt.config import load_settings, write_default_settings
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import UavrtError
@@ -149,7 +150,37 @@ def test_the_link_is_tried_and_says_what_to_do(
     assert str(missing) in closed[0]["text"]
 
 
+def test_the_drones_own_page_tells_of_its_card(
+    asked: Any, config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def card() -> Any:
+        found = asked.ask("GET", "/api/first-flight").json
+        return {one["what"]: one for one in found}["card"]
+
+    assert card()["ok"]
+    seen: list[Path] = []
+
+    def worn(directory: Path) -> Card:
+        seen.append(directory)
+        return Card(
+            device="/dev/mmcblk0p3",
+            kind="ext4",
+            read_only=True,
+            errors=2,
+            written_gb=900.0,
+            life_used_tenths=10,
+        )
+
+    monkeypatch.setattr(checks, "card_of", worn)
+    told = card()
+    assert not told["ok"]
+    assert "read-only" in told["text"]
+    assert "new card" in told["remedy"]
+    assert seen == [config.parent]  # of the flights, wherever the page was started
+
+
 def test_the_page_of_a_laptop_asks_for_nothing(served: Any) -> None:
+    assert "card" not in {one["what"] for one in served.ask("GET", "/api/first-flight").json}
     assert served.ask("GET", "/api/set-up").json == {"wanted": False}
     assert served.ask("PUT", "/api/set-up/name", {"name": "lynx"}).status == 404
 

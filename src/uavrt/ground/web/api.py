@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import json
 from collections.abc import AsyncIterator, Awaitable, Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ from starlette.responses import FileResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from uavrt.analysis import MONOPOLE, read_season
+from uavrt.computer import Finding
+from uavrt.config import load_settings
 from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError, UsageError
 from uavrt.ground.link import area_of_file, place_in
 from uavrt.ground.session import GroundSession
@@ -44,10 +46,13 @@ class Api:
     ----------
     session : GroundSession
         What is shown and commanded.
+    drone_settings : Path, optional
+        ``uavrt.toml`` of the drone side, where the page runs on the drone's own computer.
     """
 
-    def __init__(self, session: GroundSession) -> None:
+    def __init__(self, session: GroundSession, drone_settings: Path | None = None) -> None:
         self._session = session
+        self._drone_settings = drone_settings
         self._estimates: dict[tuple[Any, ...], Any] = {}
         self._reporter = Reporter(session.store.directory / "reports")
         self._silence = SilenceDesk()
@@ -99,7 +104,10 @@ class Api:
 
     async def first_flight(self, request: Request) -> Any:
         """The list before a first flight, each item with its remedy."""
-        return [asdict(finding) for finding in self._session.first_flight()]
+        findings = self._session.first_flight()
+        if self._drone_settings is not None:
+            findings.append(await asyncio.to_thread(_card, self._drone_settings))
+        return [asdict(finding) for finding in findings]
 
     async def tags(self, request: Request) -> Any:
         """The tag table."""
@@ -501,6 +509,16 @@ def answered(handler: Callable[[Request], Awaitable[Any]]) -> Callable[[Request]
 
 def _json_response(value: Any, status: int) -> Response:
     return Response(encode(value), status, media_type="application/json")
+
+
+def _card(drone_settings: Path) -> Finding:
+    """Look at the card of the drone's flights, which is in this computer."""
+    from uavrt.computer import check_card
+
+    settings = load_settings(drone_settings)
+    directory = str(drone_settings.parent / settings.recording.directory)
+    recording = replace(settings.recording, directory=directory)
+    return check_card(replace(settings, recording=recording))
 
 
 async def json_body(request: Request) -> Any:

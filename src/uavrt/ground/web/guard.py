@@ -37,11 +37,28 @@ SECURITY_HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 
-_LOGIN = """<!doctype html><html lang="en"><meta charset="utf-8">
-<meta name="viewport" content="width=device-width"><title>uavrt ground station</title>
-<h1>Ground station</h1><form method="post" action="/login">
-<label>Password <input type="password" name="password" autofocus required></label>
-<button>Open</button></form>"""
+_LOGIN = """<!doctype html><html lang="{language}"><meta charset="utf-8">
+<meta name="viewport" content="width=device-width"><title>uavrt {title}</title>
+<h1>{title}</h1><form method="post" action="/login">
+<label>{password} <input type="password" name="password" autofocus required></label>
+<button>{open}</button></form><p role="alert">{fault}</p>"""
+_WORDS = {
+    "en": {
+        "title": "Ground station",
+        "password": "Password",
+        "open": "Open",
+        "wrong": "This is not the password.",
+        "wait": "Too many wrong passwords: try again in {seconds} s.",
+    },
+    "de": {
+        "title": "Bodenstation",
+        "password": "Passwort",
+        "open": "Öffnen",
+        "wrong": "Das ist nicht das Passwort.",
+        "wait": "Zu viele falsche Passwörter: in {seconds} s wieder versuchen.",
+    },
+}
+"""What the form says, before the page and its catalogue may be seen."""
 
 
 class Guard:
@@ -176,7 +193,12 @@ class Guard:
     async def _login(self, scope: Scope, receive: Receive, send: Send) -> None:
         response: Response
         wait_s = self.guesses.wait_s(_address(scope))
-        if wait_s > 0.0:
+        for_scripts = scope["path"].startswith("/api/")
+        if wait_s > 0.0 and not for_scripts:
+            later = {"Retry-After": f"{wait_s:.0f}"}
+            form = _form(scope, "wait", seconds=f"{wait_s:.0f}")
+            response = HTMLResponse(form, 429, headers=later)
+        elif wait_s > 0.0:
             text = f"too many wrong passwords: try again in {wait_s:.0f} s"
             later = {"Retry-After": f"{wait_s:.0f}"}
             response = JSONResponse({"error": text}, 429, headers=later)
@@ -193,12 +215,22 @@ class Guard:
                     secure=scope["scheme"] == "https",
                 )
             else:
-                response = HTMLResponse(_LOGIN, 401)
-        elif scope["path"].startswith("/api/"):
+                response = HTMLResponse(_form(scope, "wrong"), 401)
+        elif for_scripts:
             response = JSONResponse({"error": "the password is needed"}, 401)
         else:
-            response = HTMLResponse(_LOGIN, 401)
+            response = HTMLResponse(_form(scope), 401)
         await response(scope, receive, send)
+
+
+def _form(scope: Scope, fault: str = "", **gaps: str) -> str:
+    """Write the form for the password in the first of the browser's languages that is known."""
+    wanted = Headers(scope=scope).get("accept-language", "").lower().split(",")
+    known = (one.strip()[:2] for one in wanted)
+    language = next((one for one in known if one in _WORDS), "en")
+    words = _WORDS[language]
+    told = words[fault].format(**gaps) if fault else ""
+    return _LOGIN.format(language=language, fault=told, **words)
 
 
 async def _body(receive: Receive) -> bytes:

@@ -139,7 +139,7 @@ def application(
     session: GroundSession, settings: ServerSettings, fleet: Fleet | None = None
 ) -> Starlette:
     """Make the web application of a session, and of the other vehicles of its fleet."""
-    api = Api(session)
+    api = Api(session, settings.drone_settings)
     guard = Middleware(Guard, hosts=settings.names, password=settings.password)
     routes = _routes(session, api)
     for path, method, handler in SetUpApi(session, settings.drone_settings).routes():
