@@ -13,6 +13,7 @@ from uavrt.analysis.export import export_survey
 from uavrt.analysis.export.bursts import DETECTION_COLUMNS
 from uavrt.analysis.found_bursts import bursts_of_pulses
 from uavrt.analysis.measure import detect
+from uavrt.analysis.report.words import code_table, methods
 from uavrt.config import parse_tags, write_tags
 from uavrt.messages import FlightInfo, Poses, Pulse, PulsePose
 from uavrt.radio import open_recording
@@ -86,6 +87,26 @@ def test_bursts_make_a_bearing(flight: Path) -> None:
     survey = read_survey(flight)
     (bearing,) = survey.bearings_of(12)
     assert bearing.bearing.bearing_deg == pytest.approx(45.0, abs=12.0)
+
+
+def test_a_report_tells_listed_gaps_and_heard_ones(flight: Path, tmp_path: Path) -> None:
+    assert uavrt("report", str(flight), "-o", str(tmp_path)) == 0
+    assert "<th>Heard gaps ms</th>" in (tmp_path / "report.html").read_text()
+    assert (tmp_path / "report.pdf").stat().st_size > 0
+    survey = read_survey(flight)
+    table = code_table(survey)
+    assert table is not None
+    ((tag, listed, heard, bursts),) = table[1]
+    assert tag == "12"
+    assert int(bursts) >= 20
+    assert listed == "22.0 48.8 36.6"
+    assert [float(gap) for gap in heard.split()] == pytest.approx([22.0, 48.8, 36.6], abs=0.3)
+    assert any(text.startswith("Coded tags.") for text in methods(survey))
+    assert survey.info is not None
+    beep = replace(survey.info.tags[0], gaps_s=())
+    beeping = replace(survey, info=replace(survey.info, tags=(beep,)))
+    assert code_table(beeping) is None
+    assert not any(text.startswith("Coded tags.") for text in methods(beeping))
 
 
 def test_bursts_are_exported_for_find_tags_and_beeps_have_no_such_files(

@@ -162,6 +162,8 @@ class _Book:
         survey = self._survey
         writer = _Writer(self)
         writer.table("Tags", words.tag_table(survey), (15, 10, 10, 7, 10, 19, 11, 8))
+        if (codes := words.code_table(survey)) is not None:
+            writer.table("Codes", codes, (15, 30, 30, 14))
         if survey.bearings:
             widths = (6, 10, 24, 9, 16, 8, 20)
             writer.table("Bearings", words.bearing_table(survey), widths)

@@ -58,6 +58,7 @@ def html_page(survey: Survey) -> str:
             _figure_of_overview(survey),
             "<h2>Tags</h2>",
             _table(words.tag_table(survey)),
+            *(_table(table) for table in [words.code_table(survey)] if table is not None),
             *(_search_section(survey, one) for one in searches.searches_of(survey)),
             *(_tag_section(survey, tag_id) for tag_id in survey.tag_ids),
             *(_fold_section(survey, one) for one in survey.folds),

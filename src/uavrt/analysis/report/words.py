@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
@@ -12,6 +13,7 @@ from uavrt.analysis.report.roses import verdict
 from uavrt.analysis.survey import Survey
 from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
 from uavrt.localization import Position, TangentPlane
+from uavrt.messages import Pulse, Tag
 from uavrt.recording import IntegratedVerdict
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
@@ -40,6 +42,11 @@ METHODS = (
     "Positions. Product of the bearings' probabilities over the ground, each allowed to be an "
     "outlier; the star is the most probable place, the line around it holds the tag with "
     "95 %. The form of the problem is Lenth's [2]; his estimators are in `uavrt localize`.",
+)
+CODED_METHOD = (
+    "Coded tags. A pulse in this report is a burst of theirs: all of its pulses are found "
+    "together at the gaps of the code, alone or over several bursts. Its SNR is the mean over "
+    "its pulses. Heard gaps are medians; a crystal stretches all of them alike."
 )
 POWER_METHOD = (
     "Positions. Strength along the flight, heard with an upright monopole that hears nothing "
@@ -120,7 +127,7 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
         return [f"In hindsight, {over}: not found ({chance}).", *_remarks(verdict)]
     parts = [
         f"In hindsight, {over}: found ({chance}), "
-        f"{_count(verdict.pulses, 'further pulse')} every {verdict.interval_s:.4f} s"
+        f"{_count(verdict.pulses, _what(survey, tag_id))} every {verdict.interval_s:.4f} s"
     ]
     if verdict.places > 1:
         parts.append(
@@ -139,6 +146,11 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
             f"{verdict.radius95_m:.0f}\u00a0m with 95\u00a0%"
         )
     return ["; ".join(parts) + ".", *_remarks(verdict)]
+
+
+def _what(survey: Survey, tag_id: int) -> str:
+    tag = survey.tag(tag_id)
+    return "further burst" if tag is not None and tag.coded else "further pulse"
 
 
 def _remarks(verdict: IntegratedVerdict) -> list[str]:
@@ -171,6 +183,31 @@ def tag_table(survey: Survey) -> Table:
             ]
         )
     return header, rows
+
+
+def code_table(survey: Survey) -> Table | None:
+    """Codes as they are listed, and as they were heard; None where no tag is coded."""
+    rows = []
+    for tag_id in survey.tag_ids:
+        tag = survey.tag(tag_id)
+        if tag is not None and tag.coded:
+            bursts = [one.pulse for one in survey.pulses_of(tag_id)]
+            rows.append([title_of(survey, tag_id), *_gaps(tag, bursts)])
+    return (["Tag", "Listed gaps ms", "Heard gaps ms", "Whole bursts"], rows) if rows else None
+
+
+def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
+    """Gaps as they are listed, medians of those that were heard, and in how many bursts."""
+    heard = [
+        np.diff(one.burst_starts_ns) / 1e6
+        for one in bursts
+        if len(one.burst_starts_ns) == len(tag.gaps_s) + 1
+    ]
+    listed = " ".join(f"{1e3 * gap_s:.1f}" for gap_s in tag.gaps_s)
+    if not heard:
+        return listed, "–", "0"
+    told = " ".join(f"{gap:.1f}" for gap in np.median(heard, axis=0).tolist())
+    return listed, told, str(len(heard))
 
 
 def bearing_table(survey: Survey) -> Table:
@@ -225,6 +262,9 @@ def events(survey: Survey) -> list[tuple[str, str]]:
 def methods(survey: Survey) -> list[str]:
     """How everything was computed."""
     hindsight = [HINDSIGHT_METHOD] if survey.verdicts else []
+    tags = [tag for tag in map(survey.tag, survey.tag_ids) if tag is not None]
+    if any(tag.coded for tag in tags):
+        hindsight = [CODED_METHOD, *hindsight]
     if survey.signals:
         return [*METHODS[:2], POWER_METHOD, *hindsight]
     return [*(text.format(antenna=survey.antenna) for text in METHODS), *hindsight]
