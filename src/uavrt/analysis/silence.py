@@ -18,8 +18,11 @@ from uavrt.analysis.coverage import (
     map_around,
 )
 from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
+from uavrt.analysis.measure import flight_settings
+from uavrt.analysis.positions import antenna_of
+from uavrt.analysis.power_survey import MONOPOLE
 from uavrt.errors import RecordingError, UsageError
-from uavrt.localization import AntennaPattern
+from uavrt.localization import AntennaPattern, pattern_named
 from uavrt.messages import Tag
 from uavrt.planning import Coverage, LinkBudget
 from uavrt.recording import Flight, IntegratedVerdict, read_integrated
@@ -49,6 +52,8 @@ class SilentMap:
     """Whether the whole flight showed it."""
     noise: str
     """What is known of the drone's, in words."""
+    antenna: str
+    """Name of the pattern that it was made with."""
 
     @property
     def heard(self) -> bool:
@@ -72,7 +77,9 @@ class ListenedFlight:
         directory: Path,
         flight: Flight,
         elevation: Elevation | None,
-        size: MapSize | None = None,
+        *,
+        margin_m: float = _MARGIN_M,
+        cell_m: float | None = None,
     ) -> "ListenedFlight":
         """Lay a map around a flight, by default of 120 cells, and read its noise.
 
@@ -86,9 +93,10 @@ class ListenedFlight:
             The map would be too large.
         """
         plane, east, north = flight_plane(flight)
-        if size is None:
-            extent = max(float(np.ptp(east)), float(np.ptp(north))) + 2.0 * _MARGIN_M
-            size = MapSize(margin_m=_MARGIN_M, cell_m=max(_FINEST_M, round(extent / _CELLS)))
+        if cell_m is None:
+            extent = max(float(np.ptp(east)), float(np.ptp(north))) + 2.0 * margin_m
+            cell_m = max(_FINEST_M, round(extent / _CELLS))
+        size = MapSize(margin_m=margin_m, cell_m=cell_m)
         try:
             noise = flight_noise_of(directory, flight)
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
@@ -107,11 +115,18 @@ class ListenedFlight:
         tag: Tag,
         budget: LinkBudget,
         *,
-        pattern: AntennaPattern | None,
+        antenna: str | None = None,
         level_sigma_db: float = LEVEL_SIGMA_DB,
         on_pulse: Callable[[int, int], None] | None = None,
     ) -> SilentMap:
-        """Map where a tag would have been heard; raises `UsageError` of too long a flight."""
+        """Map where a tag would have been heard, by default with the flight's antenna.
+
+        Raises
+        ------
+        UsageError
+            The flight is too long, or there is no such antenna.
+        """
+        named = antenna or flight_antenna(self.flight)
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
         coverage = flight_coverage(
             self.area,
@@ -119,7 +134,7 @@ class ListenedFlight:
             tag,
             budget,
             noise=self.noise,
-            pattern=pattern,
+            pattern=_pattern(named),
             level_sigma_db=level_sigma_db,
             whole_flight=verdict is not None and not verdict.found,
             on_pulse=on_pulse,
@@ -136,7 +151,19 @@ class ListenedFlight:
             ),
             in_hindsight=verdict is not None and verdict.found,
             noise=self.noise_said,
+            antenna=named,
         )
+
+
+def flight_antenna(flight: Flight) -> str:
+    """Name of the pattern that the drone was set up with; RA-23K where it recorded none."""
+    settings = flight_settings(flight)
+    return antenna_of(()) if settings is None else settings.bearings.antenna
+
+
+def _pattern(antenna: str) -> AntennaPattern | None:
+    """The pattern of that name; none of an upright whip, which hears alike on all sides."""
+    return None if antenna == MONOPOLE else pattern_named(antenna)
 
 
 def silent_map(
@@ -146,7 +173,7 @@ def silent_map(
     tag_power_dbm: float,
     *,
     elevation: Elevation | None,
-    pattern: AntennaPattern | None,
+    antenna: str | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> SilentMap:
     """Map where a flight would have heard a tag, with the budget of `uavrt coverage`.
@@ -162,15 +189,15 @@ def silent_map(
         That it radiates.
     elevation : Elevation, optional
         None takes the ground for level.
-    pattern : AntennaPattern, optional
-        None hears alike on all sides.
+    antenna : str, optional
+        Name of its pattern, `MONOPOLE` hears alike on all sides; by default the flight's.
     on_pulse : callable, optional
         Takes how many pulses are done, and of how many.
 
     Raises
     ------
     UsageError
-        The flight does not list the tag, or is too long.
+        The flight does not list the tag, or is too long; or there is no such antenna.
     RecordingError
         It has no poses.
     FormatError
@@ -189,4 +216,4 @@ def silent_map(
         drone_height_m=60.0,
     )
     listened = ListenedFlight.read(directory, flight, elevation)
-    return listened.silent_map(tag, budget, pattern=pattern, on_pulse=on_pulse)
+    return listened.silent_map(tag, budget, antenna=antenna, on_pulse=on_pulse)

@@ -33,10 +33,13 @@ from cyclopts import Parameter
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
-    from uavrt.localization import AntennaPattern
     from uavrt.messages import Tag
     from uavrt.planning import Absence, Coverage, LinkBudget
     from uavrt.terrain import Elevation
+
+_HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
+_PULSES, _FREQUENCY_HZ, _PULSE_WIDTH_S, _INTERVAL_S = 3, 150e6, 0.020, 1.254
+_CELL_M = 20.0
 
 
 def coverage(
@@ -47,17 +50,17 @@ def coverage(
     sea: Annotated[bool, Parameter(negative="")] = False,
     area: Path | None = None,
     prior: Share | None = None,
-    height: Heights = (60.0,),
-    speed: Speed = 8.0,
-    spacing: Side = 200.0,
+    height: Heights = (_HEIGHT_M,),
+    speed: Speed = _SPEED_M_S,
+    spacing: Side = _SPACING_M,
     margin: Reach = 2000.0,
-    cell: Side = 20.0,
+    cell: Side | None = None,
     tags: Path | None = None,
     tag: TagIds = (),
-    pulses: Count = 3,
-    frequency: Hertz = 150e6,
-    pulse_width: Seconds = 0.020,
-    interval: Seconds = 1.254,
+    pulses: Count = _PULSES,
+    frequency: Hertz = _FREQUENCY_HZ,
+    pulse_width: Seconds = _PULSE_WIDTH_S,
+    interval: Seconds = _INTERVAL_S,
     tag_height: Metres = 0.5,
     antenna: str | None = None,
     antenna_gain: Decibels = 4.0,
@@ -91,8 +94,8 @@ def coverage(
     area
         Outline (GeoJSON, KML, .plan) for which the probability is told.
     prior
-        Probability before the flight that the tag is in --area; by default the tag may be
-        anywhere on the map alike.
+        Probability before the flight that the tag is in --area, after a flight; by default
+        the tag may be anywhere on the map alike.
     height
         Height of the drone above the ground [m]; several are compared. A flight has its own.
     speed
@@ -102,11 +105,12 @@ def coverage(
     margin
         How far the map reaches beyond the way [m].
     cell
-        Side of the map's squares [m].
+        Side of the map's squares [m]; by default 20 before a flight, and after it as in the
+        report: 120 of them along the longer side, of 20 or more.
     tags
         A tag file; by default a flight's own tags, and one tag of the options below.
     tag
-        Only these tags, by their ids.
+        Only these tags of a flight or of --tags, by their ids.
     pulses
         Pulses in a group (K), without --tags.
     frequency
@@ -119,7 +123,9 @@ def coverage(
         Height of the tag above the ground [m].
     antenna
         Name of the antenna's pattern, or a CSV file of angles and gains. It points where the
-        drone flies, or as the flight recorded it. Without it all directions are alike.
+        drone flies, or as the flight recorded it. monopole: all directions are alike. By
+        default monopole before a flight, and after it what the drone was set up with
+        (bearings.antenna), else RA-23K.
     antenna_gain
         Gain on boresight [dBi].
     mismatch
@@ -141,6 +147,24 @@ def coverage(
 
     if not height:
         raise ConfigError("there is no height", remedy="Give --height 60")
+    _check_used(
+        source,
+        of_plan={
+            "--height": height != (_HEIGHT_M,),
+            "--speed": speed != _SPEED_M_S,
+            "--spacing": spacing != _SPACING_M,
+        },
+        of_one_tag={
+            "--pulses": pulses != _PULSES,
+            "--frequency": frequency != _FREQUENCY_HZ,
+            "--pulse-width": pulse_width != _PULSE_WIDTH_S,
+            "--interval": interval != _INTERVAL_S,
+        },
+        area=area,
+        prior=prior,
+        tags=tags,
+        ids=tag,
+    )
     if output is not None:
         make_directory(output, "--output")
     asked = _Asked(
@@ -153,7 +177,7 @@ def coverage(
         spacing_m=spacing,
         margin_m=margin,
         cell_m=cell,
-        pattern=_pattern(antenna),
+        antenna=_named(antenna),
         level_sigma_db=level_error,
         budget=LinkBudget(
             frequency_hz=frequency,
@@ -191,8 +215,8 @@ class _Asked:
     speed_m_s: float
     spacing_m: float
     margin_m: float
-    cell_m: float
-    pattern: "AntennaPattern | None"
+    cell_m: float | None
+    antenna: str | None
     level_sigma_db: float
     budget: "LinkBudget"
     output: Path | None
@@ -212,19 +236,56 @@ class _Told:
     absence: "Absence | None" = None
     heard: int = 0
     """Confirmed pulses of it in the flight."""
+    antenna: str
+    """Name of its pattern."""
     in_hindsight: bool = False
     """Whether the whole flight showed it."""
     noise: str | None = None
     files: tuple[Path, ...] = ()
 
 
-def _pattern(antenna: str | None) -> "AntennaPattern | None":
-    if antenna is None:
-        return None
-    from uavrt.analysis.measure import antenna_named
-    from uavrt.localization import pattern_named
+def _check_used(
+    source: Path,
+    *,
+    of_plan: dict[str, bool],
+    of_one_tag: dict[str, bool],
+    area: Path | None,
+    prior: float | None,
+    tags: Path | None,
+    ids: tuple[int, ...],
+) -> None:
+    """Refuse options that would say nothing; raises `ConfigError`."""
+    if source.is_dir():
+        _refuse(of_plan, "is of a plan, and a flight has its own")
+        _refuse(of_one_tag, "is of a tag without a list, and a flight has its own tags")
+        if prior is not None and area is None:
+            raise ConfigError("--prior is of an area", remedy="Name it with --area")
+        return
+    if prior is not None:
+        raise ConfigError(
+            "--prior is of a flight that did not hear a tag, and this is a plan or an area",
+            remedy="Leave it out, or name the flight's directory",
+        )
+    if tags is not None:
+        _refuse(of_one_tag, "is of a tag without a list, and --tags has its own")
+    elif ids:
+        raise ConfigError(
+            f"there is no list to choose --tag {ids[0]} from",
+            remedy="Name the tag file with --tags, or leave --tag out",
+        )
 
-    return pattern_named(antenna_named(antenna))
+
+def _refuse(given: dict[str, bool], why: str) -> None:
+    """Refuse what would be ignored."""
+    for option, wrong in given.items():
+        if wrong:
+            raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")
+
+
+def _named(antenna: str | None) -> str | None:
+    from uavrt.analysis.measure import antenna_named
+
+    return None if antenna is None else antenna_named(antenna)
 
 
 def _listed(
@@ -272,6 +333,7 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
     import numpy as np
 
     from uavrt.analysis import (
+        MONOPOLE,
         MapSize,
         best_of,
         inside,
@@ -281,10 +343,13 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
         read_polygon,
         write_maps,
     )
+    from uavrt.localization import pattern_named
 
+    antenna = asked.antenna or MONOPOLE
+    pattern = None if antenna == MONOPOLE else pattern_named(antenna)
     plane, corners = read_places(asked.source, asked.spacing_m)
     east, north = np.array(corners).T
-    size = MapSize(margin_m=asked.margin_m, cell_m=asked.cell_m)
+    size = MapSize(margin_m=asked.margin_m, cell_m=asked.cell_m or _CELL_M)
     area = map_around(plane, east, north, asked.elevation, size)
     cells = None
     if asked.outline is not None:
@@ -302,7 +367,7 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
                         asked.budget,
                         height_m=height_m,
                         speed_m_s=asked.speed_m_s,
-                        pattern=asked.pattern,
+                        pattern=pattern,
                         level_sigma_db=asked.level_sigma_db,
                         on_pulse=on_pulse,
                     )
@@ -318,6 +383,7 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
                     coverage=one,
                     best=number == best,
                     in_area=None if cells is None else _mean(one, cells),
+                    antenna=antenna,
                     files=tuple(files),
                 )
             )
@@ -326,15 +392,20 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
 
 def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told]:
     """Map what a flight would have heard, for each tag."""
-    from uavrt.analysis import ListenedFlight, MapSize, inside, read_polygon, write_maps
+    from uavrt.analysis import ListenedFlight, inside, read_polygon, write_maps
     from uavrt.config import read_tags
     from uavrt.planning import absence
     from uavrt.recording import read_flight
 
     flight = read_flight(asked.source)
     known = list(flight.info.tags if tags is None else read_tags(tags))
-    size = MapSize(margin_m=asked.margin_m, cell_m=asked.cell_m)
-    listened = ListenedFlight.read(asked.source, flight, asked.elevation, size)
+    listened = ListenedFlight.read(
+        asked.source,
+        flight,
+        asked.elevation,
+        margin_m=asked.margin_m,
+        cell_m=asked.cell_m,
+    )
     cells = None
     if asked.outline is not None:
         ground = listened.area.ground
@@ -345,7 +416,7 @@ def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told
             found = listened.silent_map(
                 tag,
                 asked.budget,
-                pattern=asked.pattern,
+                antenna=asked.antenna,
                 level_sigma_db=asked.level_sigma_db,
                 on_pulse=on_pulse,
             )
@@ -365,6 +436,7 @@ def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told
                 heard=found.heard_pulses,
                 in_hindsight=found.in_hindsight,
                 noise=found.noise,
+                antenna=found.antenna,
                 files=tuple(files),
             )
         )
@@ -413,6 +485,7 @@ def _record(one: _Told) -> dict[str, Any]:
         "prior": None if silence is None else _finite(silence.prior),
         "not_here": None if silence is None else _finite(silence.not_here),
         "noise": one.noise,
+        "antenna": one.antenna,
         "limitations": list(one.coverage.limitations),
         "files": [str(path) for path in one.files],
     }
@@ -432,6 +505,7 @@ def _print(found: list[_Told]) -> None:
             f"  heard with .9 or more on {_percent(one.coverage.share_above(0.9))} of "
             f"{km2:.1f} km², with .5 or more on {_percent(one.coverage.share_above(0.5))}"
         )
+        print(f"  antenna: {_antenna_in_words(one.antenna)}")
         if one.in_area is not None:
             print(f"  in the area: {_percent(one.in_area)}")
         if one.heard:
@@ -449,6 +523,12 @@ def _print(found: list[_Told]) -> None:
             print(f"  note: {text}")
         for path in one.files:
             print(f"  {path}")
+
+
+def _antenna_in_words(name: str) -> str:
+    from uavrt.analysis import MONOPOLE
+
+    return f"{name}, alike on all sides" if name == MONOPOLE else name
 
 
 def _percent(share: float) -> str:

@@ -90,7 +90,10 @@ def report(
     maps = maps_in(beside) if background is None else (_named_map(background),)
     survey = replace(survey, maps=maps)
     if tag_power is not None:
-        survey = replace(survey, silences=_silences(flight, survey, tag_power, elevation))
+        named = None if antenna is None else survey.antenna
+        survey = replace(
+            survey, silences=_silences(flight, survey, tag_power, elevation, named)
+        )
     for warning in survey.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
     name = "report" if flight.is_dir() else f"{flight.stem}_report"
@@ -105,14 +108,17 @@ def report(
 
 
 def _silences(
-    flight: Path, survey: "Survey", tag_power_dbm: float, elevation: "Elevation | None"
+    flight: Path,
+    survey: "Survey",
+    tag_power_dbm: float,
+    elevation: "Elevation | None",
+    antenna: str | None,
 ) -> "tuple[SilentMap, ...]":
     """Map where each listed tag would have been heard; shows how far it is."""
     from rich.console import Console
     from rich.progress import Progress
 
-    from uavrt.analysis import MONOPOLE, silent_map
-    from uavrt.localization import pattern_named
+    from uavrt.analysis import silent_map
     from uavrt.recording import FlightLayout, read_flight
 
     if survey.info is None or not FlightLayout(flight).database.is_file():
@@ -121,7 +127,6 @@ def _silences(
             remedy="Name the flight's directory, or leave --tag-power out",
         )
     flown = read_flight(flight)
-    pattern = None if survey.antenna == MONOPOLE else pattern_named(survey.antenna)
     found = []
     with Progress(console=Console(stderr=True), transient=True) as bar:
         for tag in survey.info.tags:
@@ -133,7 +138,7 @@ def _silences(
                     tag.tag_id,
                     tag_power_dbm,
                     elevation=elevation,
-                    pattern=pattern,
+                    antenna=antenna,
                     on_pulse=partial(_tell, bar, task),
                 )
             )

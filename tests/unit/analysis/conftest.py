@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from pulses import pulse_at
 
+from uavrt.config import Settings
 from uavrt.messages import (
     FlightInfo,
     Health,
@@ -69,6 +70,7 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
         poses: bool = True,
         name: str = "flight_log_x",
         scenario: Scenario | None = None,
+        settings: Settings | None = None,
     ) -> Path:
         scenario = scenario or survey_scenario(tags)
         end_ns = scenario.start_time_ns + round(scenario.duration_s * 1e9)
@@ -81,7 +83,8 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
                 center_frequency_hz=148.7e6,
                 sample_rate_hz=3e6,
                 tags=scenario.tags,
-            )
+            ),
+            settings,
         )
         times = range(scenario.start_time_ns, end_ns, 100_000_000)
         if poses:

@@ -2,13 +2,17 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from uavrt.cli.coverage import coverage
-from uavrt.errors import FormatError, UsageError
+from uavrt.cli.report import report
+from uavrt.config import Settings
+from uavrt.errors import ConfigError, FormatError, UsageError
 from uavrt.simulation import World, load_scenario
 from uavrt.tangent_plane import TangentPlane
 from uavrt.terrain import open_elevation
@@ -169,3 +173,61 @@ def test_a_scenario_file_flies_over_hills(tmp_path: Path) -> None:
         scenario = load_scenario(tmp_path / name)
         levels.append(World(scenario).pulse(scenario.tag[0], 0).enr_db)
     assert levels[0] < levels[1] - 15.0
+
+
+@pytest.mark.parametrize("antenna", [None, "H3"])
+def test_the_flights_own_antenna_is_that_of_report_and_command(
+    write_flight: WriteFlight,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    antenna: str | None,
+) -> None:
+    settings = None
+    if antenna is not None:
+        own = replace(Settings().bearings, antenna=antenna)
+        settings = replace(Settings(), bearings=own)
+    flight = write_flight(tags=1, heard=1, settings=settings)
+    coverage(flight, tag_power=-60.0, as_json=True)
+    (said,) = told(capsys)
+    assert said["antenna"] == (antenna or "RA-23K")
+    coverage(flight, tag_power=-60.0, antenna="monopole")
+    whip = capsys.readouterr().out
+    assert "antenna: monopole, alike on all sides" in whip
+    mean = float(str(said["mean_probability"]))
+    assert f"{100.0 * mean:.0f} % on average" not in whip
+    report(flight, tag_power=-60.0, pdf=False, output=tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert f"would have been heard with {100.0 * mean:.0f} % on average" in page
+    assert f"Antenna: {said['antenna']}." in page
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"tag": (99,)}, "Name the tag file with --tags"),
+        ({"prior": 0.5}, "name the flight's directory"),
+    ],
+)
+def test_what_says_nothing_before_a_flight_is_refused(
+    tmp_path: Path, options: dict[str, Any], says: str
+) -> None:
+    plan = outline(tmp_path / "area.geojson", -300.0, 300.0)
+    with pytest.raises(ConfigError) as caught:
+        coverage(plan, tag_power=-50.0, cell=100.0, **options)
+    assert says in str(caught.value.remedy)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"prior": 0.5}, "--area"),
+        ({"height": (80.0,)}, "Leave --height out"),
+        ({"frequency": 173e6}, "Leave --frequency out"),
+    ],
+)
+def test_what_says_nothing_after_a_flight_is_refused(
+    write_flight: WriteFlight, options: dict[str, Any], says: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        coverage(write_flight(tags=1), tag_power=-50.0, **options)
+    assert says in str(caught.value.remedy)

@@ -19,7 +19,6 @@ from uavrt import analysis, planning
 from uavrt.analysis.export import chance, png_bytes
 from uavrt.errors import FormatError, UavrtError, UsageError
 from uavrt.ground.store import AntennaChoice
-from uavrt.localization import pattern_named
 from uavrt.recording import read_flight, read_integrated
 from uavrt.terrain import open_elevation
 
@@ -178,7 +177,7 @@ def _make(work: _Work) -> None:
 
 def _map(work: _Work) -> None:
     asked = work.asked
-    dem, name = asked.antenna.dem, asked.antenna.pattern
+    dem = asked.antenna.dem
 
     def on_pulse(done: int, total: int) -> None:
         work.done = done / max(total, 1)
@@ -191,7 +190,7 @@ def _map(work: _Work) -> None:
         asked.tag_id,
         asked.tag_power_dbm,
         elevation=open_elevation(Path(dem)) if dem else None,
-        pattern=None if name == analysis.MONOPOLE else pattern_named(name),
+        antenna=asked.antenna.pattern,
         on_pulse=on_pulse,
     )
 
