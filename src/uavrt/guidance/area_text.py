@@ -22,6 +22,10 @@ CIRCLE_CORNERS = 20
 MOST_TEXT = 2_000_000
 MOST_KEEP_OUT = 100
 MOST_NAME = 24
+_NOT_OUTLINES = frozenset(
+    ("Point", "LineString", "LinearRing", "Track", "MultiTrack", "Model", "NetworkLink")
+)
+"""Of KML: shapes besides polygons, and links to other files."""
 _REMEDY = (
     "Draw one outline without holes, in QGIS or on geojson.io (GeoJSON), in Google Earth "
     "(KML), or as a survey in QGroundControl (.plan)"
@@ -61,13 +65,15 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
 
     In GeoJSON features with ``"keep_out": true`` (a Point with its ``radius_m``), in KML
     polygons whose name begins with "keep out", in a plan the fences to stay outside of.
+    None is left out: what is marked so and is neither is refused by its name.
 
     Parameters
     ----------
     text, name : str
         As for `area_in`.
     every : bool
-        The file is of nothing else: every outline of GeoJSON or KML counts.
+        The file is of nothing else: every outline of GeoJSON or KML counts, and every Point
+        of GeoJSON.
 
     Raises
     ------
@@ -76,7 +82,9 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
     """
     with _told(f"{name} gives no places to keep out of", _KEEP_OUT_REMEDY):
         found = tuple(
-            _kept(one) for one in _read(text) if one.keep_out or (every and one.mixed)
+            _kept(one)
+            for one in _read(text, every=every)
+            if one.keep_out or (every and one.mixed)
         )
         if len(found) > MOST_KEEP_OUT:
             raise ValueError(f"it holds {len(found)} of them, more than {MOST_KEEP_OUT}")
@@ -106,16 +114,19 @@ def _told(what: str, remedy: str) -> Iterator[None]:
         TypeError,
         KeyError,
         AttributeError,
+        IndexError,
+        OverflowError,
         RecursionError,
         ET.ParseError,
     ) as error:
         raise FormatError(f"{what}: {error}", remedy=remedy) from error
 
 
-def _read(text: str) -> list[_Outline]:
+def _read(text: str, *, every: bool = False) -> list[_Outline]:
     if len(text) > MOST_TEXT:
         raise ValueError("it is too long")
-    return list(_of_kml(text) if text.lstrip("\ufeff \t\r\n")[:1] == "<" else _of_json(text))
+    read = _of_kml if text.lstrip("\ufeff \t\r\n")[:1] == "<" else _of_json
+    return list(read(text, every))
 
 
 def _checked(corners: list[tuple[float, float]], least: int = 3) -> tuple[Place, ...]:
@@ -132,10 +143,10 @@ def _checked(corners: list[tuple[float, float]], least: int = 3) -> tuple[Place,
 
 def _kept(one: _Outline) -> KeepOut:
     """A place to keep out of; holes in it count as part of it."""
-    radius, name = one.radius_m, one.name[:MOST_NAME]
+    radius, name = one.radius_m, one.name[:MOST_NAME].encode("utf-8", "replace").decode()
     if radius is None:
         if len(one.corners) == 1:
-            raise ValueError("a point to keep out of needs a radius_m")
+            raise ValueError(f'the point "{name}" to keep out of needs a radius_m')
         return KeepOut(places=_checked(one.corners), name=name)
     if isinstance(radius, bool) or not 0.0 < float(radius) < 1e5:
         raise ValueError(f"a radius of {radius} m")
@@ -158,22 +169,28 @@ def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
     return tuple((float(north), float(east)) for north, east in places)
 
 
-def _of_json(text: str) -> Iterator[_Outline]:
+def _of_json(text: str, every: bool) -> Iterator[_Outline]:
     found = json.loads(text)
-    yield from _of_plan(found) if found.get("fileType") == "Plan" else _shapes(found, {})
+    if found.get("fileType") == "Plan":
+        yield from _of_plan(found)
+    else:
+        yield from _shapes(found, {}, every)
 
 
-def _shapes(found: Any, properties: Any) -> Iterator[_Outline]:
+def _shapes(found: Any, properties: Any, every: bool) -> Iterator[_Outline]:
     """Polygons of GeoJSON, and points to keep out of."""
     keep_out = bool(properties.get("keep_out", False))
     name = str(properties.get("name") or "")
     match found["type"]:
         case "FeatureCollection":
             for feature in found["features"]:
-                yield from _shapes(feature, {})
+                yield from _shapes(feature, {}, every)
         case "Feature":
-            yield from _shapes(found["geometry"], found.get("properties") or {})
-        case "Polygon" | "MultiPolygon":
+            yield from _shapes(found["geometry"], found.get("properties") or {}, every)
+        case "GeometryCollection" if found["geometries"]:
+            for member in found["geometries"]:
+                yield from _shapes(member, properties, every)
+        case "Polygon" | "MultiPolygon" if found["coordinates"]:
             several = found["type"] == "MultiPolygon"
             for rings in found["coordinates"] if several else [found["coordinates"]]:
                 yield _Outline(
@@ -182,10 +199,17 @@ def _shapes(found: Any, properties: Any) -> Iterator[_Outline]:
                     name=name,
                     holes=len(rings) != 1,
                 )
-        case "Point" if keep_out:
+        case "Point" if keep_out or every:
             east, north, *_ = found["coordinates"]
             radius = properties.get("radius_m")
             yield _Outline(corners=[(north, east)], keep_out=True, radius_m=radius, name=name)
+        case other if keep_out or every:
+            raise _not_understood(name, other)
+
+
+def _not_understood(name: str, kind: object) -> ValueError:
+    """Of a place that must not be left out in silence."""
+    return ValueError(f'"{name[:MOST_NAME]}" is a {kind} that tells no outline')
 
 
 def _of_plan(found: Any) -> Iterator[_Outline]:
@@ -213,7 +237,7 @@ def _fences(fence: Any) -> Iterator[_Outline]:
             yield _Outline(corners=[place], keep_out=True, radius_m=radius, mixed=False)
 
 
-def _of_kml(text: str) -> Iterator[_Outline]:
+def _of_kml(text: str, every: bool) -> Iterator[_Outline]:
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError("it declares XML entities, which KML never needs")
     # Without the declaration: the text is decoded already.
@@ -224,16 +248,34 @@ def _of_kml(text: str) -> Iterator[_Outline]:
         if _named(placemark, "Placemark")
         for polygon in placemark.iter()
     }
+    _check_kml(root, names, every)
     for polygon in (one for one in root.iter() if _named(one, "Polygon")):
         ring, *inner = [one for one in polygon.iter() if _named(one, "coordinates")]
         corners = [corner.split(",") for corner in (ring.text or "").split()]
         name = names.get(polygon, "")
         yield _Outline(
             corners=[(float(corner[1]), float(corner[0])) for corner in corners],
-            keep_out=name.lower().replace("-", " ").startswith("keep out"),
+            keep_out=_keeps_out(name),
             name=name,
             holes=bool(inner) or any(_named(one, "innerBoundaryIs") for one in polygon.iter()),
         )
+
+
+def _check_kml(root: ET.Element, names: dict[ET.Element, str], every: bool) -> None:
+    """Refuse what is to be kept out of and is no polygon."""
+    polygons = [one for one in root.iter() if _named(one, "Polygon")]
+    within = {inner for polygon in polygons for inner in polygon.iter()}
+    for one in root.iter():
+        name, kind = names.get(one, ""), one.tag.rpartition("}")[2]
+        if not (every or _keeps_out(name)):
+            continue
+        empty = kind == "Placemark" and within.isdisjoint(one.iter())
+        if empty or (kind in _NOT_OUTLINES and one not in within):
+            raise _not_understood(name, kind)
+
+
+def _keeps_out(name: str) -> bool:
+    return name.lower().replace("-", " ").startswith("keep out")
 
 
 def _kml_name(placemark: ET.Element) -> str:

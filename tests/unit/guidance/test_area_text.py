@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -186,3 +187,97 @@ def test_any_text_is_an_area_or_refused(text: str, begin: str) -> None:
         assert len(area_in(begin + text, "some")) >= 3
     with contextlib.suppress(FormatError):
         keep_out_in(begin + text, "some", every=True)
+
+
+def school(kind: str, inner: Any, **properties: Any) -> dict[str, Any]:
+    member = "geometries" if kind == "GeometryCollection" else "coordinates"
+    shape = {"type": kind, member: inner}
+    return {"type": "Feature", "properties": {"name": "school"} | properties, "geometry": shape}
+
+
+SQUARE = {"type": "Polygon", "coordinates": [RING]}
+
+
+def features(*found: dict[str, Any]) -> str:
+    barn = school("Polygon", [RING], name="barn", keep_out=True)
+    return json.dumps({"type": "FeatureCollection", "features": [barn, *found]})
+
+
+def test_a_file_of_places_to_keep_out_of_counts_its_points_and_collections() -> None:
+    point = school("Point", [8.01, 47.01], radius_m=80)
+    both = school("GeometryCollection", [SQUARE, {"type": "Point", "coordinates": [8, 47]}])
+    both["properties"]["radius_m"] = 20
+    found = keep_out_in(features(point, both), "farm", every=True)
+    assert [(one.name, one.radius_m) for one in found] == [
+        ("barn", None),
+        ("school", 80.0),
+        ("school", None),
+        ("school", 20.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "inner"),
+    [
+        ("LineString", RING),
+        ("MultiPoint", [[8.0, 47.0]]),
+        ("GeometryCollection", []),
+        ("GeometryCollection", [SQUARE, {"type": "LineString", "coordinates": RING}]),
+        ("MultiPolygon", []),
+        ("Polygon", []),
+        ("Circle", [8.0, 47.0]),
+    ],
+)
+def test_no_place_to_keep_out_of_is_left_out_in_silence(kind: str, inner: Any) -> None:
+    marked_one = features(school(kind, inner, keep_out=True))
+    for text, every in ((marked_one, False), (features(school(kind, inner)), True)):
+        with pytest.raises(FormatError, match='"school" is a'):
+            keep_out_in(text, "farm", every=every)
+    with pytest.raises(FormatError, match='"school" is a'):
+        area_in(marked_one, "farm")
+
+
+def test_a_point_to_keep_out_of_without_a_radius_is_named() -> None:
+    with pytest.raises(FormatError, match=r'the point "school" .* needs a radius_m'):
+        keep_out_in(features(school("Point", [8.01, 47.01])), "farm", every=True)
+
+
+RING_KML = "<coordinates>8,47 8.001,47 8,47.001</coordinates>"
+BARN_KML = f"<Placemark><name>keep out barn</name><Polygon>{RING_KML}</Polygon></Placemark>"
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        f"<LinearRing>{RING_KML}</LinearRing>",
+        f"<MultiGeometry><Polygon>{RING_KML}</Polygon><LineString>{RING_KML}</LineString>"
+        "</MultiGeometry>",
+        "<Point><coordinates>8,47</coordinates></Point>",
+        "",
+    ],
+)
+def test_no_placemark_to_keep_out_of_is_left_out_in_silence(shape: str) -> None:
+    for name, every in (("keep out school", False), ("school", True)):
+        placemark = f"<Placemark><name>{name}</name>{shape}</Placemark>"
+        with pytest.raises(FormatError, match=f'"{name}" is a'):
+            keep_out_in(f"<kml>{BARN_KML}{placemark}</kml>", "farm", every=every)
+    label = f"<Placemark><name>label</name>{shape}</Placemark>"
+    if "Polygon" not in shape:
+        assert len(keep_out_in(f"<kml>{BARN_KML}{label}</kml>", "farm")) == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        json.dumps({"type": "Polygon", "coordinates": []}),
+        json.dumps({"type": "Polygon", "coordinates": [""]}),
+        json.dumps({"type": "MultiPolygon", "coordinates": [[]]}),
+        json.dumps({"type": "Polygon", "coordinates": [[[10**400, 47], [8, 47], [8, 48]]]}),
+        "<kml><Polygon><coordinates>8 8.1 8.2</coordinates></Polygon></kml>",
+    ],
+)
+def test_broken_corners_are_refused(text: str) -> None:
+    with pytest.raises(FormatError, match="gives no area"):
+        area_in(text, "broken")
+    with pytest.raises(FormatError, match="no places"):
+        keep_out_in(text, "broken", every=True)
