@@ -228,13 +228,32 @@ class Mistaken:
     """Tags that were told and did not send, each once."""
 
 
-def mistake(rng: np.random.Generator, *, strong_db: float | None, seconds: float) -> Mistaken:
-    """Search noise for 50 codes, maybe with two tags in it: a listed and an unlisted one."""
+def mistake(
+    rng: np.random.Generator,
+    *,
+    strong_db: float | None,
+    seconds: float,
+    nominal: float | None = None,
+    unlisted: bool = True,
+) -> Mistaken:
+    """Search noise for 50 codes, maybe with a listed tag in it, and an unlisted one.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    strong_db : float or None
+        Of the tags that send; None of noise alone.
+    seconds : float
+    nominal : float, optional
+        False identities allowed in an hour and code, instead of what the case takes.
+    unlisted : bool
+        Whether the unlisted tag sends, too.
+    """
     tags = some_codes(rng, 51)
     samples = noise(rng, round(seconds * RATE_HZ))
     senders: list[Tag] = []
     if strong_db is not None:
-        senders = [tags[0], tags[50]]
+        senders = [tags[0], tags[50]] if unlisted else [tags[0]]
         for sender in senders:
             at_s, offset_hz = rng.uniform(0.0, 5.0), rng.uniform(-WINDOW_HZ, WINDOW_HZ)
             while at_s + sender.length_s < seconds:
@@ -247,7 +266,8 @@ def mistake(rng: np.random.Generator, *, strong_db: float | None, seconds: float
                     rng=rng,
                 )
                 at_s += sender.pulse_intervals_s[0]
-    nominal = _RAISED if strong_db is None else 1e-4
+    if nominal is None:
+        nominal = _RAISED if strong_db is None else 1e-4
     found = find(tags[:50], samples, false_per_hour=nominal)
     wrong = {one.tag_id for one in found if one.confirmed} - {one.tag_id for one in senders}
     return Mistaken(code_hours=50.0 * seconds / 3600.0, wrong=len(wrong))

@@ -283,7 +283,7 @@ class CodedDetector:
             clip=clip,
             level=int(level / STEP),
         )
-        return [one for one in measure(self._cells, book, seeds) if weigh(one, limits)]
+        return [one for one in measure(self._cells, book, seeds, limits) if weigh(one, limits)]
 
     def _expected(self, whole: int) -> list[Burst]:
         """Bursts of identified tags, where they are expected; weaker ones do."""
@@ -300,7 +300,7 @@ class CodedDetector:
                 if first >= last:
                     continue
                 seed = self._best_seed(book, code, track.row, first, last)
-                for one in measure(cells, book, seed):
+                for one in measure(cells, book, seed, limits):
                     one.prior = _EXPECTED
                     if weigh(one, limits):
                         found.append(one)

@@ -7,6 +7,7 @@ they do not share (equal priors, noncoherent: I0 of the matched filter).
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -40,6 +41,8 @@ _MOST_SWAPS = 3
 """Of codes that explain pulses for others that explain more."""
 _NAMED, _SURE_PULSE = 2, 12.0
 """Pulses that must be alone on air, and how strong each, for a burst that is not identified."""
+_NEARLY = 1.0 - 1e-6
+"""Of the least sum: rounding must not decide beforehand."""
 _SATURATED = 12.0
 """Noise energies from which on kept cells do not tell where a pulse is best."""
 
@@ -89,7 +92,9 @@ class Burst:
         return self.book.tags[self.code].tag_id
 
 
-def measure(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> list[Burst]:
+def measure(
+    cells: Cells, book: CodeBook, seeds: NDArray[np.int32], limits: dict[int, float]
+) -> list[Burst]:
     """Look at the pulses of seeds among the recent cells; leave out what is no burst.
 
     Parameters
@@ -98,6 +103,8 @@ def measure(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> list[Burs
     book : CodeBook
     seeds : ndarray of int32, shape (n, 5)
         All pulses lie among the recent cells.
+    limits : dict of int to float
+        As for `weigh`, which the bursts pass.
     """
     if not len(seeds):
         return []
@@ -131,12 +138,13 @@ def measure(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> list[Burs
     loudest = everywhere[np.clip(at, 0, last)].max(axis=2)
     good &= (amplitude >= _LEAK * np.sqrt(loudest)) | (loudest < _LOUD)
     found = []
-    for i, seed in enumerate(seeds.tolist()):
-        if np.count_nonzero(good[i]) < least_pulses(book.pulses):
-            continue
-        usual = float(np.median(amplitude[i][good[i]]))
-        if (np.sqrt(near[i][~good[i]]) < _HIT * usual).any():
-            continue  # nothing lies there that could hide a pulse
+    enough = good.sum(axis=1) >= least_pulses(book.pulses)
+    usual = _median(amplitude, good)[:, np.newaxis]
+    # Where nothing lies that could hide a pulse, a pulse is missing.
+    enough &= ~((np.sqrt(near) < _HIT * usual) & ~good).any(axis=1)
+    own = np.flatnonzero(enough)
+    for i in own[plausible(energies[own], good[own], limits)].tolist():
+        seed = seeds[i].tolist()
         columns = at[i] + cells.recent_from
         burst = Burst(
             book=book,
@@ -163,9 +171,14 @@ def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[
     if not len(strong):
         return seeds
     shifts = np.arange(-cells.pulse, cells.pulse + 1)
-    columns = at[strong, None, None, None] + shifts[:, None] + offsets[strong, :, None, :]
-    rows = seeds[strong, 1][:, None, None, None]
-    amplitude = np.sqrt(cells.recent[rows, np.clip(columns, 0, last)]).sum(axis=3)
+    margin = cells.pulse + int(np.ptp(book.offsets, axis=1).max())
+    root = np.pad(np.sqrt(cells.recent), ((0, 0), (margin, margin)), mode="edge")
+    first = seeds[strong, 1].astype(np.intp) * root.shape[1] + at[strong] + margin
+    where = first[:, np.newaxis] + shifts
+    amplitude = np.zeros((len(strong), offsets.shape[1], len(shifts)), np.float32)
+    for pulse in range(book.pulses):
+        beside = offsets[strong, :, pulse].astype(np.intp)
+        amplitude += root.ravel().take(where[:, np.newaxis] + beside[:, :, np.newaxis])
     best = amplitude.reshape(len(strong), -1).argmax(axis=1)
     moved = seeds.copy()
     moved[strong, 2] = best // len(shifts)
@@ -201,6 +214,45 @@ def _best(
 def least_pulses(pulses: int) -> int:
     """Pulses of a burst that must be heard alone: two gaps at least, where there are two."""
     return max(min(3, pulses), pulses - 1) if pulses <= 4 else pulses - 2
+
+
+def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Medians of some values of each row; infinite where there are none."""
+    ordered = np.sort(np.where(of, values, np.inf).astype(np.float64), axis=1)
+    count = of.sum(axis=1)
+    rows = np.arange(len(ordered))
+    low, high = np.maximum(count - 1, 0) // 2, count // 2
+    high = np.minimum(high, ordered.shape[1] - 1)
+    return np.asarray(0.5 * (ordered[rows, low] + ordered[rows, high]))
+
+
+def plausible(
+    energies: NDArray[np.float32], good: NDArray[np.bool_], limits: dict[int, float]
+) -> NDArray[np.bool_]:
+    """Which of many bursts `weigh` takes: codes that share pulses with a loud one are many."""
+    energies, good = energies.astype(np.float64), good.copy()
+    least = np.array([limits.get(count, np.inf) for count in range(good.shape[1] + 1)])
+    amplitude = np.sqrt(energies)
+    open_ = np.ones(len(good), np.bool_)
+    taken = np.zeros(len(good), np.bool_)
+    while open_.any():
+        count = good.sum(axis=1)
+        open_ &= count >= least_pulses(good.shape[1])
+        middle = np.where(good, amplitude, 0.0).sum(axis=1) / np.maximum(count, 1)
+        variance = 0.5 + (_FADING * middle) ** 2
+        unlike = np.where(good, (amplitude - middle[:, np.newaxis]) ** 2, 0.0).sum(axis=1)
+        equal = open_ & (unlike <= _UNEQUAL * variance)
+        limit = least[count]
+        total = np.where(good, np.minimum(energies, 0.5 * limit[:, np.newaxis]), 0.0)
+        taken |= equal & (total.sum(axis=1) >= _NEARLY * limit)
+        open_ &= ~equal
+        usual = _median(amplitude, good)
+        highest = np.where(good, amplitude, -np.inf).max(axis=1)
+        lowest = np.where(good, amplitude, np.inf).min(axis=1)
+        open_ &= highest - usual >= usual - lowest
+        which = np.where(good, energies, 0.0).argmax(axis=1)
+        good[open_, which[open_]] = False
+    return taken
 
 
 def weigh(burst: Burst, limits: dict[int, float]) -> bool:
