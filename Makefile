@@ -53,7 +53,7 @@ browser:                ## Chromium, which the tests of the page drive
 	  else echo "The tests of the page need Chromium: sudo apt install chromium"; fi; }
 
 screenshots: $(STAMP) browser  ## pictures of the page, by its test, into docs/images
-	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/browser/test_page.py tests/flight/browser/test_page_past.py tests/flight/browser/test_page_strength.py tests/flight/browser/test_page_hands.py tests/flight/browser/test_page_fly.py
+	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/browser/test_page.py tests/flight/browser/test_page_past.py tests/flight/browser/test_page_strength.py tests/flight/browser/test_page_hands.py tests/flight/browser/test_page_fly.py tests/flight/browser/test_page_wizard.py
 
 try-arm64: $(STAMP)     ## install and fly in an emulated Debian for 64-bit ARM (ten to twenty minutes)
 	deploy/try-arm64.sh $(ARM64)

@@ -40,6 +40,13 @@ def test_a_drone_is_set_up_by_keyboard_in_german_and_asks_no_more(
     config.parent.mkdir()
     write_default_settings(config)
     ground = start_ground(tmp_path, 0, "--set-up", str(config))
+    english = Watched(browser, ground.address, color_scheme="light", locale="en-US")
+    expect(english.page.locator("#wizard-title")).to_have_text("First set-up of this computer")
+    english.page.fill("#wizard-name", "lynx-1")
+    english.picture("first-setup")
+    english.page.keyboard.press("Escape")
+    expect(english.page.locator("#wizard")).to_be_hidden()
+    english.close()
     watched = Watched(browser, ground.address, color_scheme="light", locale="de-DE")
     page = watched.page
     expect(page.locator("#wizard")).to_be_visible()
