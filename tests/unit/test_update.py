@@ -284,6 +284,21 @@ def test_a_version_is_taken_after_a_minute_without_a_gap_and_only_then(
     assert faults or (verdict is Verdict.GOOD and second == 60)
 
 
+@pytest.mark.parametrize("period_s", [2, 5, 50])
+def test_a_version_whose_process_dies_again_and_again_is_not_tried_for_ever(
+    period_s: int,
+) -> None:
+    trial = Trial(ALL, 0.0)
+    for second in range(600):
+        records = [system(restarts=second // period_s), POSES]
+        verdict = trial.judge(records, float(second))
+        if verdict is not Verdict.OPEN:
+            break
+    assert verdict is Verdict.BAD
+    assert 180 < second <= 180 + period_s
+    assert "had to be restarted" in trial.fault
+
+
 # ----------------------------------------------------------------- the installation
 
 

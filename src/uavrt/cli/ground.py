@@ -137,6 +137,11 @@ def ground(
         raise ConfigError(
             "there are no tags to detect", remedy="Give the tags with --tags FILE"
         )
+    if set_up is not None and not set_up.is_file():
+        raise ConfigError(
+            f"there are no settings {set_up} to set up",
+            remedy="Give the drone side's uavrt.toml; deploy/install.sh writes one",
+        )
     keys = read_link_keys(command_key, signing_key, component_id, as_gcs=as_gcs)
     lines = TerminalLines()
     shown_as = json_line if json_lines else _text_of

@@ -11,8 +11,8 @@ import secrets
 import socket
 import subprocess
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -124,7 +124,8 @@ class FirstSetup:
         if not isinstance(values, dict):
             raise UsageError("the values of a step must be an object")
         self._require_wanted()
-        faults = judge[step](values)
+        with _writing(self.config.parent):
+            faults = judge[step](values)
         if not faults:
             self.done.add(step)
         return faults
@@ -156,7 +157,8 @@ class FirstSetup:
         missing = [step for step in STEPS if step not in self.done]
         if missing:
             raise UsageError(f"the step {missing[0]} is missing")
-        write_text_atomically(self.config.parent / DONE, "")
+        with _writing(self.config.parent):
+            write_text_atomically(self.config.parent / DONE, "")
         return {"name": str(self.values()["name"])}
 
     def command_key(self) -> str:
@@ -289,6 +291,18 @@ class FirstSetup:
     def _has_update_key(self) -> bool:
         installed = Installation.of(sys.executable)
         return installed is not None and installed.keys.exists()
+
+
+@contextmanager
+def _writing(directory: Path) -> Iterator[None]:
+    """Say of a disk that takes nothing what to do about it."""
+    try:
+        yield
+    except OSError as error:
+        raise ConfigError(
+            f"{directory} cannot be written: {error.strerror or error}",
+            remedy="See whether the card is full or read-only: uavrt doctor",
+        ) from error
 
 
 def _text(values: dict[str, Any], name: str) -> str:

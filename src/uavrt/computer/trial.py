@@ -137,8 +137,11 @@ class Trial:
             return Verdict.GOOD
         if self.seen.armed:
             self._from_s = now_s
-        late = now_s - self._from_s > self._patience_s
-        return Verdict.BAD if late and self._good_from_s is None else Verdict.OPEN
+        # What begins again and again, as a process that dies does, must not go on for ever:
+        # only what was good when patience ended may still become so.
+        end_s = self._from_s + self._patience_s
+        late = now_s > end_s and (self._good_from_s is None or self._good_from_s > end_s)
+        return Verdict.BAD if late else Verdict.OPEN
 
 
 def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:

@@ -1,5 +1,7 @@
 """The first set-up of a drone's computer, by the requests that its page makes."""
 
+import errno
+import os
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,11 +10,12 @@ from typing import Any
 import pytest
 from willing_drone import WillingDrone
 
+from uavrt.cli.ground import ground
 from uavrt.computer import FirstSetup, checks
 from uavrt.computer.card import Card
 from uavrt.config import load_settings, write_default_settings
 from uavrt.demo.programs import free_udp_port
-from uavrt.errors import UavrtError
+from uavrt.errors import ConfigError, UavrtError
 from uavrt.tunnel import read_key
 
 GOOD: dict[str, dict[str, Any]] = {
@@ -183,6 +186,27 @@ def test_the_page_of_a_laptop_asks_for_nothing(served: Any) -> None:
     assert "card" not in {one["what"] for one in served.ask("GET", "/api/first-flight").json}
     assert served.ask("GET", "/api/set-up").json == {"wanted": False}
     assert served.ask("PUT", "/api/set-up/name", {"name": "lynx"}).status == 404
+
+
+@pytest.mark.parametrize(("step", "values"), GOOD.items())
+def test_a_card_that_takes_nothing_is_named(
+    config: Path, monkeypatch: pytest.MonkeyPatch, step: str, values: dict[str, Any]
+) -> None:
+    def full(*_: object, **__: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    setup = FirstSetup(config)
+    monkeypatch.setattr(os, "fsync", full)
+    before = config.read_text()
+    with pytest.raises(ConfigError, match=r"No space left .*uavrt doctor"):
+        setup.take(step, values)
+    assert step not in setup.done
+    assert config.read_text() == before
+
+
+def test_a_page_without_the_drones_settings_does_not_start(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"no settings .*install\.sh"):
+        ground(set_up=tmp_path / "uavrt.toml", page=True, browser=False)
 
 
 def test_strange_requests_are_refused(config: Path) -> None:
