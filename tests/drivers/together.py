@@ -82,7 +82,7 @@ class Among(Searched):
     def course(self) -> Course | None:
         """What is due to be told."""
         now = self.flown.now()
-        if now is None or not self.company.told(now.time_s):
+        if now is None or not self.company.speaks(now.time_s):
             return None
         if now.time_s < self._course_s + (0.4 if self.company.waits else 1.0):
             return None

@@ -168,13 +168,18 @@ class Fleet:
     def _tell_ways(self) -> None:
         """Tell each drone that flies by commands of the others; one alone is told nothing."""
         self._tell_due = False
-        flying = [one for one in self.sessions if one.flying.record() is not None]
-        for session in flying if len(flying) > 1 else ():
-            number, link = session.identity.system_id, session.link
-            if number is None or link is None:
+        numbers = {one.identity.system_id: one for one in self.sessions}
+        flying = [
+            number
+            for number, one in numbers.items()
+            if number is not None and one.flying.record() is not None
+        ]
+        for number in self._ways.to_tell(flying):
+            session = numbers.get(number)
+            if session is None or session.link is None:
                 continue
             for told in self._ways.told_to(number, monotonic_s()):
-                link.tell_neighbour(told)
+                session.link.tell_neighbour(told)
 
     def _beside(self, session: GroundSession) -> list[GroundSession]:
         return [one for one in self.sessions if one is not session]

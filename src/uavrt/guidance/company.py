@@ -70,8 +70,12 @@ class Company:
             self._others[told.vehicle] = (told, now_s)
 
     def told(self, now_s: float) -> bool:
-        """Whether a ground station tells of others now: then it is to speak, too."""
+        """Whether a ground station tells of others now."""
         return self._told_s is not None and now_s - self._told_s < TOLD_S
+
+    def speaks(self, now_s: float) -> bool:
+        """Whether it says where it goes; asking for a way, also to a station that is new."""
+        return self.told(now_s) or self.waits
 
     def has_others(self, now_s: float) -> bool:
         """Whether ways must be asked for."""

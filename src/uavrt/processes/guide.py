@@ -355,7 +355,7 @@ class Guide:
         """Say where it is going, while there is somebody who tells others."""
         company, pilot = self._company, self._pilot
         every_s = ASKING_S if company.waits else COURSE_S
-        if not company.told(now_s) or now_s - self._course_s < every_s:
+        if not company.speaks(now_s) or now_s - self._course_s < every_s:
             return
         self._course_s = now_s
         height, searching = None, self._thinker is not None and pilot is not None

@@ -126,3 +126,20 @@ def test_every_way_that_is_given_was_chosen_with_all_the_others(
         sequence += 1
         owned[vehicle] = number_asked if given_way and flies else owned[vehicle]
         ways.take(vehicle, replace(STANDS, sequence=sequence, flown=owned[vehicle]), 10.0)
+
+
+def test_who_has_spoken_is_told_also_when_the_other_has_landed_or_is_silent() -> None:
+    """Else it waits for each way for good: it knows of the other as long as it searches."""
+    ways = GivenWays()
+    assert ways.to_tell([1]) == set()
+    assert ways.to_tell([1, 2]) == {1, 2}
+    ways.take(1, STANDS, 0.0)
+    assert ways.to_tell([1]) == set()
+    ways.take(1, asks(3, 2, (2, 1)), 0.0)  # it knows of another: the station began anew
+    assert ways.to_tell([]) == {1}
+    ways.take(2, STANDS, 0.0)
+    assert ways.to_tell([]) == {1, 2}
+    # The second has landed and is off: the first still gets a way.
+    ways.take(1, asks(7, 3, (2, 1)), 10.0)
+    assert 1 in ways.to_tell([1])
+    assert verdict(ways, 1) == (7, 0)

@@ -139,3 +139,13 @@ def test_others_stay_as_they_were_told_until_the_next_order(now: VehicleNow) -> 
     assert not company.told(late_s)
     company.begin(late_s)
     assert not company.has_others(late_s)
+
+
+def test_who_asks_is_heard_by_a_station_that_has_begun_anew(now: VehicleNow) -> None:
+    """It does not tell of others until it has heard of some: one of them may be silent."""
+    company = Company(7)
+    company.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
+    later = replace(now, time_s=now.time_s + 2.0 * TOLD_S)
+    assert not company.speaks(later.time_s)
+    assert not company.choose(choice(0.0, 100.0), later)
+    assert company.speaks(later.time_s)

@@ -6,6 +6,7 @@ word is. Until it says that it flies the new way it owns both; a drone that fall
 what it owns.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from uavrt.geodesy import distance_m
@@ -77,6 +78,23 @@ class GivenWays:
         else:
             one.denied = asked
         return True
+
+    def to_tell(self, flying: Collection[int]) -> set[int]:
+        """Which drones are told: of several all that fly or have ever spoken, of one who asks.
+
+        A drone asks for each way once it was told of another. Were it told nothing when that
+        one has landed or is silent, or the station has begun anew, it would get none any more.
+
+        Parameters
+        ----------
+        flying : collection of int
+            Vehicles that fly by commands, as far as is heard.
+        """
+        known = set(self._members)
+        together = known | set(flying)
+        if len(together) > 1:
+            return together
+        return {vehicle for vehicle, one in self._members.items() if one.course.asked}
 
     def told_to(self, vehicle: int, now_s: float) -> list[Neighbour]:
         """What a drone is to be told, one of each other; where none has spoken, that alone."""
