@@ -91,6 +91,24 @@ class SlotEnergies:
             single=_joined_singles([self], first, end),
         )
 
+    def away_from(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether something was heard in each slot, and at none of some times nor beside them.
+
+        Parameters
+        ----------
+        time_s : ndarray of float64, shape (n,)
+            From `start_ns`.
+        """
+        return self.heard & self._beyond(time_s)
+
+    def _beyond(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+        gone = np.zeros(len(self.heard), bool)
+        at = np.floor(time_s / self.slot_s).astype(np.intp)
+        for beside in range(-_SLOTS_BESIDE, _SLOTS_BESIDE + 1):
+            inside = at + beside
+            gone[inside[(inside >= 0) & (inside < len(gone))]] = True
+        return ~gone
+
     def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
         """The same as if nothing had been heard at some times, nor just beside them.
 
@@ -99,12 +117,7 @@ class SlotEnergies:
         time_s : ndarray of float64, shape (n,)
             From `start_ns`.
         """
-        gone = np.zeros(len(self.heard), bool)
-        at = np.floor(time_s / self.slot_s).astype(np.intp)
-        for beside in range(-_SLOTS_BESIDE, _SLOTS_BESIDE + 1):
-            inside = at + beside
-            gone[inside[(inside >= 0) & (inside < len(gone))]] = True
-        kept = ~gone
+        kept = self._beyond(time_s)
         return replace(
             self,
             energy=np.where(kept, self.energy, np.float32(0.0)),

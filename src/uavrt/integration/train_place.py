@@ -1,9 +1,9 @@
 """Where the tag of a folded train is: the energies of its pulses against each place's gains.
 
 A slot's energy in noise is the largest of m unit exponentials (m from their mean, as jitter and
-slot make it); with a pulse of energy S one of them is a noncentral chi-square of 2 degrees of
-freedom (a constant amplitude of unknown phase). The level is a nuisance with a flat prior in
-decibels, the place has one flat over the ground.
+slot make it); with a pulse of energy S two of them, the windows that hold most of it, are
+noncentral chi-squares of 2 degrees of freedom (a constant amplitude of unknown phase). The
+level is a nuisance with a flat prior in decibels, the place has one flat over the ground.
 """
 
 from collections.abc import Sequence
@@ -57,6 +57,14 @@ _COUNTED = 0.8
 neighbouring pulses. With all of it regions of 90 % held .85 (I4)."""
 _LOUD_AS = 6.0
 """A loud pulse of energy E counts as this times ln E: 18 at the limit, 41 at 30 dB."""
+_WINDOWS = (0.8, 0.6)
+"""Parts of a pulse's energy in the windows that it lies in most: its start and frequency are
+between those looked at. With all of it in one window pulses near the noise came out too strong,
+so that a tag that was passed seemed farther away than it was."""
+_LEAST_QUIET = 200
+"""Slots without pulses from which the noise is taken."""
+_LEAST_FALL = 0.02
+"""Share of a fall with distance from which regions hold for it."""
 _OUTLIER = 0.02
 """Share of the pulses that tell nothing: blocked, covered, a moved head."""
 
@@ -110,14 +118,21 @@ class Cells:
     ratio: _Floats
     """Of a cell's farther border to its nearer one."""
     probability: _Floats
+    by_fall: _Floats
+    """(falls with distance, cells) the same if one of them were known."""
 
     def region(self, share: float) -> NDArray[np.bool_]:
-        """Which cells make the smallest region that holds a share of the probability."""
+        """Which cells hold a share of the probability, whatever the fall with distance is.
+
+        For each fall they are the smallest such region. After a pass the falls cannot be told
+        apart, and a region of all together leaves out what the less believed ones say.
+        """
         area = self.range_m**2 * self.width_deg * np.log(self.ratio)
-        order = np.argsort(-self.probability / area, kind="stable")
-        before = np.cumsum(self.probability[order]) - self.probability[order]
-        inside = np.zeros(len(order), bool)
-        inside[order] = before < share
+        inside = np.zeros(len(area), bool)
+        for probability in self.by_fall:
+            order = np.argsort(-probability / area, kind="stable")
+            before = np.cumsum(probability[order]) - probability[order]
+            inside[order[before < share]] = True
         return inside
 
     def holds(self, east_m: float, north_m: float, share: float) -> bool:
@@ -282,9 +297,13 @@ class HeardTrain:
     ) -> "HeardTrain":
         """A train in the noise at its frequency."""
         row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
+        quiet = energies.away_from(pulses.time_s)
+        mean = energies.mean[row]
+        if pulses.pulses == 1 and np.count_nonzero(quiet) >= _LEAST_QUIET:
+            mean = energies.level[row, quiet].mean()
         return cls(
             pulses=pulses,
-            mean_noise_energy=float(energies.mean[row]),
+            mean_noise_energy=float(mean),
             places=places,
             log_trains=log_trains,
         )
@@ -308,11 +327,13 @@ def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
     logs = _all_logs(heard, gains, (here.east_m, here.north_m), tables, levels_db)
     area = heard[0].places.area[:, np.newaxis]
     joint = np.exp(logs - logs.max()) * area
-    evidence = float(logs.max() + np.log(joint.sum() / (area.sum() * len(levels_db))))
-    joint /= joint.sum()
-    probability = joint.sum(axis=1)
-    cells = _fined(heard, probability, tables, levels_db)
-    return _summary(probability, float(joint.sum(axis=0) @ levels_db), evidence, cells)
+    total = float(joint.sum())
+    evidence = float(logs.max() + np.log(total / (area.sum() * len(levels_db))))
+    joint /= total
+    by_fall = joint.sum(axis=2)
+    cells = _fined(heard, by_fall, tables, levels_db)
+    level_db = float(joint.sum(axis=(0, 1)) @ levels_db)
+    return _summary(by_fall.sum(axis=0), level_db, evidence, cells)
 
 
 def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
@@ -345,12 +366,12 @@ def _all_logs(
     tables: Sequence[_Floats],
     levels_db: _Floats,
 ) -> _Floats:
-    """Log likelihood ratio of each place and level, over all flights and exponents."""
+    """Log likelihood ratio and belief of each fall, place and level, over all flights."""
     gains_db = [_gain_db(one, gain) for one, gain in zip(heard, gains, strict=True)]
     away_db = [_away_db(one, *east_north_m) for one in heard]
     spread_db = np.ptp(np.concatenate(away_db, axis=1), axis=1)
     if spread_db.max() < _SAME_RANGE_DB:
-        return _COUNTED * _joint_logs(heard, gains_db, tables, levels_db)
+        return _COUNTED * _joint_logs(heard, gains_db, tables, levels_db)[np.newaxis]
     top_db = _strongest(gains_db)
     logs = []
     for exponent in _EXPONENTS:
@@ -362,7 +383,7 @@ def _all_logs(
         turned_db = [one + shift_db for one in turned_db]
         logs.append(_COUNTED * _joint_logs(heard, turned_db, tables, levels_db))
     shares = (_EXPONENT_SHARES / _EXPONENT_SHARES.sum())[:, np.newaxis, np.newaxis]
-    return np.asarray(special.logsumexp(logs, axis=0, b=shares))
+    return np.asarray(np.stack(logs) + np.log(shares))
 
 
 def _strongest(gains_db: Sequence[_Floats]) -> _Floats:
@@ -419,12 +440,13 @@ def _logs(pulses: TrainPulses, gain_db: _Floats, table: _Floats, levels_db: _Flo
 
 def _fined(
     heard: Sequence[HeardTrain],
-    probability: _Floats,
+    by_fall: _Floats,
     tables: Sequence[_Floats],
     levels_db: _Floats,
 ) -> Cells:
     """The cells in which the tag is likely, in parts; the others hold the rest."""
     places = heard[0].places
+    probability = by_fall.sum(axis=0)
     order = np.argsort(-probability, kind="stable")
     count = int(np.searchsorted(np.cumsum(probability[order]), _KEPT)) + 1
     likely = np.sort(order[: min(count, _MOST_FINED)])
@@ -442,8 +464,11 @@ def _fined(
         for gain_db in each_db
     ]
     logs = _all_logs(heard, gains, (east_m, north_m), tables, levels_db)
-    fine = np.exp(logs - logs.max()).sum(axis=1) * distance.ravel() ** 2
+    fine = np.exp(logs - logs.max()).sum(axis=2) * distance.ravel() ** 2
     fine *= probability[likely].sum() / fine.sum()
+    all_cells = np.concatenate((fine, by_fall[:, rest]), axis=1)
+    share = all_cells.sum(axis=1, keepdims=True)
+    held = all_cells[share[:, 0] >= _LEAST_FALL]
     return Cells(
         plane=places.plane,
         bearing_deg=np.concatenate(
@@ -451,10 +476,11 @@ def _fined(
         ),
         range_m=np.concatenate((distance.ravel(), range_m[rest])),
         width_deg=np.repeat(
-            (BEARING_STEP_DEG / _FINE, BEARING_STEP_DEG), (len(fine), len(rest))
+            (BEARING_STEP_DEG / _FINE, BEARING_STEP_DEG), (fine.shape[1], len(rest))
         ),
-        ratio=np.repeat((RANGE_STEP ** (1.0 / _FINE), RANGE_STEP), (len(fine), len(rest))),
-        probability=np.concatenate((fine, probability[rest])),
+        ratio=np.repeat((RANGE_STEP ** (1.0 / _FINE), RANGE_STEP), (fine.shape[1], len(rest))),
+        probability=all_cells.sum(axis=0),
+        by_fall=held / held.sum(axis=1, keepdims=True),
     )
 
 
@@ -507,21 +533,45 @@ def _exponentials(mean: float) -> float:
 def _log_ratios(many: float, pulses: int = 1) -> _Floats:
     """Log likelihood ratio of a slot's energy, shape (strengths, amplitudes).
 
-    Of the largest of m exponentials, one of which may be a pulse's: with f and F the density
-    and law of its energy, f/(m e^-E) + (m-1)/m F/(1-e^-E). Of bursts alike, with the mean of
-    a burst's pulses in place of E; what fades or hides a burst does so to all of its pulses.
+    Of bursts the mean of their pulses stands in place of E, and of the largest of m one may be
+    a burst's: f/(m e^-E) + (m-1)/m F/(1-e^-E) of one pulse. What fades or hides a burst does so
+    to all of its pulses.
     """
     energy = np.maximum(_AMPLITUDES, 0.1) ** 2
-    strength = 10.0 ** (_STRENGTHS_DB / 10.0)[:, np.newaxis]
     if pulses == 1:
-        x = 2.0 * np.sqrt(energy * strength)
-        # Bounded: what is so far above noise is beyond doubt.
-        density = np.exp(np.minimum(x - strength + np.log(special.i0e(x)), 600.0))
-        law = stats.ncx2.cdf(2.0 * energy, 2, 2.0 * strength) / -np.expm1(-energy)
+        ratio = _pulse_ratio(energy, many)
     else:
+        strength = 10.0 ** (_STRENGTHS_DB / 10.0)[:, np.newaxis]
         density, law = log_ratio_parts(energy, strength, pulses)
-    ratio = density / many + (many - 1.0) / many * law
+        ratio = density / many + (many - 1.0) / many * law
     step = _STRENGTHS_DB[1] - _STRENGTHS_DB[0]
     ratio = ndimage.gaussian_filter1d(ratio, _FADING_DB / step, axis=0, mode="nearest")
     ratio = (1.0 - _OUTLIER) * ratio + _OUTLIER
     return np.asarray(np.maximum(np.log(ratio), _LEAST_LOG))
+
+
+def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
+    """Likelihood ratio of the largest of m exponentials, two of which may be a pulse's.
+
+    With f and F the densities, over that of noise, and laws of their energies, N = 1 - e^-E
+    and q = 1, it is (f1 F2^q + q f2 F1 F2^(q-1))/(m N^q) + (m-1-q)/m F1 F2^q/N^(1+q); q falls
+    to 0 with m to 1.
+    """
+    below = -np.expm1(-energy)
+    (first, first_law), (second, second_law) = (_pulse_law(energy, part) for part in _WINDOWS)
+    both = min(1.0, many - 1.0)
+    law = np.maximum(second_law, 1e-300) ** both
+    ratio = first * law + both * second * first_law * law / np.maximum(second_law, 1e-300)
+    ratio /= many * below**both
+    return np.asarray(
+        ratio + (many - 1.0 - both) / many * first_law * law / below ** (1.0 + both)
+    )
+
+
+def _pulse_law(energy: _Floats, part: float) -> tuple[_Floats, _Floats]:
+    """Density over that of noise, and law, of a window with a part of a pulse's energy."""
+    strength = part * 10.0 ** (_STRENGTHS_DB / 10.0)[:, np.newaxis]
+    x = 2.0 * np.sqrt(energy * strength)
+    # Bounded: what is so far above noise is beyond doubt.
+    density = np.exp(np.minimum(x - strength + np.log(special.i0e(x)), 600.0))
+    return density, np.asarray(stats.ncx2.cdf(2.0 * energy, 2, 2.0 * strength))
