@@ -34,7 +34,9 @@ poses = st.builds(
     longitude_deg=st.floats(-180.0, 179.999),
     altitude_amsl_m=st.floats(-500.0, 9000.0),
     altitude_relative_m=st.floats(-500.0, 9000.0),
-    quaternion_wxyz=st.tuples(parts, parts, parts, parts).filter(lambda q: any(q)),
+    quaternion_wxyz=st.tuples(parts, parts, parts, parts).filter(
+        lambda q: math.hypot(*q) > 1e-5
+    ),
     extrapolated=st.booleans(),
 )
 pulses = st.builds(

@@ -27,7 +27,8 @@ def attach(
     pulses
         A pulse log in any known format, or a flight directory.
     track
-        PX4's .ulg, ArduPilot's .BIN or .tlog, NMEA sentences or GPX.
+        PX4's .ulg, ArduPilot's .BIN or .tlog, NMEA sentences, GPX, or a telemetry.csv as `uavrt
+        simulate` writes it.
     output
         File for pulses with poses: CSV if the name ends in .csv, else JSON lines.
     clock_offset
@@ -70,6 +71,8 @@ def attach(
             writer.write(one)
     placed = sum(one.pose is not None for one in attached)
     text = f"{placed} of {len(attached)} pulses have a pose now"
+    if placed < len(attached):
+        text += f", {len(attached) - placed} are where the track has none"
     offset = f"clock offset {found.offset_s:+.2f} s"
     if found.sigma_s is not None:
         offset += f" ± {found.sigma_s:.2f} s, {found.heading_sigma_deg:.1f}° in a turn"

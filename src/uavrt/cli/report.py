@@ -58,7 +58,7 @@ def report(
     tag_power
         What the tags radiate [dBm]: with it the report maps where each listed tag would have
         been heard. Takes seconds to a minute for each.
-    map
+    background
         A map file (MBTiles or PMTiles of pictures) to lie under the flight; by default the
         finest that covers it in the folder maps beside the flight, where the ground station
         keeps what the page has brought. Nothing is fetched.

@@ -31,7 +31,8 @@ def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
     except OSError as error:
         raise ConfigError(
             f"cannot read the tag file {os.fspath(path)}: {error.strerror}",
-            remedy="Check the name; `uavrt tags --help` shows how a tag file is made",
+            remedy="Check the name; docs/reference/tag-files.md shows how a tag file is "
+            "written",
         ) from error
     return parse_tags(content, name=os.fspath(path))
 

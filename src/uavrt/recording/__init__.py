@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     )
     from uavrt.recording.iq_recorder import IQRecorder
     from uavrt.recording.layout import FlightLayout, new_flight_directory, require_writable
+    from uavrt.recording.on_earth import OffEarthError
     from uavrt.recording.outline import (
         FlightOutline,
         HeardTag,
@@ -97,6 +98,7 @@ __all__ = [
     "IQRecorder",
     "IntegratedVerdict",
     "Mark",
+    "OffEarthError",
     "Places",
     "ProcessLog",
     "PulseFormat",
@@ -161,6 +163,7 @@ __getattr__ = lazily(
         "FlightFold": "integrated",
         "IntegratedVerdict": "integrated",
         "Mark": "places",
+        "OffEarthError": "on_earth",
         "POSE_COLUMNS": "schema",
         "Places": "places",
         "ProcessLog": "process_log",

@@ -1,7 +1,10 @@
 """Skip and report log lines that are not pulses, unless the file is not a log at all."""
 
+from collections.abc import Callable
+
 from uavrt.errors import FormatError
 from uavrt.log import get_logger
+from uavrt.recording.on_earth import OffEarthError
 
 log = get_logger()
 
@@ -15,18 +18,23 @@ class DamagedLines:
         The file.
     remedy : str
         What to do when it is no such file.
+    warn : callable, optional
+        Called with a sentence about the lines passed over; by default they are told in the
+        program's log.
     """
 
-    def __init__(self, name: str, remedy: str) -> None:
-        self._name, self._remedy = name, remedy
-        self._faults: list[tuple[int, str]] = []
+    def __init__(
+        self, name: str, remedy: str, warn: Callable[[str], None] | None = None
+    ) -> None:
+        self._name, self._remedy, self._warn = name, remedy, warn
+        self._faults: list[tuple[int, Exception]] = []
 
     def add(self, number: int, reason: Exception) -> None:
         """Add a line that is no pulse."""
-        self._faults.append((number, str(reason)))
+        self._faults.append((number, reason))
 
     def judge(self, good: int) -> None:
-        """Return how many lines were passed over beside the good ones.
+        """Tell how many lines were passed over beside the good ones.
 
         Raises
         ------
@@ -35,11 +43,16 @@ class DamagedLines:
         """
         if not self._faults:
             return
-        number, reason = self._faults[0]
+        number, error = self._faults[0]
+        reason, remedy = words_of(error)
         if len(self._faults) > good:
             raise FormatError(
-                f"{self._name} line {number} is not a pulse: {reason}", remedy=self._remedy
+                f"{self._name} line {number} is not a pulse: {reason}",
+                remedy=remedy or self._remedy,
             )
+        if self._warn is not None:
+            self._warn(passed_over(self._name, len(self._faults), number, error))
+            return
         log.warning(
             "damaged lines passed over",
             file=self._name,
@@ -47,3 +60,20 @@ class DamagedLines:
             first=number,
             reason=reason,
         )
+
+
+def passed_over(name: str, lines: int, first: int, error: object) -> str:
+    """Say that a file's damaged lines were left out, and what is wrong with the first."""
+    reason, remedy = words_of(error)
+    count = "1 damaged line was" if lines == 1 else f"{lines} damaged lines were"
+    which = f"line {first}" if lines == 1 else f"the first is line {first}"
+    return f"{name}: {count} passed over ({which}: {reason})." + (
+        "" if remedy is None else f" {remedy}."
+    )
+
+
+def words_of(error: object) -> tuple[str, str | None]:
+    """Say what is wrong with a line, and what to do where the error itself knows."""
+    if isinstance(error, OffEarthError):
+        return str(error), error.remedy
+    return str(error), None

@@ -66,6 +66,8 @@ def places_of(notes: Iterable[tuple[int, str]]) -> Places:
             continue
         kind, latitude, longitude, said = found.groups()
         place = float(latitude), float(longitude)
+        if abs(place[0]) > 90.0 or abs(place[1]) > 180.0:
+            continue
         if kind == "home":
             home = place
         else:

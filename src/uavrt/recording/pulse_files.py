@@ -19,6 +19,7 @@ from uavrt.messages import BurstInside, Pose, Pulse, PulseKey, PulsePose
 from uavrt.recording.csv_line import csv_cells
 from uavrt.recording.damaged_lines import DamagedLines
 from uavrt.recording.fields import RecordField, fields_of
+from uavrt.recording.on_earth import is_attitude, place_on_earth
 
 PulseFormat = Literal["csv", "jsonl"]
 
@@ -72,18 +73,31 @@ def pulse_from_record(record: dict[str, Any]) -> PulsePose:
     """
     pulse = Pulse(
         **{
-            name: one.from_record(record[name])
+            name: _finite_or_nan(one.from_record(record[name]))
             for name, one in _PULSE.items()
             if _has(record, one)
         }
     )
-    if record["latitude_deg"] is None or record["quaternion_wxyz"] is None:
-        return PulsePose(pulse=pulse, pose=None)
+    time_ns = (pulse.start_time_ns + pulse.end_time_ns) // 2
+    return PulsePose(pulse=pulse, pose=_pose_from_record(record, time_ns))
+
+
+def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
+    """Pose of a record; None where place or attitude is not known."""
+    if record["quaternion_wxyz"] is None:
+        return None
     pose = Pose(
-        time_ns=(pulse.start_time_ns + pulse.end_time_ns) // 2,
-        **{name: one.from_record(record[name]) for name, one in _POSE.items()},
+        time_ns=time_ns,
+        **{name: _finite_or_nan(one.from_record(record[name])) for name, one in _POSE.items()},
     )
-    return PulsePose(pulse=pulse, pose=pose)
+    place = place_on_earth(pose.latitude_deg, pose.longitude_deg)
+    if place is None or not is_attitude(pose.quaternion_wxyz):
+        return None
+    return replace(pose, latitude_deg=place[0], longitude_deg=place[1])
+
+
+def _finite_or_nan(value: Any) -> Any:
+    return math.nan if isinstance(value, float) and math.isinf(value) else value
 
 
 def _has(record: dict[str, Any], one: RecordField) -> bool:
@@ -137,10 +151,13 @@ def pulse_format(name: str) -> PulseFormat:
     return "csv" if name.lower().endswith(".csv") else "jsonl"
 
 
-def read_pulse_file(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
+def read_pulse_file(
+    path: str | os.PathLike[str], warn: Callable[[str], None] | None = None
+) -> tuple[PulsePose, ...]:
     """Read pulses that `PulseWriter` wrote; an unfinished last line is passed over.
 
-    Damaged lines among good ones are passed over, too, and told in the log.
+    Damaged lines among good ones are passed over, too, and told to `warn`, else in the log.
+    A byte order mark, as spreadsheets write it, is dropped.
 
     Raises
     ------
@@ -152,7 +169,7 @@ def read_pulse_file(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
         content = Path(path).read_bytes()
     except OSError as error:
         raise FormatError(f"cannot read {name}: {error}", remedy="Check the name") from error
-    text = content.decode("utf-8", errors="replace")
+    text = content.decode("utf-8-sig", errors="replace")
     if text.count("\ufffd") > len(text) // 100:
         raise FormatError(f"cannot read {name}: it is not text", remedy="Check the name")
     lines = text.split("\n")[:-1]
@@ -160,7 +177,7 @@ def read_pulse_file(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
     records = _csv_records(lines) if is_csv else _json_records(lines)
     found: list[PulsePose] = []
     insides: dict[PulseKey, BurstInside] = {}
-    damaged = DamagedLines(name, "Give a file that `uavrt detect -o` wrote")
+    damaged = DamagedLines(name, "Give a file that `uavrt detect -o` wrote", warn)
     for number, read in records:
         try:
             record = read()
@@ -197,6 +214,8 @@ def _from_line(heading: str, line: str) -> dict[str, Any]:
 
 
 def _from_cells(names: list[str], cells: list[str]) -> dict[str, Any]:
+    if len(cells) != len(names):
+        raise ValueError(f"{len(cells)} columns where {len(names)} belong")
     record: dict[str, Any] = {}
     for name, cell in zip(names, cells, strict=True):
         kind = _KINDS.get(name)

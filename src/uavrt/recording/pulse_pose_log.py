@@ -16,13 +16,14 @@ numbers, and what is not known is ``nan``, never zero.
 import contextlib
 import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
 from uavrt.recording.damaged_lines import DamagedLines
+from uavrt.recording.on_earth import is_attitude, place_on_earth
 from uavrt.units import NANOSECONDS_PER_SECOND, hz_from_mhz, mhz_from_hz
 
 COLUMNS = 23
@@ -101,10 +102,12 @@ def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
     return PulsePose(pulse=pulse, pose=_pose(fields[16:], (start_ns + end_ns) // 2))
 
 
-def read_pulse_pose_log(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
+def read_pulse_pose_log(
+    path: str | os.PathLike[str], warn: Callable[[str], None] | None = None
+) -> tuple[PulsePose, ...]:
     """Read a whole log; a line that a power cut left unfinished at the end is passed over.
 
-    Damaged lines among good ones are passed over, too, and told in the log.
+    Damaged lines among good ones are passed over, too, and told to `warn`, else in the log.
 
     Raises
     ------
@@ -112,7 +115,7 @@ def read_pulse_pose_log(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
         The file cannot be read, or more lines are no pulses than are.
     """
     try:
-        text = Path(path).read_bytes().decode("utf-8", "replace")
+        text = Path(path).read_bytes().decode("utf-8-sig", "replace")
     except OSError as error:
         raise FormatError(
             f"cannot read {os.fspath(path)}: {error.strerror}", remedy="Check the name"
@@ -120,7 +123,9 @@ def read_pulse_pose_log(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
     lines = text.split("\n")
     finished, rest = lines[:-1], lines[-1]
     found: list[PulsePose] = []
-    damaged = DamagedLines(os.fspath(path), "A pulse_pose_log.txt has 23 columns in each line")
+    damaged = DamagedLines(
+        os.fspath(path), "A pulse_pose_log.txt has 23 columns in each line", warn
+    )
     sequence: dict[int, tuple[int, int]] = {}
     for number, line in enumerate(finished, start=1):
         if not line.strip("\0 \r\t"):
@@ -270,19 +275,23 @@ def _time_ns(seconds: str, nanoseconds: str) -> int | None:
 
 def _frequency_hz(megahertz: str) -> float:
     value = float(megahertz)
+    if not math.isfinite(value):
+        return math.nan
     return hz_from_mhz(value) if abs(value) < 1e6 else value * 1e6
 
 
 def _pose(fields: list[str], time_ns: int) -> Pose | None:
     latitude, longitude, altitude, x, y, z, w = map(float, fields)
-    if not all(map(math.isfinite, (latitude, longitude, x, y, z, w))):
+    # A quaternion of zeros is the thesis's word for "no telemetry yet".
+    if not is_attitude((w, x, y, z)):
         return None
-    if x == y == z == w == 0.0:  # the thesis's word for "no telemetry yet"
+    place = place_on_earth(latitude, longitude)
+    if place is None:
         return None
     return Pose(
         time_ns=time_ns,
-        latitude_deg=latitude,
-        longitude_deg=longitude,
+        latitude_deg=place[0],
+        longitude_deg=place[1],
         altitude_amsl_m=altitude,
         altitude_relative_m=math.nan,
         quaternion_wxyz=(w, x, y, z),

@@ -24,7 +24,7 @@ from PIL.TiffImagePlugin import TiffImageFile
 from uavrt.analysis.export import EXPORT_FORMATS, export_survey
 from uavrt.analysis.export.geotiff import geotiff_bytes
 from uavrt.analysis.export.tables import movebank_reference_csv
-from uavrt.analysis.measure.shapes import split_at_date_line
+from uavrt.analysis.measure.shapes import split_area_at_date_line, split_at_date_line
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.clock import iso_utc
 from uavrt.localization import PositionGrid
@@ -128,6 +128,35 @@ def test_a_line_over_the_date_line_is_cut_there() -> None:
         [(179.0, 10.0), (180.0, 11.0)],
         [(-180.0, 11.0), (-179.0, 12.0), (-178.0, 12.0)],
     ]
+
+
+def test_an_area_over_the_date_line_is_cut_there() -> None:
+    area = [(179.5, 10.0), (-179.5, 10.0), (-179.5, 11.0), (179.5, 11.0), (179.5, 10.0)]
+    parts = split_area_at_date_line(area)
+    assert sorted(sorted(set(part)) for part in parts) == [
+        [(-180.0, 10.0), (-180.0, 11.0), (-179.5, 10.0), (-179.5, 11.0)],
+        [(179.5, 10.0), (179.5, 11.0), (180.0, 10.0), (180.0, 11.0)],
+    ]
+    for part in parts:
+        assert part[0] == part[-1]
+        assert signed_area([list(point) for point in part]) == pytest.approx(1.0)
+    inside = [(8.0, 47.0), (9.0, 47.0), (9.0, 48.0), (8.0, 47.0)]
+    assert split_area_at_date_line(inside) == [inside]
+
+
+@pytest.mark.parametrize("latitude", [89.9, -89.9])
+@pytest.mark.parametrize("first", [-116.0, 180.0, 5.0])
+def test_an_area_around_a_pole_reaches_up_to_it(latitude: float, first: float) -> None:
+    step = math.copysign(10.0, latitude)  # counter-clockwise as seen from above
+    ring = [(math.remainder(first + step * n, 360.0), latitude) for n in range(36)]
+    parts = split_area_at_date_line([*ring, ring[0]])
+    points = [point for part in parts for point in part]
+    assert min(lon for lon, _ in points) == -180.0
+    assert max(lon for lon, _ in points) == 180.0
+    assert {abs(lat) for _, lat in points} == {abs(latitude), 90.0}
+    areas = [signed_area([list(point) for point in part]) / 2 for part in parts]
+    assert min(areas) > 0.0
+    assert sum(areas) == pytest.approx(36.0)
 
 
 def test_gpx_is_valid_by_its_schema(survey: Survey, tmp_path: Path) -> None:

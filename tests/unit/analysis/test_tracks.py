@@ -281,8 +281,32 @@ def test_an_offset_that_is_not_clear_is_refused(flight: Flight, tmp_path: Path) 
     pulses = [PulsePose(pulse=one.pulse, pose=None) for one in flight.pulse_poses]
     with pytest.raises(UsageError, match="clock-offset"):
         estimate_offset(pulses[:5], track)
-    with pytest.raises(UsageError, match="do not overlap"):
+    with pytest.raises(UsageError, match=r"covers \d+ of \d+ pulses at the most"):
         estimate_offset(pulses, track)
+    with pytest.raises(UsageError, match="do not overlap"):
+        estimate_offset(pulses, track.shifted(10**12))
+
+
+@pytest.mark.parametrize("posed", [True, False], ids=["poses", "powers"])
+def test_a_log_that_begins_at_arming_gives_the_offset_of_what_it_covers(
+    flight: Flight, tmp_path: Path, posed: bool
+) -> None:
+    pulses = [
+        one if posed else PulsePose(pulse=one.pulse, pose=None) for one in flight.pulse_poses
+    ]
+    armed_ns = pulses[round(0.29 * len(pulses))].pulse.start_time_ns
+    armed = [pose for pose in flight.poses if pose.time_ns > armed_ns]
+    late = read_track(write_tlog(armed, tmp_path / "x.tlog")).shifted(-7_350_000_000)
+    found = estimate_offset(pulses, late)
+    assert found.offset_s == pytest.approx(7.35, abs=0.15 if posed else 0.6)
+    rng = np.random.default_rng(3)
+    snr_db = rng.permutation([one.pulse.snr_db for one in pulses])
+    chance = [
+        PulsePose(pulse=replace(one.pulse, snr_db=float(snr)), pose=None)
+        for one, snr in zip(pulses, snr_db, strict=True)
+    ]
+    with pytest.raises(UsageError, match=r"Give --clock-offset"):
+        estimate_offset(chance, late)
 
 
 def test_an_offset_that_would_turn_bearings_is_asked_for(

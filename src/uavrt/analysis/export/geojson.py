@@ -11,6 +11,7 @@ from uavrt.analysis.measure import (
     ray_length_m,
     region95,
     region_lines,
+    split_area_at_date_line,
     split_at_date_line,
     way_of,
     wedge,
@@ -158,11 +159,11 @@ def _rounded(point: Point) -> list[float]:
     return [round(part, _PLACES) for part in point]
 
 
-def _ring(points: list[Point]) -> list[list[float]]:
-    """A closed ring in one piece: across the date line its longitudes run on."""
-    first = points[0][0]
-    run_on = [(first + math.remainder(lon - first, 360.0), lat) for lon, lat in points]
-    return [_rounded(point) for point in run_on]
+def _area(points: list[Point], properties: dict[str, Any]) -> dict[str, Any]:
+    parts = [[_rounded(point) for point in part] for part in split_area_at_date_line(points)]
+    if len(parts) == 1:
+        return _feature("Polygon", parts, properties)
+    return _feature("MultiPolygon", [[part] for part in parts], properties)
 
 
 def _track(survey: Survey) -> list[dict[str, Any]]:
@@ -190,7 +191,7 @@ def _bearings(survey: Survey) -> list[dict[str, Any]]:
         area = wedge(one, length_m)
         if area is not None:
             properties = {"layer": "bearing 90 %", **properties}
-            features.append(_feature("Polygon", [_ring(area)], properties))
+            features.append(_area(area, properties))
     return features
 
 
@@ -211,7 +212,7 @@ def _positions(survey: Survey) -> list[dict[str, Any]]:
         area = None if found is None or found.position is None else region95(found.position)
         if area is not None:
             ellipse = {"layer": "position 95 %", **properties}
-            features.append(_feature("Polygon", [_ring(area)], ellipse))
+            features.append(_area(area, ellipse))
         for share in REGION_SHARES:
             if lines := region_lines(found, share):
                 region = {"layer": f"region {share} %", "share": share, **properties}

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 from uavrt.analysis.bearings import TagBearing
 from uavrt.analysis.positions import TagPosition
@@ -105,6 +106,56 @@ def split_at_date_line(points: Sequence[Point]) -> list[list[Point]]:
                 parts.append([(-side, latitude)])
         parts[-1].append(point)
     return [part for part in parts if len(part) > 1] or [list(points)]
+
+
+def split_area_at_date_line(ring: Sequence[Point]) -> list[list[Point]]:
+    """Cut an area where it crosses the 180° meridian (RFC 7946 §3.1.9).
+
+    An area around a pole reaches up to it: its longitudes go once round the earth.
+
+    Parameters
+    ----------
+    ring : sequence of point
+        Closed: the last is the first.
+
+    Returns
+    -------
+    list of list of point
+        Closed rings, turning as the given one; longitudes in [-180, 180].
+    """
+    run_on = [ring[0]]
+    for longitude, latitude in ring[1:]:
+        before = run_on[-1][0]
+        run_on.append((before + math.remainder(longitude - before, 360.0), latitude))
+    if abs(run_on[-1][0] - run_on[0][0]) > 180.0:
+        pole = math.copysign(90.0, sum(latitude for _, latitude in ring))
+        run_on += [(run_on[-1][0], pole), (run_on[0][0], pole), run_on[0]]
+    elif all(abs(longitude) <= 180.0 for longitude, _ in run_on):
+        return [run_on]
+    first = math.floor((min(point[0] for point in run_on) + 180.0) / 360.0)
+    last = math.floor((max(point[0] for point in run_on) + 180.0) / 360.0)
+    parts = []
+    for turn in range(first, last + 1):
+        part = [(longitude - 360.0 * turn, latitude) for longitude, latitude in run_on]
+        for side in (-180.0, 180.0):
+            part = _this_side(part, side)
+        longitudes = {longitude for longitude, _ in part}
+        if len(part) > 3 and len(longitudes) > 1:
+            parts.append(part)
+    return parts or [list(ring)]
+
+
+def _this_side(ring: list[Point], side_deg: float) -> list[Point]:
+    """Cut off what lies beyond a meridian (Sutherland and Hodgman 1974); closed again."""
+    kept: list[Point] = []
+    for before, point in pairwise(ring):
+        inside = [abs(one[0]) <= 180.0 or one[0] * side_deg < 0.0 for one in (before, point)]
+        if inside[0] != inside[1]:
+            share = (side_deg - before[0]) / (point[0] - before[0])
+            kept.append((side_deg, before[1] + share * (point[1] - before[1])))
+        if inside[1]:
+            kept.append(point)
+    return [*kept, kept[0]] if kept else []
 
 
 def _plane(bearing: TagBearing) -> TangentPlane:

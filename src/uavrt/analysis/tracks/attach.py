@@ -6,6 +6,7 @@ of a turn by more than 3°. A single turn at a constant rate fits any offset wit
 bearing; starts, stops and several places tell them apart.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -31,6 +32,11 @@ _ELSEWHERE_S = 5.0
 MOST_HEADING_SIGMA_DEG = 3.0
 """A clock that moves bearings by more is asked for: a turn's own σ is a few degrees."""
 _LEAST_PULSES = 12
+_LEAST_SHARE = 0.25
+"""Of the pulses: a track that covers fewer may be another flight's, begun as this one ended."""
+_MOST_LOST = 0.2
+"""Share of the pulses that can be covered which an offset may leave out: else the one that
+leaves out what does not fit would be the best."""
 _PARTS = 8
 _TURNING_DEG_S = 2.0
 """From this rate on the vehicle is in a turn; slower is the wind."""
@@ -98,7 +104,8 @@ def estimate_offset(
     Raises
     ------
     UsageError
-        The logs have too little in common, or two offsets explain it nearly as well, or what
+        The logs have too little in common (the track covers less than a quarter of the pulses,
+        or fewer than 12), or two offsets explain it nearly as well, or what
         is left open moves the headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
@@ -106,22 +113,17 @@ def estimate_offset(
     common = _Common(pulse_poses, track)
     misfit: Callable[..., float]
     if len(common.posed) >= _LEAST_PULSES:
-        found_by, misfit, count = "poses", common.pose_misfit, len(common.posed)
+        found_by, misfit = "poses", common.pose_misfit
     elif len(common.time_s) >= _LEAST_PULSES:
         found_by, misfit = "powers", partial(common.power_misfit, antenna=antenna)
-        count = len(common.time_s)
     else:
         raise UsageError(
             f"{len(common.time_s)} pulses are too few to find the clock offset",
             remedy="Give --clock-offset, 0 when both clocks were set by GPS",
         )
     coarse = np.arange(-SEARCH_S, SEARCH_S + STEP_S, STEP_S)
+    common.demand_cover(coarse, posed=found_by == "poses")
     cost = np.array([misfit(offset) for offset in coarse])
-    if not np.isfinite(cost).any():
-        raise UsageError(
-            f"pulses and track do not overlap, even {SEARCH_S:.0f} s apart",
-            remedy="Check that they are from the same flight, or give --clock-offset",
-        )
     best = float(coarse[int(np.nanargmin(cost))])
     fine = np.arange(best - STEP_S, best + STEP_S + FINE_S / 2, FINE_S)
     fine_cost = np.array([misfit(offset) for offset in fine])
@@ -134,7 +136,8 @@ def estimate_offset(
             "nearly as good",
             remedy="Give --clock-offset, 0 when both clocks were set by GPS",
         )
-    sigma_s = _sigma_s(misfit, fine, count)
+    covered = common.covered(offset_s, posed=found_by == "poses")
+    sigma_s = _sigma_s(misfit, fine, covered)
     heading_sigma_deg = sigma_s * common.turn_rate_deg_s
     if heading_sigma_deg > MOST_HEADING_SIGMA_DEG:
         raise UsageError(
@@ -152,13 +155,17 @@ def estimate_offset(
     )
 
 
-def _sigma_s(misfit: Callable[..., float], offsets_s: _Floats, count: int) -> float:
+def _sigma_s(
+    misfit: Callable[..., float], offsets_s: _Floats, covered: NDArray[np.bool_]
+) -> float:
     """Standard deviation of the best offset by a jackknife over consecutive eighths.
 
     Neighbouring pulses err alike, so that whole stretches are left out and not single pulses
     (Künsch 1989, The jackknife and the bootstrap for general stationary observations).
     """
-    part_of = np.arange(count) * _PARTS // count
+    # Pulses that the track does not cover are of no part: leaving them out changes nothing.
+    counted = np.cumsum(covered) - 1
+    part_of = np.where(covered, counted * _PARTS // int(np.count_nonzero(covered)), -1)
     best = []
     for part in range(_PARTS):
         cost = np.array([misfit(offset, keep=part_of != part) for offset in offsets_s])
@@ -201,6 +208,7 @@ class _Common:
         self.turn_rate_deg_s = self._turn_rate_deg_s()
         bearing = np.radians(np.arange(0.0, 360.0, 6.0))
         radius = np.geomspace(60.0, 3000.0, 12)
+        self._least_covered = 1
         self._grid = [
             (way.mean() + np.outer(radius, turned(bearing))).ravel()
             for way, turned in zip(self._way, (np.sin, np.cos), strict=True)
@@ -259,9 +267,39 @@ class _Common:
             total += float(np.minimum(spread**2, 100.0).sum(axis=1).min())
         return total / int(np.count_nonzero(inside))
 
+    def demand_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
+        """Find how many pulses the track can cover; offsets with far fewer are none.
+
+        Raises
+        ------
+        UsageError
+            They are too few to tell an offset from chance.
+        """
+        times_s = self._posed_s if posed else self.time_s
+        most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
+        remedy = "Check that they are from the same flight, or give --clock-offset"
+        if not most:
+            raise UsageError(
+                f"pulses and track do not overlap, even {SEARCH_S:.0f} s apart", remedy=remedy
+            )
+        if most < max(_LEAST_PULSES, _LEAST_SHARE * len(times_s)):
+            raise UsageError(
+                f"the track covers {most} of {len(times_s)} pulses at the most, however the "
+                "clocks are set: too few to find their offset",
+                remedy=remedy,
+            )
+        self._least_covered = math.ceil((1.0 - _MOST_LOST) * most)
+
     def _inside(self, times_s: _Floats, offset_s: float) -> NDArray[np.bool_] | None:
-        """Pulses that the track covers; None unless nearly all."""
+        """Pulses that the track covers; None unless nearly all that it can cover."""
+        inside = self._between(times_s, offset_s)
+        return inside if np.count_nonzero(inside) >= self._least_covered else None
+
+    def covered(self, offset_s: float, *, posed: bool) -> NDArray[np.bool_]:
+        """Which pulses are within the track's times."""
+        return self._between(self._posed_s if posed else self.time_s, offset_s)
+
+    def _between(self, times_s: _Floats, offset_s: float) -> NDArray[np.bool_]:
         low = max(self._turn_s[0], self._way_s[0]) + offset_s
         high = min(self._turn_s[-1], self._way_s[-1]) + offset_s
-        inside = (times_s >= low) & (times_s <= high)
-        return inside if np.count_nonzero(inside) >= 0.8 * len(times_s) else None
+        return np.asarray((times_s >= low) & (times_s <= high))

@@ -6,6 +6,7 @@ NMEA: RMC (date, time, place), GGA (time, place, altitude), HDT (true heading), 
 """
 
 import math
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -25,7 +26,8 @@ from uavrt.attitude import from_euler_deg
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.recording.formats import read_lines
+from uavrt.recording import OffEarthError
+from uavrt.recording.formats import place_or_none, read_lines
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MAGNETIC = (
@@ -112,27 +114,39 @@ def read_gpx(path: Path) -> VehicleTrack:
             f"{path} declares XML entities, which GPX never needs", remedy="Check it"
         )
     places: list[PositionSample] = []
+    astray: list[tuple[int, OffEarthError]] = []
     try:
         # Without the declaration: the text is decoded already.
         root = ET.fromstring(text[text.find("<gpx") :] if "<gpx" in text else text)
-        for point in root.iter():
-            if point.tag.rpartition("}")[2] != "trkpt":
-                continue
+        points = (one for one in root.iter() if one.tag.rpartition("}")[2] == "trkpt")
+        for number, point in enumerate(points, start=1):
             inner = {child.tag.rpartition("}")[2]: child.text or "" for child in point}
             if "time" not in inner:
                 continue
-            found = position(
-                parse_iso_utc(inner["time"].strip()),
-                float(point.get("lat", "nan")),
-                float(point.get("lon", "nan")),
-                float(inner.get("ele", "nan")),
-            )
+            try:
+                place = place_or_none(point.get("lat", ""), point.get("lon", ""))
+            except OffEarthError as error:
+                astray.append((number, error))
+                continue
+            time_ns, height_m = parse_iso_utc(inner["time"].strip()), inner.get("ele", "nan")
+            found = None
+            if place is not None:
+                found = position(time_ns, place[0], place[1], float(height_m))
             places += [] if found is None else [found]
     except (ET.ParseError, ValueError, OverflowError) as error:
         raise FormatError(
             f"{path} is not a GPX file: {error}", remedy="Give a track"
         ) from error
-    return _track("GPX", places, [], path)
+    if len(astray) > len(places):
+        at, fault = astray[0]
+        raise FormatError(f"{path} point {at}: {fault}", remedy=fault.remedy)
+    track = _track("GPX", places, [], path)
+    if not astray:
+        return track
+    at, fault = astray[0]
+    count = "1 point" if len(astray) == 1 else f"{len(astray)} points"
+    told = f"{count} of {path} passed over: {fault} (point {at}). {fault.remedy}."
+    return replace(track, warnings=(told, *track.warnings))
 
 
 def _track(

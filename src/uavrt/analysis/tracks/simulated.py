@@ -7,10 +7,9 @@ qy, qz``; anyone may write such a file.
 from pathlib import Path
 
 from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
-from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
 from uavrt.recording import csv_cells
-from uavrt.recording.formats import read_lines
+from uavrt.recording.formats import place_or_none, read_lines, wrong_line
 
 FIRST_COLUMN = b"time_ns,latitude_deg"
 
@@ -36,20 +35,26 @@ def read_simulated(path: Path) -> VehicleTrack:
                 time_ns,
                 (float(row["qw"]), float(row["qx"]), float(row["qy"]), float(row["qz"])),
             )
-            place = PositionSample(
-                time_ns=time_ns,
-                latitude_deg=float(row["latitude_deg"]),
-                longitude_deg=float(row["longitude_deg"]),
-                altitude_amsl_m=float(row["altitude_amsl_m"]),
-                altitude_relative_m=float(row["altitude_relative_m"]),
-            )
+            place = place_or_none(row["latitude_deg"], row["longitude_deg"])
+            altitudes_m = [float(row[f"altitude_{of}_m"]) for of in ("amsl", "relative")]
         except (KeyError, TypeError, ValueError) as error:
-            raise FormatError(
-                f"{path} line {number} is not a pose: {error}",
-                remedy="The columns are those of telemetry.csv, docs/reference/scenario.md",
+            raise wrong_line(
+                path,
+                number,
+                error,
+                "The columns are those of telemetry.csv, docs/reference/scenario.md",
             ) from None
         turns += [] if turned is None else [turned]
-        places.append(place)
+        if place is not None:
+            places.append(
+                PositionSample(
+                    time_ns=time_ns,
+                    latitude_deg=place[0],
+                    longitude_deg=place[1],
+                    altitude_amsl_m=altitudes_m[0],
+                    altitude_relative_m=altitudes_m[1],
+                )
+            )
     return VehicleTrack(
         kind="telemetry.csv", attitudes=in_order(turns), positions=in_order(places)
     )

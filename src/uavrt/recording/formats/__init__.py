@@ -52,6 +52,7 @@ __all__ = [
     "RotationMark",
     "TargetEstimate",
     "cells_of",
+    "place_or_none",
     "pulse_logs_in",
     "read_bearing_file",
     "read_lines",
@@ -68,6 +69,7 @@ __all__ = [
     "write_position_file",
     "write_tagtracker",
     "write_whole",
+    "wrong_line",
 ]
 __getattr__ = lazily(
     __name__,
@@ -81,6 +83,7 @@ __getattr__ = lazily(
         "TargetEstimate": "ucsd",
         "WITHOUT_HEADINGS": "log",
         "cells_of": "text",
+        "place_or_none": "text",
         "pulse_logs_in": "recognise",
         "read_bearing_file": "bearings_csv",
         "read_lines": "text",
@@ -97,5 +100,6 @@ __getattr__ = lazily(
         "write_position_file": "positions_csv",
         "write_tagtracker": "tagtracker",
         "write_whole": "whole_file",
+        "wrong_line": "text",
     },
 )

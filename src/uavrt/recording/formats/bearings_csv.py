@@ -46,7 +46,7 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
     """
     name = os.fspath(path)
     try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
         raise FormatError(
             f"{name} cannot be read: {error.strerror}",

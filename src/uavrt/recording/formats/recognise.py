@@ -5,8 +5,9 @@ are passed on, so neither the name nor an option decides. TagTracker's variants 
 are told apart by what fits every row: a quaternion of length 1 in every row is no accident.
 """
 
+import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from uavrt.recording.formats.tagtracker import is_heading, read_tagtracker, row_
 from uavrt.recording.formats.text import cells_of, read_lines
 from uavrt.recording.formats.ucsd import read_ucsd_pings
 from uavrt.recording.layout import FlightLayout
+from uavrt.recording.on_earth import OffEarthError
 from uavrt.recording.pulse_files import read_pulse_file
 from uavrt.recording.pulse_pose_log import COLUMNS, parse_line, read_pulse_pose_log
 
@@ -43,6 +45,8 @@ _PATTERNS = (
     *("detector_log/*/output/pulse_pose_log.txt", "detector_log/*/output/pulse_pose.log.txt"),
     *("Pulse-*.csv", "Rotation-*.csv"),
 )
+_ENDINGS = (".csv", ".jsonl", ".txt", ".txt.gz", ".csv.gz")
+_FIRST_LINES = 20
 _REMEDY = (
     "Choose from flight directories, pulses of `uavrt detect`, pulse_pose_log.txt, and the "
     "CSV of TagTracker, UCSD's tracker and pyradiotracking, a SensorGnome's pulses, find_tags' "
@@ -86,13 +90,16 @@ def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
         case "detections":
             return read_detections(place)
         case "pulse_pose_log":
-            found = read_pulse_pose_log(place)
-            return PulseLog(kind=kind, pulse_poses=found, warnings=_original(place))
-    return PulseLog(kind=kind, pulse_poses=read_pulse_file(place))
+            told = [*_original(place)]
+            found = read_pulse_pose_log(place, told.append)
+            return PulseLog(kind=kind, pulse_poses=found, warnings=tuple(told))
+    told = []
+    found = read_pulse_file(place, told.append)
+    return PulseLog(kind=kind, pulse_poses=found, warnings=tuple(told))
 
 
 def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """The flights and logs that a path names: itself, or those of a folder of flights.
+    """The flights and logs that a path names: itself, or those in a folder, at any depth.
 
     Raises
     ------
@@ -102,12 +109,29 @@ def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
     place = Path(path)
     if not place.is_dir() or _holds_a_log(place):
         return (place,)
-    found = tuple(
-        child for child in sorted(place.iterdir()) if child.is_dir() and _holds_a_log(child)
-    )
+    found = tuple(_logs_below(place))
     if not found:
         raise FormatError(f"{place} contains no flight and no pulse log", remedy=_REMEDY)
     return found
+
+
+def _logs_below(directory: Path) -> Iterator[Path]:
+    for child in sorted(directory.iterdir()):
+        if child.is_dir():
+            if _holds_a_log(child):
+                yield child
+            elif not child.is_symlink():
+                yield from _logs_below(child)
+        elif child.name.lower().endswith(_ENDINGS) and _is_log(child):
+            yield child
+
+
+def _is_log(path: Path) -> bool:
+    """Whether a file of a folder is a pulse log: recognised, and not merely empty."""
+    try:
+        return recognised(path) is not None and any(map(str.strip, read_lines(path)))
+    except FormatError:
+        return False
 
 
 def _holds_a_log(directory: Path) -> bool:
@@ -126,12 +150,12 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
     lines = read_lines(path)
     first = next((line for line in lines if line.strip()), "")
     cells = cells_of(first)
-    if first.lstrip().startswith("{"):
+    if _is_jsonl(lines):
         return "uavrt-jsonl"
     if not cells:
         # A flight in which nothing was heard leaves an empty log.
         return "uavrt-jsonl" if Path(path).suffix == ".jsonl" else "pulse_pose_log"
-    if cells[0] == "tag_id":
+    if cells[0] == "tag_id" and "start_time_ns" in cells:
         return "uavrt-csv"
     if cells[0].lower() == "run":
         return "ucsd"
@@ -150,9 +174,26 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
     raise FormatError(f"{os.fspath(path)} is not a known pulse log format", remedy=_REMEDY)
 
 
+def _is_jsonl(lines: Sequence[str]) -> bool:
+    """Whether one of the first lines with content is a record of a pulse, whole or cut off."""
+    some = [line.strip() for line in lines if line.strip()][:_FIRST_LINES]
+    return any(map(_is_record, some))
+
+
+def _is_record(line: str) -> bool:
+    if not line.startswith("{"):
+        return False
+    try:
+        return "tag_id" in json.loads(line)
+    except ValueError:
+        return line[1:].lstrip().startswith('"tag_id"')
+
+
 def _is_thesis(line: str) -> bool:
     try:
         parse_line(line)
+    except OffEarthError:
+        return True
     except (ValueError, OverflowError):
         return False
     return True

@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from uavrt.messages import Pose, Pulse, PulsePose
+from uavrt.recording.damaged_lines import passed_over
 from uavrt.recording.formats.log import PulseLog
 from uavrt.recording.formats.text import (
     cells_of,
@@ -27,6 +28,7 @@ from uavrt.recording.formats.text import (
     latitude,
     longitude,
     number_or_nan,
+    place_or_none,
     read_lines,
     seconds_ns,
     whole,
@@ -111,8 +113,8 @@ def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
     if first is not None and damaged > len(pulses):
         raise wrong_line(path, *first, _REMEDY)
     warnings = [NUMBERED, NO_HEADINGS] if places else [NUMBERED]
-    if damaged:
-        warnings.append(f"{damaged} damaged lines were passed over.")
+    if first is not None:
+        warnings.append(passed_over(os.fspath(path), damaged, *first))
     numbers = tag_numbers([pulse.frequency_hz for pulse in pulses], SAME_TAG_HZ)
     posed = _posed(sorted(zip(pulses, numbers, strict=True), key=_start), sorted(places))
     return PulseLog(
@@ -273,10 +275,10 @@ def _detection(row: dict[str, str]) -> PulsePose:
         noise_db=noise_db,
         confirmed=True,
     )
-    if not (row.get("lat") and row.get("lon")):
+    place = place_or_none(row.get("lat", ""), row.get("lon", ""))
+    if place is None:
         return PulsePose(pulse=pulse, pose=None)
-    place = latitude(row["lat"]), longitude(row["lon"]), number("alt")
-    return PulsePose(pulse=pulse, pose=_pose(start_ns, *place, math.nan))
+    return PulsePose(pulse=pulse, pose=_pose(start_ns, *place, number("alt"), math.nan))
 
 
 def _reader(row: dict[str, str]) -> Callable[[str], float]:

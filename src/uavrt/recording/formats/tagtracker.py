@@ -49,12 +49,14 @@ from uavrt.recording.formats.text import (
     latitude,
     longitude,
     number_or_nan,
+    place_or_none,
     read_lines,
     seconds_ns,
     seconds_text,
     whole,
     wrong_line,
 )
+from uavrt.recording.on_earth import is_attitude
 
 HEADER = (
     "# 7, tag_id, frequency_hz, start_time_seconds, predict_next_start_seconds, snr, "
@@ -84,17 +86,24 @@ class _Layout:
         """Columns up to the attitude's last."""
         return 15 + self.noise + (4 if self.quaternion else 3)
 
-    def fits(self, cells: Sequence[str]) -> bool:
-        """Whether a row can be of this layout."""
+    def fits(self, cells: Sequence[str]) -> bool | None:
+        """Whether a row can be of this layout; None where its attitude is unknown."""
         try:
             states = [finite(cell) for cell in cells[10 + self.noise : 12 + self.noise]]
-            attitude = [finite(c) for c in cells[15 + self.noise : self.least_columns]]
+            attitude = self.attitude(cells)
             self.offset_deg(cells)
         except (ValueError, IndexError):
             return False
         if any(state not in (0, 1, 2, 3) for state in states):
             return False
-        return not self.quaternion or abs(math.hypot(*attitude) - 1.0) < _NORM_TOLERANCE
+        length = math.hypot(*attitude)
+        if math.isnan(length) or (self.quaternion and length == 0.0):
+            return None
+        return not self.quaternion or abs(length - 1.0) < _NORM_TOLERANCE
+
+    def attitude(self, cells: Sequence[str]) -> list[float]:
+        """Quaternion or angles as they stand; NaN for what is not known."""
+        return [number_or_nan(cell) for cell in cells[15 + self.noise : self.least_columns]]
 
     def offset_deg(self, cells: Sequence[str]) -> float:
         """Antenna's offset: the one number behind the attitude, 0 where there is none.
@@ -183,23 +192,27 @@ def write_tagtracker(stream: TextIO, pulse_poses: Iterable[PulsePose]) -> None:
 def _line(pulse: Pulse, pose: Pose) -> str:
     predicted = pulse.predicted_next_start_ns
     yaw, pitch, roll = euler_deg(pose.quaternion_wxyz)
-    height = pose.altitude_relative_m
     status = STATUSES.index(pulse.detection_status)
     return ", ".join(
         [
-            *("7", str(pulse.tag_id), str(round(pulse.frequency_hz))),
+            *("7", str(pulse.tag_id), str(round(_zero_for_nan(pulse.frequency_hz)))),
             seconds_text(pulse.start_time_ns),
             "0.000000" if predicted is None else seconds_text(predicted),
             *(_six(value) for value in (pulse.snr_db, pulse.score)),
             *(str(pulse.group_sequence), str(pulse.group_index), _six(pulse.group_snr_db)),
-            f"{0.0 if math.isnan(pulse.noise_psd) else pulse.noise_psd:.7g}",
+            f"{_zero_for_nan(pulse.noise_psd):.7g}",
             *(str(status), str(int(pulse.confirmed))),
             # The original writes 6 decimals, 0.11 m; two more cost nobody anything.
             *(f"{value:.8f}" for value in (pose.latitude_deg, pose.longitude_deg)),
-            _six(0.0 if math.isnan(height) else height),
+            _six(_zero_for_nan(pose.altitude_relative_m)),
             *(_six(angle) for angle in (roll, pitch, yaw, 0.0)),
         ]
     )
+
+
+def _zero_for_nan(value: float) -> float:
+    """What the original writes for a frequency, noise or height that it does not know."""
+    return 0.0 if math.isnan(value) else value
 
 
 def _six(value: float) -> str:
@@ -232,7 +245,8 @@ def _layout(rows: Sequence[Sequence[str]], path: str | os.PathLike[str]) -> _Lay
         return None
     whole_rows = rows if len(rows) == 1 else rows[:-1]  # the last may be cut off
     for layout in _LAYOUTS:
-        if all(layout.fits(cells) for cells in whole_rows):
+        fitting = [layout.fits(cells) for cells in whole_rows]
+        if True in fitting and False not in fitting:
             return layout
     counts = sorted({len(cells) for cells in rows})
     raise FormatError(
@@ -264,7 +278,7 @@ def _pulse_7(cells: Sequence[str], layout: _Layout) -> PulsePose:
     start_ns = seconds_ns(cells[3])
     pulse = Pulse(
         tag_id=whole(cells[1]),
-        frequency_hz=finite(cells[2]),
+        frequency_hz=number_or_nan(cells[2]) or math.nan,
         start_time_ns=start_ns,
         end_time_ns=start_ns,
         snr_db=_snr(cells[5]),
@@ -279,10 +293,11 @@ def _pulse_7(cells: Sequence[str], layout: _Layout) -> PulsePose:
         predicted_next_start_ns=_predicted(cells[4]),
         predicted_next_end_ns=None,
     )
-    attitude = [finite(cell) for cell in cells[after + 5 : layout.least_columns]]
+    attitude = layout.attitude(cells)
+    vehicle: Quaternion | None
     if layout.quaternion:
         x, y, z, w = attitude
-        vehicle = normalised((w, x, y, z))
+        vehicle = normalised((w, x, y, z)) if is_attitude((w, x, y, z)) else None
     else:
         vehicle = _attitude(attitude)
     return PulsePose(pulse=pulse, pose=_pose(cells[after + 2 :], start_ns, vehicle, offset))
@@ -297,7 +312,7 @@ def _pulse_20(cells: Sequence[str]) -> PulsePose | None:
     confirmed = whole(cells[13]) != 0
     pulse = Pulse(
         tag_id=whole(cells[3]),
-        frequency_hz=finite(cells[4]),
+        frequency_hz=number_or_nan(cells[4]) or math.nan,
         start_time_ns=start_ns,
         end_time_ns=start_ns,
         snr_db=_snr(cells[8]),
@@ -312,27 +327,30 @@ def _pulse_20(cells: Sequence[str]) -> PulsePose | None:
         predicted_next_start_ns=_predicted(cells[7]),
         predicted_next_end_ns=None,
     )
-    vehicle = _attitude([finite(cell) for cell in cells[19:22]])
+    vehicle = _attitude([number_or_nan(cell) for cell in cells[19:22]])
     return PulsePose(pulse=pulse, pose=_pose(cells[16:], start_ns, vehicle, finite(cells[22])))
 
 
 def _pose(
-    cells: Sequence[str], time_ns: int, vehicle: Quaternion, offset_deg: float
+    cells: Sequence[str], time_ns: int, vehicle: Quaternion | None, offset_deg: float
 ) -> Pose | None:
     """Antenna's pose from latitude, longitude and height; zeros are "no telemetry yet"."""
-    if finite(cells[0]) == 0.0 and finite(cells[1]) == 0.0:
+    place = place_or_none(cells[0], cells[1])
+    if place is None or place == (0.0, 0.0) or vehicle is None:
         return None
     return Pose(
         time_ns=time_ns,
-        latitude_deg=latitude(cells[0]),
-        longitude_deg=longitude(cells[1]),
+        latitude_deg=place[0],
+        longitude_deg=place[1],
         altitude_amsl_m=math.nan,
         altitude_relative_m=number_or_nan(cells[2]),
         quaternion_wxyz=product(vehicle, from_euler_deg(offset_deg, 0.0, 0.0)),
     )
 
 
-def _attitude(roll_pitch_yaw_deg: Sequence[float]) -> Quaternion:
+def _attitude(roll_pitch_yaw_deg: Sequence[float]) -> Quaternion | None:
+    if not all(map(math.isfinite, roll_pitch_yaw_deg)):
+        return None
     roll, pitch, yaw = roll_pitch_yaw_deg
     return from_euler_deg(yaw, pitch, roll)
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
+from uavrt.recording.damaged_lines import words_of
+from uavrt.recording.on_earth import latitude_on_earth, longitude_on_earth, place_on_earth
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 MAX_TIME_NS = 2**62
@@ -49,8 +51,9 @@ def read_lines(path: str | os.PathLike[str]) -> list[str]:
 def wrong_line(
     path: str | os.PathLike[str], number: int, why: object, remedy: str
 ) -> FormatError:
-    """Make the error for one line."""
-    return FormatError(f"{os.fspath(path)} line {number}: {why}", remedy=remedy)
+    """Make the error for one line; what the fault itself knows goes before `remedy`."""
+    reason, known = words_of(why)
+    return FormatError(f"{os.fspath(path)} line {number}: {reason}", remedy=known or remedy)
 
 
 def cells_of(line: str, separator: str = ",") -> list[str]:
@@ -85,18 +88,17 @@ def whole(cell: str) -> int:
 
 def latitude(cell: str) -> float:
     """Read a latitude [deg]; raises `ValueError` off the globe."""
-    value = finite(cell)
-    if abs(value) > 90.0:
-        raise ValueError(f"{cell} is not a latitude")
-    return value
+    return latitude_on_earth(finite(cell))
 
 
 def longitude(cell: str) -> float:
     """Read a longitude [deg]; raises `ValueError` beyond two turns."""
-    value = finite(cell)
-    if abs(value) > 360.0:
-        raise ValueError(f"{cell} is not a longitude")
-    return value if -180.0 <= value < 180.0 else math.remainder(value, 360.0)
+    return longitude_on_earth(finite(cell))
+
+
+def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float] | None:
+    """Read a place [deg]; None where a cell is empty or not a number, else as `latitude`."""
+    return place_on_earth(number_or_nan(latitude_cell), number_or_nan(longitude_cell))
 
 
 def seconds_ns(cell: str) -> int:

@@ -1,0 +1,70 @@
+"""Latitude and longitude of a log: what is not on the globe is refused, with what it may be."""
+
+import math
+
+from uavrt.attitude import Quaternion, normalised
+
+_SCALED = 1e5
+"""Larger numbers are degrees times ten million, as autopilots count them."""
+
+
+class OffEarthError(ValueError):
+    """A number that is no latitude or longitude; `remedy` says what may be wrong."""
+
+    def __init__(self, message: str, *, remedy: str) -> None:
+        super().__init__(message)
+        self.remedy = remedy
+
+
+def latitude_on_earth(value_deg: float) -> float:
+    """Pass a latitude [deg].
+
+    Raises
+    ------
+    OffEarthError
+        It is beyond a pole, or not a number.
+    """
+    if not abs(value_deg) <= 90.0:
+        raise OffEarthError(f"{value_deg:.12g} is not a latitude", remedy=_remedy(value_deg))
+    return value_deg
+
+
+def longitude_on_earth(value_deg: float) -> float:
+    """Pass a longitude [deg]; one from 0° to 360° is turned to -180° to 180°.
+
+    Raises
+    ------
+    OffEarthError
+        It is beyond two turns, or not a number.
+    """
+    if not abs(value_deg) <= 360.0:
+        raise OffEarthError(f"{value_deg:.12g} is not a longitude", remedy=_remedy(value_deg))
+    return value_deg if -180.0 <= value_deg < 180.0 else math.remainder(value_deg, 360.0)
+
+
+def place_on_earth(latitude_deg: float, longitude_deg: float) -> tuple[float, float] | None:
+    """Pass latitude and longitude [deg]; None where one of them is not known (NaN, infinite).
+
+    Raises
+    ------
+    OffEarthError
+        They are no place.
+    """
+    if not (math.isfinite(latitude_deg) and math.isfinite(longitude_deg)):
+        return None
+    return latitude_on_earth(latitude_deg), longitude_on_earth(longitude_deg)
+
+
+def is_attitude(quaternion_wxyz: Quaternion) -> bool:
+    """Whether a quaternion tells an attitude; zeros and what is not finite tell none."""
+    try:
+        normalised(quaternion_wxyz)
+    except ValueError:
+        return False
+    return True
+
+
+def _remedy(value_deg: float) -> str:
+    if abs(value_deg) >= _SCALED:
+        return "Degrees belong there, not degrees times ten million (1e7)"
+    return "Check whether latitude and longitude are swapped"
