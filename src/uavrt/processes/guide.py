@@ -5,10 +5,13 @@ that has died is followed by one that knows of no order: nothing goes on unconfi
 """
 
 import secrets
-from collections.abc import Sequence
-from dataclasses import replace
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from uavrt.clock import monotonic_s
 from uavrt.config import GuidanceSettings, Settings
@@ -56,10 +59,14 @@ if TYPE_CHECKING:
 
 log = get_logger()
 
+Found = TypeVar("Found")
+
 TICK_S = 0.05
 ALIVE_S = 0.5
 COURSE_S, ASKING_S = 1.0, 0.4
 """Between two words on ourselves, and while a way is asked for."""
+MOST_ASKS = 8
+"""Orders that wait to be planned."""
 MONOPOLE = "monopole"
 """An upright one, which has no pattern to look around with."""
 
@@ -163,20 +170,95 @@ def _height_m(order: Order, now: VehicleNow) -> float:
     return now.altitude_relative_m if order.height_m is None else order.height_m
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """An order that was asked for, and what was known then."""
+
+    request: MotionRequest
+    order: Order
+    vehicle: VehicleReport
+    now: VehicleNow
+    fence: VehicleFence | None
+    tags: tuple[Tag, ...]
+    settings: Settings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Planned:
+    """What can be offered."""
+
+    pilot: Pilot
+    limits: Limits
+    seeker: Seeker | None
+    """Of a search."""
+    summary: str
+
+
+class _Planning:
+    """Makes a plan in a thread of its own.
+
+    Files of heights take seconds to read, and a guide that is silent for that long ends the
+    order that is being flown.
+    """
+
+    def __init__(self, asked: _Asked) -> None:
+        self.asked = asked
+        self.found: _Planned | str | None = None
+        """A plan, or why there is none."""
+        threading.Thread(target=self._run, name="plan", daemon=True).start()
+
+    def _run(self) -> None:
+        self.found = _tried(lambda: _plan(self.asked))
+
+
+def _plan(asked: _Asked) -> _Planned:
+    """Judge the order by where the vehicle was."""
+    guidance, order, now = asked.settings.guidance, asked.order, asked.now
+    manners = manners_of(asked.vehicle.autopilot)
+    ground = ground_of(guidance, now.home)
+    limits = fenced(replace(limits_of(guidance), ground=ground), asked.fence)
+    seeker = None
+    if order.action == "search":
+        hills = hills_of(guidance, now.home)
+        equipment = replace(equipment_of(asked.settings), hills=hills)
+        seeker = Seeker(order, asked.tags, now, limits, manners, equipment)
+        plan = seeker.plan
+    else:
+        plan = plan_of(order, now, limits, manners)
+        order = replace(order, height_m=_height_m(order, now))
+    unknown = "" if asked.fence is not None else "; the vehicle's own fence is not known"
+    return _Planned(
+        pilot=Pilot(order, plan, limits, waits=seeker is not None),
+        limits=limits,
+        seeker=seeker,
+        summary=f"{plan.summary}{unknown}; out of {asked.vehicle.mode}",
+    )
+
+
+def _tried(make: Callable[[], Found]) -> Found | str:
+    """Get what is made, or why not; a fault of ours or of a broken file is logged, too."""
+    try:
+        return make()
+    except UavrtError as error:
+        return str(error)
+    except Exception as error:
+        log.exception("an order cannot be planned")
+        return f"the order cannot be planned: {type(error).__name__}: {error}"
+
+
 class Guide:
     """The state of the process; see the module's text."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
-        self._limits = Limits()
-        """As they are when an order is asked for."""
         self._vehicle: VehicleReport | None = None
         self._fence: VehicleFence | None = None
         """The vehicle's own; None: not known."""
         self._pilot: Pilot | None = None
-        self._offered: Pilot | None = None
-        self._seeker: Seeker | None = None
-        """Of the search that is offered."""
+        self._offered: _Planned | None = None
+        self._asks: deque[tuple[MotionRequest, Order]] = deque()
+        """That wait to be planned."""
+        self._planning: _Planning | None = None
         self._thinker: Thinker | None = None
         self._ending: list[Thinker] = []
         """Of searches that are over, until they have summed up."""
@@ -222,17 +304,25 @@ class Guide:
             wish_m=request.wish_m,
             keep_out=request.keep_out,
         )
-        try:
-            summary = self._plan(order)
-        except UavrtError as error:
-            self._send_offer(request, order.order_id, str(error), "", refused=True)
+        if len(self._asks) >= MOST_ASKS:
+            busy = "too many orders are being planned. Ask again"
+            self._send_offer(request, order.order_id, busy, "", refused=True)
             return
-        self.offers += 1
-        assert self._vehicle is not None
-        self._send_offer(request, order.order_id, summary, self._vehicle.mode)
+        self._asks.append((request, order))
+        self._plan_next()
 
-    def _plan(self, order: Order) -> str:
-        """Judge the order by where the vehicle is now."""
+    def _plan_next(self) -> None:
+        """Begin with what was asked first, if nothing is being planned."""
+        while self._asks and self._planning is None:
+            request, order = self._asks.popleft()
+            asked = _tried(partial(self._asked, request, order))
+            if isinstance(asked, str):
+                self._send_offer(request, order.order_id, asked, "", refused=True)
+            else:
+                self._planning = _Planning(asked)
+
+    def _asked(self, request: MotionRequest, order: Order) -> _Asked:
+        """Refuse what needs no plan to be refused."""
         vehicle = self._vehicle
         if vehicle is None:
             raise UavrtError("the vehicle is not heard", remedy="Check the autopilot's link")
@@ -240,29 +330,37 @@ class Guide:
         fault = vehicle.takeoff_fault if taking_off else vehicle.fault
         if fault is not None:
             raise UavrtError(fault)
-        manners = manners_of(vehicle.autopilot)
+        manners_of(vehicle.autopilot)
         now = now_of(vehicle, monotonic_s())
         if now is None:
             raise UavrtError("the vehicle has no position or no home", remedy="Wait for it")
-        self._seeker = None
-        guidance = self._frame.assignment.settings.guidance
-        self._limits = fenced(
-            replace(limits_of(guidance), ground=ground_of(guidance, now.home)), self._fence
-        )
         if order.action == "search":
-            equipment = replace(
-                equipment_of(self._frame.assignment.settings),
-                hills=hills_of(guidance, now.home),
-            )
             self._company.check(now, _height_m(order, now))
-            self._seeker = Seeker(order, self._tags, now, self._limits, manners, equipment)
-            plan = self._seeker.plan
+        return _Asked(
+            request=request,
+            order=order,
+            vehicle=vehicle,
+            now=now,
+            fence=self._fence,
+            tags=self._tags,
+            settings=self._frame.assignment.settings,
+        )
+
+    def _take_plan(self) -> None:
+        """Offer what was planned meanwhile, or refuse it."""
+        planning = self._planning
+        if planning is None or planning.found is None:
+            return
+        self._planning = None
+        asked, found = planning.asked, planning.found
+        number = asked.order.order_id
+        if isinstance(found, _Planned):
+            self._offered = found
+            self.offers += 1
+            self._send_offer(asked.request, number, found.summary, asked.vehicle.mode)
         else:
-            plan = plan_of(order, now, self._limits, manners)
-            order = replace(order, height_m=_height_m(order, now))
-        self._offered = Pilot(order, plan, self._limits, waits=self._seeker is not None)
-        unknown = "" if self._fence is not None else "; the vehicle's own fence is not known"
-        return f"{plan.summary}{unknown}; out of {vehicle.mode}"
+            self._send_offer(asked.request, number, found, "", refused=True)
+        self._plan_next()
 
     def _send_offer(
         self,
@@ -280,7 +378,7 @@ class Guide:
                 asker=request.asker,
                 order_id=order_id,
                 nonce=secrets.randbits(63),
-                summary=summary,
+                summary=summary.encode("utf-8", "replace").decode(),
                 mode=mode,
                 refused=refused,
                 takeoff=request.action == "takeoff",
@@ -298,7 +396,7 @@ class Guide:
     def _wish(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
         """Wish what is due, while the order that was offered is the one confirmed."""
         offered = self._offered
-        if offered is not None and vehicle.order_id == offered.order.order_id:
+        if offered is not None and vehicle.order_id == offered.pilot.order.order_id:
             self._begin(offered, vehicle, now)
         pilot = self._pilot
         if pilot is None or vehicle.order_id != pilot.order.order_id:
@@ -326,30 +424,33 @@ class Guide:
                 "wish", VehicleWish(order_id=pilot.order.order_id, kind="alive", said=said)
             )
 
-    def _begin(self, offered: Pilot, vehicle: VehicleReport, now: VehicleNow | None) -> None:
+    def _begin(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow | None) -> None:
         """Fly what was offered and is confirmed, from where the vehicle is by now."""
         self._end_search(now, "another order was confirmed")
         self._pilot = self._offered = None
         if now is None:
             return
-        order, self.flown = offered.order, self.flown + 1
-        try:
-            self._company.begin(now.time_s)
-            if self._seeker is not None:
-                self._company.check(now, _height_m(order, now))
-                self._seeker.check(now)
-            else:
-                plan = plan_of(order, now, self._limits, manners_of(vehicle.autopilot))
-                offered = Pilot(order, plan, self._limits)
-        except UavrtError as error:
-            self._seeker = None
-            self._end(order.order_id, str(error))
+        order, seeker = offered.pilot.order, offered.seeker
+        self.flown += 1
+        pilot = _tried(lambda: self._again(offered, vehicle, now))
+        if isinstance(pilot, str):
+            self._end(order.order_id, pilot)
             return
-        self._pilot = offered
-        if self._seeker is not None:
-            self._thinker = Thinker(self._seeker)
+        self._pilot = pilot
+        if seeker is not None:
+            self._thinker = Thinker(seeker)
             self._thinker.begin(self._frame.clock.now_ns(), now)
-        self._seeker = None
+
+    def _again(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow) -> Pilot:
+        """Judge once more what was offered."""
+        pilot, seeker = offered.pilot, offered.seeker
+        self._company.begin(now.time_s)
+        if seeker is not None:
+            self._company.check(now, _height_m(pilot.order, now))
+            seeker.check(now)
+            return pilot
+        plan = plan_of(pilot.order, now, offered.limits, manners_of(vehicle.autopilot))
+        return Pilot(pilot.order, plan, offered.limits)
 
     def _tell_course(self, now: VehicleNow, now_s: float) -> None:
         """Say where it is going, while there is somebody who tells others."""
@@ -437,7 +538,8 @@ class Guide:
         self._ending.append(thinker)
 
     def tick(self) -> None:
-        """Record how searches have ended, as soon as that is known."""
+        """Offer what was planned, and record how searches have ended."""
+        self._take_plan()
         for thinker in self._ending:
             for thought in thinker.thoughts():
                 if isinstance(thought, Choice):

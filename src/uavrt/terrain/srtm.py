@@ -10,6 +10,7 @@ import os
 import re
 import zipfile
 import zlib
+from lzma import LZMAError
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,16 @@ _NAME = re.compile(r"([NS])(\d{2})([EW])(\d{3})", re.IGNORECASE)
 _SIDES = {side * side * 2: side for side in (1201, 3601)}
 _VOID = -32768
 _AGAIN = "Download it again"
+_DAMAGED = (
+    OSError,
+    EOFError,
+    ValueError,
+    OverflowError,
+    RuntimeError,  # encrypted, or packed in a way that zipfile does not know
+    zipfile.BadZipFile,
+    zlib.error,
+    LZMAError,
+)
 
 
 def srtm_raster(path: Path) -> Raster:
@@ -43,7 +54,7 @@ def srtm_raster(path: Path) -> Raster:
     west = int(named[4]) * (1 if named[3].upper() == "E" else -1)
     try:
         size = _zipped(path)[1] if path.suffix.lower() == ".zip" else os.stat(path).st_size
-    except (OSError, zipfile.BadZipFile, ValueError) as error:
+    except _DAMAGED as error:
         raise FormatError(f"{path} cannot be read: {error}", remedy=_AGAIN) from error
     side = _SIDES.get(size)
     if side is None:
@@ -83,7 +94,7 @@ def _points(path: Path, side: int, window: tuple[int, int, int, int]) -> NDArray
                 tile = np.frombuffer(archive.read(_zipped(path)[0]), ">i2").reshape(side, side)
         else:
             tile = np.memmap(path, ">i2", "r", shape=(side, side))
-    except (OSError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+    except _DAMAGED as error:
         raise FormatError(f"{path} cannot be read: {error}", remedy=_AGAIN) from error
     part = np.asarray(tile[top:bottom, left:right])
     return np.where(part == _VOID, np.float32(np.nan), part.astype(np.float32))

@@ -1,6 +1,9 @@
 """What the guide plans, and from where."""
 
 import json
+import os
+import time
+import zipfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -62,8 +65,17 @@ class Hub:
     def ask(self, action: Any, **values: Any) -> MotionOffer:
         request = MotionRequest(request_id=3, asker=(254, 190), action=action, **values)
         self.guide.take("motion", request)
-        assert isinstance(self.sent[-1], MotionOffer)
-        return self.sent[-1]
+        return self.offer()
+
+    def offer(self) -> MotionOffer:
+        """Wait for what is being planned."""
+        for _ in range(2000):
+            self.guide.tick()
+            if isinstance(self.sent[-1], MotionOffer):
+                offer: MotionOffer = self.sent.pop()
+                return offer
+            time.sleep(0.005)
+        raise AssertionError
 
     def confirmed(self, offer: MotionOffer, north_m: float, **values: Any) -> VehicleWish:
         values = {"standing": "confirmed", "order_id": offer.order_id} | values
@@ -218,3 +230,71 @@ def test_without_the_files_of_heights_nothing_is_flown(tmp_path: Path) -> None:
     offer = hub.ask("hold")
     assert offer.refused
     assert "there is no" in offer.summary
+
+
+SPOILED = [
+    {"keep_out_file": json.dumps({"type": "Polygon", "coordinates": []})},
+    {"keep_out_file": json.dumps({"type": "\ud800", "coordinates": [10**400]})},
+    {"terrain": "encrypted"},
+]
+
+
+def spoil(folder: Path, guidance: dict[str, str]) -> dict[str, str]:
+    """Write the files that settings name."""
+    if "terrain" in guidance:
+        tile = folder / "N47E008.hgt.zip"
+        with zipfile.ZipFile(tile, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("N47E008.hgt", bytes(1201 * 1201 * 2))
+        content = bytearray(tile.read_bytes())
+        content[6] |= 1
+        content[content.rfind(b"PK\1\2") + 8] |= 1
+        tile.write_bytes(content)
+        return {"terrain": str(tile)}
+    farm = folder / "farm.geojson"
+    farm.write_text(guidance["keep_out_file"])
+    return {"keep_out_file": str(farm)}
+
+
+@pytest.mark.parametrize("guidance", SPOILED)
+def test_a_broken_file_refuses_the_order_with_its_name(
+    tmp_path: Path, guidance: dict[str, str]
+) -> None:
+    settings = spoil(tmp_path, guidance)
+    hub = Hub(guidance=settings)
+    hub.guide.take("vehicle", hub.report())
+    offer = hub.ask("hold")
+    assert offer.refused
+    assert next(iter(settings.values())) in offer.summary
+    offer.summary.encode()
+
+
+def test_what_nobody_foresaw_refuses_the_order(hub: Hub) -> None:
+    offer = hub.ask("goto", places=((10**400, 8.0),), height_m=40.0)
+    assert offer.refused
+    assert "the order cannot be planned: OverflowError" in offer.summary
+    assert not hub.ask("hold").refused
+
+
+def test_an_order_is_flown_on_while_another_is_being_planned(tmp_path: Path) -> None:
+    farm = tmp_path / "farm.geojson"
+    ring = [[8.1, 47.1], [8.2, 47.1], [8.1, 47.2]]
+    text = json.dumps({"type": "Polygon", "coordinates": [ring]})
+    farm.write_text(text)
+    hub = Hub(guidance={"keep_out_file": str(farm)})
+    hub.guide.take("vehicle", hub.report())
+    flown = hub.ask("hold")
+    hub.confirmed(flown, 0.0)
+    farm.unlink()
+    os.mkfifo(farm)  # it takes as long to read as we like
+    for number in (4, 5):
+        hub.guide.take("motion", MotionRequest(request_id=number, asker=(1, 1), action="hold"))
+    begun = len(hub.sent)
+    while not any(one.kind == "alive" for one in hub.sent[begun:]):
+        hub.guide.take("vehicle", hub.report(standing="confirmed", order_id=flown.order_id))
+        hub.guide.tick()
+        time.sleep(0.01)
+    assert not any(isinstance(one, MotionOffer) for one in hub.sent)
+    for number in (4, 5):
+        farm.write_text(text)
+        offer = hub.offer()
+        assert (offer.request_id, offer.refused) == (number, False)

@@ -57,6 +57,34 @@ def test_tiles_of_one_and_three_seconds_and_zipped_ones_are_read(tmp_path: Path)
     assert plain[0] == pytest.approx(300.0 * 0.7 + 100.0 * 0.3, abs=0.51)
 
 
+def _change(content: bytearray, local: int, central: int, value: bytes) -> None:
+    """Change a field in both headers of a zip's one file."""
+    content[local : local + len(value)] = value
+    there = content.rfind(b"PK\1\2") + central
+    content[there : there + len(value)] = value
+
+
+@pytest.mark.parametrize("damage", ["encrypted", "unknown method", "LZMA", "cut"])
+def test_a_zipped_tile_that_cannot_be_unpacked_is_named(tmp_path: Path, damage: str) -> None:
+    path = tmp_path / "N47E008.hgt.zip"
+    packed = {"LZMA": zipfile.ZIP_LZMA, "cut": zipfile.ZIP_STORED}
+    with zipfile.ZipFile(path, "w", packed.get(damage, zipfile.ZIP_DEFLATED)) as archive:
+        archive.writestr("N47E008.hgt", bytes(1201 * 1201 * 2))
+    content = bytearray(path.read_bytes())
+    match damage:
+        case "encrypted":
+            _change(content, 6, 8, b"\1")
+        case "unknown method":
+            _change(content, 8, 10, b"\x63\0")
+        case "LZMA":
+            content[60:200] = bytes(140)
+        case "cut":
+            _change(content, 18, 20, struct.pack("<I", 10))
+    path.write_bytes(content)
+    with pytest.raises(FormatError, match="cannot be read"):
+        open_elevation(path).heights_m([47.5], [8.5])
+
+
 def test_no_border_shows_between_tiles(tmp_path: Path) -> None:
     write_tile(tmp_path, 47, 8)
     write_tile(tmp_path, 47, 9)
