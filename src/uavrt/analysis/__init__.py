@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
     from uavrt.analysis.fold_pictures import write_fold_pictures
     from uavrt.analysis.found_bursts import bursts_of_pulses
-    from uavrt.analysis.hindsight import save_integrated, verdict_of
+    from uavrt.analysis.hindsight import save_integrated, slots_of, verdict_of
     from uavrt.analysis.kept_samples import channel_of, integrate_kept, kept_channels
     from uavrt.analysis.map_files import RASTERS, MapFile, maps_in, read_map
     from uavrt.analysis.plots import DetectionPlots
@@ -111,6 +111,7 @@ __all__ = [
     "save_integrated",
     "share_alone",
     "silent_map",
+    "slots_of",
     "verdict_of",
     "write_fold_pictures",
     "write_maps",
@@ -169,6 +170,7 @@ __getattr__ = lazily(
         "save_integrated": "hindsight",
         "silent_map": "silence",
         "share_alone": "several_flights",
+        "slots_of": "hindsight",
         "verdict_of": "hindsight",
         "write_fold_pictures": "fold_pictures",
         "write_maps": "coverage",

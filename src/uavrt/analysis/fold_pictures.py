@@ -8,7 +8,7 @@ import numpy as np
 
 from uavrt.analysis.whole_flight import IntegratedTag, chance_in_words
 from uavrt.errors import RecordingError
-from uavrt.integration import even_time_s, pulse_weights
+from uavrt.integration import even_time_s, pulse_weights, told_energies
 from uavrt.recording import FlightFold
 
 _ROWS: Final = 32
@@ -62,7 +62,12 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 
 
 def fold_of(one: IntegratedTag) -> FlightFold:
-    """Fold a flight at a tag's interval, its energies weighed as in the search."""
+    """Fold a flight at a tag's interval, its energies weighed as in the search.
+
+    The search leaves out what is loud enough to be seen alone, a strong tag's own pulses among
+    it: here loud pulses, whosever they are, count as in `train_pulses`, a little more than
+    others.
+    """
     energies, pulses = one.energies, one.pulses
     row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
     columns = max(8, round(pulses.interval_s / energies.slot_s))
@@ -74,11 +79,12 @@ def fold_of(one: IntegratedTag) -> FlightFold:
     number -= int(number.min())
     column = np.minimum((turns % 1.0 * columns).astype(np.int64), columns - 1)
     joined = max(1, -(-(int(number.max()) + 1) // _ROWS))
-    gain = np.interp(energies.time_s, one.places.time_s, one.places.gain[_best_place(one)])
-    weight = pulse_weights(gain) * energies.heard
+    gain = np.interp(energies.time_s, one.places.time_s, one.places.gain[best_place(one)])
+    weight = pulse_weights(gain) * (energies.heard | energies.loud[row])
+    energy = told_energies(energies, row)
     shape = (int(number.max()) // joined + 1, columns)
     summed, squares = np.zeros(shape), np.zeros(shape)
-    np.add.at(summed, (number // joined, column), weight * energies.energy[row])
+    np.add.at(summed, (number // joined, column), weight * energy)
     np.add.at(squares, (number // joined, column), weight**2)
     profile = summed.sum(axis=0) / np.sqrt(np.maximum(squares.sum(axis=0), 1e-9))
     raster = summed / np.sqrt(np.maximum(squares, 1e-9))
@@ -91,7 +97,7 @@ def fold_of(one: IntegratedTag) -> FlightFold:
     )
 
 
-def _best_place(one: IntegratedTag) -> int:
+def best_place(one: IntegratedTag) -> int:
     """The likeliest place; of a tag that was not found that of the search."""
     if one.place is not None:
         return int(np.argmax(one.place.probability))

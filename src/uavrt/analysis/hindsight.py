@@ -7,18 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from uavrt.analysis.fold_pictures import fold_of
+from uavrt.analysis.fold_pictures import best_place, fold_of
 from uavrt.analysis.measure import flight_settings
 from uavrt.analysis.whole_flight import LEAST_PART, IntegratedTag
 from uavrt.config import AntennaSettings
-from uavrt.integration import PlaceBelief
+from uavrt.integration import HeardTrain, PlaceBelief, SlotEvidence, slot_evidence
 from uavrt.messages import Pulse, PulsePose
 from uavrt.processes import REACH_NS, made_up
 from uavrt.recording import Flight, IntegratedVerdict, write_integrated
 from uavrt.units import db_from_power, ns_from_s
 
-_SAME_S = 0.01
-"""Beside pulse width and jitter: a pulse of the train and one heard in flight are the same."""
+_SAME = 0.25
+"""Of the interval: so near a slot, a pulse heard in flight is the slot's, as a tag sends one in
+an interval. Where samples were lost, times told in flight are off by tens of milliseconds."""
 
 
 def save_integrated(flight: Flight, results: Sequence[IntegratedTag]) -> Path:
@@ -49,7 +50,7 @@ def save_integrated(flight: Flight, results: Sequence[IntegratedTag]) -> Path:
     verdicts = []
     for one in results:
         own = integrated_pulses(flight, one)
-        verdicts.append(_verdict(one, len(own)))
+        verdicts.append(_verdict(flight, one, len(own)))
         pulses += own
     folds = [fold_of(one) for one in results]
     return write_integrated(flight.info.directory, verdicts, pulses, folds)
@@ -58,9 +59,12 @@ def save_integrated(flight: Flight, results: Sequence[IntegratedTag]) -> Path:
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     """Pulses of a train that was found, without those that were heard in flight.
 
-    `snr_db` is the energy in the pulse's slot less the mean of noise, unknown where the noise
-    has more: single values are rough, and too great by up to 2 dB where the jitter leaves a
-    choice. Score, group and noise density are those of no group, hence unknown.
+    Of the train's slots those in which the tag was at that rate, and whose own energy noise has
+    in at most one slot of twenty (`slots_of`).
+
+    `snr_db` is the energy in the pulse's slot less the mean of noise: single values are rough,
+    and too great by up to 2 dB where the jitter leaves a choice. Score, group and noise density
+    are those of no group, hence unknown.
 
     Parameters
     ----------
@@ -74,22 +78,21 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     settings = flight_settings(flight)
     antenna = AntennaSettings() if settings is None else settings.antenna
     tag, train = result.tag, result.pulses
-    live_ns = np.sort(_live_ns(flight, tag.tag_id))
-    same_ns = ns_from_s(tag.pulse_width_s + tag.interval_jitter_s + _SAME_S)
+    further = slots_of(result).supported & ~_heard_live(flight, result)
     pose_times_ns = [pose.time_ns for pose in flight.poses]
     level_db = math.nan if result.place is None else result.place.level_db
     found = []
     for number, (time_ns, energy) in enumerate(
         zip(result.pulse_times_ns.tolist(), train.energy.tolist(), strict=True), start=1
     ):
-        if _near(live_ns, time_ns, same_ns):
+        if not further[number - 1]:
             continue
         pulse = Pulse(
             tag_id=tag.tag_id,
             frequency_hz=tag.frequency_hz + train.offset_hz,
             start_time_ns=time_ns,
             end_time_ns=time_ns + ns_from_s(tag.length_s),
-            snr_db=db_from_power(energy - 1.0) if energy > 1.0 else math.nan,
+            snr_db=db_from_power(energy - 1.0),
             group_snr_db=level_db,
             score=math.nan,
             group_index=number,
@@ -107,14 +110,35 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     return found
 
 
+def slots_of(result: IntegratedTag) -> SlotEvidence:
+    """What the slots of a train that was found say one by one."""
+    heard = HeardTrain.among(result.energies, result.pulses, result.places)
+    places = result.places
+    gain = np.interp(result.pulses.time_s, places.time_s, places.gain[best_place(result)])
+    return slot_evidence(heard, gain, len(result.tag.pulse_intervals_s))
+
+
+def _heard_live(
+    flight: Flight, result: IntegratedTag
+) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+    """In which slots of a train the flight's own log has a pulse of the tag."""
+    live_ns = np.sort(_live_ns(flight, result.tag.tag_id))
+    reach_ns = ns_from_s(_SAME * result.pulses.interval_s)
+    times_ns = result.pulse_times_ns
+    low, high = np.searchsorted(live_ns, (times_ns - reach_ns, times_ns + reach_ns))
+    return np.asarray(high > low)
+
+
 def verdict_of(flight: Flight, one: IntegratedTag) -> IntegratedVerdict:
     """Sum up what a flight shows of a tag."""
-    return _verdict(one, len(integrated_pulses(flight, one)))
+    return _verdict(flight, one, len(integrated_pulses(flight, one)))
 
 
-def _verdict(one: IntegratedTag, pulses: int) -> IntegratedVerdict:
+def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdict:
     place = one.place
-    train = len(one.pulses.time_s) if one.found else 0
+    live = 0
+    if one.found:
+        live = int(np.count_nonzero(slots_of(one).at_rate & _heard_live(flight, one)))
     return IntegratedVerdict(
         tag_id=one.tag.tag_id,
         found=one.found,
@@ -132,7 +156,7 @@ def _verdict(one: IntegratedTag, pulses: int) -> IntegratedVerdict:
         places=1 if place is None else _places(place),
         pulses=pulses,
         flights=one.flights,
-        heard_live=train - pulses,
+        heard_live=live,
         remarks="; ".join(one.limitations),
     )
 
@@ -146,10 +170,3 @@ def _live_ns(flight: Flight, tag_id: int) -> "np.ndarray[tuple[int], np.dtype[np
     """Beginnings of a tag's pulses in the flight's own log."""
     own = [one.pulse for one in flight.pulse_poses if one.pulse.tag_id == tag_id]
     return np.array([pulse.start_time_ns for pulse in own], np.int64)
-
-
-def _near(
-    times_ns: "np.ndarray[tuple[int], np.dtype[np.int64]]", time_ns: int, reach_ns: int
-) -> bool:
-    low, high = np.searchsorted(times_ns, (time_ns - reach_ns, time_ns + reach_ns))
-    return bool(high > low)

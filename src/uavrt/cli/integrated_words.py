@@ -25,17 +25,30 @@ def sentence(one: "IntegratedTag") -> str:
     place, pulses = one.place, one.pulses
     lines = [
         f"tag {one.tag.tag_id}: found over the whole flight, {chance}{alone}",
-        f"{len(pulses.time_s)} {what} every {pulses.interval_s:.5f} s, "
-        f"{pulses.offset_hz:+.0f} Hz from its frequency, the strongest {place.level_db:.1f} dB",
+        f"{slots_in_words(one)}, {pulses.offset_hz:+.0f} Hz from its frequency, "
+        f"the strongest {place.level_db:.1f} dB",
         *where(place),
     ]
-    if len(one.tag.pulse_intervals_s) > 1:
-        lines.append(f"at its rate {one.train.rate}")
     if one.train.drift:
         lines.append(
             f"its interval changed by {100.0 * one.train.drift:+.2f} % over the flight"
         )
     return "\n  ".join(lines) + others
+
+
+def slots_in_words(one: "IntegratedTag") -> str:
+    """Say how many slots a train has, and of how many more can be said."""
+    from uavrt.analysis import slots_of
+
+    slots = slots_of(one)
+    count, kept = len(slots.at_rate), int(slots.at_rate.sum())
+    what = "bursts" if one.tag.coded else "pulses"
+    rate = f" at its rate {one.train.rate}" if len(one.tag.pulse_intervals_s) > 1 else ""
+    part = f", used in {kept} of them" if kept < count else ""
+    return (
+        f"{count} slots, one every {one.pulses.interval_s:.5f} s{rate}{part}; in "
+        f"{int(slots.supported.sum())} single {what} stand out of the noise"
+    )
 
 
 def where(place: "PlaceBelief", flown: str = "the flight") -> list[str]:
@@ -98,13 +111,26 @@ def record(one: "IntegratedTag") -> dict[str, Any]:
         "confirmed_alone": one.heard_alone,
         **_place_record(one.place),
         "limitations": list(one.limitations),
-        "integrated_pulses": [
-            {"time": iso_utc(int(time_ns)), "time_ns": int(time_ns), "energy": float(energy)}
-            for time_ns, energy in zip(one.pulse_times_ns, one.pulses.energy, strict=True)
-        ]
-        if one.found
-        else [],
+        "integrated_pulses": _slot_records(one) if one.found else [],
     }
+
+
+def _slot_records(one: "IntegratedTag") -> list[dict[str, Any]]:
+    from uavrt.analysis import slots_of
+
+    slots = slots_of(one)
+    return [
+        {
+            "time": iso_utc(int(time_ns)),
+            "time_ns": int(time_ns),
+            "energy": float(energy),
+            "at_rate": bool(at_rate),
+            "stands_out": bool(supported),
+        }
+        for time_ns, energy, at_rate, supported in zip(
+            one.pulse_times_ns, one.pulses.energy, slots.at_rate, slots.supported, strict=True
+        )
+    ]
 
 
 def _place_record(place: "PlaceBelief | None") -> dict[str, Any]:
@@ -157,10 +183,9 @@ def sentence_of_flights(one: "TagOfFlights") -> str:
             told = "; too weak to tell its pulses" if one.found else ""
             lines.append(f"{name}: {by_itself}{told}")
             continue
-        pulses = flight.pulses
         lines.append(
-            f"{name}: {len(pulses.time_s)} pulses every {pulses.interval_s:.5f} s, "
-            f"{pulses.offset_hz:+.0f} Hz from its frequency; {by_itself}"
+            f"{name}: {slots_in_words(flight)}, "
+            f"{flight.pulses.offset_hz:+.0f} Hz from its frequency; {by_itself}"
         )
         if one.place is None and flight.place is not None:
             lines += [f"  {text}" for text in where(flight.place)]

@@ -23,12 +23,14 @@ if TYPE_CHECKING:
         distinct,
         places_around,
     )
+    from uavrt.integration.rates import SlotEvidence, slot_evidence
     from uavrt.integration.together import JointTrain, Listened, search_together
     from uavrt.integration.train_place import (
         HeardTrain,
         PlaceBelief,
         TrainPulses,
         place_belief,
+        told_energies,
         told_share,
         train_pulses,
     )
@@ -57,6 +59,7 @@ __all__ = [
     "PlaceBelief",
     "Places",
     "SlotEnergies",
+    "SlotEvidence",
     "TrainPulses",
     "Weights",
     "base_periods",
@@ -78,6 +81,8 @@ __all__ = [
     "search_flight",
     "search_together",
     "slot_energies",
+    "slot_evidence",
+    "told_energies",
     "told_share",
     "train_pulses",
 ]
@@ -97,6 +102,7 @@ __getattr__ = lazily(
         "PlaceBelief": "train_place",
         "Places": "places",
         "SlotEnergies": "energy_grid",
+        "SlotEvidence": "rates",
         "TrainPulses": "train_place",
         "Weights": "whole_flight",
         "base_periods": "folding",
@@ -118,6 +124,8 @@ __getattr__ = lazily(
         "search_flight": "whole_flight",
         "search_together": "together",
         "slot_energies": "energy_grid",
+        "slot_evidence": "rates",
+        "told_energies": "train_place",
         "told_share": "train_place",
         "train_pulses": "train_place",
     },

@@ -41,6 +41,8 @@ _LEAST_LOG = -30.0
 _FINE = 3
 """Parts of a likely cell in bearing and distance."""
 _MOST_FINED = 300
+_WITHIN = 7
+"""Points along each side of a cell over which its probability lies."""
 _LIKELY = 100
 """Places by which a flight's share is told."""
 _KEPT = 0.998
@@ -179,16 +181,50 @@ class Cells:
         east, north = east_north(self.bearing_deg[cells], self.range_m[cells])
         total = float(held.sum())
         middle_east, middle_north = float(held @ east) / total, float(held @ north) / total
-        away = np.hypot(east - middle_east, north - middle_north)
-        order = np.argsort(away)
-        last = int(np.searchsorted(np.cumsum(held[order]), 0.95 * total))
+        (radius95,) = self.radii_m(middle_east, middle_north, (0.95,), cells)
         latitude, longitude = self.plane.to_geodetic(middle_east, middle_north)
         return Part(
             latitude_deg=float(latitude),
             longitude_deg=float(longitude),
-            radius95_m=float(away[order][min(last, len(order) - 1)]),
+            radius95_m=radius95,
             probability=total,
         )
+
+    def radii_m(
+        self,
+        east_m: float,
+        north_m: float,
+        shares: Sequence[float],
+        cells: NDArray[np.intp] | None = None,
+    ) -> list[float]:
+        """Radii of circles around a place that hold shares of the probability.
+
+        Each cell's lies evenly over its ground, as in `region`: between its middles alone a
+        single cell would have none.
+
+        Parameters
+        ----------
+        east_m, north_m : float
+            From the middle of the flight.
+        shares : sequence of float
+        cells : ndarray of intp, optional
+            The share is of these; by default of all.
+        """
+        chosen = slice(None) if cells is None else cells
+        parts = (np.arange(_WITHIN) + 0.5) / _WITHIN
+        around, apart = (one.ravel() for one in np.meshgrid(parts - 0.5, parts))
+        bearing = self.bearing_deg[chosen, np.newaxis]
+        bearing = bearing + around * self.width_deg[chosen, np.newaxis]
+        ratio = self.ratio[chosen, np.newaxis]
+        # Evenly over the ground: squares of distances are even from the nearer border on.
+        square = self.range_m[chosen, np.newaxis] ** 2 * ((1.0 - apart) / ratio + apart * ratio)
+        east, north = east_north(bearing, np.sqrt(square))
+        away = np.hypot(east - east_m, north - north_m).ravel()
+        held = np.repeat(self.probability[chosen], len(around))
+        order = np.argsort(away)
+        sums = np.cumsum(held[order])
+        last = np.searchsorted(sums, np.asarray(shares) * sums[-1])
+        return [float(one) for one in away[order][np.minimum(last, len(order) - 1)]]
 
     def arc_deg(self, middle_deg: float, share: float) -> float:
         """Width of the arc around a bearing that holds a share of the probability."""
@@ -240,7 +276,7 @@ def train_pulses(
     step_s = slot_s / max(count - 1, 1)
     row = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
     rows = range(max(0, row - 1), min(len(energies.energy), row + 2))
-    told = {near: _told(energies, near) for near in rows}
+    told = {near: told_energies(energies, near) for near in rows}
     best, kept = -np.inf, (row, train.phase_s, train.interval_s)
     for interval_s in train.interval_s + step_s * np.linspace(-1.5, 1.5, 13):
         for phase_s in train.phase_s + slot_s * np.linspace(-1.5, 1.5, 13):
@@ -265,7 +301,7 @@ def train_pulses(
     )
 
 
-def _told(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
+def told_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
     """Energies of a frequency, with loud pulses as what is just not loud."""
     energy = energies.energy[row].copy()
     loud = energies.loud[row] & ~energies.heard
@@ -490,13 +526,7 @@ def _summary(
     held = cells.probability
     east_m, north_m = east_north(cells.bearing_deg, cells.range_m)
     east, north = float(held @ east_m), float(held @ north_m)
-    away = np.hypot(east_m - east, north_m - north)
-    order = np.argsort(away)
-    sums = np.cumsum(held[order])
-    radius50, radius95 = (
-        float(away[order][min(int(np.searchsorted(sums, share)), len(order) - 1)])
-        for share in (0.5, 0.95)
-    )
+    radius50, radius95 = cells.radii_m(east, north, (0.5, 0.95))
     latitude, longitude = cells.plane.to_geodetic(east, north)
     turn = np.radians(cells.bearing_deg)
     mean = float(np.degrees(np.arctan2(held @ np.sin(turn), held @ np.cos(turn))))
@@ -513,6 +543,33 @@ def _summary(
         probability=probability,
         cells=cells,
     )
+
+
+def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
+    """Log likelihood ratio of a pulse in each slot, shape (levels, slots).
+
+    Parameters
+    ----------
+    one : HeardTrain
+    gain : ndarray of float64, shape (slots,)
+        Energy of a pulse relative to the strongest.
+    levels_db : ndarray of float64, shape (levels,)
+        Energy over noise of the strongest.
+    """
+    table = _table(one)
+    amplitude = np.sqrt(np.maximum(one.pulses.energy, 0.0)) / _AMPLITUDES[1]
+    column = np.minimum(np.rint(amplitude), len(_AMPLITUDES) - 1).astype(np.intp)
+    gain_db = 10.0 * np.log10(gain + 1e-9)
+    strength = np.rint((gain_db + levels_db[:, np.newaxis] - _STRENGTHS_DB[0]) / 0.5)
+    strength = np.clip(strength, 0, len(_STRENGTHS_DB) - 1).astype(np.intp)
+    return np.asarray(table[strength, column])
+
+
+def noise_reaches(one: HeardTrain, share: float) -> float:
+    """Energy of a slot that noise alone exceeds in a share of the slots."""
+    pulses, mean = one.pulses.pulses, one.mean_noise_energy
+    many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
+    return float(special.gammaincinv(pulses, (1.0 - share) ** (1.0 / many)) / pulses)
 
 
 def _table(one: HeardTrain) -> _Floats:

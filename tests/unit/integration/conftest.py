@@ -43,6 +43,7 @@ def rotation(
     like: Rotation | None = None,
     east_m: float = 0.0,
     start_ns: int = START_NS,
+    then_s: float | None = None,
 ) -> Rotation:
     """Make a rotation.
 
@@ -57,9 +58,13 @@ def rotation(
     east_m : float
         Where the drone turns.
     start_ns : int
+    then_s : float, optional
+        Interval of the second half; the tag is listed with both.
     """
     rng = np.random.default_rng(seed)
     tag = replace(THESIS_TAG, interval_uncertainty_s=0.030)
+    if then_s is not None:
+        tag = replace(tag, pulse_intervals_s=(*tag.pulse_intervals_s, then_s))
     duration_s = pulses * tag.pulse_intervals_s[0]
     interval_s = tag.pulse_intervals_s[0] + rng.uniform(-0.02, 0.02)
     offset_hz, bearing_deg = rng.uniform(-100.0, 100.0), rng.uniform(0.0, 360.0)
@@ -68,8 +73,15 @@ def rotation(
         offset_hz, bearing_deg = like.offset_hz, like.bearing_deg
     samples = noise(rng, round(duration_s * RATE_HZ))
     start_s = rng.uniform(0.0, interval_s)
-    for number in range(int((duration_s - start_s) / interval_s)):
+    shortest_s = min(interval_s, then_s or interval_s)
+    for number in range(int((duration_s - start_s) / shortest_s)):
         at_s = start_s + number * interval_s + rng.uniform(-0.01, 0.01)
+        half_s = 0.5 * duration_s
+        if then_s is not None and at_s > half_s:
+            since = number - int((half_s - start_s) / interval_s)
+            at_s = half_s + since * then_s + rng.uniform(-0.01, 0.01)
+        if then_s is not None and at_s > duration_s - 0.1:
+            break
         if enr_db is not None:
             gain_db = float(PATTERNS["RA-23K"].gain_db(bearing_deg - TURN_DEG_S * at_s))
             pulse = TruePulse(start_s=at_s, offset_hz=offset_hz, enr_db=enr_db + gain_db)

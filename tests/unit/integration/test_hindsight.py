@@ -10,12 +10,15 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from tests.unit.integration.conftest import Rotation
+from tests.unit.integration.conftest import Rotation, rotation
 from tests.unit.integration.test_whole_flight import judged
 
-from uavrt.analysis import IntegratedTag, read_survey, save_integrated
+from uavrt.analysis import IntegratedTag, read_survey, save_integrated, slots_of
 from uavrt.analysis.export import export_survey, kmz_bytes
+from uavrt.analysis.fold_pictures import fold_of
+from uavrt.analysis.hindsight import integrated_pulses
 from uavrt.analysis.report import html_page, pdf_document
+from uavrt.cli.integrated_words import sentence
 from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import Poses, Pulse, PulsePose
 from uavrt.recording import (
@@ -94,12 +97,53 @@ def test_they_lie_beside_the_flight_whose_own_log_stays_as_it_was(
     (verdict,), pulses = read_integrated(root)
     assert verdict.found
     assert verdict.heard_live == LIVE
-    assert verdict.pulses == len(pulses) == len(result.pulse_times_ns) - LIVE
+    supported = slots_of(result).supported
+    assert verdict.pulses == len(pulses) == supported.sum() - supported[20 : 20 + LIVE].sum()
+    assert 15 < verdict.pulses < 0.5 * len(result.pulse_times_ns)
     assert {one.pulse.detection_status for one in pulses} == {"integrated"}
     assert not any(one.pulse.confirmed for one in pulses)
     posed = sum(one.pose is not None for one in pulses)
     assert posed >= len(pulses) - 2
     assert read_pulse_file(root / "integrated" / "pulses.jsonl") == pulses
+
+
+def test_a_tag_of_two_rates_has_pulses_only_where_it_was_at_that_rate(
+    tmp_path: Path,
+) -> None:
+    flown = rotation(5, 24.0, pulses=96, then_s=0.987)
+    directory = str(tmp_path / "flight_log_2023-11-14_22-13-20")
+    flight = replace(flown.flight, info=replace(flown.flight.info, directory=directory))
+    one = judged(replace(flown, flight=flight), tmp_path)
+    assert one.found
+    assert one.train.rate in (1, 2)
+    slots, time_s = slots_of(one), one.pulses.time_s
+    half_s = 0.5 * 96 * one.tag.pulse_intervals_s[0] - 0.1
+    there = time_s < half_s if one.train.rate == 1 else time_s >= half_s
+    assert float((slots.at_rate == there).mean()) > 0.95
+    assert not slots.supported[~there].any()
+    assert float(slots.supported[there].mean()) > 0.4
+    told = sentence(one)
+    assert f"{len(time_s)} slots, one every" in told
+    assert f"at its rate {one.train.rate}, used in {slots.at_rate.sum()} of them" in told
+    # Pulses told in flight some 50 ms beside the slots are these slots' all the same.
+    live = [
+        PulsePose(pulse=live_pulse(one.tag.tag_id, int(time_ns) + 54_000_000), pose=None)
+        for time_ns in one.pulse_times_ns
+    ]
+    assert len(integrated_pulses(flight, one)) == slots.supported.sum()
+    assert integrated_pulses(replace(flight, pulse_poses=tuple(live)), one) == []
+
+
+def test_the_fold_of_a_loud_tag_shows_its_pulses(tmp_path: Path) -> None:
+    loud = judged(rotation(4, 36.0, pulses=60), tmp_path)
+    assert loud.found
+    fold = fold_of(loud)
+    middle = len(fold.profile) // 2
+    top = max(range(len(fold.profile)), key=lambda column: fold.profile[column])
+    assert abs(top - middle) <= 2
+    assert fold.profile[top] > 20.0
+    near = [max(row[middle - 2 : middle + 3]) for row in fold.raster]
+    assert sum(value > 5.0 for value in near) > 0.6 * len(near)
 
 
 def test_nothing_is_counted_twice_however_often_it_is_judged(
@@ -109,7 +153,9 @@ def test_nothing_is_counted_twice_however_often_it_is_judged(
         save_integrated(flight, [result])
     survey = read_survey(flight.info.directory)
     assert len(survey.pulse_poses) == LIVE
-    assert len(survey.every_pulse) == len(result.pulse_times_ns)
+    slots = slots_of(result).supported
+    further = slots.sum() - slots[20 : 20 + LIVE].sum()
+    assert len(survey.every_pulse) == LIVE + further
     times = [one.pulse.start_time_ns for one in survey.every_pulse]
     assert times == sorted(times)
     assert min(b - a for a, b in pairwise(times)) > 1_000_000_000
@@ -166,18 +212,18 @@ def test_the_report_tells_of_them_and_how_they_were_found(
     save_integrated(flight, [result])
     text = html_page(read_survey(flight.info.directory))
     assert "In hindsight, over the whole flight: found (noise alone shows as much" in text
-    assert f"{len(result.pulse_times_ns) - LIVE} further pulses every" in text
+    _, pulses = read_integrated(flight.info.directory)
+    assert f"{len(pulses)} further pulses in slots" in text
     assert "In hindsight. `uavrt integrate` judged all pulses" in text
 
 
-def test_strengths_below_the_noise_are_unknown_and_not_zero(
+def test_pulses_that_do_not_stand_out_of_the_noise_are_not_told(
     flight: Flight, result: IntegratedTag
 ) -> None:
     save_integrated(flight, [result])
     _, pulses = read_integrated(flight.info.directory)
-    levels = [one.pulse.snr_db for one in pulses]
-    assert any(math.isnan(level) for level in levels)
-    assert any(level > 3.0 for level in levels)
+    # Noise has the largest of some exponentials in a slot: one of twenty is above 4 dB.
+    assert all(one.pulse.snr_db > 3.0 for one in pulses)
     assert all(math.isnan(one.pulse.noise_psd) for one in pulses)
 
 

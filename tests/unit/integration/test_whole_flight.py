@@ -21,11 +21,13 @@ from uavrt.integration import (
     search_flight,
     train_pulses,
 )
+from uavrt.integration.train_place import Cells
 from uavrt.integration.whole_flight import FEW_PATTERNS
 from uavrt.localization import PATTERNS, difference_deg
 from uavrt.messages import Poses
 from uavrt.radio import open_recording
 from uavrt.recording import FlightRecorder
+from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.detection.trials import detect
 from uavrt_experiments.integrate.flights import (
@@ -192,3 +194,24 @@ def test_chosen_cells_show_the_same_train_as_all_places(seed: int, enr_db: float
     assert one.false_alarm_probability < 0.01
     assert one.log_probability == pytest.approx(two.log_probability, abs=1e-3)
     assert (one.place, one.interval_s, one.phase_s) == (two.place, two.interval_s, two.phase_s)
+
+
+def test_a_circle_holds_what_the_cells_hold_even_of_one_cell() -> None:
+    one = Cells(
+        plane=TangentPlane(latitude_deg=35.0, longitude_deg=-111.0),
+        bearing_deg=np.array([40.0, 200.0]),
+        range_m=np.array([1000.0, 3000.0]),
+        width_deg=np.array([5.0, 5.0]),
+        ratio=np.array([1.45, 1.45]),
+        probability=np.array([0.96, 0.04]),
+        by_fall=np.array([[0.96, 0.04]]),
+    )
+    (part,) = one.parts()
+    rng = np.random.default_rng(1)
+    bearing = np.radians(40.0 + rng.uniform(-2.5, 2.5, 20_000))
+    away = 1000.0 * np.sqrt(rng.uniform(1.0 / 1.45, 1.45, 20_000))
+    east, north = one.plane.to_local([part.latitude_deg], [part.longitude_deg])
+    beside = np.hypot(away * np.sin(bearing) - east, away * np.cos(bearing) - north)
+    assert float((beside < part.radius95_m).mean()) == pytest.approx(0.95, abs=0.03)
+    (wide,) = one.radii_m(float(east[0]), float(north[0]), (0.99,))
+    assert wide > 3500.0

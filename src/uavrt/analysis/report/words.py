@@ -127,7 +127,8 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
         return [f"In hindsight, {over}: not found ({chance}).", *_remarks(verdict)]
     parts = [
         f"In hindsight, {over}: found ({chance}), "
-        f"{_count(verdict.pulses, _what(survey, tag_id))} every {verdict.interval_s:.4f} s"
+        f"{_count(verdict.pulses, _what(survey, tag_id))} "
+        f"in slots {verdict.interval_s:.4f} s apart"
     ]
     if verdict.places > 1:
         parts.append(
