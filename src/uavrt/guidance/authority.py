@@ -105,6 +105,12 @@ class Offer:
     """What the vehicle was in when the operator was asked."""
     target: TargetSeen | None
     """Where it flew to then, if that was nobody's order but could be another's now."""
+    rests: bool
+    """Whether it was nobody's order, in our own mode."""
+    place: PositionSeen
+    """Where it was."""
+    sticks: tuple[int, ...] | None
+    """As they were, if they were seen."""
     takeoff: bool = False
 
 
@@ -170,6 +176,10 @@ class Authority:
         self.out_s = 0.0
         self.counters: Counter[str] = Counter()
         self._offer: Offer | None = None
+        self._withdrawn: tuple[int, str] | None = None
+        """Nonce of an offer that a pilot's hand ended, and how."""
+        self._still_ours = False
+        """Whether the vehicle flies to the target of the order before the one confirmed."""
         self._used: set[int] = set()
         self._confirmed_s = 0.0
         self._planner_s = 0.0
@@ -182,6 +192,7 @@ class Authority:
         self._target: TargetSeen | None = None
         self._sticks: SticksSeen | None = None
         self._sticks_then: tuple[int, ...] | None = None
+        self._place_then: PositionSeen | None = None
         self._home: HomeSeen | None = None
         self._boot_s = 0.0
         self._failsafe: FailsafeSeen | None = None
@@ -203,7 +214,9 @@ class Authority:
             )
         self._check_vehicle(now_s, takeoff=takeoff)
         assert self._mode is not None
+        assert self._position is not None
         self._used.add(nonce)
+        self._withdrawn = None
         rests = self.standing is Standing.OUT and self._mode.mode == self.manners.own_mode
         self._offer = Offer(
             order_id=order_id,
@@ -211,6 +224,9 @@ class Authority:
             made_s=now_s,
             mode=self._mode.mode,
             target=self._target if rests else None,
+            rests=rests,
+            place=self._position,
+            sticks=self._fresh_sticks(now_s),
             takeoff=takeoff,
         )
 
@@ -233,6 +249,11 @@ class Authority:
             It is not what was offered, too late, or something has changed meanwhile.
         """
         offer, self._offer = self._offer, None
+        if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
+            raise CommandRefused(
+                self._withdrawn[1],
+                remedy="Whoever did it flies; ask for the motion anew if it is yours again",
+            )
         if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
             raise CommandRefused(
                 "this order is not on offer", remedy="Ask for the motion again, then confirm"
@@ -252,8 +273,10 @@ class Authority:
                 "the sticks are not seen: nobody could take over by them",
                 remedy="Switch the remote control on, or confirm that sticks are not seen",
             )
+        still_ours = self.flies_ours and self._mode.mode == self.manners.own_mode
         if self.standing is not Standing.OUT:
             self._end("another order was confirmed", now_s)
+        self._still_ours, self._place_then = still_ours, self._position
         self._sticks_then = sticks
         self._mode_then, self._own_mode_seen = self._mode.mode, False
         self._motion, self._takeoff = None, offer.takeoff
@@ -269,7 +292,8 @@ class Authority:
                 remedy="Whoever changed it flies; ask for the motion anew if it is yours again",
             )
         then, now = offer.target, self._target
-        if then is not None and now is not None and not self._same(then, now):
+        given = then is not None and now is not None and not self._same(then, now)
+        if given or (offer.rests and then is None and _is_elsewhere(now, offer.place)):
             raise CommandRefused(
                 "another has given a target since you were asked",
                 remedy="Whoever gave it flies; ask for the motion anew if it is yours again",
@@ -357,7 +381,7 @@ class Authority:
             raise CommandRefused("the vehicle is in the air already")
         command = self._written(wish, position, first=first)
         self._motion = self._begun(wish, position, now_s, first=first)
-        self.standing = Standing.IN_COMMAND
+        self.standing, self._still_ours = Standing.IN_COMMAND, False
         self.counters["commands_sent"] += 1
         return command
 
@@ -487,6 +511,13 @@ class Authority:
         return self._takeoff and self.standing is Standing.IN_COMMAND
 
     @property
+    def flies_ours(self) -> bool:
+        """Whether the vehicle flies what we commanded: this order's, or the last one's yet."""
+        if self.standing is Standing.CONFIRMED:
+            return self._still_ours
+        return self.standing is Standing.IN_COMMAND
+
+    @property
     def obeyed(self) -> bool:
         """Whether the last command was seen to be obeyed; another may follow."""
         return self._motion is not None and self._motion.obeyed
@@ -611,6 +642,10 @@ class Authority:
 
     def _see_mode(self, seen: ModeSeen) -> None:
         self._mode = seen
+        if self._offer is not None and seen.mode != self._offer.mode:
+            # Also if it comes back: somebody flew meanwhile.
+            mode = self.manners.mode_name(seen.mode)
+            self._withdraw(f"the mode has changed to {mode}")
         if seen.armed is not None:
             self._armed, self._heartbeat_s = seen.armed, seen.time_s
             if not seen.armed:
@@ -652,7 +687,8 @@ class Authority:
         if self.standing is Standing.CONFIRMED:
             # A vehicle in another mode follows the sticks with its target, or a mission.
             ours = self._mode_then == self.manners.own_mode
-            if ours and before is not None and not self._same(seen, before):
+            changed = before is not None and not self._same(seen, before)
+            if ours and (changed or (before is None and _is_elsewhere(seen, self._place_then))):
                 self._end("another has given a target", seen.time_s)
         elif self.standing is Standing.IN_COMMAND:
             self._see_target_in_command(seen)
@@ -821,6 +857,9 @@ class Authority:
 
     def _see_sticks(self, seen: SticksSeen) -> None:
         self._sticks = seen
+        offer = self._offer
+        if offer is not None and offer.sticks is not None and _moved(seen, offer.sticks):
+            self._withdraw("the sticks were moved since you were asked")
         if self.standing is Standing.OUT:
             return
         if self._sticks_then is None:
@@ -828,10 +867,7 @@ class Authority:
                 self._end("a remote control was switched on", seen.time_s)
         elif len(seen.channels_us) != len(self._sticks_then):
             self._end("the sticks are not seen any more", seen.time_s)
-        elif any(
-            abs(now - then) > STICK_US
-            for now, then in zip(seen.channels_us, self._sticks_then, strict=True)
-        ):
+        elif _moved(seen, self._sticks_then):
             self._end("the sticks were moved", seen.time_s)
 
     def _fresh_sticks(self, now_s: float) -> tuple[int, ...] | None:
@@ -850,9 +886,14 @@ class Authority:
         if max(moved, abs(seen.altitude_amsl_m - before.altitude_amsl_m)) > HOME_MOVED_M:
             self._end("home was moved", seen.time_s)
 
+    def _withdraw(self, why: str) -> None:
+        """Offer it no more: a confirmation of it is refused with the reason."""
+        assert self._offer is not None
+        self._withdrawn, self._offer = (self._offer.nonce, why), None
+
     def _end(self, reason: str, time_s: float) -> None:
         """Be out, with nothing on offer; the first reason counts."""
-        self._offer = None
+        self._offer, self._still_ours = None, False
         if self.standing is Standing.OUT:
             return
         self.standing, self.reason, self.out_s = Standing.OUT, reason, time_s
@@ -897,3 +938,24 @@ def _same(one: TargetSeen, other: TargetSeen, within_m: float) -> bool:
     if heights[0] is None or heights[1] is None:
         return False
     return distance_m(a, b, c, d) <= within_m and abs(heights[0] - heights[1]) <= within_m
+
+
+def _moved(seen: SticksSeen, then: tuple[int, ...]) -> bool:
+    """Whether a stick is elsewhere, of a remote control that is seen."""
+    return len(seen.channels_us) == len(then) and any(
+        abs(now - before) > STICK_US for now, before in zip(seen.channels_us, then, strict=True)
+    )
+
+
+def _is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
+    """Whether a target that is the first one seen is not where the vehicle holds.
+
+    In Guided ArduPilot tells no target before it has one; where it holds, or comes to rest, is
+    nobody's order.
+    """
+    if target is None or target.latitude_deg is None or place is None:
+        return False
+    stops_m = place.speed_m_s**2 / (2.0 * BRAKES_M_S2)
+    height = target.altitude_amsl_m
+    climbs = height is not None and abs(height - place.altitude_amsl_m) > HEIGHT_OFF_M
+    return climbs or _distance_m(place, target) > ASTRAY_M + stops_m

@@ -60,6 +60,9 @@ STANDS_WITHIN_S = 1.5
 GAP_S, LATE_S = 1.0, 0.2
 """Between two turns of the process, which come every 50 ms: beyond the first it is out, beyond
 the second what the autopilot said meanwhile is read before a command is sent."""
+LATE_TURNS = 2
+"""So many turns later it is read: the hub and the link wait for one turn together, in whatever
+order they are served, and whatever comes from the hub first."""
 ANSWERS_WITHIN_S = 2.0
 """The supervisor on a confirmation, then who confirmed has given up."""
 BATTERY_AGE_S = 10.0
@@ -139,6 +142,7 @@ class MotionDesk:
         self._sent = self._refused = 0
         self._said = ""
         self._awake_s = monotonic_s()
+        self._late_turns = 0
         self._stop_by_s = 0.0
         self._ground_silent_s = NEVER_S
         self._teller: tuple[Asker | None, float] = (None, -inf)
@@ -341,8 +345,11 @@ class MotionDesk:
         """Give up control once the drone was told to stop and no command is under way."""
         if authority.taking_off:
             authority.stop(now_s, "stopped by the operator: it climbs on to its height")
-        began = authority.standing is Standing.IN_COMMAND
-        if not began or now_s >= self._stop_by_s or self._stand(authority, now_s):
+        if (
+            not authority.flies_ours
+            or now_s >= self._stop_by_s
+            or self._stand(authority, now_s)
+        ):
             authority.stop(now_s)
             self._stop_by_s = 0.0
         self._watch(now_s)
@@ -403,7 +410,8 @@ class MotionDesk:
     def wish(self, wish: VehicleWish) -> None:
         """Handle the guide's wishes for the vehicle."""
         authority, now_s = self._authority, monotonic_s()
-        late = self._look_at_gap(now_s) > LATE_S
+        self._look_at_gap(now_s)
+        late = self._late_turns > 0
         if authority is None or wish.order_id is None or wish.order_id != authority.order_id:
             if authority is not None and wish.kind == "end" and wish.order_id is None:
                 authority.stop(now_s, "the guide has restarted")
@@ -440,7 +448,8 @@ class MotionDesk:
     def tick(self, ground_silent_s: float) -> None:
         """Do what is due."""
         now_s = monotonic_s()
-        self._look_at_gap(now_s)
+        if self._look_at_gap(now_s) <= LATE_S:
+            self._late_turns = max(0, self._late_turns - 1)
         self._ground_silent_s = min(ground_silent_s, NEVER_S)
         if self._authority is not None:
             self._authority.tick(now_s)
@@ -461,6 +470,8 @@ class MotionDesk:
     def _look_at_gap(self, now_s: float) -> float:
         """Give up control after this process stalled: what it hears now may be old."""
         gap_s, self._awake_s = now_s - self._awake_s, now_s
+        if gap_s > LATE_S:
+            self._late_turns = LATE_TURNS
         if gap_s > GAP_S and self._authority is not None:
             self._authority.stop(now_s, f"the drone side stood still for {gap_s:.0f} s")
             self._watch(now_s)

@@ -7,7 +7,8 @@ import pytest
 from flown import HOME, Flown
 
 from uavrt.errors import CommandRefused
-from uavrt.guidance.authority import Standing
+from uavrt.guidance.authority import Authority, Standing
+from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.wishes import FlyThere, GoHome
 from uavrt.simulation.flying import MODES, Flavour
 
@@ -68,6 +69,74 @@ def test_a_target_that_another_gives_while_the_operator_thinks_is_no_confirmatio
     flown.run(0.3)
     with pytest.raises(CommandRefused, match="another has given a target"):
         flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+
+
+def untold_target(flavour: Flavour) -> Flown:
+    """One in our own mode of which no target is known yet."""
+    flown = Flown(flavour)
+    flown.vehicle.set_mode(MODES[flavour]["hold"])
+    flown.run(1.2)
+    flown.authority = Authority(MANNERS[flavour])
+    flown.target_told = False
+    flown.run(1.2)
+    return flown
+
+
+@BOTH
+@pytest.mark.parametrize("when", ["offered", "confirmed"])
+def test_the_first_target_that_another_gives_is_anothers_too(
+    flavour: Flavour, when: str
+) -> None:
+    """Guided tells no target before there is one."""
+    flown = untold_target(flavour)
+    flown.authority.offer(1, 77, flown.time_s)
+    if when == "confirmed":
+        flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+    flown.target_told = True
+    flown.go_to(100.0, 0.0)
+    flown.run(0.3)
+    flown.authority.planner_alive(flown.time_s)
+    if when == "offered":
+        with pytest.raises(CommandRefused, match="another has given a target"):
+            flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+    assert flown.authority.standing is Standing.OUT
+    with pytest.raises(CommandRefused):
+        flown.authority.command(1, wish(flown), flown.time_s)
+
+
+@BOTH
+def test_where_it_holds_as_its_first_target_is_nobodys_order(flavour: Flavour) -> None:
+    flown = untold_target(flavour)
+    flown.authority.offer(1, 77, flown.time_s)
+    flown.target_told = True
+    flown.run(1.0)
+    flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+    assert flown.authority.standing is Standing.CONFIRMED
+
+
+@BOTH
+def test_a_pilot_who_flew_meanwhile_has_taken_the_offer_away(flavour: Flavour) -> None:
+    flown = Flown(flavour)
+    flown.authority.offer(1, 77, flown.time_s)
+    before = flown.vehicle.mode
+    flown.vehicle.set_mode(MODES[flavour]["hold"])
+    flown.run(1.2)
+    flown.vehicle.set_mode(before)
+    flown.run(1.2)
+    with pytest.raises(CommandRefused, match="the mode has changed"):
+        flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+
+
+@BOTH
+def test_a_stick_held_since_the_offer_is_a_hand_and_no_new_rest(flavour: Flavour) -> None:
+    flown = Flown(flavour, sticks=True)
+    flown.authority.offer(1, 77, flown.time_s)
+    flown.channels = (1900, *flown.channels[1:])
+    flown.run(0.5)
+    with pytest.raises(CommandRefused, match="the sticks were moved"):
+        flown.authority.confirm(1, 77, flown.time_s)
+    flown.authority.offer(1, 78, flown.time_s)
+    flown.authority.confirm(1, 78, flown.time_s)
 
 
 @BOTH

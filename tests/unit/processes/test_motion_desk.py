@@ -219,6 +219,33 @@ def test_a_stop_in_the_moment_of_a_command_makes_it_stand_all_the_same(link: Lin
     assert link.flown.vehicle.north_m < 60.0
 
 
+def test_a_stop_between_two_orders_stops_what_the_first_one_flies(link: Link) -> None:
+    begin(link)
+    link.fly(200.0)
+    link.run(2.0)
+    link.desk.offer(
+        MotionOffer(
+            request_id=11,
+            asker=US,
+            order_id=6,
+            nonce=78,
+            summary="hold here",
+            mode="Hold",
+        )
+    )
+    confirmation = MotionConfirmation(request_id=12, order_id=6, nonce=78, sticks_unseen=True)
+    link.say(encode_confirmation(confirmation))
+    assert link.states[-1].text == "confirmed"
+    sent = len(link.motions)
+    link.say(encode_stop(MotionStop(request_id=13)))
+    link.run(1.0)
+    assert len(link.motions) == sent + 1
+    assert link.states[-1].standing == "out"
+    north_m = link.flown.vehicle.north_m
+    link.run(20.0)
+    assert link.flown.vehicle.north_m < north_m + 10.0
+
+
 def test_a_guide_that_was_restarted_ends_the_order(link: Link) -> None:
     begin(link)
     link.desk.wish(VehicleWish(order_id=None, kind="end"))
@@ -374,11 +401,14 @@ def test_the_simulator_is_asked_again_who_it_is_and_a_real_one_is_not(link: Link
     assert asked() == before
 
 
+@pytest.mark.parametrize("first", ["the wish", "a sign of life"])
 def test_a_wish_read_after_a_pause_waits_for_what_the_autopilot_said_meanwhile(
-    link: Link,
+    link: Link, first: str
 ) -> None:
     begin(link)
     link.flown.time_s += 0.4
+    if first == "a sign of life":
+        link.desk.wish(VehicleWish(order_id=5, kind="alive"))
     link.fly(100.0)
     assert len(link.motions) == 1
     link.run(0.1)
