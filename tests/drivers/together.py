@@ -11,11 +11,14 @@ from flown import STEP_S
 from searched import Animal, Searched
 
 from uavrt.ground.link import GivenWays
-from uavrt.guidance import Company, Limits
+from uavrt.guidance import Choice, Company, Limits
 from uavrt.guidance.orders import Order, VehicleNow
 from uavrt.messages import Course, Neighbour
 from uavrt.simulation.flying import Flavour, Frame
 from uavrt.tunnel import decode_course, decode_neighbour, encode_course, encode_neighbour
+
+HOME_M = 30.0
+"""Nearer to the home of all they come down."""
 
 
 @dataclass
@@ -35,6 +38,7 @@ class Among(Searched):
         self.flown.run(1.2)
         self.company = Company(1000 * self.number)
         self.not_given = 0
+        self.goes_home = False
         self._course_s = 0.0
 
     def order(self, **values: object) -> Order:
@@ -49,6 +53,17 @@ class Among(Searched):
         self.company.go((now.latitude_deg, now.longitude_deg))
 
     @property
+    def homeward(self) -> bool:
+        """On its way home, by our commands or the autopilot's."""
+        if not hasattr(self, "pilot") or not self.flown.vehicle.armed:
+            return False
+        return not self.searching or self.goes_home or self.pilot.returning
+
+    def take_up(self, choice: Choice, now: VehicleNow) -> None:
+        self.goes_home |= choice.returning
+        super().take_up(choice, now)
+
+    @property
     def searching(self) -> bool:
         return hasattr(self, "pilot") and not self.out
 
@@ -56,7 +71,8 @@ class Among(Searched):
         if self.out:
             self.company.end()
             return
-        if self.flown.pilot is not None and self.flown.pilot.said.startswith("returning"):
+        self.pilot.among = self.company.has_others(now.time_s)
+        if self.pilot.returning:
             self.company.go(now.home, returning=True)
         if self.company.waits:
             answer = self.company.answer(now)
@@ -100,7 +116,7 @@ class Together:
     seed: int = 1
     loss: float = 0.0
     late_s: float = 0.2
-    frame: Frame = field(default_factory=lambda: Frame(battery_wh=160.0))
+    frame: Frame = field(default_factory=lambda: Frame(battery_wh=160.0, return_height_m=60.0))
     keep_away_m: float = 0.0
 
     def __post_init__(self) -> None:
@@ -127,6 +143,8 @@ class Together:
         """Drones whose radio is dead."""
         self.apart_m = math.inf
         """Least, of those that search."""
+        self.heights_apart_m = math.inf
+        """Least, where they are nearer than that over ground and one flies home."""
         self._post: list[tuple[float, int, Callable[[], None]]] = []
         self._sent = 0
         self._tell_s = 0.0
@@ -193,7 +211,14 @@ class Together:
         )
 
     def _measure(self) -> None:
-        places = [one.flown.vehicle.place_m for one in self.drones if one.searching]
-        for number, a in enumerate(places):
-            for b in places[:number]:
-                self.apart_m = min(self.apart_m, math.dist(a, b))
+        """How near they are; at home, where all of them land, nothing is asked."""
+        for number, a in enumerate(self.drones):
+            for b in self.drones[:number]:
+                one, two = a.flown.vehicle, b.flown.vehicle
+                apart = math.dist(one.place_m, two.place_m)
+                if a.searching and b.searching and not (a.homeward or b.homeward):
+                    self.apart_m = min(self.apart_m, apart)
+                at_home = any(math.hypot(*vehicle.place_m) < HOME_M for vehicle in (one, two))
+                if (a.homeward or b.homeward) and not at_home and apart < 25.0:
+                    off = abs(one.height_m - two.height_m)
+                    self.heights_apart_m = min(self.heights_apart_m, off)

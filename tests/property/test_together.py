@@ -24,6 +24,7 @@ class Flight:
     seed: int
     drones: int
     apart_m: float
+    heights_apart_m: float
     all_found: bool
     """By those whose radio works."""
     returned: bool
@@ -47,7 +48,11 @@ def flown(seed: int) -> Flight:
         seed=seed,
         loss=float(rng.uniform(0.0, 0.4)),
         late_s=float(rng.uniform(0.0, 1.0)),
-        frame=Frame(battery_wh=160.0, wind_m_s=(float(wind[0]), float(wind[1]))),
+        frame=Frame(
+            battery_wh=160.0,
+            wind_m_s=(float(wind[0]), float(wind[1])),
+            return_height_m=60.0,
+        ),
     )
     search.begin()
     search.run(float(rng.uniform(15.0, 40.0)))
@@ -65,6 +70,7 @@ def flown(seed: int) -> Flight:
         seed=seed,
         drones=count,
         apart_m=search.apart_m,
+        heights_apart_m=search.heights_apart_m,
         all_found=all(len(one.errors_m) == len(animals) for one in heard),
         returned=all(one.flown.vehicle.mode == MODES[one.flavour]["return"] for one in heard),
         silent_moved_m=moved if silent is not None and silent.searching else 0.0,
@@ -79,6 +85,11 @@ def flights() -> list[Flight]:
 @pytest.mark.timeout(7200)
 def test_they_stay_apart_whatever_is_lost_or_late(flights: list[Flight]) -> None:
     assert min(one.apart_m for one in flights) >= SEPARATION.distance_m, flights
+
+
+@pytest.mark.timeout(7200)
+def test_on_the_way_home_they_keep_their_heights(flights: list[Flight]) -> None:
+    assert min(one.heights_apart_m for one in flights) >= SEPARATION.height_m - 2.0, flights
 
 
 @pytest.mark.timeout(7200)

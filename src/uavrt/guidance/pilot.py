@@ -70,7 +70,10 @@ class Pilot:
         self._sent_for_step = 0
         self._holding: Go | None = None
         self._holding_s = 0.0
-        self._returning = False
+        self._returning = self._flies_home = False
+        self.among = False
+        """Others search, too: home is flown to at its own height, and the autopilot's own way
+        home, which may climb into that of another, begins only there."""
         self._asks = False
         """Nothing but holding is right until the operator decides."""
         self._battery_s = 0.0
@@ -96,6 +99,10 @@ class Pilot:
 
         On its way, and not to be seen turning off it by those who watch, it stands first.
         """
+        if self._flies_home:
+            return
+        if self.among and isinstance(steps[0], Home):
+            steps = (self._over_home(now), *steps)
         first: list[Step] = []
         if not self.idle and self._turns_off(steps[0], now):
             first = [self._stop_at(now)]
@@ -133,8 +140,13 @@ class Pilot:
         if now.wishes_sent < self._sent_for_step:
             self._wished_step = None  # it was refused
         urgent = self._urgent(now)
-        if urgent is not None:
+        if isinstance(urgent, Home) and self.among:
+            self._steps, self._number, self._holding = [self._over_home(now), urgent], 0, None
+            self._flies_home = True
+        elif urgent is not None:
             return self._wish(urgent, now)
+        if self._flies_home and not isinstance(self._wished_step, Home):
+            return self._next_step(now)
         if self._returning or self._holding is not None:
             waiting = Home() if self._holding is None or self._returning else self._holding
             return None if self._wished_step in (waiting, Home()) else self._wish(waiting, now)
@@ -147,9 +159,11 @@ class Pilot:
         if self._wished_step is not step:
             return self._wish(step, now)
         if not self._done(step, now):
-            if now.time_s - self._step_s > self._longest_s(step, now):
+            late = now.time_s - self._step_s > self._longest_s(step, now)
+            if late and not self._flies_home:
                 self.ended = "a step takes too long"
-            return None
+            if not (late and self._flies_home):
+                return None
         self._number += 1
         if self._number == len(self._steps):
             self.ended = None if self._waits else "done"
@@ -268,6 +282,18 @@ class Pilot:
             place = standing_place(now, step.place)
         height = max(now.altitude_relative_m, self._limits.lowest_m)
         return Go(place=place, height_m=min(height, self._limits.highest_m))
+
+    def _over_home(self, now: VehicleNow) -> Go:
+        """Above home, at the height that it has among others."""
+        height = self.order.height_m
+        height = now.altitude_relative_m if height is None else height
+        height = max(height, self._limits.lowest_m)
+        return Go(place=now.home, height_m=min(height, self._limits.highest_m))
+
+    @property
+    def returning(self) -> bool:
+        """Whether it flies home by what it was not told to, as the battery is low."""
+        return self._returning
 
     def _home(self, reason: str) -> Step:
         self.said, self._returning = f"returning: {reason}", True

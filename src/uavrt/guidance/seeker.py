@@ -16,7 +16,7 @@ from uavrt.guidance.heights import check_height
 from uavrt.guidance.lessons import Lessons
 from uavrt.guidance.listening import Antenna, Ears, Evidence
 from uavrt.guidance.manners import Manners
-from uavrt.guidance.neighbours import SEPARATION, beside_of, nearest_m
+from uavrt.guidance.neighbours import MISSING_S, SEPARATION, beside_of, nearest_m
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.pilot import standing_place
 from uavrt.guidance.plans import (
@@ -91,6 +91,8 @@ TURN_STEP_S = 2.7
 """From one heading to the next, by steps."""
 RADIUS50_OF_95 = 0.481
 """Of a circle around a normal distribution: sqrt(ln 2 / ln 20)."""
+ROUNDED_M = 0.5
+"""What a radius loses or gains on the wire."""
 CELLS = 8
 """Along each side of the area, where a tag was not found."""
 MOST_CELLS = 6
@@ -412,14 +414,28 @@ class Seeker:
         self._near, self._way_m, self._goal_m, self._over, self._said = self._before
 
     def _found_by(self, others: Sequence[Neighbour], time_s: float) -> list[int]:
-        """Take tags as found that another drone has found; which are new."""
+        """Take tags as found that another drone has found; which are new.
+
+        Only as well as was wished here, within the area, and of one that is heard searching:
+        its word may be false or of another search, and ends this one when no tag is left.
+        """
         new = []
         for one in others:
-            for told in () if one.course is None else one.course.found:
+            course = one.course
+            if course is None or not course.searching or one.age_s > MISSING_S:
+                continue
+            for told in course.found:
                 belief = self._search.beliefs.get(told.tag_id)
                 if belief is None or told.tag_id in self._search.found:
                     continue
                 east, north = self._plane.to_local(*told.place)
+                box, wish = belief.prior.area, self._order.wish_m
+                inside = (
+                    box.west_m - wish <= east <= box.east_m + wish
+                    and box.south_m - wish <= north <= box.north_m + wish
+                )
+                if not inside or told.radius95_m > wish + ROUNDED_M:
+                    continue
                 self._search.found[told.tag_id] = Found(
                     time_s=time_s,
                     estimate=TrackEstimate(

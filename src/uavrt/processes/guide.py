@@ -409,7 +409,7 @@ class Guide:
         said = f"{pilot.plan.summary}: {pilot.said or pilot.progress}"
         if self._thinker is not None:
             said = pilot.said
-        if isinstance(wish, GoHome) and now is not None:
+        if now is not None and (isinstance(wish, GoHome) or pilot.returning):
             self._company.go(now.home, returning=True)
         if wish is not None:
             self._frame.send("wish", wish_record(pilot.order.order_id, wish, said))
@@ -474,6 +474,7 @@ class Guide:
     def _search(self, thinker: Thinker, pilot: Pilot, now: VehicleNow) -> None:
         """Tell the search where the drone is, and take what it has decided."""
         time_ns = self._frame.clock.now_ns()
+        pilot.among = self._company.has_others(now.time_s)
         thinker.place(time_ns, now)
         for thought in thinker.thoughts():
             match thought:

@@ -28,7 +28,6 @@ MODES: dict[Flavour, dict[str, int]] = {
 """``hold`` is the mode in which DO_REPOSITION is flown: AUTO.LOITER and GUIDED."""
 PX4_YAW_DEG_S = 53.0
 ARDUPILOT_YAW_DEG_S = 60.0
-RETURN_HEIGHT_M = 30.0
 FULL_SCALE_DEG = 1e7
 SPOOL_S = 1.5
 """From the command until it leaves the ground."""
@@ -57,6 +56,9 @@ class Frame:
     """Greatest: against the wind it comes forward the slower."""
     drag_share: float = 0.1
     """Of the power of hovering, on top at an airspeed of 10 m/s; it grows with the cube."""
+    return_height_m: float = 30.0
+    """To which it climbs at least when it returns: RTL_RETURN_ALT (PX4, 60 m as delivered),
+    RTL_ALT (ArduPilot, 15 m)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,7 +192,7 @@ class FlyingVehicle:
         if self.landed:
             self.target = None
         elif mode == names["return"]:
-            height = max(self.height_m, RETURN_HEIGHT_M)
+            height = max(self.height_m, self.frame.return_height_m)
             self.target = Target(north_m=0.0, east_m=0.0, height_m=height)
         elif mode == names["land"]:
             self.target = Target(north_m=self.north_m, east_m=self.east_m, height_m=0.0)

@@ -341,3 +341,26 @@ def test_wind_slows_it_and_takes_more_of_the_battery(flavour: Flavour) -> None:
         left.append(flown.vehicle.battery_percent)
     assert times[1] > times[0] + 8.0
     assert left[1] < left[0] - 0.5
+
+
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+def test_home_among_others_is_flown_at_its_own_height(flavour: Flavour) -> None:
+    """The autopilot's return climbs to a height of its own, where another may be."""
+    frame = Frame(return_height_m=60.0)
+    flown = Flown(flavour, frame=frame, limits=Limits(battery_wh=120.0, link_lost="return"))
+    pilot = flown.order("goto", places=(flown.place(150.0, 0.0),), height_m=40.0)
+    pilot.among = True
+    flown.run(15.0)
+    flown.ground_silent_s = 60.0
+    flown.run(3.0)
+    assert pilot.returning
+    heights = []
+
+    def over_home() -> bool:
+        heights.append(flown.vehicle.height_m)
+        return flown.vehicle.mode == MODES[flavour]["return"]
+
+    flown.run(90.0, until=over_home)
+    assert over_home()
+    assert math.hypot(*flown.vehicle.place_m) < 5.0
+    assert max(abs(height - 40.0) for height in heights) < 2.5

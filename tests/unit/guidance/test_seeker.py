@@ -13,7 +13,7 @@ from uavrt.errors import PlanError
 from uavrt.guidance.listening import Antenna, Ears, threshold_db
 from uavrt.guidance.orders import Limits
 from uavrt.guidance.plans import Go
-from uavrt.messages import PulsePose, Tag
+from uavrt.messages import Course, FoundTag, Neighbour, PulsePose, Tag
 from uavrt.simulation.flying import MODES, Flavour, Frame
 from uavrt.tangent_plane import TangentPlane
 
@@ -266,3 +266,32 @@ def test_headings_come_from_the_attitude_of_the_antenna(ears: Ears) -> None:
     yaw = evidence.listening.yaw_deg
     assert yaw is not None
     assert math.isclose(yaw, 250.0, abs_tol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("how", "taken"),
+    [("well", True), ("vague", False), ("afar", False), ("idle", False), ("old", False)],
+)
+def test_what_another_has_found_counts_only_as_far_as_it_may_be_true(
+    how: str, taken: bool
+) -> None:
+    """A word that is false, or of another search, must not end this one."""
+    search = Searched("px4", [Animal(150.0, -60.0)])
+    search.begin()
+    search.run(2.0)
+    now = search.flown.now()
+    assert now is not None
+    place = search.flown.place(*((4_000.0, 0.0) if how == "afar" else (150.0, -60.0)))
+    found = FoundTag(tag_id=2, place=place, radius95_m=400.0 if how == "vague" else 25.0)
+    course = Course(
+        sequence=1,
+        place=place,
+        altitude_amsl_m=490.0,
+        goal=place,
+        searching=how != "idle",
+        found=(found,),
+    )
+    told = Neighbour(vehicle=2, course=course, age_s=60.0 if how == "old" else 0.0)
+    choice = search.seeker.think(search.time_ns, now, idle=True, others=(told,))
+    assert ("found" in {note.event for note in choice.notes}) is taken
+    assert choice.returning is taken
