@@ -17,7 +17,10 @@ from uavrt.batch.settings import BatchSettings
 from uavrt.batch.tables import PULSES, RecordingRow, folder_of, write_pulses
 from uavrt.clock import Clock
 from uavrt.errors import FormatError, UavrtError
+from uavrt.log import get_logger
 from uavrt.messages import Pulse
+
+log = get_logger()
 
 UNFINISHED = "unfinished"
 
@@ -84,13 +87,19 @@ class Detecting:
                 return None
             job = self._planned(recording, key)
         except (UavrtError, OSError) as error:
-            key = hashlib.sha256(recording.name.encode()).hexdigest()[:16]
-            row = _row(_Job(recording, key, [], [], _Facts()), "failed", [str(error)])
-            self._ledger.settle(row)
-            return row
+            return self._failed(recording, str(error))
+        except Exception as error:  # no file ends the run of an archive
+            log.exception("a recording cannot be read", recording=recording.name)
+            return self._failed(recording, f"{type(error).__name__}: {error}")
         self.tasks += job.tasks
         self._jobs += [job] * len(job.tasks)
         return None
+
+    def _failed(self, recording: Recording, fault: str) -> RecordingRow:
+        key = hashlib.sha256(recording.name.encode()).hexdigest()[:16]
+        row = _row(_Job(recording, key, [], [], _Facts()), "failed", [fault])
+        self._ledger.settle(row)
+        return row
 
     def finish(self, number: int, result: CellResult) -> RecordingRow | None:
         """Take a task's result; a row when it was a recording's last."""

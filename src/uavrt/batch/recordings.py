@@ -195,7 +195,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
     remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path must be there"
     found: dict[Path, Recording] = {}
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             lines = csv.DictReader(file)
             if "path" not in (lines.fieldnames or ()):
                 raise FormatError(f"{path} has no column path", remedy=remedy)
@@ -215,7 +215,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
                         f"{path}, line {number}: there is no {one.path}", remedy=remedy
                     )
                 found[one.path if one.url else one.path.resolve()] = one
-    except (OSError, UnicodeError) as error:
+    except (OSError, UnicodeError, csv.Error) as error:
         raise FormatError(f"cannot read {path}: {error}", remedy="Check the path") from error
     return found
 

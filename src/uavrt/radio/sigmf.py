@@ -6,7 +6,7 @@ brings a JSON-schema validator along.
 """
 
 import json
-import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -175,7 +175,7 @@ def _captures(
         time_text = item.get("core:datetime")
         try:
             time_ns = None if time_text is None else parse_iso_utc(_ns_text(time_text))
-        except (ValueError, TypeError) as error:
+        except (ValueError, TypeError, OverflowError) as error:
             raise _fault(path, f"has core:datetime {time_text!r}", "Use ISO 8601") from error
         frequency_hz = _number(item, "core:frequency", path)
         captures.append(
@@ -201,8 +201,10 @@ def _captures(
     return captures
 
 
-def _ns_text(text: str) -> str:
+def _ns_text(text: object) -> str:
     """Cut a fraction of a second to the microseconds that Python reads."""
+    if not isinstance(text, str):
+        raise TypeError("not a text")
     head, dot, tail = text.partition(".")
     if not dot:
         return text
@@ -257,7 +259,7 @@ def _number(of: Mapping[str, Any], key: str, path: Path) -> float | None:
     if (
         isinstance(found, bool)
         or not isinstance(found, int | float)
-        or not math.isfinite(found)
+        or not abs(found) <= sys.float_info.max
     ):
         raise _fault(path, f"has {key} {found!r}", "It must be a number")
     return float(found)

@@ -9,6 +9,7 @@ replaces what was said of that tag before.
 import json
 import math
 import os
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -202,6 +203,7 @@ def _verdict(record: dict[str, Any]) -> IntegratedVerdict:
             continue
         if name == "remarks" and isinstance(value, str):
             continue
-        if not isinstance(value, bool | int | float) or not math.isfinite(value):
+        known = isinstance(value, bool | int | float)
+        if not (known and abs(value) <= sys.float_info.max):
             raise ValueError(f"{name} is {value!r}")
     return verdict

@@ -22,8 +22,15 @@ from uavrt.terrain.elevation import Raster
 SUFFIXES = (".tif", ".tiff")
 _SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 11: 4, 12: 8, 13: 4, 16: 8}
 _KINDS = {1: "B", 3: "H", 4: "I", 6: "b", 8: "h", 9: "i", 11: "f", 12: "d", 13: "I", 16: "Q"}
-_MOST_VALUES = 4_000_000
-_MOST_BLOCK = 400_000_000
+_READ = frozenset(
+    {256, 257, 258, 259, 273, 277, 278, 279, 317, 322, 323, 324, 325, 339}
+    | {33550, 33922, 34264, 34735, 42113}
+)
+"""Tags; all others are passed over."""
+_MOST_VALUES = 1_000_000
+_MOST_BLOCK_POINTS = 1 << 24
+_SCALES = 1e-8, 1e8
+"""Degrees or metres: what a step may be, and how far away a corner."""
 _NUMBERS = {(1, 8): "u1", (1, 16): "u2", (1, 32): "u4", (2, 16): "i2", (2, 32): "i4"} | {
     (3, 32): "f4",
     (3, 64): "f8",
@@ -41,7 +48,17 @@ _DATUMS = {
     5030: "ellipsoid",
     4979: "ellipsoid",
 }
-_DAMAGED = (OSError, ValueError, KeyError, IndexError, struct.error, zlib.error, OverflowError)
+_DAMAGED = (
+    OSError,
+    ValueError,
+    TypeError,
+    KeyError,
+    IndexError,
+    AttributeError,
+    OverflowError,
+    struct.error,
+    zlib.error,
+)
 
 
 class _Unread(Exception):
@@ -111,7 +128,7 @@ def _directory(file: BinaryIO) -> tuple[str, dict[int, Any]]:
         tag, kind = struct.unpack(order + "HH", one[:4])
         length = struct.unpack(order + ("Q" if big else "I"), one[4 : 12 if big else 8])[0]
         value = one[12:] if big else one[8:]
-        if kind not in _SIZES or length > _MOST_VALUES:
+        if tag not in _READ or tag in tags or kind not in _SIZES or length > _MOST_VALUES:
             continue
         size = _SIZES[kind] * length
         if size > len(value):
@@ -156,6 +173,10 @@ def _raster(path: Path, order: str, tags: dict[int, Any]) -> Raster:
     _check(blocks)
     epsg, datum, point = _system(tags)
     x, y, step_x, step_y = _origin(tags)
+    least, most = _SCALES
+    placed = abs(x) < most and abs(y) < most
+    if not (placed and least < step_x < most and least < step_y < most):
+        raise ValueError(f"it lies at {x:g}, {y:g} in steps of {step_x:g}, {step_y:g}")
     half = 0.0 if point else 0.5
     return Raster(
         name=path.name,
@@ -175,8 +196,8 @@ def _check(blocks: _Blocks) -> None:
     """Refuse sizes that cannot be, and a file that ends before its last block."""
     if min(blocks.rows, blocks.columns, blocks.high, blocks.wide) < 1:
         raise ValueError("it holds no points")
-    if blocks.high * blocks.wide * blocks.dtype.itemsize > _MOST_BLOCK:
-        raise ValueError("its blocks are too large")
+    if blocks.high * blocks.wide > _MOST_BLOCK_POINTS:
+        raise _Unread("has blocks that are too large", "gdal_translate -co TILED=YES")
     count = math.ceil(blocks.rows / blocks.high) * math.ceil(blocks.columns / blocks.wide)
     if len(blocks.places) < count or len(blocks.sizes) < count:
         raise ValueError(f"it lists {len(blocks.places)} blocks of {count}")

@@ -213,9 +213,16 @@ def test_a_state_that_would_run_something_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "ran").exists()
 
 
+def test_a_manifest_of_a_spreadsheet_begins_with_a_mark(tmp_path: Path) -> None:
+    path = tmp_path / "manifest.csv"
+    path.write_text("\ufeffpath\nmanifest.csv\n", encoding="utf-8")
+    assert set(read_manifest(path)) == {path.resolve()}
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
+        (f"path\n{'x' * 200_000}\n", "field larger"),
         ("file\nwalk.cf32\n", "no column path"),
         ("path,rate\nwalk.cf32,3\n", "column rate"),
         ("path\nnowhere.cf32\n", "line 2: there is no"),

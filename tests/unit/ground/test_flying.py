@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from tests.unit.ground.test_session import Drone, until
 
+from uavrt.errors import FormatError
+from uavrt.ground.link.flying import area_of_file
 from uavrt.mavlink import Message, dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.messages import MotionRequest, SystemState
@@ -288,3 +290,9 @@ def test_a_file_that_gives_no_area_is_named(served: Any) -> None:
     answer = served.ask("POST", "/api/motion/area", {"name": "x.kml", "text": "<kml/>"})
     assert answer.status == 422
     assert "x.kml gives no area" in answer.json["error"]
+
+
+@pytest.mark.parametrize("radius_m", [10**400, True, "80", None, 1e999])
+def test_a_circle_of_no_number_is_refused(radius_m: Any) -> None:
+    with pytest.raises(FormatError, match="radius_m must be a number"):
+        area_of_file({"center": [47.0, 8.0], "radius_m": radius_m})

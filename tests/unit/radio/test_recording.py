@@ -226,6 +226,8 @@ def test_a_start_time_given_moves_all_captures_alike(tmp_path: Path) -> None:
         ({}, [CAPTURE, {**CAPTURE, "core:frequency": 1e8}], "Split"),
         ({}, [{**CAPTURE, "core:sample_start": -1}], "whole number"),
         ({}, [{**CAPTURE, "core:datetime": "yesterday"}], "ISO 8601"),
+        ({}, [{**CAPTURE, "core:datetime": 20240501}], "ISO 8601"),
+        ({"core:sample_rate": 10**400}, [CAPTURE], "number"),
         ({}, [{**CAPTURE, "core:sample_start": 9}, CAPTURE], "Sort"),
         ({}, ["capture"], "list of tables"),
     ],

@@ -354,6 +354,68 @@ def test_damaged_bytes_never_end_in_another_error(tmp_path: Path) -> None:
             open_elevation(tmp_path).heights_m([47.3, 47.9], [8.3, 8.8])
 
 
+def a_tiff(**changed: object) -> bytes:
+    """Write a TIFF of 2 x 2 heights, with these tags (kind and values) instead."""
+    kinds = {3: "H", 4: "I", 12: "d"}
+    tags: dict[int, tuple[int, tuple[float, ...]]] = {
+        256: (4, (2,)),
+        257: (4, (2,)),
+        258: (3, (16,)),
+        259: (3, (1,)),
+        273: (4, (8,)),
+        278: (4, (2,)),
+        279: (4, (8,)),
+        339: (3, (2,)),
+        33550: (12, (0.5, 0.5, 0.0)),
+        33922: (12, (0.0, 0.0, 0.0, 8.0, 47.0, 0.0)),
+        34735: (3, (1, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 4326)),
+    }
+    tags |= {int(name[1:]): value for name, value in changed.items()}  # type: ignore[misc]
+    table, extra = b"", struct.pack("<4h", 1, 2, 3, 4)
+    for tag, (kind, values) in sorted(tags.items()):
+        packed = struct.pack(f"<{len(values)}{kinds[kind]}", *values)
+        if len(packed) > 4:
+            extra, packed = extra + packed, struct.pack("<I", 8 + len(extra))
+        table += struct.pack("<HHI", tag, kind, len(values)) + packed.ljust(4, b"\0")
+    head = b"II" + struct.pack("<HI", 42, 8 + len(extra)) + extra
+    return head + struct.pack("<H", len(tags)) + table + bytes(4)
+
+
+def test_a_picture_written_by_hand_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "some.tif"
+    path.write_bytes(a_tiff())
+    assert open_elevation(path).heights_m([46.75], [8.25]) == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"t33922": (12, (0.0, 0.0, 0.0, float("nan"), 47.0, 0.0))}, "lies at nan"),
+        ({"t33550": (12, (1e-300, 1e-300, 0.0))}, "in steps of"),
+        ({"t273": (12, (8.0,))}, "damaged"),
+        ({"t279": (12, (8.0,))}, "damaged"),
+        ({"t34735": (3, (1,))}, "coordinates"),
+        ({"t256": (4, (19000,)), "t257": (4, (19000,)), "t278": (4, (19000,))}, "too large"),
+    ],
+)
+def test_tags_that_cannot_be_are_refused(
+    tmp_path: Path, changed: dict[str, object], says: str
+) -> None:
+    path = tmp_path / "some.tif"
+    path.write_bytes(a_tiff(**changed))
+    with pytest.raises(FormatError, match=says):
+        open_elevation(path).heights_m([46.75], [8.25])
+
+
+def test_tags_that_are_not_read_cost_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "some.tif"
+    content = a_tiff(t1000=(3, (7,)))
+    entry = content.index(struct.pack("<HHI", 1000, 3, 1))
+    beyond = struct.pack("<HHII", 1000, 3, 900_000, len(content))  # there is nothing
+    path.write_bytes(content[:entry] + beyond + content[entry + 12 :])
+    assert open_elevation(path).heights_m([46.75], [8.25]) == [1.0]
+
+
 def test_squares_around_a_place_have_the_grounds_heights(tmp_path: Path) -> None:
     write_tile(tmp_path, 47, 8)
     plane = TangentPlane(latitude_deg=47.5, longitude_deg=8.5)

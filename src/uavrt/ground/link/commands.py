@@ -4,9 +4,10 @@ Each command raises what the drone or the link answers, and gives the text for t
 """
 
 import contextlib
+import sys
 from collections.abc import AsyncIterator
 from dataclasses import replace
-from math import isfinite
+from math import nan
 from typing import TYPE_CHECKING, Any
 
 from uavrt.commands import Button
@@ -24,9 +25,10 @@ def _parameter(wish: Any) -> tuple[str, float]:
     name, value = (wish.get("name"), wish.get("value")) if isinstance(wish, dict) else ("", 0)
     if not isinstance(name, str) or not name.isascii() or not 0 < len(name) <= 16:
         raise FormatError("name must be a parameter's")
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+    number = value if isinstance(value, int | float) else nan
+    if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
         raise FormatError("value must be a number")
-    return name, float(value)
+    return name, float(number)
 
 
 def place_in(wish: Any) -> tuple[float, float] | None:

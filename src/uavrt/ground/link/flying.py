@@ -5,8 +5,9 @@ anything is asked comes from the same functions that the drone plans with.
 """
 
 import itertools
+import sys
 from dataclasses import dataclass
-from math import isfinite
+from math import nan
 from typing import TYPE_CHECKING, Any
 
 from uavrt.errors import CommandRefused, FormatError, LinkError, UsageError
@@ -353,9 +354,10 @@ def _tags(given: Any) -> tuple[int, ...]:
 
 def _number(wish: dict[str, Any], name: str, default: float) -> float:
     value = wish.get(name, default)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+    number = value if isinstance(value, int | float) else nan
+    if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
         raise FormatError(f"{name} must be a number")
-    return float(value)
+    return float(number)
 
 
 def _listed(places: Places) -> list[list[float]]:
