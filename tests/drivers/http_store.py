@@ -23,6 +23,10 @@ class Store:
         """At this byte of a file the line is cut, in the middle of an answer."""
         self.pieces = True
         """Gives parts of files; else only whole ones."""
+        self.length: str | None = None
+        """Told in place of a file's own; empty: none is told."""
+        self.endless = False
+        """Every folder has another."""
         self.given_bytes = 0
 
 
@@ -45,7 +49,9 @@ def served(folder: Path) -> Iterator[tuple[Store, str]]:
 
         def _answer(self, *, body: bool) -> None:
             path = store.folder / self.path.strip("/")
-            if path.is_dir():
+            if store.endless and not path.is_file():
+                self._send(200, b'<a href="a/">x</a><a href="b/">x</a>', "text/html", body=body)
+            elif path.is_dir():
                 links = "".join(f'<a href="{one.name}">x</a>\n' for one in path.iterdir())
                 self._send(200, links.encode(), "text/html", body=body)
             elif path.is_file():
@@ -82,7 +88,10 @@ def served(folder: Path) -> Iterator[tuple[Store, str]]:
         ) -> None:
             self.send_response(status)
             self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(data)))
+            length = str(len(data)) if store.length is None else store.length
+            if length:
+                self.send_header("Content-Length", length)
+            self.close_connection = store.length is not None
             if store.pieces:
                 self.send_header("Accept-Ranges", "bytes")
             for name, value in headers.items():

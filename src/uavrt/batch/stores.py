@@ -19,6 +19,12 @@ ENDS_BYTES = 1 << 20
 """Of the beginning and of the end: headers of WAV files lie there."""
 BLOCK_BYTES = 8 << 20
 """Read at a time: half a second of a fast line, and as much memory."""
+MOST_BYTES = 1 << 50
+MOST_META_BYTES = 64 << 20
+MOST_DEPTH = 32
+"""Folders within each other on a web server."""
+MOST_LINKS = 200_000
+"""On all its lists."""
 _MARKS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "updated", "created")
 _META, _DATA = ".sigmf-meta", ".sigmf-data"
 
@@ -42,10 +48,51 @@ def list_store(url: str) -> tuple[str, ...]:
     """
     with _asked(url):
         system, path = _opened(url)
-        found = [path] if _is_file(system, path) else system.find(path)
+        found = [path] if _is_file(system, path) else _below(system, path, url)
     if not found:
         raise FormatError(f"there is nothing at {url}", remedy="Check the address")
     return tuple(sorted(str(system.unstrip_protocol(one)) for one in found))
+
+
+def _below(system: Any, path: str, url: str) -> list[str]:
+    """Get the files of a folder and of those in it."""
+    if "http" not in system.protocol:
+        return list(system.find(path))
+    # A web server may answer any path with a list, and so without end.
+    found: list[str] = []
+    seen, waiting = {path}, [(path, 0)]
+    while waiting:
+        folder, depth = waiting.pop()
+        if depth > MOST_DEPTH or len(seen) > MOST_LINKS:
+            raise StoreError(
+                f"{url}: its lists lead on without end, as to {folder[:200]}",
+                remedy="Name a folder below it, or the recordings one by one",
+            )
+        try:
+            listed = system.ls(folder, detail=True)
+        except FileNotFoundError:
+            continue
+        for one in listed:
+            name = str(one["name"])
+            if name in seen:
+                continue
+            seen.add(name)
+            if one["type"] == "directory":
+                waiting.append((name, depth + 1))
+            else:
+                found.append(name)
+    return found or ([path] if system.isfile(path) else [])
+
+
+def _size_of(system: Any, path: str, url: str) -> int:
+    """How long a file is; some servers do not tell, or tell what cannot be."""
+    size = system.info(path).get("size")
+    if not isinstance(size, int) or not 0 <= size <= MOST_BYTES:
+        raise StoreError(
+            f"{url}: the server does not tell how long it is ({size})",
+            remedy="Fetch the file, or have it served with its length",
+        )
+    return size
 
 
 def _is_file(system: Any, path: str) -> bool:
@@ -114,7 +161,7 @@ class _StoredBytes:
         self._url = url
         with _asked(url):
             system, path = _opened(url)
-            self._size = system.info(path)["size"]
+            self._size = _size_of(system, path, self._url)
             self._file = system.open(path, "rb", block_size=BLOCK_BYTES)
 
     def read_at(self, view: memoryview, offset: int) -> int:
@@ -145,7 +192,9 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
     copy = folder / PurePosixPath(url).name
     with _asked(url):
         system, path = _opened(url)
-        size = system.info(path)["size"]
+        size = _size_of(system, path, url)
+        if whole and size > MOST_META_BYTES:
+            raise StoreError(f"{url} is too large for a description", remedy="Check the file")
         with copy.open("wb") as file:
             file.truncate(size)
             middle = size if whole else min(size, ENDS_BYTES)

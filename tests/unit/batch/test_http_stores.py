@@ -17,7 +17,7 @@ from uavrt.batch import (
     run_batch,
     stores,
 )
-from uavrt.errors import FormatError
+from uavrt.errors import FormatError, StoreError
 
 pytest.importorskip("aiohttp", reason="fsspec[http] is not installed")
 pq = pytest.importorskip("pyarrow.parquet")
@@ -109,3 +109,20 @@ def test_a_server_that_gives_only_whole_files_or_nothing_is_named(
     store.pieces = True
     with pytest.raises(FormatError, match="nowhere"):
         find_recordings([f"{address}/nowhere.cf32"])
+
+
+@pytest.mark.parametrize("length", ["", str(2**62)])
+def test_a_server_that_does_not_tell_a_files_length_is_named(
+    web: tuple[Store, str], length: str
+) -> None:
+    store, address = web
+    store.length = length
+    with pytest.raises(StoreError, match="does not tell how long it is"):
+        stores.open_stored(f"{address}/walk.cf32")
+
+
+def test_lists_without_end_are_refused(web: tuple[Store, str]) -> None:
+    store, address = web
+    store.endless = True
+    with pytest.raises(StoreError, match="without end"):
+        stores.list_store(f"{address}/deep/")
