@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tarfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,7 +31,7 @@ from update_maker import (
 from uavrt.computer import Installation, Needs, Seen, Trial, Verdict, require_still, update
 from uavrt.computer.trial import ARMED
 from uavrt.computer.update_file import read_update, unpack_wheels, version_key
-from uavrt.errors import UavrtError, UsageError
+from uavrt.errors import FormatError, UavrtError, UsageError
 from uavrt.messages import Poses, ProcessStatus, SystemState, SystemStatus
 
 ALL = Needs(heartbeat=True, poses=True)
@@ -116,6 +117,46 @@ def test_no_truncated_or_changed_file_is_ever_taken(maker: Maker, tmp_path: Path
             (wheel,) = target.iterdir()
             assert wheel.read_bytes() in content
     assert refused > 45
+
+
+@pytest.mark.parametrize(
+    ("size", "kind"),
+    [
+        (b"\x80" + b"\xff" * 11, b"0"),
+        (b"\x80" + bytes(5) + b"\x7f" + bytes(5), b"x"),
+        (b"77777777777\0", b"L"),
+        (b"00000000000\0", b"S"),
+        (b"\xff" * 12, b"0"),
+        (b"  no number ", b"0"),
+    ],
+)
+def test_headers_that_cannot_be_are_refused_before_anything_is_read(
+    maker: Maker, tmp_path: Path, size: bytes, kind: bytes
+) -> None:
+    content = bytearray(maker.tar("0.2.0").read_bytes())
+    content[124:136], content[156:157], content[148:156] = size, kind, b" " * 8
+    content[148:156] = b"%06o\0 " % sum(content[:512])
+    path = tmp_path / "wrong.tar"
+    path.write_bytes(content)
+    with pytest.raises(FormatError, match="no update, or damaged"):
+        read_update(path, maker.keys())
+
+
+def test_no_extended_header_tells_another_size(maker: Maker, tmp_path: Path) -> None:
+    told = tarfile.TarInfo("update.json")
+    told.pax_headers = {"size": "9" * 25}
+    path = tmp_path / "wrong.tar"
+    path.write_bytes(told.tobuf(tarfile.PAX_FORMAT) + maker.tar("0.2.0").read_bytes())
+    with pytest.raises(FormatError, match="packed in another way"):
+        read_update(path, maker.keys())
+
+
+def test_a_signature_of_any_length_is_not_read_whole(maker: Maker, tmp_path: Path) -> None:
+    wheel = write_wheel(tmp_path, "0.2.0", TINY)
+    with open(f"{wheel}.sig", "wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(FormatError, match="too large"):
+        read_update(wheel, maker.keys())
 
 
 def test_only_listed_keys_count_and_only_their_owner_may_change_them(maker: Maker) -> None:

@@ -35,6 +35,7 @@ MANIFEST, SIGNATURE, WHEELS = "update.json", "update.sig", "wheels"
 FORMAT = 1
 MOST_MANIFEST_BYTES = 1_000_000
 MOST_WHEEL_BYTES = 500_000_000
+MOST_MEMBERS = 2000
 SIGNATURE_BYTES = 64
 _WHEEL = re.compile(r"[A-Za-z0-9_.]+-[A-Za-z0-9_.!+]+(-\d\w*)?(-[A-Za-z0-9_.]+){3}\.whl")
 _KEY = re.compile(r"-----BEGIN PUBLIC KEY-----\n[A-Za-z0-9+/=\n]+-----END PUBLIC KEY-----\n")
@@ -142,10 +143,10 @@ def read_update(path: Path, keys: Path) -> Update:
 def _read_wheel(path: Path, keys: Path) -> Update:
     if not _WHEEL.fullmatch(path.name) or not path.name.startswith("uavrt-"):
         raise FormatError(f"{path} is not named as a wheel of uavrt", remedy=COPY_AGAIN)
-    content = path.read_bytes()
+    content = _bounded(path, MOST_WHEEL_BYTES)
     beside = path.with_name(f"{path.name}.sig")
     try:
-        signature = beside.read_bytes()
+        signature = _bounded(beside, SIGNATURE_BYTES)
     except FileNotFoundError:
         remedy = "Copy the signature, too, or use a .tar, which has its own inside"
         raise UsageError(f"there is no {beside}", remedy=remedy) from None
@@ -158,6 +159,15 @@ def _read_wheel(path: Path, keys: Path) -> Update:
     return Update(
         path=path, version=version, name=name, alone=True, manifest=None, content=content
     )
+
+
+def _bounded(path: Path, most: int) -> bytes:
+    """Read a file that nobody has signed yet."""
+    with path.open("rb") as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise FormatError(f"{path} is too large: more than {most:,} bytes", remedy=COPY_AGAIN)
+    return content
 
 
 def unpack_wheels(update: Update, directory: Path) -> None:
@@ -181,12 +191,39 @@ def unpack_wheels(update: Update, directory: Path) -> None:
 @contextmanager
 def _opened(path: Path) -> Iterator[tarfile.TarFile]:
     try:
+        _check_headers(path)
         with tarfile.open(path, "r:") as archive:
             yield archive
-    except (tarfile.TarError, EOFError, ValueError) as error:
+    except (tarfile.TarError, EOFError, ValueError, OverflowError) as error:
         raise FormatError(
             f"{path} is no update, or damaged: {error}", remedy=COPY_AGAIN
         ) from error
+
+
+def _check_headers(path: Path) -> None:
+    """Refuse sizes that cannot be; `tarfile` reads names and tables whole, whatever their size.
+
+    Blocks of 512 bytes (POSIX.1-2017, pax): the size of what follows in octal at 124, its kind
+    at 156; what is larger than the file, or a name that is no name, is none of ours.
+    """
+    there = path.stat().st_size
+    at = 0
+    with path.open("rb") as file:
+        for _ in range(MOST_MEMBERS):
+            file.seek(at)
+            block = file.read(512)
+            if len(block) < 512 or not any(block):
+                return
+            size = int(block[124:136].split(b"\0")[0].strip() or b"0", 8)
+            kind = block[156:157]
+            plain = kind in (b"0", b"\0")
+            if not 0 <= size <= (there if plain else MOST_MANIFEST_BYTES):
+                raise ValueError(f"its headers tell of {size:,} bytes of {there:,}")
+            more = file.read(size) if kind in (b"x", b"X") else b""
+            if kind in (b"S", b"g") or b" size=" in more or b" GNU.sparse" in more:
+                raise ValueError("it is packed in another way")
+            at += 512 + -(-size // 512) * 512
+    raise ValueError(f"it holds more than {MOST_MEMBERS} files")
 
 
 def _member(archive: tarfile.TarFile, name: str, size: int | None = None) -> bytes:
