@@ -29,7 +29,7 @@ _CORNERS = 36
 _FASTEST_TURN_DEG_S = 45.0
 BELOW_M = 1.0
 """So far below the least height a gust may push a drone that hovers there."""
-_MOST_TURNS = 60
+_MOST_TURNS, _MOST_LINES = 60, 200
 _CLIMB_M_S = 1.5
 MARGIN_M = 5.0
 """From people and buildings, besides their outlines: gusts and bends."""
@@ -221,27 +221,23 @@ def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
         return (*order.places, order.places[0])
     if not 5.0 <= order.spacing_m <= 1000.0:
         raise PlanError(f"lines {order.spacing_m:g} m apart", remedy="Give 5 to 1000 m")
-    lines = survey_lines(outline, order.spacing_m)
-    if len(lines) > 400:
-        raise PlanError(
-            f"{len(lines) // 2} lines are too many",
-            remedy="Choose wider lines or a smaller area",
-        )
+    lines = survey_lines(outline, order.spacing_m, most=_MOST_LINES)
     if order.pattern == "points":
         lines = _points_on(lines, order.spacing_m)
-        if len(lines) > _MOST_TURNS:
-            raise PlanError(
-                f"{len(lines)} places to turn at are too many",
-                remedy="Choose a wider distance or a smaller area",
-            )
     return tuple(_geodetic(plane, one) for one in lines)
 
 
 def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple[float, float]]:
-    """Places along lines, each in the middle of its share."""
+    """Places along lines, each in the middle of its share; raises `PlanError` for many."""
+    ends = list(zip(lines[::2], lines[1::2], strict=True))
+    counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
+    if sum(counts) > _MOST_TURNS:
+        raise PlanError(
+            f"{sum(counts)} places to turn at are too many",
+            remedy="Choose a wider distance or a smaller area",
+        )
     found = []
-    for (x0, y0), (x1, y1) in zip(lines[::2], lines[1::2], strict=True):
-        count = max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m))
+    for ((x0, y0), (x1, y1)), count in zip(ends, counts, strict=True):
         shares = [(number + 0.5) / count for number in range(count)]
         found += [(x0 + share * (x1 - x0), y0 + share * (y1 - y0)) for share in shares]
     return found

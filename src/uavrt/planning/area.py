@@ -507,13 +507,15 @@ def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
     return float(np.hypot(*(point - a - share * along)))
 
 
-def survey_lines(polygon: Polygon, spacing_m: float) -> list[tuple[float, float]]:
+def survey_lines(
+    polygon: Polygon, spacing_m: float, *, most: int | None = None
+) -> list[tuple[float, float]]:
     """Corners of parallel lines over a polygon, to and fro along its longer side.
 
     Raises
     ------
     PlanError
-        The spacing is not above 0.
+        The spacing is not above 0, or there are more lines than `most`: none is cut then.
     """
     if not spacing_m > 0.0:
         raise PlanError(f"lines {spacing_m:g} m apart", remedy="Give a distance above 0")
@@ -524,6 +526,10 @@ def survey_lines(polygon: Polygon, spacing_m: float) -> list[tuple[float, float]
     across = np.array([-along[1], along[0]])
     low, high = (corners @ across).min(), (corners @ across).max()
     count = max(1, int(np.ceil((high - low) / spacing_m)))
+    if most is not None and count > most:
+        raise PlanError(
+            f"{count} lines are too many", remedy="Choose wider lines or a smaller area"
+        )
     way: list[tuple[float, float]] = []
     for number in range(count):
         offset = low + (number + 0.5) * (high - low) / count

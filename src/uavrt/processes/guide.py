@@ -53,6 +53,7 @@ from uavrt.messages import (
 )
 from uavrt.processes.thinker import Failed, Thinker
 from uavrt.tangent_plane import TangentPlane
+from uavrt.tunnel import cut_text
 
 if TYPE_CHECKING:
     from uavrt.terrain import HillLosses
@@ -226,12 +227,12 @@ def _plan(asked: _Asked) -> _Planned:
     else:
         plan = plan_of(order, now, limits, manners)
         order = replace(order, height_m=_height_m(order, now))
-    unknown = "" if asked.fence is not None else "; the vehicle's own fence is not known"
+    unknown = "" if asked.fence is not None else "; own fence not known"
     return _Planned(
         pilot=Pilot(order, plan, limits, waits=seeker is not None),
         limits=limits,
         seeker=seeker,
-        summary=f"{plan.summary}{unknown}; out of {asked.vehicle.mode}",
+        summary=cut_text(plan.summary, f"{unknown}; out of {asked.vehicle.mode}"),
     )
 
 

@@ -311,19 +311,31 @@ def _places(body: bytes) -> tuple[tuple[float, float], ...]:
     )
 
 
-def _cut(text: str) -> str:
-    """A text that fits; what is cut ends with its last whole word and an ellipsis."""
-    if len(text.encode()) <= MAX_TEXT:
-        return text
-    room = MAX_TEXT - len("…".encode())
+def cut_text(text: str, tail: str = "") -> str:
+    """A text that fits with its tail; what is cut ends with a whole word and an ellipsis.
+
+    Parameters
+    ----------
+    text, tail : str
+        The tail is what must be read: it is left out of no text.
+    """
+    most = MAX_TEXT - len(tail.encode())
+    if len(text.encode()) <= most:
+        return text + tail
+    room = most - len("…".encode())
     fits = text.encode()[:room].decode("utf-8", "ignore")
     whole, space, _ = fits.rpartition(" ")
-    return f"{whole.rstrip(' ,;:') if space else fits}…"
+    return f"{whole.rstrip(' ,;:') if space else fits}…{tail}"
+
+
+def _printable(text: str) -> str:
+    """A text without control characters: it is written to terminals, and is not sealed."""
+    return "".join(one if one.isprintable() else "\ufffd" for one in text)
 
 
 def encode_state(state: MotionState) -> bytes:
     """Write what became of an order; a text that is too long is cut."""
-    text = _cut(state.text).encode()
+    text = cut_text(state.text).encode()
     return (
         _STATE.pack(
             _VERSION,
@@ -354,7 +366,7 @@ def decode_state(payload: bytes) -> MotionState:
     return MotionState(
         kind=kinds[kind],
         standing=STANDINGS[standing],
-        text=payload[_STATE.size :].decode("utf-8", "replace"),
+        text=_printable(payload[_STATE.size :].decode("utf-8", "replace")),
         request_id=request_id,
         order_id=order_id,
         nonce=nonce,

@@ -10,9 +10,10 @@ from flown import HOME
 
 from uavrt.cli.fly import fly
 from uavrt.errors import ConfigError, FormatError, PlanError
-from uavrt.guidance import area_in, keep_out_in, survey_file
+from uavrt.guidance import area_in, keep_out_in, survey_file, survey_places
 from uavrt.guidance.orders import Order
 from uavrt.messages import KeepOut
+from uavrt.planning import area
 
 
 def places(*local: tuple[float, float]) -> tuple[tuple[float, float], ...]:
@@ -95,3 +96,20 @@ def test_the_command_line_saves_and_asks_no_drone(tmp_path: Path) -> None:
 def test_only_surveys_are_saved(tmp_path: Path, ask: Callable[[Path], None]) -> None:
     with pytest.raises(ConfigError, match="only a survey is saved"):
         ask(tmp_path)
+
+
+@pytest.mark.parametrize("pattern", ["lines", "points"])
+def test_a_survey_of_half_a_country_is_refused_before_a_line_is_cut(
+    pattern: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page draws it in the process that serves the drone."""
+    monkeypatch.delattr(area, "_cut")
+    country = ((47.0, 8.0), (52.0, 8.0), (52.0, 13.0), (47.0, 13.0))
+    with pytest.raises(PlanError, match="lines are too many"):
+        survey_places(survey(places=country, spacing_m=5.0, pattern=pattern), country[0])
+
+
+def test_long_lines_are_refused_before_their_points_are_placed() -> None:
+    strip = places((0, 0), (500_000, 0), (500_000, 20), (0, 20))
+    with pytest.raises(PlanError, match="places to turn at are too many"):
+        survey_places(survey(places=strip, spacing_m=5.0, pattern="points"), strip[0])

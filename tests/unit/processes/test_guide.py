@@ -102,9 +102,7 @@ def test_an_offer_says_that_the_vehicles_fence_is_not_known() -> None:
     hub = Hub()
     hub.guide.take("vehicle", hub.report())
     offer = hub.ask("hold")
-    assert offer.summary == (
-        "hold here at 40 m; the vehicle's own fence is not known; out of Position"
-    )
+    assert offer.summary == ("hold here at 40 m; own fence not known; out of Position")
 
 
 def meadow(hub: Hub, half_m: float) -> KeepOut:

@@ -18,6 +18,7 @@ from uavrt.tunnel.motion import (
     MotionConfirmation,
     MotionState,
     MotionStop,
+    cut_text,
     decode_motion,
     decode_state,
     encode_confirmation,
@@ -138,7 +139,12 @@ def test_a_confirmation_a_stop_and_a_state_come_back_as_they_were() -> None:
     assert decode_state(encode_state(state)) == state
 
 
-@given(text=st.text(st.characters(codec="utf-8"), max_size=300))
+@given(
+    text=st.text(
+        st.characters(codec="utf-8", exclude_categories="CZ", include_characters=" "),
+        max_size=300,
+    )
+)
 def test_a_text_that_is_too_long_ends_with_an_ellipsis(text: str) -> None:
     state = MotionState(
         kind="offer", standing=STANDINGS[2], text=text, request_id=3, order_id=4, nonce=5
@@ -201,3 +207,19 @@ def test_a_corner_that_is_no_number_is_no_place(value: float, corner: int, axis:
     asked = MotionRequest(request_id=7, asker=ASKER, action="survey", places=places)
     with pytest.raises(UsageError, match="no places"):
         encode_request(asked)
+
+
+def test_a_long_offer_still_says_out_of_which_mode_it_would_fly() -> None:
+    tail = "; own fence not known; out of Position"
+    survey = "survey 12 lines, from 47.123456, 8.123456 at 120 m: 12345 m in 1234 s"
+    assert cut_text(survey, tail) == survey + tail
+    cut = cut_text(f"{survey}, and then return by the same way", tail)
+    assert cut.startswith("survey 12 lines")
+    assert cut.endswith(f"…{tail}")
+    assert len(cut.encode()) <= 108
+
+
+def test_no_control_character_of_the_air_reaches_a_terminal() -> None:
+    state = MotionState(kind="state", standing="out", text="\x1b[2K\x9b1Ahold at 40 m °")
+    told = decode_state(encode_state(state)).text
+    assert told == "\ufffd[2K\ufffd1Ahold at 40 m °"

@@ -52,7 +52,7 @@ from uavrt.tunnel import (
     is_confirmation,
     is_stop,
 )
-from uavrt.units import ns_from_s
+from uavrt.units import ns_from_s, s_from_ns
 
 __all__ = [
     "Acknowledged",
@@ -67,6 +67,8 @@ HEARTBEAT_S = 1.0
 RECEIPT_POLL_S = 0.05
 ACK_WAIT_S = 2.0
 TRIES = 4
+CONFIRMS_WITHIN_NS = ns_from_s(1.0)
+"""From the operator's word until a confirmation leaves; later it is not what was meant."""
 EVENTS = 20_000
 """Events kept for a slow reader; at 50 pulses a second, almost 7 minutes."""
 
@@ -388,7 +390,15 @@ class GroundLink:
             It did not answer.
         """
         tries = 1 if is_confirmation(payload) else TRIES
+        begun_ns = self._clock_ns()
         async with contextlib.nullcontext() if is_stop(payload) else self._busy:
+            waited_ns = self._clock_ns() - begun_ns
+            if is_confirmation(payload) and waited_ns > CONFIRMS_WITHIN_NS:
+                raise LinkError(
+                    f"the confirmation waited {s_from_ns(waited_ns):.0f} s for another command "
+                    "and was not sent",
+                    remedy="Ask for the motion again",
+                )
             for attempt in range(tries):
                 future = asyncio.get_running_loop().create_future()
                 self._motion[request_id] = future

@@ -167,12 +167,11 @@ class Flying:
         number = wish.get("order_id") if isinstance(wish, dict) else None
         unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
         offered = self._offered
-        record = self.record()
         if offered is None or number != offered.state.order_id or page != offered.page:
             raise CommandRefused("this offer no longer stands", remedy="Ask again")
-        if record is not None and record["offer"] is None:
-            raise CommandRefused("the offer has run out", remedy="Ask again")
         self._offered = None
+        if self._session.clock.now_ns() - offered.time_ns > OFFER_NS:
+            raise CommandRefused("the offer has run out", remedy="Ask again")
         state = await confirm(self._link(), offered.state, sticks_unseen=unseen is True)
         self._flown = offered
         self.take(state)

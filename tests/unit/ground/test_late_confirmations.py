@@ -1,0 +1,89 @@
+"""A confirmation is of what its operator saw just now, or is not sent."""
+
+import asyncio
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from uavrt.errors import CommandRefused, LinkError
+from uavrt.ground.link import GroundLink, flying
+from uavrt.ground.link.flying import Flying
+from uavrt.tunnel import MotionConfirmation, MotionState, encode_confirmation
+
+SECOND_NS = 10**9
+
+
+class Hands:
+    """A clock that stands, and what was sent."""
+
+    def __init__(self) -> None:
+        self.time_ns = 0
+        self.sent: list[Any] = []
+
+    def now_ns(self) -> int:
+        return self.time_ns
+
+
+@pytest.mark.parametrize(("waited_ns", "sent"), [(SECOND_NS // 2, 1), (2 * SECOND_NS, 0)])
+def test_what_waited_for_another_command_is_not_sent(
+    waited_ns: int, sent: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hands = Hands()
+    link = GroundLink(hands.now_ns, ack_wait_s=0.01)
+    monkeypatch.setattr(link.protocol, "tunnel_message", lambda payload, kind: payload)
+    monkeypatch.setattr(link, "send", hands.sent.append)
+    payload = encode_confirmation(MotionConfirmation(request_id=3, order_id=5, nonce=7))
+
+    async def confirm() -> None:
+        async with link._busy:
+            waiting = asyncio.create_task(link.motion(payload, 3))
+            await asyncio.sleep(0)
+            hands.time_ns += waited_ns
+        with pytest.raises(LinkError, match="did not answer" if sent else "was not sent"):
+            await waiting
+
+    asyncio.run(confirm())
+    assert len(hands.sent) == sent
+
+
+@pytest.mark.parametrize("heard", [False, True])
+def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
+    heard: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hands = Hands()
+    session: Any = SimpleNamespace(
+        clock=hands,
+        note=lambda *what: None,
+        send_state=lambda: None,
+        vehicle=None,
+        link=object(),
+        situation=lambda: SimpleNamespace(drone_present=True),
+    )
+    state = MotionState(kind="offer", standing="out", text="hold", order_id=5, nonce=7)
+
+    async def offer(*_: Any, **__: Any) -> MotionState:
+        return state
+
+    async def confirm(*_: Any, **__: Any) -> MotionState:
+        hands.sent.append(5)
+        return MotionState(kind="state", standing="confirmed", text="confirmed", order_id=5)
+
+    monkeypatch.setattr(flying, "ask", offer)
+    monkeypatch.setattr(flying, "confirm", confirm)
+    wish = {"order_id": 5, "sticks_unseen": True}
+
+    async def late() -> None:
+        page = Flying(session)
+        if heard:
+            page.take(MotionState(kind="state", standing="out", text="x"))
+        await page.ask({"action": "hold"}, "page")
+        hands.time_ns += 9 * SECOND_NS
+        await page.confirm(wish, "page")
+        await page.ask({"action": "hold"}, "page")
+        hands.time_ns += 11 * SECOND_NS
+        with pytest.raises(CommandRefused, match="has run out"):
+            await page.confirm(wish, "page")
+
+    asyncio.run(late())
+    assert hands.sent == [5]
