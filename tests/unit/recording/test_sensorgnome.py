@@ -2,12 +2,14 @@
 
 import gzip
 import math
+import tracemalloc
 from pathlib import Path
 
 import pytest
 
 from uavrt.errors import FormatError
 from uavrt.recording.formats import read_pulse_log
+from uavrt.recording.formats.text import MAX_LINES, read_lines
 
 # As a SensorGnome of 2016 writes: quotes, a C line, two ports, letters in a port's name.
 PULSES = """\
@@ -76,3 +78,20 @@ def test_detections_are_read_whatever_columns_stand_between(tmp_path: Path) -> N
     path.write_text("ts,id,sig\n1466441002.25,-3,5\n1466441002.5,1,5\n")
     with pytest.raises(FormatError, match="line 2: id -3"):
         read_pulse_log(path)
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r"])
+def test_a_file_of_nothing_but_ends_of_lines_is_not_unpacked_whole(
+    tmp_path: Path, end: bytes
+) -> None:
+    path = tmp_path / "lines.txt.gz"
+    with gzip.open(path, "wb", 1) as packed:
+        for _ in range(10 * MAX_LINES // 2**20):
+            packed.write(end * 2**20)
+    tracemalloc.start()
+    try:
+        with pytest.raises(FormatError, match="too large to be a log"):
+            read_lines(path)
+        assert tracemalloc.get_traced_memory()[1] < 5 * MAX_LINES
+    finally:
+        tracemalloc.stop()

@@ -15,6 +15,9 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 MAX_TIME_NS = 2**62
 """The year 2116; also well inside SQLite's integers."""
 MAX_BYTES = 512 * 1024 * 1024
+MAX_LINES = 10_000_000
+"""Ends of lines pack well: a megabyte of gzip would be a hundred million lines."""
+_PIECE_BYTES = 1 << 20
 _GZIP = b"\x1f\x8b"
 
 
@@ -34,10 +37,9 @@ def read_lines(path: str | os.PathLike[str]) -> list[str]:
             raise FormatError(f"{name} is too large to be a log", remedy="Check the name")
         content = Path(path).read_bytes()
         if content.startswith(_GZIP):
-            with gzip.open(path) as packed:
-                content = packed.read(MAX_BYTES + 1)
-            if len(content) > MAX_BYTES:
-                raise FormatError(f"{name} is too large to be a log", remedy="Check the name")
+            content = _unpacked(path)
+        if len(content) > MAX_BYTES or _line_count(content) > MAX_LINES:
+            raise FormatError(f"{name} is too large to be a log", remedy="Check the name")
     except (EOFError, zlib.error) as error:
         raise FormatError(f"{name} is damaged: {error}", remedy="Copy it again") from error
     except OSError as error:
@@ -46,6 +48,22 @@ def read_lines(path: str | os.PathLike[str]) -> list[str]:
         ) from error
     text = content.decode("utf-8-sig", "replace").replace("\0", "")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _unpacked(path: str | os.PathLike[str]) -> bytes:
+    """What is packed, up to a little more than is taken."""
+    content, lines = bytearray(), 0
+    with gzip.open(path) as packed:
+        while piece := packed.read(_PIECE_BYTES):
+            content += piece
+            lines += _line_count(piece)
+            if len(content) > MAX_BYTES or lines > MAX_LINES:
+                break
+    return bytes(content)
+
+
+def _line_count(content: bytes) -> int:
+    return max(content.count(b"\n"), content.count(b"\r"))
 
 
 def wrong_line(
