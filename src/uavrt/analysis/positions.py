@@ -16,6 +16,7 @@ from uavrt.analysis.power_survey import (
     power_track,
     signal_of,
 )
+from uavrt.analysis.season import SAME_PULSES
 from uavrt.errors import UsageError
 from uavrt.localization import (
     HEIGHT_SIGMA_M,
@@ -37,6 +38,7 @@ from uavrt.recording.formats import (
     WITHOUT_HEADINGS,
     BearingRow,
     LogKind,
+    PulseLog,
     TargetEstimate,
     cells_of,
     pulse_logs_in,
@@ -135,6 +137,7 @@ def read_positions(
     logs = [(path, read_pulse_log(path)) for given in paths for path in pulse_logs_in(given)]
     for text in dict.fromkeys(text for _, log in logs for text in log.warnings):
         warn(text)
+    logs = _without_copies(logs, warn)
     if antenna is None:
         antenna = antenna_of([log.kind for _, log in logs])
     poses = sorted(
@@ -446,3 +449,38 @@ def _positioned(
     except UsageError as error:
         return TagPosition(tag_id=tag_id, position=None, reason=str(error))
     return TagPosition(tag_id=tag_id, position=position)
+
+
+def _without_copies(
+    logs: Sequence[tuple[Path, PulseLog]], warn: Callable[[str], None]
+) -> list[tuple[Path, PulseLog]]:
+    """Leave out what another log holds, too: a flight received and fetched is heard once.
+
+    Two drones that hear one pulse are at two places.
+    """
+    heard = [set(map(_place_and_time, log.pulse_poses)) for _, log in logs]
+    kept: list[int] = []
+    for number in sorted(range(len(logs)), key=lambda one: len(heard[one]), reverse=True):
+        own = heard[number]
+        for other in kept:
+            if own and len(own & heard[other]) >= SAME_PULSES * len(own):
+                text = f"{logs[number][0]} is a copy of {logs[other][0]}, of the same flight"
+                warn(f"{text}: left out")
+                break
+        else:
+            kept.append(number)
+    return [logs[number] for number in sorted(kept)]
+
+
+def _place_and_time(posed: PulsePose) -> tuple[int, int, int, int]:
+    """Tag, start [ms] and place (to 10 m) of a pulse: the same in each copy of a flight."""
+    pose, pulse = posed.pose, posed.pulse
+    milliseconds = round(pulse.start_time_ns / 1e6)
+    if pose is None:
+        return pulse.tag_id, milliseconds, 0, 0
+    return (
+        pulse.tag_id,
+        milliseconds,
+        round(pose.latitude_deg * 1e4),
+        round(pose.longitude_deg * 1e4),
+    )

@@ -179,7 +179,7 @@ def _animal(searched: Sequence[tuple[Tag, _Flight]]) -> AnimalOfSeason:
         minutes=sum(_minutes(flight) for _, flight in searched),
         minutes_to_hear=waited_s / len(heard) / 60.0 if heard else None,
         pulses=sum(one.heard[tag.tag_id].pulses for one in heard),
-        last_heard_ns=heard[-1].info.start_time_ns if heard else None,
+        last_heard_ns=max((one.heard[tag.tag_id].last_ns for one in heard), default=None),
     )
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 WIDE = 10_000
+_PLACES = ("latitude_deg", "longitude_deg")
 
 archive = App(
     name="archive",
@@ -86,7 +87,7 @@ def query(
     elif output.suffix == ".csv":
         from pyarrow import csv
 
-        csv.write_csv(answer, output)
+        csv.write_csv(_flat(answer), output)
     else:
         from pyarrow import parquet
 
@@ -124,9 +125,36 @@ def export(
         print(path)
 
 
+def _flat(answer: "pa.Table") -> "pa.Table":
+    """Write lists as text, which a CSV file takes: as JSON has them."""
+    import pyarrow as pa
+
+    for number, field in enumerate(answer.schema):
+        if pa.types.is_nested(field.type):
+            texts = [
+                None if one is None else json.dumps(one, default=str)
+                for one in _in_microseconds(answer.select([number])).column(0).to_pylist()
+            ]
+            answer = answer.set_column(number, field.name, pa.array(texts, pa.string()))
+    return answer
+
+
+def _in_microseconds(answer: "pa.Table") -> "pa.Table":
+    """Cut times to microseconds: Python's have no more."""
+    import pyarrow as pa
+
+    kinds = {field.name: field.type for field in answer.schema}
+    for number, (name, kind) in enumerate(kinds.items()):
+        if pa.types.is_timestamp(kind) and kind.unit == "ns":
+            times = answer.column(number).cast(pa.timestamp("us", kind.tz), safe=False)
+            answer = answer.set_column(number, name, times)
+    return answer
+
+
 def _print(answer: "pa.Table", as_json: bool) -> None:
+    rows = _in_microseconds(answer).to_pylist()
     if as_json:
-        for row in answer.to_pylist():
+        for row in rows:
             print(json.dumps(row, default=str))
         return
     from rich.console import Console
@@ -135,15 +163,19 @@ def _print(answer: "pa.Table", as_json: bool) -> None:
     drawn = Table(box=None, pad_edge=False)
     for name in answer.column_names:
         drawn.add_column(name, overflow="fold")
-    for row in answer.to_pylist():
-        drawn.add_row(*(_cell(value) for value in row.values()))
+    for row in rows:
+        drawn.add_row(*(_cell(name, value) for name, value in row.items()))
     # In a file or a pipe each row is a line.
     Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDE).print(drawn)
 
 
-def _cell(value: Any) -> str:
+def _cell(name: str, value: Any) -> str:
     if value is None:
         return ""
     if isinstance(value, float):
+        if name.endswith(_PLACES):
+            return f"{value:.6f}"
+        if 0.0 < abs(value) < 0.1:
+            return f"{value:.3g}"
         return f"{value:.1f}" if abs(value) < 1e4 else f"{value:.0f}"
     return str(value)[:23] if isinstance(value, datetime) else str(value)

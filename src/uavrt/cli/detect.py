@@ -163,6 +163,11 @@ def detect(
                     on_progress=on_progress,
                     summary=summary,
                 )
+        except UavrtError:
+            if writer is not None and not summary.samples:
+                writer.discard()
+                writer = None
+            raise
         finally:
             _report(summary, wanted, writer)
         number = should_stop()

@@ -78,6 +78,12 @@ Minutes = Annotated[float, Parameter(validator=Between(above=0, unit="min"))]
 """A duration."""
 Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
 """A rate, a width or a carrier frequency."""
+TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]
+"""Of a tag, as tag files have it: megahertz typed for hertz are refused."""
+PulseWidth = Annotated[float, Parameter(validator=Between(least=1e-3, most=1, unit="s"))]
+"""Of a tag, as tag files have it: milliseconds typed for seconds are refused."""
+Interval = Annotated[float, Parameter(validator=Between(above=0, most=60, unit="s"))]
+"""Between pulses of a tag, as tag files have it."""
 HertzOrZero = Annotated[float, Parameter(validator=Between(least=0, unit="Hz"))]
 """A carrier frequency, or 0 for samples of which only the offset matters."""
 Degrees = Annotated[float, Parameter(validator=Between(least=-360, most=360, unit="degrees"))]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.cli.kinds import Counts, Decibels, Hertz, Metres, Power, Seconds
+from uavrt.cli.kinds import Counts, Decibels, Metres, Power, PulseWidth, TagFrequency
 
 if TYPE_CHECKING:
     from uavrt.messages import Tag
@@ -26,8 +26,8 @@ def range(
     tag_height: Metres = 0.5,
     tags: Path | None = None,
     pulses: Counts = (3, 10, 20, 40),
-    frequency: Hertz = 150e6,
-    pulse_width: Seconds = 0.020,
+    frequency: TagFrequency = 150e6,
+    pulse_width: PulseWidth = 0.020,
     antenna_gain: Decibels = 4.0,
     mismatch: Decibels = 3.0,
     noise_figure: Decibels = 8.0,

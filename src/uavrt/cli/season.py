@@ -79,7 +79,8 @@ def _show(found: "Season") -> None:
     if found.batteries and found.flights_without_battery:
         lines.append(f"{found.flights_without_battery} flights do not tell of their battery")
     if found.copies:
-        lines.append(f"{found.copies} second copies of flights left out")
+        copies = "copy of a flight" if found.copies == 1 else "copies of flights"
+        lines.append(f"{found.copies} second {copies} left out")
     for line in lines:
         console.print(line, highlight=False, soft_wrap=True)
     table = Table(box=None, pad_edge=False)

@@ -11,6 +11,9 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 LIMIT = 0.99
 """Of full scale, which is 1 in every format: the last code of 8 bits is 0.992."""
+_BEYOND = 2.0
+"""Of full scale: samples beyond are of a source that has none (made by a computer). A radio's
+own filters pass it by a few tenths."""
 _STRETCH_S = 0.5e-3
 """What is looked at together: a pulse of 15 ms has thirty."""
 _LEAST_SAMPLES = 64
@@ -57,6 +60,7 @@ class Clipping:
         """Time with samples at the limits, in steps of half a millisecond."""
         self.times = ClippedTimes()
         self._new: list[tuple[int, int]] = []
+        self._has_full_scale = True
 
     @property
     def share(self) -> float:
@@ -73,6 +77,11 @@ class Clipping:
             return
         some = block.samples[: count * length].view(np.float32).reshape(count, 2 * length)
         some = some[:, : 2 * min(length, _LEAST_SAMPLES)]
+        if self._has_full_scale and float(some.max()) > _BEYOND:
+            self._has_full_scale, self.clipped_s = False, 0.0
+            self.times, self._new = ClippedTimes(), []
+        if not self._has_full_scale:
+            return
         at_limit = (some.max(axis=1) >= LIMIT) | (some.min(axis=1) <= -LIMIT)
         if not at_limit.any():
             return

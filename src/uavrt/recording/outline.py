@@ -12,7 +12,7 @@ from uavrt.recording.places import vehicle_of
 
 _BATTERY = re.compile(r"battery (\d{1,3}) %")
 _HEARD = (
-    "SELECT tag_id, count(*), min(start_time_ns) FROM pulses"
+    "SELECT tag_id, count(*), min(start_time_ns), max(start_time_ns) FROM pulses"
     " WHERE detection_status = 'confirmed' AND ghost_of_tag_id IS NULL GROUP BY tag_id"
 )
 _MILLISECONDS = (
@@ -27,6 +27,7 @@ class HeardTag:
 
     pulses: int
     first_ns: int
+    last_ns: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +68,10 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
             ends += database.execute(f"SELECT max({column}) FROM {table}").fetchone()
         notes = database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
         heard = {
-            int(tag_id): HeardTag(pulses=int(pulses), first_ns=int(first_ns))
-            for tag_id, pulses, first_ns in database.execute(_HEARD)
+            int(tag_id): HeardTag(
+                pulses=int(pulses), first_ns=int(first_ns), last_ns=int(last_ns)
+            )
+            for tag_id, pulses, first_ns, last_ns in database.execute(_HEARD)
         }
     return FlightOutline(
         info=info,

@@ -191,6 +191,22 @@ def test_a_bearings_csv_of_the_original_gives_positions(tmp_path: Path, method: 
         assert "two" in (positions[1].reason or "")
 
 
+def test_a_copy_of_a_flight_is_no_further_evidence(tmp_path: Path) -> None:
+    """Received by radio and fetched by Wi-Fi, a flight lies there twice."""
+    flight = flown(threshold_db=-20.0)
+    whole = write(flight.pulse_poses, tmp_path / "fetched.jsonl")
+    part = write(flight.pulse_poses[::2], tmp_path / "received.jsonl")
+    (alone,) = read_positions(whole)
+    said: list[str] = []
+    for paths in ((whole, part), (part, whole), (whole, whole), (tmp_path,)):
+        (found,) = read_positions(*paths, warn=said.append)
+        assert found.position is not None
+        assert alone.position is not None
+        assert found.position.radius95_m == alone.position.radius95_m
+    assert len(said) == 4
+    assert said[0] == f"{part} is a copy of {whole}, of the same flight: left out"
+
+
 def test_pulse_logs_several_flights_and_a_folder_give_positions(tmp_path: Path) -> None:
     flight = flown(threshold_db=-20.0)
     whole = write(flight.pulse_poses, tmp_path / "flight.jsonl")

@@ -72,6 +72,23 @@ def pulse(tag_id: int, at_s: float) -> Pulse:
     return pulse_at(start_ns, tag_id=tag_id, frequency_hz=148.72e6, noise_psd=1e-9)
 
 
+def test_a_search_that_was_refused_leaves_no_flight_behind(
+    flown: Flight, tmp_path: Path
+) -> None:
+    """A season would count it as a flight in which no animal was heard."""
+    place = tmp_path / "again"
+    place.mkdir()
+    (place / "notes.txt").write_text("mine")
+    for directory in (place, tmp_path / "new", None):
+        writer = FlightWriter(flown, Nothing(), TAGS, directory)
+        writer.discard()
+    assert [path.name for path in place.iterdir()] == ["notes.txt"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "again",
+        "flight_log_2023-11-14_22-13-20",
+    ]
+
+
 def test_pulses_found_again_get_the_pose_of_the_flight_at_their_centre(flown: Flight) -> None:
     writer = FlightWriter(flown, Nothing(), TAGS)
     writer.write([pulse(9, 0.54), pulse(9, 29.99), pulse(2, 1.04)])

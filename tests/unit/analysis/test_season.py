@@ -106,7 +106,7 @@ def test_flights_minutes_animals_and_batteries_are_counted(folder: Path) -> None
     assert (lynx.name, lynx.flights, lynx.flights_heard, lynx.minutes) == ("lynx", 2, 2, 22)
     assert lynx.minutes_to_hear == pytest.approx(1.5, abs=0.1)
     assert (otter.flights, otter.flights_heard, otter.minutes) == (3, 1, 42)
-    assert otter.last_heard_ns == MAY_NS + 1000 * SECOND
+    assert otter.last_heard_ns == MAY_NS + (1000 + 300) * SECOND + 49 * 12 * 10**8
     # 95 to 42 %, then one with 60 % was put in; the third flight and nobody noted it.
     assert (found.batteries, found.flights_without_battery) == (2, 1)
     assert found.batteries_used == pytest.approx(0.53)

@@ -1,5 +1,6 @@
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
 from command_line import uavrt
 
@@ -12,7 +13,7 @@ DAY_NS = 86_400 * 10**9
 
 
 def pulse(tag_id: int, day: int, snr_db: float, *, confirmed: bool) -> Pulse:
-    start_ns = day * DAY_NS
+    start_ns = day * DAY_NS + 788  # a real clock's; Python's times have no nanoseconds
     return Pulse(
         tag_id=tag_id,
         frequency_hz=148.7e6,
@@ -70,7 +71,11 @@ def archive(tmp_path: Path) -> Path:
 
 
 def test_tags_are_counted_over_all_flights(archive: Path) -> None:
-    two, four = ask(archive, QUESTIONS["tags"]).to_pylist()
+    answer = ask(archive, QUESTIONS["tags"])
+    for name in ("first_utc", "last_utc"):
+        times = answer[name].cast(pa.timestamp("us", "UTC"), safe=False)
+        answer = answer.set_column(answer.column_names.index(name), name, times)
+    two, four = answer.to_pylist()
     assert (two["tag_id"], two["pulses"], two["confirmed"], two["flights"]) == (2, 4, 4, 2)
     assert two["median_snr_db"] == 12.0
     assert (str(two["first_utc"])[:10], str(two["last_utc"])[:10]) == (
@@ -114,3 +119,19 @@ def test_the_command_line_answers_as_table_as_json_and_as_file(
     assert answer.read_text().split() == ['"tag_id","n"', "2,4", "4,2"]
     assert uavrt("archive", "query", str(archive), question, "-o", str(answer)) == 2
     assert "--overwrite" in capsys.readouterr().err
+
+
+def test_answers_show_places_to_a_metre_and_small_numbers(
+    archive: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = "select 35.180113::double as latitude_deg, 1.5e-9 as noise_psd, 22.61::double as m"
+    assert uavrt("archive", "query", str(archive), asked) == 0
+    assert capsys.readouterr().out.split()[-3:] == ["35.180113", "1.5e-09", "22.6"]
+
+
+def test_lists_are_written_into_a_csv_file_as_text(archive: Path, tmp_path: Path) -> None:
+    table = tmp_path / "pulses.csv"
+    assert (
+        uavrt("archive", "query", str(archive), "select * from pulses", "-o", str(table)) == 0
+    )
+    assert '"[4, 6]"' in table.read_text().splitlines()[1]

@@ -4,6 +4,7 @@ The result is a flight directory like any other, so every later command takes it
 were added afterwards, for another frequency window, for a better detector.
 """
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -59,6 +60,7 @@ class FlightWriter:
         if directory is None:
             directory = new_flight_directory(original.parent, flight.info.start_time_ns)
         self.directory = directory
+        self._before = set(directory.iterdir()) if directory.is_dir() else set()
         settings = flight_settings(flight)
         antenna = AntennaSettings() if settings is None else settings.antenna
         if searched is not None:
@@ -104,6 +106,14 @@ class FlightWriter:
             The disk is full.
         """
         self._recorder.close()
+
+    def discard(self) -> None:
+        """Take the new flight away: nothing was searched, and nobody is to count it."""
+        self._recorder.close()
+        for path in set(self.directory.iterdir()) - self._before:
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        if not self._before:
+            self.directory.rmdir()
 
     def _copy(self, flight: Flight) -> None:
         """Take over what the flight recorded beside pulses."""

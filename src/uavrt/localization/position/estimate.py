@@ -190,13 +190,41 @@ def _lenth(stations: Stations, method: str) -> Position:
             f"{method} finds no place that fits these bearings", remedy="Use the method bayes"
         )
     latitude, longitude = plane.to_geodetic(found.east_m, found.north_m)
-    covariance = found.covariance_m2
+    covariance = _of_few(found.covariance_m2, len(east))
     return Position(
         latitude_deg=float(latitude),
         longitude_deg=float(longitude),
         method=method,
         stations=len(east),
-        radius50_m=None if covariance is None else normal_radius_m(covariance, 0.5),
-        radius95_m=None if covariance is None else normal_radius_m(covariance, 0.95),
-        ellipse95=None if covariance is None else ellipse_of(covariance),
+        radius50_m=_radius_m(covariance, 0.5, len(east)),
+        radius95_m=_radius_m(covariance, 0.95, len(east)),
+        ellipse95=None
+        if covariance is None
+        else ellipse_of(covariance * _wider(0.95, len(east)) ** 2),
     )
+
+
+def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
+    """Lenth's covariance with the scatter over n - 2 bearings: two coordinates were fitted.
+
+    Lenth, R. V. (1981), Technometrics 23 (2), divides by n. None where nothing is left over.
+    """
+    if covariance_m2 is None or stations < 3:
+        return None
+    return covariance_m2 * (stations / (stations - 2))
+
+
+def _wider(share: float, stations: int) -> float:
+    """How much wider a region is since its scatter is estimated from n - 2 bearings.
+
+    Hotelling: 2 F(2, n - 2) stands for chi-squared of 2 degrees; both have closed quantiles.
+    """
+    left = stations - 2
+    squared = left * ((1.0 - share) ** (-2.0 / left) - 1.0)
+    return float(np.sqrt(squared / (-2.0 * np.log(1.0 - share))))
+
+
+def _radius_m(covariance_m2: _Floats | None, share: float, stations: int) -> float | None:
+    if covariance_m2 is None:
+        return None
+    return normal_radius_m(covariance_m2, share) * _wider(share, stations)
