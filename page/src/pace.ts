@@ -46,14 +46,17 @@ export class Pace {
   private begin(): void {
     this.moving = true;
     this.frames = [];
-    this.draw(STEPS[this.step]!);
     let last = performance.now();
+    let coarse = false;
     const watch = (now: number) => {
       if (now - this.movedAt > REST_MS) {
         this.moving = false;
         this.draw(1);
         return;
       }
+      // Not before: MapLibre may be telling of the move from within the drawing of a frame.
+      if (!coarse) this.draw(STEPS[this.step]!);
+      coarse = true;
       this.take(now - last);
       last = now;
       requestAnimationFrame(watch);

@@ -240,6 +240,7 @@ def test_no_frame_makes_the_station_without_a_page_deaf(
     now_ns = Clock.start().now_ns()
     faults: list[dict[str, Any]] = []
     lines: list[str] = []
+    written: list[int] = []
 
     async def main() -> None:
         collected_faults(faults)
@@ -252,6 +253,7 @@ def test_no_frame_makes_the_station_without_a_page_deaf(
         before = station.pulses
         links[0].hear(FrameWriter(1, 191).encode(genuine_pulse(now_ns)))
         await until(lambda: station.pulses > before)
+        written.append(station.pulses)
         station.stop()
         await serving
 
@@ -260,5 +262,6 @@ def test_no_frame_makes_the_station_without_a_page_deaf(
     assert links[0].counters.faults == 0
     assert any('"acknowledged"' in line for line in lines)
     stored = read_pulse_file(tmp_path / "pulses.jsonl")
+    assert [len(stored)] == written, "what is stored is read back"
     assert is_among(now_ns, stored)
     assert len(stored) > COUNT // 1000, "hostile pulses, too: they had to be believed"

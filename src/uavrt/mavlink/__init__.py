@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from uavrt.mavlink.parameter_client import ParameterClient
     from uavrt.mavlink.parameters import ParameterServer, Requests, decode_value
     from uavrt.mavlink.rate import LinkRate
-    from uavrt.mavlink.samples import attitude_sample, position_sample
+    from uavrt.mavlink.samples import attitude_sample, is_place, position_sample
     from uavrt.mavlink.sender import TunnelSender
     from uavrt.mavlink.signing import (
         Signing,
@@ -121,6 +121,7 @@ __all__ = [
     "decode_value",
     "encode_frame",
     "homed",
+    "is_place",
     "keep_open",
     "kind_of",
     "observations",
@@ -194,6 +195,7 @@ __getattr__ = lazily(
         "keep_open": "transport",
         "open_link": "transport",
         "parse_address": "address",
+        "is_place": "samples",
         "position_sample": "samples",
         "read_signing_key": "signing",
         "signing_from": "signing",

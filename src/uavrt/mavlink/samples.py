@@ -19,15 +19,18 @@ def attitude_sample(message: AttitudeQuaternion, time_ns: int) -> AttitudeSample
     return AttitudeSample(time_ns=time_ns, quaternion_wxyz=(w, x, y, z))
 
 
-def position_sample(message: GlobalPositionInt, time_ns: int) -> PositionSample | None:
-    """Read a position of the instant `time_ns`.
+def is_place(latitude_1e7: int, longitude_1e7: int) -> bool:
+    """Whether a latitude and longitude [1e-7 deg] are a place on the globe.
 
-    None outside the globe, and at latitude 0, longitude 0 to the last digit, which is what
-    ArduPilot sends before it has a fix.
+    Latitude 0, longitude 0 to the last digit is none: ArduPilot sends it before it has a fix.
     """
-    if abs(message.lat) > 900_000_000 or abs(message.lon) > 1_800_000_000:
-        return None
-    if message.lat == 0 and message.lon == 0:
+    on_globe = abs(latitude_1e7) <= 900_000_000 and abs(longitude_1e7) <= 1_800_000_000
+    return on_globe and (latitude_1e7 != 0 or longitude_1e7 != 0)
+
+
+def position_sample(message: GlobalPositionInt, time_ns: int) -> PositionSample | None:
+    """Read a position of the instant `time_ns`; None unless it `is_place`."""
+    if not is_place(message.lat, message.lon):
         return None
     return PositionSample(
         time_ns=time_ns,

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     )
     from uavrt.recording.iq_recorder import IQRecorder
     from uavrt.recording.layout import FlightLayout, new_flight_directory, require_writable
-    from uavrt.recording.on_earth import OffEarthError
     from uavrt.recording.outline import (
         FlightOutline,
         HeardTag,
@@ -98,7 +97,6 @@ __all__ = [
     "IQRecorder",
     "IntegratedVerdict",
     "Mark",
-    "OffEarthError",
     "Places",
     "ProcessLog",
     "PulseFormat",
@@ -163,7 +161,6 @@ __getattr__ = lazily(
         "FlightFold": "integrated",
         "IntegratedVerdict": "integrated",
         "Mark": "places",
-        "OffEarthError": "on_earth",
         "POSE_COLUMNS": "schema",
         "Places": "places",
         "ProcessLog": "process_log",

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from uavrt.errors import FormatError
 from uavrt.log import get_logger
-from uavrt.recording.on_earth import OffEarthError
+from uavrt.on_earth import OffEarthError
 
 log = get_logger()
 

@@ -16,10 +16,10 @@ from typing import Any, Literal, TextIO
 
 from uavrt.errors import FormatError
 from uavrt.messages import BurstInside, Pose, Pulse, PulseKey, PulsePose
+from uavrt.on_earth import is_attitude, place_on_earth
 from uavrt.recording.csv_line import csv_cells
 from uavrt.recording.damaged_lines import DamagedLines
 from uavrt.recording.fields import RecordField, fields_of
-from uavrt.recording.on_earth import is_attitude, place_on_earth
 
 PulseFormat = Literal["csv", "jsonl"]
 

@@ -22,8 +22,8 @@ from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
+from uavrt.on_earth import is_attitude, place_on_earth
 from uavrt.recording.damaged_lines import DamagedLines
-from uavrt.recording.on_earth import is_attitude, place_on_earth
 from uavrt.units import NANOSECONDS_PER_SECOND, hz_from_mhz, mhz_from_hz
 
 COLUMNS = 23

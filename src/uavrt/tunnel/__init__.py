@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         tag_from_wire,
         tag_of_number,
         tag_to_wire,
+        tells_a_place,
     )
     from uavrt.tunnel.delivery import PulseDelivery
     from uavrt.tunnel.exchange import Answer, Exchange
@@ -203,6 +204,7 @@ __all__ = [
     "tag_list_digest",
     "tag_of_number",
     "tag_to_wire",
+    "tells_a_place",
 ]
 __getattr__ = lazily(
     __name__,
@@ -308,5 +310,6 @@ __getattr__ = lazily(
         "tag_list_digest": "tag_lists",
         "tag_of_number": "convert",
         "tag_to_wire": "convert",
+        "tells_a_place": "convert",
     },
 )

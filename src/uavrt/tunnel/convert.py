@@ -14,6 +14,7 @@ from uavrt.messages import (
     SystemState,
     Tag,
 )
+from uavrt.on_earth import OffEarthError, is_attitude, place_on_earth
 from uavrt.tunnel.g0 import FAILURE, SUCCESS, AckG0, PulseG0, TagG0
 from uavrt.tunnel.g1 import (
     STATUS_CONFIRMED,
@@ -332,14 +333,23 @@ def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
     return 1 + distances.index(min(distances))
 
 
-def _pose_from_wire(message: PulseG0 | PulseG1, time_ns: int) -> Pose | None:
-    """Read the pose; None where the sender had none."""
+def tells_a_place(message: PulseG0 | PulseG1) -> bool:
+    """Whether the sender of a pulse had a place, be it one on the globe or not."""
+    return all(map(math.isfinite, _place_on_wire(message)))
+
+
+def _place_on_wire(message: PulseG0 | PulseG1) -> tuple[float, float]:
     if isinstance(message, PulseG1):
-        latitude, longitude = message.latitude_deg, message.longitude_deg
+        return message.latitude_deg, message.longitude_deg
+    return message.position_x, message.position_y
+
+
+def _pose_from_wire(message: PulseG0 | PulseG1, time_ns: int) -> Pose | None:
+    """Read the pose; None where the sender had none, or one that is not on the globe."""
+    if isinstance(message, PulseG1):
         quaternion = from_euler_deg(message.yaw_deg, message.pitch_deg, message.roll_deg)
         amsl, relative = math.nan, message.altitude_relative_m
     else:
-        latitude, longitude = message.position_x, message.position_y
         quaternion = (
             message.orientation_w,
             message.orientation_x,
@@ -347,12 +357,16 @@ def _pose_from_wire(message: PulseG0 | PulseG1, time_ns: int) -> Pose | None:
             message.orientation_z,
         )
         amsl, relative = message.position_z, math.nan
-    if not all(map(math.isfinite, (latitude, longitude, *quaternion))):
+    try:
+        place = place_on_earth(*_place_on_wire(message))
+    except OffEarthError:
+        return None
+    if place is None or not is_attitude(quaternion):
         return None
     return Pose(
         time_ns=time_ns,
-        latitude_deg=latitude,
-        longitude_deg=longitude,
+        latitude_deg=place[0],
+        longitude_deg=place[1],
         altitude_amsl_m=amsl,
         altitude_relative_m=relative,
         quaternion_wxyz=quaternion,

@@ -30,6 +30,11 @@ FOCUSED = """() => { const one = document.activeElement; const style = getComput
   return [one.dataset.walked ?? null, seen]; }"""
 
 
+SLOW_FRAMES = """() => { const burn = () => { const end = performance.now() + 40;
+  while (performance.now() < end); requestAnimationFrame(burn); };
+  requestAnimationFrame(burn); }"""
+
+
 @pytest.fixture
 def station(
     start_ground: Callable[..., Ground],
@@ -159,6 +164,24 @@ def test_a_flight_is_begun_and_a_place_tapped_by_keyboard_alone(
     page.focus("#act-stop")
     page.keyboard.press("Enter")
     expect(page.locator("#chip-state")).to_have_text("Ready")
+    assert not watched.errors
+    watched.close()
+
+
+def test_a_map_that_is_drawn_slowly_is_moved_by_keyboard_again_and_again(
+    browser: Browser, station: str
+) -> None:
+    """Each move begins with a coarser picture, which must not be drawn within a frame."""
+    watched = Watched(browser, station, color_scheme="light")
+    page = watched.page
+    page.click("#tab-fly")
+    page.evaluate(SLOW_FRAMES)
+    page.focus("#map canvas")
+    for _ in range(4):
+        page.keyboard.down("ArrowRight")
+        page.wait_for_timeout(700)
+        page.keyboard.up("ArrowRight")
+        page.wait_for_timeout(500)
     assert not watched.errors
     watched.close()
 

@@ -54,12 +54,16 @@ def test_position_and_heading_make_a_pose() -> None:
     assert watch.armed
 
 
-def test_before_the_first_fix_there_is_no_place() -> None:
+@pytest.mark.parametrize(
+    ("latitude_1e7", "longitude_1e7"), [(0, 0), (900_000_001, 1), (1, -1_800_000_001)]
+)
+def test_before_the_first_fix_and_off_the_globe_there_is_no_place(
+    latitude_1e7: int, longitude_1e7: int
+) -> None:
     watch, autopilot = VehicleWatch(Peer(255, 190)), Autopilot()
     watch.receive(autopilot.frame(HEARTBEAT), NOW_NS)
-    nowhere = dialect.GlobalPositionInt(
-        time_boot_ms=1, lat=0, lon=0, alt=0, relative_alt=0, vx=0, vy=0, vz=0, hdg=0
-    )
+    nowhere = copy(PLACE)
+    nowhere.lat, nowhere.lon = latitude_1e7, longitude_1e7
     assert watch.receive(autopilot.frame(nowhere), NOW_NS) is None
     assert watch.pose is None
 

@@ -6,7 +6,7 @@ from pulses import pulse_at
 
 from uavrt import tunnel
 from uavrt.errors import TunnelError
-from uavrt.messages import PulsePose, SearchReport, SystemState, Tag
+from uavrt.messages import Pose, PulsePose, SearchReport, SystemState, Tag
 from uavrt.units import ns_from_s
 
 TAG = tunnel.TagG1(
@@ -19,6 +19,15 @@ TAG = tunnel.TagG1(
     interval_jitter_ms=10,
     k=3,
     false_alarm_probability=0.005,
+)
+
+POSE = Pose(
+    time_ns=10**18,
+    latitude_deg=46.5,
+    longitude_deg=7.5,
+    altitude_amsl_m=900.0,
+    altitude_relative_m=40.0,
+    quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
 )
 
 
@@ -261,3 +270,23 @@ def test_a_listed_number_after_a_tag_of_two_rates_is_itself() -> None:
     assert tunnel.tag_of_number(5, {4: TWO_RATES, 5: listed}) == listed
     one_rate = dataclasses.replace(TWO_RATES, pulse_intervals_s=(1.254,))
     assert tunnel.tag_of_number(5, {4: one_rate}) is None
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("latitude_deg", 90.5), ("latitude_deg", -1.4e306), ("longitude_deg", 465_000_000.0)],
+)
+def test_a_pulse_is_kept_without_a_place_that_is_not_on_the_globe(
+    field: str, value: float
+) -> None:
+    """Stored with it, the pulse's line would be refused by every reader."""
+    wire = tunnel.pulse_to_wire(PulsePose(pulse=pulse_at(10**18), pose=POSE))
+    assert isinstance(wire, tunnel.PulseG1)
+    astray = dataclasses.replace(wire, **{field: value})  # type: ignore[arg-type]
+    heard = tunnel.pulse_from_wire(astray, None)
+    assert isinstance(heard, PulsePose)
+    assert heard.pose is None
+    assert tunnel.tells_a_place(astray)
+    kept = tunnel.pulse_from_wire(wire, None)
+    assert isinstance(kept, PulsePose)
+    assert kept.pose is not None

@@ -26,7 +26,7 @@ from uavrt.attitude import from_euler_deg
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.recording import OffEarthError
+from uavrt.on_earth import OffEarthError
 from uavrt.recording.formats import place_or_none, read_lines
 from uavrt.units import NANOSECONDS_PER_SECOND
 

@@ -328,7 +328,15 @@ class GroundProtocol:
     def _pulse(self, message: tunnel.PulseG0 | tunnel.PulseG1) -> GroundEvent:
         tag = tunnel.tag_of_number(message.tag_id, self.tags)
         pulse = tunnel.pulse_from_wire(message, tag)
-        return self._detector_alive(message.tag_id) if pulse is None else pulse
+        if pulse is None:
+            return self._detector_alive(message.tag_id)
+        if (
+            isinstance(pulse, PulsePose)
+            and pulse.pose is None
+            and tunnel.tells_a_place(message)
+        ):
+            self.counters["bad_poses"] += 1  # the pulse is kept without it
+        return pulse
 
     def _detector_alive(self, tag_id: int) -> DetectorAlive:
         tag = tunnel.tag_of_number(tag_id, self.tags)

@@ -5,7 +5,15 @@ from collections import deque
 from dataclasses import dataclass
 
 from uavrt.ground.link.vehicle_identity import VehicleIdentity
-from uavrt.mavlink import Frame, Message, Peer, dialect
+from uavrt.mavlink import (
+    Frame,
+    Message,
+    Peer,
+    attitude_sample,
+    dialect,
+    is_place,
+    position_sample,
+)
 from uavrt.mavlink.dialect import MavCmd, MavComponent
 from uavrt.messages import Pose
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
@@ -213,7 +221,7 @@ class VehicleWatch:
                 self.battery_percent = percent if 0 <= percent <= 100 else None
             case dialect.AutopilotVersion():
                 self.identity.take_version(message, now_ns)
-            case dialect.HomePosition() if message.latitude or message.longitude:
+            case dialect.HomePosition() if is_place(message.latitude, message.longitude):
                 self.home = (message.latitude / 1e7, message.longitude / 1e7)
             case _ if not self.identity.foreign(now_ns):
                 return self._take_pose(message, now_ns)
@@ -222,16 +230,17 @@ class VehicleWatch:
     def _take_pose(self, message: Message | None, now_ns: int) -> Pose | None:
         match message:
             case dialect.AttitudeQuaternion():
-                quaternion = (message.q1, message.q2, message.q3, message.q4)
-                if all(map(math.isfinite, quaternion)) and any(quaternion):
-                    self._attitude = quaternion
+                attitude = attitude_sample(message, now_ns)
+                if attitude is not None:
+                    self._attitude = attitude.quaternion_wxyz
             case dialect.GlobalPositionInt():
                 return self._take_position(message, now_ns)
         return None
 
     def _take_position(self, message: dialect.GlobalPositionInt, now_ns: int) -> Pose | None:
-        if message.lat == 0 and message.lon == 0:
-            return None  # before the first fix
+        position = position_sample(message, now_ns)
+        if position is None:
+            return None
         attitude = self._attitude
         if attitude is None:
             if message.hdg == UNKNOWN_HEADING:
@@ -240,10 +249,10 @@ class VehicleWatch:
             attitude = (math.cos(half), 0.0, 0.0, math.sin(half))
         self.pose = Pose(
             time_ns=now_ns,
-            latitude_deg=message.lat / 1e7,
-            longitude_deg=message.lon / 1e7,
-            altitude_amsl_m=message.alt / 1000.0,
-            altitude_relative_m=message.relative_alt / 1000.0,
+            latitude_deg=position.latitude_deg,
+            longitude_deg=position.longitude_deg,
+            altitude_amsl_m=position.altitude_amsl_m,
+            altitude_relative_m=position.altitude_relative_m,
             quaternion_wxyz=attitude,
         )
         return self.pose

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.messages import PulsePose
+from uavrt.on_earth import OffEarthError
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.formats.log import LogKind, PulseLog, RotationMark
 from uavrt.recording.formats.pyradiotracking import NAMES, column_names, read_pyradiotracking
@@ -26,7 +27,6 @@ from uavrt.recording.formats.tagtracker import is_heading, read_tagtracker, row_
 from uavrt.recording.formats.text import cells_of, read_lines
 from uavrt.recording.formats.ucsd import read_ucsd_pings
 from uavrt.recording.layout import FlightLayout
-from uavrt.recording.on_earth import OffEarthError
 from uavrt.recording.pulse_files import read_pulse_file
 from uavrt.recording.pulse_pose_log import COLUMNS, parse_line, read_pulse_pose_log
 

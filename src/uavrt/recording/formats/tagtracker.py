@@ -42,6 +42,7 @@ from typing import TextIO, get_args
 from uavrt.attitude import Quaternion, euler_deg, from_euler_deg, normalised, product
 from uavrt.errors import FormatError
 from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
+from uavrt.on_earth import is_attitude
 from uavrt.recording.formats.log import PulseLog, RotationMark
 from uavrt.recording.formats.text import (
     cells_of,
@@ -56,7 +57,6 @@ from uavrt.recording.formats.text import (
     whole,
     wrong_line,
 )
-from uavrt.recording.on_earth import is_attitude
 
 HEADER = (
     "# 7, tag_id, frequency_hz, start_time_seconds, predict_next_start_seconds, snr, "

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
+from uavrt.on_earth import latitude_on_earth, longitude_on_earth, place_on_earth
 from uavrt.recording.damaged_lines import words_of
-from uavrt.recording.on_earth import latitude_on_earth, longitude_on_earth, place_on_earth
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 MAX_TIME_NS = 2**62
