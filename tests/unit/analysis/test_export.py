@@ -11,6 +11,8 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -30,6 +32,7 @@ from uavrt.clock import iso_utc
 from uavrt.localization import PositionGrid
 from uavrt.recording import read_pulse_file
 from uavrt.recording.formats import read_bearing_file, read_position_file, read_pulses
+from uavrt.simulation import Scenario
 
 WriteFlight = Callable[..., Path]
 
@@ -235,6 +238,7 @@ def test_geopackage_has_its_identity_its_tables_and_geometries_that_can_be_read(
         "bearing_wedges": "POLYGON",
         "positions": "POINT",
         "regions95": "POLYGON",
+        "region_outlines": "LINESTRING",
     }
     count = len(survey.pulse_poses)
     assert database.execute("SELECT count(*) FROM pulses").fetchone() == (count,)
@@ -267,6 +271,21 @@ def test_geopackage_has_its_identity_its_tables_and_geometries_that_can_be_read(
     expected = (found.position.longitude_deg, found.position.latitude_deg)
     assert struct.unpack_from("<dd", blob, 13) == expected
     database.close()
+
+
+def test_a_geopackage_is_cut_at_the_date_line(
+    write_flight: WriteFlight, scenario_of: Callable[[int], Scenario], tmp_path: Path
+) -> None:
+    there = scenario_of(1)
+    there = replace(there, home=replace(there.home, longitude_deg=179.998))
+    survey = read_survey(write_flight(scenario=there, name="date_line"))
+    export_survey(survey, tmp_path, ["geopackage"])
+    with closing(sqlite3.connect(tmp_path / "flight.gpkg")) as database:
+        for table in ("track", "bearings", "bearing_wedges", "regions95", "region_outlines"):
+            sides = list(database.execute(f"SELECT minx, maxx FROM rtree_{table}_geom"))
+            assert all(east - west < 1.0 for west, east in sides), table
+        tracks = list(database.execute("SELECT minx FROM rtree_track_geom"))
+        assert {west < 0.0 for (west,) in tracks} == {False, True}
 
 
 def test_the_geotiff_lies_where_the_map_lies_and_is_read_by_another_library(

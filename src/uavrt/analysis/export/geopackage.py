@@ -1,7 +1,8 @@
 """A survey as OGC GeoPackage 1.3: an SQLite file that QGIS and ArcGIS open as layers.
 
-Layers ``pulses``, ``track``, ``bearings``, ``bearing_wedges``, ``positions``, ``regions95``,
-``tag_tracks`` …
+Layers ``pulses``, ``track``, ``bearings``, ``bearing_wedges``, ``positions``, ``regions95``
+(ellipse or circle), ``region_outlines`` (of the smallest regions with 50 and 95 %),
+``tag_tracks`` … Lines and areas are cut at the 180° meridian.
 A geometry is a header of 8 bytes and well-known binary, both little endian (OGC 12-128r18,
 §2.1.3)::
 
@@ -12,7 +13,7 @@ Each layer has a spatial index and a style.
 
 import sqlite3
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,17 @@ from uavrt.analysis.export.geopackage_index import SCHEMA as INDEX_SCHEMA
 from uavrt.analysis.export.geopackage_index import add_index
 from uavrt.analysis.export.geopackage_styles import SCHEMA as STYLE_SCHEMA
 from uavrt.analysis.export.geopackage_styles import add_style
-from uavrt.analysis.measure import Point, ray, ray_length_m, region95, wedge
+from uavrt.analysis.measure import (
+    REGION_SHARES,
+    Point,
+    ray,
+    ray_length_m,
+    region95,
+    region_lines,
+    split_area_at_date_line,
+    split_at_date_line,
+    wedge,
+)
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
 
@@ -117,25 +128,36 @@ def _layers(survey: Survey) -> Iterable[tuple[str, str, list[Feature]]]:
         wedges += [] if area is None else [(area, properties)]
     places: list[Feature] = []
     regions: list[Feature] = []
+    outlines: list[Feature] = []
     for place, properties in position_properties(survey):
         places.append(([place], properties))
         found = survey.position_of(properties["tag_id"])
         area = None if found is None or found.position is None else region95(found.position)
         regions += [] if area is None else [(area, properties)]
+        for share in REGION_SHARES:
+            told = {"share": share, **properties}
+            outlines += [(line, told) for line in region_lines(found, share)]
     yield "pulses", "POINT", [([place], told) for place, told in pulse_properties(survey)]
     if len(track) > 1:
         times = {
             "start": iso_utc(survey.track[0].time_ns),
             "end": iso_utc(survey.track[-1].time_ns),
         }
-        yield "track", "LINESTRING", [(track, times)]
-    yield "bearings", "LINESTRING", rays
-    yield "bearing_wedges", "POLYGON", wedges
+        yield "track", "LINESTRING", _cut([(track, times)], split_at_date_line)
+    yield "bearings", "LINESTRING", _cut(rays, split_at_date_line)
+    yield "bearing_wedges", "POLYGON", _cut(wedges, split_area_at_date_line)
     yield "positions", "POINT", places
     yield "tag_tracks", "POINT", [([place], told) for place, told in way_properties(survey)]
-    yield "regions95", "POLYGON", regions
+    yield "regions95", "POLYGON", _cut(regions, split_area_at_date_line)
+    yield "region_outlines", "LINESTRING", outlines
     loudest = [found for one in survey.signals for found in strongest_properties(one)]
     yield "strongest_signal", "POINT", [([place], told) for place, told in loudest]
+
+
+def _cut(
+    features: list[Feature], split: Callable[[Sequence[Point]], list[list[Point]]]
+) -> list[Feature]:
+    return [(part, told) for points, told in features for part in split(points)]
 
 
 def _layer(database: sqlite3.Connection, name: str, kind: str, features: list[Feature]) -> None:

@@ -24,9 +24,18 @@ _COLOURS = {
     "positions": "179,38,30,255",
     "tag_tracks": "179,38,30,160",
     "regions95": "179,38,30,50",
+    "region_outlines": "179,38,30,255",
     "strongest_signal": "22,35,42,255",
 }
-_TIMED = ("pulses", "bearings", "bearing_wedges", "positions", "regions95", "tag_tracks")
+_TIMED = (
+    "pulses",
+    "bearings",
+    "bearing_wedges",
+    "positions",
+    "regions95",
+    "region_outlines",
+    "tag_tracks",
+)
 """Layers with a column ``time``."""
 
 

@@ -91,6 +91,20 @@ def region_lines(found: TagPosition | None, share: int) -> list[list[Point]]:
     ]
 
 
+def rings95(found: TagPosition | None) -> list[list[Point]]:
+    """Outline of the smallest region with 95 %; of the ellipse or circle where no grid is.
+
+    For a map of one's own: not cut at the 180° meridian.
+    """
+    if found is None or found.position is None:
+        return []
+    if found.position.grid is not None:
+        rings = region_outlines(found.position.grid, 0.95)
+        return [[(float(lon), float(lat)) for lon, lat in ring] for ring in rings]
+    area = region95(found.position)
+    return [] if area is None else [area]
+
+
 def split_at_date_line(points: Sequence[Point]) -> list[list[Point]]:
     """Cut a line where it crosses the 180° meridian (RFC 7946 §3.1.9)."""
     parts: list[list[Point]] = [[]]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure import Point, ray, ray_length_m, region95, way_of, wedge
+from uavrt.analysis.measure import Point, ray, ray_length_m, rings95, way_of, wedge
 from uavrt.analysis.power_survey import TagSignal
 from uavrt.analysis.report.ground import draw_ground
 from uavrt.analysis.report.style import INK, SNR_COLORS, SOFT, message, outlined, tag_color
@@ -51,7 +51,7 @@ class LocalMap:
             found = survey.position_of(tag_id)
             if found is not None and found.position is not None:
                 places.append((found.position.longitude_deg, found.position.latitude_deg))
-                places += region95(found.position) or []
+                places += [place for ring in rings95(found) for place in ring]
                 places += way_of(found.position)
         self.plane = TangentPlane(latitude_deg=places[0][1], longitude_deg=places[0][0])
         self._frame(places, margin)
@@ -214,10 +214,9 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
     if found is None or found.position is None:
         return
     position = found.position
-    area = region95(position)
     limits = chart.axes.get_xlim(), chart.axes.get_ylim()
-    if area is not None:
-        x, y = chart.line(area)
+    for ring in rings95(found):
+        x, y = chart.line(ring)
         chart.axes.plot(x, y, color=color, lw=1.3, zorder=5)
     if position.track:
         x, y = chart.line(way_of(position))
