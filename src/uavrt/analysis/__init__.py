@@ -10,6 +10,7 @@ if TYPE_CHECKING:
         bearings_of_flight,
         bearings_of_pulses,
         learnt_antenna,
+        pattern_of,
         read_bearings,
     )
     from uavrt.analysis.coverage import (
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
         positions_of_powers,
         read_positions,
     )
-    from uavrt.analysis.power_survey import MONOPOLE, HeardStrength
+    from uavrt.analysis.power_survey import HeardStrength
     from uavrt.analysis.season import AnimalOfSeason, Season, read_season
     from uavrt.analysis.several_flights import (
         TagOfFlights,
@@ -60,7 +61,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LEAST_PART",
-    "MONOPOLE",
     "POSITION_M",
     "RASTERS",
     "AnimalOfSeason",
@@ -97,6 +97,7 @@ __all__ = [
     "map_around",
     "maps_in",
     "over_ground",
+    "pattern_of",
     "plan_coverage",
     "position_of_strength",
     "positions_of_bearings",
@@ -128,7 +129,6 @@ __getattr__ = lazily(
         "IntegratedTag": "whole_flight",
         "LEAST_PART": "whole_flight",
         "ListenedFlight": "silence",
-        "MONOPOLE": "power_survey",
         "MapFile": "map_files",
         "MapSize": "coverage",
         "POSITION_M": "whole_flight",
@@ -154,6 +154,7 @@ __getattr__ = lazily(
         "judge_together": "several_flights",
         "kept_channels": "kept_samples",
         "learnt_antenna": "bearings",
+        "pattern_of": "bearings",
         "map_around": "coverage",
         "maps_in": "map_files",
         "plan_coverage": "coverage",

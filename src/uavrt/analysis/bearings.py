@@ -9,9 +9,11 @@ from typing import get_args
 
 import numpy as np
 
+from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
 from uavrt.errors import UsageError
 from uavrt.localization import (
     LEAST_TURNS,
+    MONOPOLE,
     AntennaPattern,
     Bearing,
     BearingMethod,
@@ -59,7 +61,7 @@ def read_bearings(
     path: str | os.PathLike[str],
     *,
     method: BearingMethod = "pattern_ml",
-    antenna: AntennaPattern | str = "RA-23K",
+    antenna: AntennaPattern | str | None = None,
     learn: bool = True,
     offset_deg: float = 0.0,
 ) -> list[TagBearing]:
@@ -71,8 +73,9 @@ def read_bearings(
         The flight or log.
     method : str
         How pulses become a bearing.
-    antenna : AntennaPattern or str
-        The pattern; the method ``pattern_ml`` corrects it by what the turns show.
+    antenna : AntennaPattern or str, optional
+        The pattern, by default that of the flight's settings, RA-23K for logs; the method
+        ``pattern_ml`` corrects it by what the turns show.
     learn : bool
         False takes the pattern as it is.
     offset_deg : float
@@ -90,13 +93,36 @@ def read_bearings(
         return bearings_of_flight(
             read_flight(path),
             method=method,
-            antenna=antenna,
+            antenna=antenna or pattern_of(path),
             learn=learn,
             offset_deg=offset_deg,
         )
     return bearings_of_pulses(
-        read_pulses(path), method=method, antenna=antenna, learn=learn, offset_deg=offset_deg
+        read_pulses(path),
+        method=method,
+        antenna=antenna or USUAL_ANTENNA,
+        learn=learn,
+        offset_deg=offset_deg,
     )
+
+
+def pattern_of(path: str | os.PathLike[str]) -> str:
+    """Name of the antenna that a flight or log was taken with, for its bearings.
+
+    Raises
+    ------
+    UsageError
+        It tells no directions, or is not known here.
+    """
+    if not FlightLayout(Path(path)).database.is_file():
+        return USUAL_ANTENNA
+    named = flight_antenna(read_flight(path))
+    if named == MONOPOLE:
+        raise UsageError(
+            "the drone was set up with an upright whip, which tells no directions",
+            remedy="uavrt localize finds tags by their strength; or name the --antenna",
+        )
+    return named
 
 
 def check_bearing_method(method: str) -> None:

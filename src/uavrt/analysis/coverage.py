@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.export import chance, geotiff_bytes, png_bytes
 from uavrt.analysis.flight_noise import FlightNoise
-from uavrt.analysis.measure import flight_settings
+from uavrt.analysis.flown_with import flight_settings
 from uavrt.config import AntennaSettings
 from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.guidance import area_in, way_in

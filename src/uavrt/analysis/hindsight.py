@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from uavrt.analysis.flown_with import flight_settings
 from uavrt.analysis.fold_pictures import best_place, fold_of
-from uavrt.analysis.measure import flight_settings
 from uavrt.analysis.whole_flight import LEAST_PART, IntegratedTag
 from uavrt.config import AntennaSettings
 from uavrt.integration import HeardTrain, PlaceBelief, SlotEvidence, slot_evidence

@@ -1,5 +1,6 @@
 """From flights, pulse logs or a bearings.csv to one position for each tag."""
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,8 +10,8 @@ from typing import get_args
 import numpy as np
 
 from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, TagBearing, read_bearings
+from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
 from uavrt.analysis.power_survey import (
-    MONOPOLE,
     HeardStrength,
     TagSignal,
     power_track,
@@ -20,6 +21,7 @@ from uavrt.analysis.season import SAME_PULSES
 from uavrt.errors import UsageError
 from uavrt.localization import (
     HEIGHT_SIGMA_M,
+    MONOPOLE,
     AntennaPattern,
     OverGround,
     PoseColumns,
@@ -37,7 +39,6 @@ from uavrt.recording.formats import (
     ORIGINAL_POSES,
     WITHOUT_HEADINGS,
     BearingRow,
-    LogKind,
     PulseLog,
     TargetEstimate,
     cells_of,
@@ -85,7 +86,8 @@ def read_positions(
     method : str
         How bearings become positions.
     antenna : str, optional
-        Pattern of the antenna; without it RA-23K, and a monopole for UCSD's pings.
+        Pattern of the antenna; without it that of each flight's settings, RA-23K for logs
+        without, and a monopole for UCSD's pings.
     offset_deg : float
         Boresight clockwise from the heading that the pulses carry.
     height_m : float, optional
@@ -138,8 +140,9 @@ def read_positions(
     for text in dict.fromkeys(text for _, log in logs for text in log.warnings):
         warn(text)
     logs = _without_copies(logs, warn)
-    if antenna is None:
-        antenna = antenna_of([log.kind for _, log in logs])
+    if antenna is None and logs:
+        whips = {antenna_of(path, log) == MONOPOLE for path, log in logs}
+        antenna = MONOPOLE if whips == {True} else None
     poses = sorted(
         (pose for path, _ in logs for pose in poses_of(path)), key=lambda pose: pose.time_ns
     )
@@ -195,12 +198,22 @@ def over_ground(
     over = OverGround.of(elevation, columns, takeoff_amsl_m=told[0] if told else None)
     if over is None or not pulse_poses:
         return over
-    return over.at(float(np.median([one.pulse.frequency_hz for one in pulse_poses])))
+    heard_hz = [one.pulse.frequency_hz for one in pulse_poses]
+    known_hz = [one for one in heard_hz if math.isfinite(one)]
+    return over.at(float(np.median(known_hz))) if known_hz else over
 
 
-def antenna_of(kinds: Sequence[LogKind]) -> str:
-    """Name of the antenna that logs are taken with: without headings it is an upright whip."""
-    return MONOPOLE if kinds and WITHOUT_HEADINGS.issuperset(kinds) else "RA-23K"
+def antenna_of(path: str | os.PathLike[str], log: PulseLog) -> str:
+    """Name of the antenna of a flight or log: without headings it is an upright whip.
+
+    Raises
+    ------
+    UsageError
+        The drone's antenna is not known here.
+    """
+    if FlightLayout(Path(path)).database.is_file():
+        return flight_antenna(read_flight(path))
+    return MONOPOLE if log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
 
 
 def check_position_method(method: str) -> None:

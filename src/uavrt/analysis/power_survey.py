@@ -32,8 +32,6 @@ from uavrt.localization import (
 from uavrt.messages import PulsePose, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
-MONOPOLE = "monopole"
-"""Name of the antenna that makes a flight a power survey."""
 MISS_THRESHOLD_DB = 13.0
 """SNR from which a pulse that a detector was following is not missed."""
 _LEAST_HEIGHT_M = 2.0

@@ -18,11 +18,9 @@ from uavrt.analysis.coverage import (
     map_around,
 )
 from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
-from uavrt.analysis.measure import flight_settings
-from uavrt.analysis.positions import antenna_of
-from uavrt.analysis.power_survey import MONOPOLE
+from uavrt.analysis.flown_with import flight_antenna
 from uavrt.errors import RecordingError, UsageError
-from uavrt.localization import AntennaPattern, pattern_named
+from uavrt.localization import MONOPOLE, AntennaPattern, pattern_named
 from uavrt.messages import Tag
 from uavrt.planning import Coverage, LinkBudget
 from uavrt.recording import Flight, IntegratedVerdict, read_integrated
@@ -153,12 +151,6 @@ class ListenedFlight:
             noise=self.noise_said,
             antenna=named,
         )
-
-
-def flight_antenna(flight: Flight) -> str:
-    """Name of the pattern that the drone was set up with; RA-23K where it recorded none."""
-    settings = flight_settings(flight)
-    return antenna_of(()) if settings is None else settings.bearings.antenna
 
 
 def _pattern(antenna: str) -> AntennaPattern | None:

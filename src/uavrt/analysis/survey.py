@@ -15,6 +15,7 @@ from uavrt.analysis.bearings import (
     bearings_of_pulses,
 )
 from uavrt.analysis.facts import Facts, facts_of
+from uavrt.analysis.flown_with import flight_antenna
 from uavrt.analysis.map_files import MapFile
 from uavrt.analysis.positions import (
     TagPosition,
@@ -23,8 +24,9 @@ from uavrt.analysis.positions import (
     positions_of_bearings,
     positions_of_powers,
 )
-from uavrt.analysis.power_survey import MONOPOLE, TagSignal
+from uavrt.analysis.power_survey import TagSignal
 from uavrt.errors import FormatError, UsageError
+from uavrt.localization import MONOPOLE
 from uavrt.messages import (
     FlightInfo,
     Health,
@@ -178,7 +180,8 @@ def read_survey(
     path : path
         The flight or log.
     antenna : str, optional
-        Name of its pattern; without it RA-23K, and a monopole for UCSD's pings.
+        Name of its pattern; without it that of the flight's settings, RA-23K for a log
+        without, and a monopole for UCSD's pings.
     height_m : float, optional
         With a monopole: the drone's height over the tags where the log does not tell it.
     offset_deg : float
@@ -206,10 +209,11 @@ def _read(
     elevation: Elevation | None,
 ) -> Survey:
     if FlightLayout(place).database.is_file():
-        named = antenna or antenna_of(())
-        return _of_flight(place, read_flight(place), named, height_m, offset_deg, elevation)
+        flight = read_flight(place)
+        named = antenna or flight_antenna(flight)
+        return _of_flight(place, flight, named, height_m, offset_deg, elevation)
     log = read_pulse_log(place)
-    antenna = antenna or antenna_of([log.kind])
+    antenna = antenna or antenna_of(place, log)
     pulses = tuple(sorted(log.pulse_poses, key=lambda one: one.pulse.start_time_ns))
     warnings = list(log.warnings)
     over = None if elevation is None else over_ground(elevation, (), pulses)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure import flight_settings
+from uavrt.analysis.flown_with import flight_settings
 from uavrt.analysis.positions import over_ground
 from uavrt.config import AntennaSettings
 from uavrt.dsp import FrontEnd

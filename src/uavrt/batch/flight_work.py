@@ -7,7 +7,6 @@ from functools import lru_cache
 from pathlib import Path
 
 from uavrt.analysis import (
-    MONOPOLE,
     TagBearing,
     TagPosition,
     bearings_of_flight,
@@ -16,12 +15,13 @@ from uavrt.analysis import (
     positions_of_bearings,
     positions_of_powers,
 )
+from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
 from uavrt.analysis.measure import antenna_named, posed_in
 from uavrt.analysis.tracks import attach_poses, estimate_offset, read_track
 from uavrt.attitude import yaw_deg
 from uavrt.batch.tables import BearingOfTag, PoseRow, PositionOfTag, read_pulses
 from uavrt.errors import UavrtError
-from uavrt.localization import HEIGHT_SIGMA_M, PositionMethod, pattern_named
+from uavrt.localization import HEIGHT_SIGMA_M, MONOPOLE, PositionMethod, pattern_named
 from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import Pulse, PulsePose, Tag
 from uavrt.recording import Flight, IntegratedVerdict, read_flight
@@ -32,8 +32,8 @@ from uavrt.terrain import Elevation, open_elevation
 class PlacingSettings:
     """How bearings and positions are estimated: as `uavrt localize` has it."""
 
-    antenna: str = "RA-23K"
-    """Name of a pattern, a file of one, or monopole."""
+    antenna: str | None = None
+    """Name of a pattern, a file of one, or monopole; None: what the drone was set up with."""
     offset_deg: float = 0.0
     """Boresight clockwise from the heading that the pulses carry."""
     method: PositionMethod = "bayes"
@@ -68,6 +68,8 @@ class FlightResult:
     recorded: tuple[Pulse, ...] | None = None
     """The pulses of the flight itself, when no recording of it was searched."""
     start_time_ns: int | None = None
+    antenna: str = ""
+    """The pattern that was reckoned with."""
     pulses: int = 0
     poses: tuple[PoseRow, ...] = ()
     clock_offset_s: float | None = None
@@ -132,7 +134,9 @@ class FlightTask:
 
 def _place(task: FlightTask) -> FlightResult:
     flight, posed, offset_s = _attached(task)
+    antenna = _antenna(task, flight)
     found = FlightResult(
+        antenna=antenna,
         recorded=None if task.searched else tuple(one.pulse for one in posed),
         start_time_ns=(
             min((one.pulse.start_time_ns for one in posed), default=None)
@@ -144,12 +148,12 @@ def _place(task: FlightTask) -> FlightResult:
         clock_offset_s=offset_s,
     )
     if "integrate" in task.steps and flight is not None:
-        verdicts, fault = _integrated(task, flight)
+        verdicts, fault = _integrated(task, flight, antenna)
         found = replace(found, integrated=verdicts, fault=fault)
     if "bearing" not in task.steps:
         return found
     try:
-        bearings, positions = _located(task, flight, posed)
+        bearings, positions = _located(task, flight, posed, antenna)
     except UavrtError as error:  # no pulse has a pose: the pulses count all the same
         return replace(found, fault=_both(found.fault, str(error)))
     without = [f"tag {one.tag_id}: {one.reason}" for one in positions if not one.position]
@@ -169,14 +173,14 @@ def _both(first: str | None, then: str) -> str | None:
 
 
 def _integrated(
-    task: FlightTask, flight: Flight
+    task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
     """Judge each tag whose channel was kept by the whole flight; and what could not be."""
     from uavrt.analysis import channel_of, integrate_kept, kept_channels, verdict_of
 
-    if task.settings.antenna == MONOPOLE:
+    if antenna == MONOPOLE:
         return (), "integrate: a whole flight is judged by an antenna's pattern: name one"
-    pattern = pattern_named(_antenna(task.settings.antenna))
+    pattern = pattern_named(antenna)
     elevation = _elevation(task.settings.dem, task.settings.sea)
     channels = kept_channels(Path(flight.info.directory))
     verdicts, faults = [], []
@@ -207,20 +211,19 @@ def _attached(
     track, bare = read_track(task.track), [PulsePose(pulse=one, pose=None) for one in pulses]
     offset_s = task.clock_offset_s
     if offset_s is None:
-        antenna = _antenna(task.settings.antenna)
-        offset_s = estimate_offset(bare, track, antenna=antenna).offset_s
+        offset_s = estimate_offset(bare, track, antenna=_antenna(task, None)).offset_s
     return None, tuple(attach_poses(bare, track, offset_s)), offset_s
 
 
 def _located(
-    task: FlightTask, flight: Flight | None, posed: Sequence[PulsePose]
+    task: FlightTask, flight: Flight | None, posed: Sequence[PulsePose], antenna: str
 ) -> tuple[list[TagBearing], list[TagPosition]]:
     """Estimate as `uavrt localize` does."""
     how = task.settings
     elevation = _elevation(how.dem, how.sea) if "localize" in task.steps else None
     poses = () if flight is None else flight.poses
     over = None if elevation is None else over_ground(elevation, poses, posed)
-    if how.antenna == MONOPOLE:
+    if antenna == MONOPOLE:
         if "localize" not in task.steps:
             return [], []
         positions, _ = positions_of_powers(
@@ -233,7 +236,6 @@ def _located(
             over=over,
         )
         return [], positions
-    antenna = _antenna(how.antenna)
     if flight is not None:
         bearings = bearings_of_flight(flight, antenna=antenna, offset_deg=how.offset_deg)
     else:
@@ -245,10 +247,17 @@ def _located(
     )
 
 
+def _antenna(task: FlightTask, flight: Flight | None) -> str:
+    """Name of the pattern: the one asked for, else the drone's own."""
+    if task.settings.antenna is None:
+        return USUAL_ANTENNA if flight is None else flight_antenna(flight)
+    return _asked_antenna(task.settings.antenna)
+
+
 @lru_cache(maxsize=16)
-def _antenna(text: str) -> str:
+def _asked_antenna(text: str) -> str:
     """Make an antenna's file known once in each process."""
-    return antenna_named(text)
+    return text if text == MONOPOLE else antenna_named(text)
 
 
 @lru_cache(maxsize=4)

@@ -127,7 +127,7 @@ class Placing:
             fault=result.fault,
             start_time_ns=result.start_time_ns,
             steps=",".join(task.steps),
-            antenna=task.settings.antenna,
+            antenna=result.antenna,
             dem=task.settings.dem,
             pulses=result.pulses,
             pulses_with_pose=len(result.poses),
@@ -194,7 +194,9 @@ def _key(task: FlightTask) -> str:
     if task.settings.dem is not None:
         dem = Path(task.settings.dem)
         ground = sorted(dem.iterdir()) if dem.is_dir() else [dem]
-    return _hashed(facts, [*_files(task), Path(task.settings.antenna), *ground, *kept])
+    asked = task.settings.antenna
+    antenna = [] if asked is None else [Path(asked)]
+    return _hashed(facts, [*_files(task), *antenna, *ground, *kept])
 
 
 def _recorded_key(task: FlightTask) -> str:

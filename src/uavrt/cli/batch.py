@@ -39,7 +39,7 @@ def batch(
     steps: Annotated[
         list[str] | None, Parameter(name="--step", consume_multiple=True, negative="")
     ] = None,
-    antenna: str = "RA-23K",
+    antenna: str | None = None,
     antenna_offset: Degrees = 0.0,
     method: str = "bayes",
     height: Metres | None = None,
@@ -93,7 +93,8 @@ def batch(
         already is used.
     antenna
         Name of the antenna's pattern, or a CSV file of angles and gains; monopole: no bearings,
-        positions from signal strength along the flight.
+        positions from signal strength along the flight. By default what each drone was set up
+        with (bearings.antenna), and RA-23K for recordings without a flight.
     antenna_offset
         Boresight clockwise from the heading that the pulses contain [°].
     method
@@ -111,7 +112,7 @@ def batch(
     sea
         Take ground that no elevation file covers for water at height 0.
     """
-    from uavrt.analysis import MONOPOLE, check_position_method
+    from uavrt.analysis import check_position_method
     from uavrt.analysis.measure import antenna_named, read_tag_source
     from uavrt.batch import (
         USUAL_STEPS,
@@ -124,9 +125,10 @@ def batch(
     )
     from uavrt.cli.detect import stop_on_signals
     from uavrt.cli.outputs import make_directory
+    from uavrt.localization import MONOPOLE
 
     sought = read_tag_source(tags)
-    if antenna != MONOPOLE:
+    if antenna not in (None, MONOPOLE):
         antenna_named(antenna)
     check_position_method(method)
     elevation_of(dem, sea=sea)  # a damaged file is told before anything is done

@@ -17,7 +17,7 @@ def bearing(
     pulses: Path,
     *,
     method: str = "pattern_ml",
-    antenna: str = "RA-23K",
+    antenna: str | None = None,
     antenna_offset: Degrees = 0.0,
     recording: Path | None = None,
     learn: Path | None = None,
@@ -35,7 +35,8 @@ def bearing(
         pca_amplitude, pearson, ls_linear, ls_db, max.
     antenna
         Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, one from another package,
-        or a CSV file of angles and gains.
+        or a CSV file of angles and gains. By default what the drone was set up with
+        (bearings.antenna), and RA-23K for a log that does not tell.
     antenna_offset
         Boresight clockwise from the heading that the pulses contain [°]; 0 if the drone's own
         settings already include the mounting.
@@ -55,10 +56,11 @@ def bearing(
     log = read_pulse_log(pulses)
     for warning in log.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
-    antenna = antenna_named(antenna)
+    antenna = None if antenna is None else antenna_named(antenna)
     if learn is not None:
-        from uavrt.analysis import learnt_antenna
+        from uavrt.analysis import learnt_antenna, pattern_of
 
+        antenna = antenna or pattern_of(pulses)
         pattern = learnt_antenna(pulses, antenna, antenna_offset)
         write_antenna(pattern, learn, f"{antenna} as {pulses.resolve().name} showed it")
         antenna = antenna_named(str(learn))

@@ -3,20 +3,21 @@
 # isort: off
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import (
+    Count,
     Decibels,
     DecibelsOfError,
     Heights,
     Interval,
     Metres,
+    NoiseFigure,
     Power,
     PulseWidth,
     Reach,
-    TagFrequency,
     Share,
     Side,
     Speed,
+    TagFrequency,
     TagIds,
-    Count,
 )
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
@@ -66,7 +67,7 @@ def coverage(
     antenna: str | None = None,
     antenna_gain: Decibels = 4.0,
     mismatch: Decibels = 3.0,
-    noise_figure: Decibels = 8.0,
+    noise_figure: NoiseFigure = 8.0,
     level_error: DecibelsOfError = 3.0,
     free_space: Annotated[bool, Parameter(negative="")] = False,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
@@ -334,7 +335,6 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
     import numpy as np
 
     from uavrt.analysis import (
-        MONOPOLE,
         MapSize,
         best_of,
         inside,
@@ -344,7 +344,7 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
         read_polygon,
         write_maps,
     )
-    from uavrt.localization import pattern_named
+    from uavrt.localization import MONOPOLE, pattern_named
 
     antenna = asked.antenna or MONOPOLE
     pattern = None if antenna == MONOPOLE else pattern_named(antenna)
@@ -527,7 +527,7 @@ def _print(found: list[_Told]) -> None:
 
 
 def _antenna_in_words(name: str) -> str:
-    from uavrt.analysis import MONOPOLE
+    from uavrt.localization import MONOPOLE
 
     return f"{name}, alike on all sides" if name == MONOPOLE else name
 

@@ -34,7 +34,7 @@ def integrate(
     recording: Path | None = None,
     tags: Path | None = None,
     tag: TagIds = (),
-    antenna: str = "RA-23K",
+    antenna: str | None = None,
     frequency_window: Hertz = 500.0,
     false_alarm: Annotated[float, Parameter(validator=Between(above=0, most=0.5))] = 0.01,
     drift: Annotated[float, Parameter(validator=Between(least=0, most=0.05))] = 0.0,
@@ -71,7 +71,8 @@ def integrate(
     tag
         Only these tags, by their ids.
     antenna
-        Name of the antenna's pattern, or a CSV file of angles and gains.
+        Name of the antenna's pattern, or a CSV file of angles and gains. By default what the
+        drone was set up with (bearings.antenna).
     frequency_window
         Half-width of the search around each tag's nominal frequency, in hertz.
     false_alarm
@@ -103,7 +104,7 @@ def integrate(
     as_json
         Print a list of objects, with the times of all pulses.
     """
-    from uavrt.analysis.measure import antenna_named, read_tag_source
+    from uavrt.analysis.measure import read_tag_source
     from uavrt.localization import pattern_named
     from uavrt.recording import read_flight
 
@@ -116,6 +117,7 @@ def integrate(
         raise ConfigError(
             "--moves is of several flights", remedy="Name further flights, or leave it out"
         )
+    flown = [read_flight(one) for one in (flight, *others)]
     asked = _Asked(
         recording=recording,
         opened={
@@ -124,7 +126,7 @@ def integrate(
             "center_frequency_hz": center_frequency,
             "start_time_ns": None if start_time is None else _time_ns(start_time),
         },
-        pattern=pattern_named(antenna_named(antenna)),
+        pattern=pattern_named(_antenna(flown, antenna)),
         frequency_window_hz=frequency_window,
         false_alarm=false_alarm,
         most_drift=drift,
@@ -133,7 +135,6 @@ def integrate(
         plot=plot,
         save=save,
     )
-    flown = [read_flight(one) for one in (flight, *others)]
     listed = read_tag_source(tags).tags if tags else None
     if others:
         found, told = _together(asked, flown, listed, tag)
@@ -147,6 +148,28 @@ def integrate(
             print(text)
     if not found:
         sys.exit(1)
+
+
+def _antenna(flown: "list[Flight]", asked: str | None) -> str:
+    """Name of the pattern: the one asked for, else that of all these flights."""
+    from uavrt.analysis.flown_with import flight_antenna
+    from uavrt.analysis.measure import antenna_named
+    from uavrt.localization import MONOPOLE
+
+    if asked is not None:
+        return antenna_named(asked)
+    own = sorted({flight_antenna(one) for one in flown})
+    if len(own) > 1:
+        raise ConfigError(
+            f"the flights had different antennas: {', '.join(own)}",
+            remedy="Judge those of one antenna together, or name one --antenna for all",
+        )
+    if own == [MONOPOLE]:
+        raise ConfigError(
+            "the drone was set up with an upright whip, which tells no directions",
+            remedy="Name the --antenna that it carried",
+        )
+    return own[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

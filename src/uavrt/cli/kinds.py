@@ -108,6 +108,8 @@ DecibelsOfError = Annotated[float, Parameter(validator=Between(least=0, most=40,
 """A standard deviation of a level."""
 Decibels = Annotated[float, Parameter(validator=Between(least=-200, most=200, unit="dB"))]
 """A gain, a loss or a level."""
+NoiseFigure = Annotated[float, Parameter(validator=Between(least=0, most=60, unit="dB"))]
+"""Noise over the thermal noise: never less than none."""
 MetresOfError = Annotated[float, Parameter(validator=Between(least=0, unit="m"))]
 """A standard deviation of a height."""
 Factor = Annotated[float, Parameter(validator=Between(above=0))]

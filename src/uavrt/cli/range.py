@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.cli.kinds import Counts, Decibels, Metres, Power, PulseWidth, TagFrequency
+from uavrt.cli.kinds import (
+    Counts,
+    Decibels,
+    Metres,
+    NoiseFigure,
+    Power,
+    PulseWidth,
+    TagFrequency,
+)
 
 if TYPE_CHECKING:
     from uavrt.messages import Tag
@@ -30,7 +38,7 @@ def range(
     pulse_width: PulseWidth = 0.020,
     antenna_gain: Decibels = 4.0,
     mismatch: Decibels = 3.0,
-    noise_figure: Decibels = 8.0,
+    noise_figure: NoiseFigure = 8.0,
     flight: Path | None = None,
     whole_flight: Annotated[bool, Parameter(negative="")] = False,
     free_space: Annotated[bool, Parameter(negative="")] = False,

@@ -311,7 +311,8 @@ def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
                 f"apart: their pulses may be reported as {one.tag_id} or {two.tag_id}"
             )
             if parting.pulses is None or parting.uncertainty_s == 0.0:
-                yield f"{begin}; tags drift by more, so nothing but the frequency parts them"
+                parts = "nothing but the frequency" if apart_hz > 0.0 else "nothing"
+                yield f"{begin}; tags drift by more, so {parts} parts them"
                 continue
             yield (
                 f"{begin} while only one is heard. With ± {1e3 * parting.uncertainty_s:.3g} ms "

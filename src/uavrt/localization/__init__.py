@@ -7,6 +7,7 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.localization.angles import difference_deg, widest_gap_deg
     from uavrt.localization.antenna import (
+        MONOPOLE,
         PATTERNS,
         AntennaPattern,
         monopole_gain_db,
@@ -90,6 +91,7 @@ __all__ = [
     "ACCEPTED_EVIDENCE",
     "HEIGHT_SIGMA_M",
     "LEAST_TURNS",
+    "MONOPOLE",
     "ONE_FLIGHT_S",
     "PATTERNS",
     "AntennaPattern",
@@ -176,6 +178,7 @@ __getattr__ = lazily(
         "LEAST_TURNS": "flight_estimates",
         "Listening": "position.level_belief",
         "ONE_FLIGHT_S": "flight_estimates",
+        "MONOPOLE": "antenna",
         "PATTERNS": "antenna",
         "ParticleTracker": "position.trackers",
         "OverGround": "flight_estimates",

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from uavrt.errors import UsageError
 from uavrt.plugins import Registry
 
+MONOPOLE = "monopole"
+"""An upright whip, which hears alike on all sides: it has no pattern to look around with."""
 NULL_DB = -30.0
 """No installed antenna has a deeper null: the airframe scatters."""
 

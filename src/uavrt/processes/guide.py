@@ -35,7 +35,7 @@ from uavrt.guidance import (
     wish_record,
 )
 from uavrt.ipc import ProcessFrame
-from uavrt.localization import pattern_named
+from uavrt.localization import MONOPOLE, pattern_named
 from uavrt.log import get_logger
 from uavrt.messages import (
     FlightInfo,
@@ -68,8 +68,6 @@ COURSE_S, ASKING_S = 1.0, 0.4
 """Between two words on ourselves, and while a way is asked for."""
 MOST_ASKS = 8
 """Orders that wait to be planned."""
-MONOPOLE = "monopole"
-"""An upright one, which has no pattern to look around with."""
 
 
 def limits_of(settings: GuidanceSettings) -> Limits:

@@ -155,6 +155,10 @@ def test_another_antenna_detects_nothing_again(archive: Path, searched: Path) ->
     assert (summary.placed_now, summary.placed_before) == (2, 0)
     assert {row.antenna for row in summary.flights} == {"H3"}
     assert mtimes() == before
+    # Without one it is the drone's own.
+    own = run(archive, searched)
+    assert {row.antenna for row in own.flights} == {"RA-23K"}
+    run(archive, searched, other)
     # Only one set of bearings is left of each flight.
     assert ask(searched, "select count(*) as n from bearings")["n"].to_pylist() == [4]
     # Back again, and then nothing is left to do.

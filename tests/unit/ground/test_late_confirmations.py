@@ -9,7 +9,8 @@ import pytest
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.link import GroundLink, flying
 from uavrt.ground.link.flying import Flying
-from uavrt.tunnel import MotionConfirmation, MotionState, encode_confirmation
+from uavrt.ground.link.motion import confirm
+from uavrt.tunnel import MotionConfirmation, MotionState, encode_confirmation, is_stop
 
 SECOND_NS = 10**9
 
@@ -35,7 +36,7 @@ def test_what_waited_for_another_command_is_not_sent(
     monkeypatch.setattr(link, "send", hands.sent.append)
     payload = encode_confirmation(MotionConfirmation(request_id=3, order_id=5, nonce=7))
 
-    async def confirm() -> None:
+    async def waits() -> None:
         async with link._busy:
             waiting = asyncio.create_task(link.motion(payload, 3))
             await asyncio.sleep(0)
@@ -43,8 +44,32 @@ def test_what_waited_for_another_command_is_not_sent(
         with pytest.raises(LinkError, match="did not answer" if sent else "was not sent"):
             await waiting
 
-    asyncio.run(confirm())
+    asyncio.run(waits())
     assert len(hands.sent) == sent
+
+
+def test_a_confirmation_that_is_not_sent_is_told_so_though_the_stop_is_not_answered_either(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    hands = Hands()
+    link = GroundLink(hands.now_ns, ack_wait_s=0.01)
+    monkeypatch.setattr(link.protocol, "tunnel_message", lambda payload, kind: payload)
+    monkeypatch.setattr(link, "send", hands.sent.append)
+    offer = MotionState(
+        kind="offer", standing="out", text="", request_id=3, order_id=5, nonce=7
+    )
+
+    async def late() -> None:
+        async with link._busy:
+            waiting = asyncio.create_task(confirm(link, offer, sticks_unseen=False))
+            await asyncio.sleep(0)
+            hands.time_ns += 2 * SECOND_NS
+        with pytest.raises(LinkError, match="was not sent"):
+            await waiting
+
+    asyncio.run(late())
+    assert hands.sent, "the stop is sent all the same"
+    assert all(is_stop(payload) for payload in hands.sent)
 
 
 @pytest.mark.parametrize("heard", [False, True])

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from uavrt.analysis.measure.measured_tag import MeasuredRate, MeasuredTag
     from uavrt.analysis.measure.outside import OutsideSearch
     from uavrt.analysis.measure.recorded_pulses import DetectionChain, DetectionSummary, detect
-    from uavrt.analysis.measure.redetect import FlightWriter, flight_settings, posed_in
+    from uavrt.analysis.measure.redetect import FlightWriter, posed_in
     from uavrt.analysis.measure.shapes import (
         REGION_SHARES,
         Point,
@@ -67,7 +67,6 @@ __all__ = [
     "detect",
     "export_bag",
     "fit_beat",
-    "flight_settings",
     "measure_codes",
     "measure_tags",
     "plan_channels",
@@ -94,7 +93,6 @@ __getattr__ = lazily(
         "DetectionChain": "recorded_pulses",
         "DetectionSummary": "recorded_pulses",
         "FlightWriter": "redetect",
-        "flight_settings": "redetect",
         "MaximumHold": "waterfall",
         "LONGEST_PULSE_S": "coded_bursts",
         "MeasuredCode": "coded_bursts",

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import msgspec
-
+from uavrt.analysis.flown_with import flight_settings
 from uavrt.config import AntennaSettings, DetectionSettings, Settings
 from uavrt.messages import (
     AttitudeSample,
@@ -176,18 +175,3 @@ def _with_search(settings: Settings, searched: DetectionSettings) -> Settings:
         operating_mode=searched.operating_mode,
     )
     return replace(settings, detection=detection)
-
-
-def flight_settings(flight: Flight) -> Settings | None:
-    """The flight's settings, for the antenna's place; None when it did not record them."""
-    if flight.settings_json is None:
-        return None
-    try:
-        settings = msgspec.json.decode(flight.settings_json, type=Settings)
-    except msgspec.ValidationError:
-        # Written by another version: the antenna is what matters here.
-        table = msgspec.json.decode(flight.settings_json).get("antenna", {})
-        known = AntennaSettings.__dataclass_fields__
-        antenna = {name: value for name, value in table.items() if name in known}
-        settings = replace(Settings(), antenna=msgspec.convert(antenna, AntennaSettings))
-    return settings

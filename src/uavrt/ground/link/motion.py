@@ -3,7 +3,7 @@
 import secrets
 from collections.abc import Sequence
 
-from uavrt.errors import LinkError, UsageError
+from uavrt.errors import CommandRefused, LinkError, UsageError
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.messages import MotionAction, MotionRequest
 from uavrt.tunnel import (
@@ -71,7 +71,8 @@ async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
 async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) -> MotionState:
     """Confirm an offer: from now on it moves. Raises as `ask`.
 
-    Where no answer comes it may have arrived all the same: then the drone is stopped.
+    Where no answer comes it may have arrived all the same: then the drone is stopped. What says
+    why is the first error; where the stop is not answered either, that is its cause.
     """
     number = new_number()
     confirmation = MotionConfirmation(
@@ -82,8 +83,11 @@ async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) 
     )
     try:
         return await link.motion(encode_confirmation(confirmation), number)
-    except LinkError:
-        await stop(link)
+    except LinkError as error:
+        try:
+            await stop(link)
+        except (CommandRefused, LinkError) as unheard:
+            raise error from unheard
         raise
 
 

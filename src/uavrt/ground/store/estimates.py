@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis import MONOPOLE, HeardStrength, position_of_strength
+from uavrt.analysis import HeardStrength, position_of_strength
 from uavrt.errors import UsageError
 from uavrt.ground.store.flights import Columns, known
 from uavrt.ground.web import readout
 from uavrt.localization import (
     ACCEPTED_EVIDENCE,
+    MONOPOLE,
     AntennaPattern,
     Bearing,
     HeardInTurn,

@@ -6,13 +6,12 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
 
-from uavrt.analysis import MONOPOLE
 from uavrt.batch import check_archive
 from uavrt.config import write_tags, write_text_atomically
 from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.web import read_table
-from uavrt.localization import PATTERNS
+from uavrt.localization import MONOPOLE, PATTERNS
 from uavrt.mavlink import parse_address
 from uavrt.messages import Tag
 from uavrt.nmea import BAUD

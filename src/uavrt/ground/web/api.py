@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from uavrt.analysis import MONOPOLE, read_season
+from uavrt.analysis import read_season
 from uavrt.computer import Finding
 from uavrt.config import load_settings
 from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError, UsageError
@@ -30,7 +30,7 @@ from uavrt.ground.web.hindsight import Silence, SilenceDesk, integrated_record
 from uavrt.ground.web.listeners import encode
 from uavrt.ground.web.reports import POLICY, Reporter
 from uavrt.ground.web.serial_ports import serial_ports
-from uavrt.localization import PATTERNS
+from uavrt.localization import MONOPOLE, PATTERNS
 from uavrt.messages import Tag
 from uavrt.recording import Places
 
