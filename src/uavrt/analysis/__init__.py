@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         write_maps,
     )
     from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
+    from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
     from uavrt.analysis.fold_pictures import write_fold_pictures
     from uavrt.analysis.found_bursts import bursts_of_pulses
     from uavrt.analysis.hindsight import save_integrated, slots_of, verdict_of
@@ -63,6 +64,7 @@ __all__ = [
     "LEAST_PART",
     "POSITION_M",
     "RASTERS",
+    "USUAL_ANTENNA",
     "AnimalOfSeason",
     "DetectionPlots",
     "FlightNoise",
@@ -85,6 +87,7 @@ __all__ = [
     "channel_of",
     "check_position_method",
     "common_tags",
+    "flight_antenna",
     "flight_coverage",
     "flight_noise_of",
     "flight_plane",
@@ -120,6 +123,8 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
+        "USUAL_ANTENNA": "flown_with",
+        "flight_antenna": "flown_with",
         "AnimalOfSeason": "season",
         "Season": "season",
         "read_season": "season",

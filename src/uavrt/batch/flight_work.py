@@ -7,15 +7,16 @@ from functools import lru_cache
 from pathlib import Path
 
 from uavrt.analysis import (
+    USUAL_ANTENNA,
     TagBearing,
     TagPosition,
     bearings_of_flight,
     bearings_of_pulses,
+    flight_antenna,
     over_ground,
     positions_of_bearings,
     positions_of_powers,
 )
-from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
 from uavrt.analysis.measure import antenna_named, posed_in
 from uavrt.analysis.tracks import attach_poses, estimate_offset, read_track
 from uavrt.attitude import yaw_deg

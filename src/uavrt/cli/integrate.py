@@ -152,7 +152,7 @@ def integrate(
 
 def _antenna(flown: "list[Flight]", asked: str | None) -> str:
     """Name of the pattern: the one asked for, else that of all these flights."""
-    from uavrt.analysis.flown_with import flight_antenna
+    from uavrt.analysis import flight_antenna
     from uavrt.analysis.measure import antenna_named
     from uavrt.localization import MONOPOLE
 
