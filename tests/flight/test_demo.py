@@ -2,11 +2,14 @@ import json
 import subprocess
 import sys
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from uavrt.recording import read_flight
+
+CODED = {"12": (0.022, 0.0488, 0.0366), "14": (0.0317, 0.0268, 0.0561)}
 
 
 @pytest.mark.flight
@@ -15,7 +18,7 @@ def test_the_demo_finds_and_delivers_the_pulses_and_loses_nothing(tmp_path: Path
     finished = subprocess.run(
         [
             sys.executable,
-            *("-m", "uavrt.cli", "demo", "--headless", "--json"),
+            *("-m", "uavrt.cli", "demo", "--headless", "--json", "--coded"),
             *("--duration", "45", "--seed", "3", "--flight-dir", str(tmp_path)),
         ],
         capture_output=True,
@@ -27,12 +30,12 @@ def test_the_demo_finds_and_delivers_the_pulses_and_loses_nothing(tmp_path: Path
     summary = json.loads(finished.stdout.splitlines()[-1])
     assert summary["samples_lost"] == 0
     tags = summary["tags"].values()
-    assert len(tags) == 3
-    for tag in tags:
+    assert set(summary["tags"]) == {"2", "4", "6", *CODED}
+    for number, tag in summary["tags"].items():
         assert tag["transmitted"] >= tag["detectable"] > 5
         assert tag["delivered"] == tag["detected"]
         assert abs(tag["snr_error_db"]) < 1.5
-        assert tag["frequency_error_hz"] < 10.0
+        assert tag["frequency_error_hz"] < (30.0 if number in CODED else 10.0)
         assert tag["time_error_ms"] < 5.0
     delivered = sum(tag["detectable_delivered"] for tag in tags)
     assert delivered >= 0.95 * sum(tag["detectable"] for tag in tags)
@@ -43,3 +46,10 @@ def test_the_demo_finds_and_delivers_the_pulses_and_loses_nothing(tmp_path: Path
     flight = read_flight(summary["flight_directory"])
     assert sum(tag["detected"] + tag["false"] for tag in tags) == len(flight.pulse_poses)
     assert all(item.pose is not None for item in flight.pulse_poses)
+    # A record for each burst, with the pulses inside, and whose it is.
+    for number, gaps_s in CODED.items():
+        bursts = [one.pulse for one in flight.pulse_poses if one.pulse.tag_id == int(number)]
+        assert len(bursts) > 5
+        for burst in bursts:
+            found_s = [1e-9 * (b - a) for a, b in pairwise(burst.burst_starts_ns)]
+            assert found_s == pytest.approx(gaps_s, abs=2e-3)

@@ -13,10 +13,17 @@ from rich.console import Console
 from uavrt.cli.kinds import Between, Port, Seconds, Seed
 from uavrt.cli.outputs import check_place
 from uavrt.cli.screen import has_page, has_screen
-from uavrt.demo import run_demo, run_fleet_demo, run_search_demo, run_together_demo
+from uavrt.demo import (
+    flight_world,
+    run_demo,
+    run_fleet_demo,
+    run_search_demo,
+    run_together_demo,
+    search_world,
+)
 from uavrt.errors import UsageError
+from uavrt.simulation import Scenario, fleet_scenarios
 
-FLIGHT_S = 120.0
 SEARCH_S = 600.0
 
 
@@ -24,8 +31,10 @@ def demo(
     *,
     search: Annotated[bool, Parameter(negative="")] = False,
     drones: Annotated[int, Parameter(validator=Between(least=1, most=4))] = 1,
+    scenario: Path | None = None,
+    coded: Annotated[bool, Parameter(negative="")] = False,
     duration: Seconds | None = None,
-    seed: Seed = 1,
+    seed: Seed | None = None,
     flight_dir: Path = Path("flights"),
     port: Port = 0,
     browser: bool = True,
@@ -48,11 +57,18 @@ def demo(
         So many drones fly, up to four, each with a receiver of its own, side by side; one
         ground station has a page for each. Two take about half of a core. With --search they
         search together, each deciding by itself.
+    scenario
+        A scenario file (TOML) whose world is flown in instead of the built-in one, along its
+        own flight; with --search the drone hovers over its home at first.
+    coded
+        Two more animals, with coded tags that share a frequency; with --search two of the
+        three have such tags, the walking one, too.
     duration
-        Length of the flight in seconds, at least 40; 120 unless given. With --search, after
-        which the drone returns at the latest; 600 unless given.
+        Length of the flight in seconds, at least 40; 120 unless given, or the scenario
+        file's. With --search, after which the drone returns at the latest; 600 unless given.
     seed
-        Seed of everything random in the simulated world.
+        Seed of everything random in the simulated world; 1 unless given, or the scenario
+        file's.
     flight_dir
         Directory in which the flight directory is created.
     port
@@ -71,25 +87,26 @@ def demo(
             "there is no picture of several drones",
             remedy="Leave out --drones, or --picture",
         )
-    if search and drones > 1:
-        limit_s = duration or SEARCH_S
-        _search_together(drones, seed, limit_s, flight_dir, json_summary=json_summary)
-        return
     if search:
-        _search(seed, duration or SEARCH_S, flight_dir, json_summary=json_summary)
+        limit_s = duration or SEARCH_S
+        world = search_world(scenario, limit_s=limit_s, seed=seed, coded=coded)
+        if drones > 1:
+            _search_together(drones, world, limit_s, flight_dir, json_summary=json_summary)
+        else:
+            _search(world, limit_s, flight_dir, json_summary=json_summary)
         return
+    world = flight_world(scenario, duration_s=duration, seed=seed, coded=coded)
     if drones > 1:
-        _fleet(drones, duration or FLIGHT_S, seed, flight_dir, port, browser, json_summary)
+        _fleet(drones, world, flight_dir, port, browser, json_summary)
         return
     if picture is not None:
         check_place(picture, overwrite=True)
     console = None if headless else Console(stderr=json_summary)
     if headless:
-        text = f"Flying for {duration or FLIGHT_S:.0f} s without a display; then the result."
+        text = f"Flying for {world.duration_s:.0f} s without a display; then the result."
         print(text, file=sys.stderr, flush=True)
     summary = run_demo(
-        duration_s=duration or FLIGHT_S,
-        seed=seed,
+        scenario=world,
         flight_dir=flight_dir,
         console=console,
         picture=picture,
@@ -105,11 +122,11 @@ def demo(
         out.print(f"flight: {summary.flight_directory}", soft_wrap=True)
 
 
-def _search(seed: int, limit_s: float, flight_dir: Path, *, json_summary: bool) -> None:
+def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: bool) -> None:
     """Let the drone search by itself; exit with 1 unless it has found all."""
     out = sys.stderr if json_summary else sys.stdout
     summary = run_search_demo(
-        seed=seed,
+        scenario=world,
         limit_s=limit_s,
         flight_dir=flight_dir,
         say=lambda line: print(line, file=out, flush=True),
@@ -127,13 +144,13 @@ def _search(seed: int, limit_s: float, flight_dir: Path, *, json_summary: bool) 
 
 
 def _search_together(
-    drones: int, seed: int, limit_s: float, flight_dir: Path, *, json_summary: bool
+    drones: int, world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: bool
 ) -> None:
     """Let several drones search together; exit with 1 unless they have found all."""
     out = sys.stderr if json_summary else sys.stdout
     summary = run_together_demo(
         drones=drones,
-        seed=seed,
+        scenario=world,
         limit_s=limit_s,
         flight_dir=flight_dir,
         say=lambda line: print(line, file=out, flush=True),
@@ -155,8 +172,7 @@ def _search_together(
 
 def _fleet(
     drones: int,
-    duration_s: float,
-    seed: int,
+    world: Scenario,
     flight_dir: Path,
     port: int,
     browser: bool,
@@ -165,9 +181,7 @@ def _fleet(
     """Fly several drones."""
     screen = Console(stderr=json_summary)
     summaries = run_fleet_demo(
-        drones=drones,
-        duration_s=duration_s,
-        seed=seed,
+        scenarios=fleet_scenarios(drones, world),
         flight_dir=flight_dir,
         page_port=port,
         say=lambda line: screen.print(line, highlight=False),

@@ -4,6 +4,8 @@ EXAMPLES: dict[str, list[str]] = {
     "demo": [
         "uavrt demo",
         "uavrt demo --headless --json --duration 60",
+        "uavrt demo --coded                              # two animals more, with coded tags",
+        "uavrt demo --scenario world.toml",
     ],
     "run": [
         "uavrt run --config uavrt.toml",

@@ -122,15 +122,21 @@ def _draft(table: dict[str, tuple[str, int]], line: int, faults: list[Fault]) ->
                 label = f"{key} {value[:40]}"
                 known: Quantity = quantity  # type: ignore[assignment]
                 draft.entries[known] = Entry(number=number, label=label, line=at, unit=unit)
+    lacking = [place for place in range(1, max(gaps, default=0)) if place not in gaps]
+    if lacking and len(faults) == before:
+        text = f"this tag has gap {max(gaps)}, but no gap {lacking[0]}"
+        faults.append(Fault(line=gaps_line, text=text))
     if len(faults) == before:
         in_order = [gaps[place] for place in sorted(gaps)]
-        read_code(draft, in_order, interval_s, gaps_line, interval_line, faults)
         missing = [
             "frequency_mhz" if name == "frequency" else name
             for name in ("id", "frequency")
             if name not in draft.entries
         ]
         missing += ["burst_interval_s"] * (interval_s is None)
+        missing += ["gaps (g1, g2 … or gaps_ms)"] * (not in_order)
+        if in_order:
+            read_code(draft, in_order, interval_s, gaps_line, interval_line, faults)
         others = _words_of_unknown(table) if missing else ""
         faults += [Fault(line=line, text=f"this tag has no {key}{others}") for key in missing]
     return draft

@@ -5,7 +5,9 @@ registering a tag leaves open: the gaps together within 1.5 ms, the interval fro
 within 4 ms.
 """
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 from uavrt.config.tag_bands import tags_by_band
@@ -24,6 +26,7 @@ GAP_TOLERANCE_S = 1.5e-3
 BURST_TOLERANCE_MS = 4.0
 _UNLIKE_MS = 0.01
 """Gaps nearer than this are the same number, written twice."""
+_SAME_KHZ = 1.0
 _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 
 
@@ -70,17 +73,17 @@ def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
     if len(coded) > MAX_CODES:
         text = f"{len(coded)} codes in one list, at most {MAX_CODES}: leave out those not here"
         found.append(Fault(line=coded[MAX_CODES].line, text=text))
-    first: dict[tuple[object, ...], int] = {}
+    known = _Codes()
     for draft in coded:
         interval, frequency = draft.entries.get("interval"), draft.entries.get("frequency")
         if interval is None or frequency is None:
             continue
-        key = (
-            tuple(round(gap.number / _UNLIKE_MS) for gap in draft.gaps or ()),
-            round(interval.number / BURST_TOLERANCE_MS),
-            round(1e3 * frequency.number * _MHZ.get(frequency.unit, 1e-6)),
+        code = _Code(
+            gaps_ms=tuple(gap.number for gap in draft.gaps or ()),
+            interval_ms=interval.number,
+            frequency_khz=1e3 * frequency.number * _MHZ.get(frequency.unit, 1e-6),
         )
-        line = first.setdefault(key, draft.line)
+        line = known.first(code, draft.line)
         if line != draft.line:
             text = f"the same code, gaps and burst interval, as the tag of line {line}"
             found.append(Fault(line=draft.line, text=text))
@@ -89,19 +92,58 @@ def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
 
 def same_codes(tags: Sequence[Tag]) -> list[tuple[Tag, Tag]]:
     """Find tags of one code, gaps and burst interval, which nobody can tell apart."""
-    first: dict[tuple[object, ...], Tag] = {}
-    found = []
-    for tag in tags:
+    known, found = _Codes(), []
+    for place, tag in enumerate(tags):
         if tag.coded:
-            key = (
-                tuple(round(1e3 * gap_s / _UNLIKE_MS) for gap_s in tag.gaps_s),
-                round(1e3 * tag.pulse_intervals_s[0] / BURST_TOLERANCE_MS),
-                round(1e-3 * tag.frequency_hz),
+            code = _Code(
+                gaps_ms=tuple(1e3 * gap_s for gap_s in tag.gaps_s),
+                interval_ms=1e3 * tag.pulse_intervals_s[0],
+                frequency_khz=1e-3 * tag.frequency_hz,
             )
-            other = first.setdefault(key, tag)
-            if other is not tag:
-                found.append((other, tag))
+            first = known.first(code, place)
+            if first != place:
+                found.append((tags[first], tag))
     return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Code:
+    gaps_ms: tuple[float, ...]
+    interval_ms: float
+    frequency_khz: float
+
+
+class _Codes:
+    """Codes of a list, by what nobody can tell apart."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}
+
+    def first(self, code: _Code, place: int) -> int:
+        """Where the same code stood first; `place`, if it is new or no possible one."""
+        numbers = (*code.gaps_ms, code.interval_ms, code.frequency_khz)
+        if not all(map(math.isfinite, numbers)):
+            return place  # told elsewhere
+        length_ms = sum(code.gaps_ms)
+        near = range(round(length_ms) - 1, round(length_ms) + 2)
+        for key in near:
+            for other, at in self._known.get((len(code.gaps_ms), key), []):
+                if _are_same(code, other):
+                    return at
+        self._known.setdefault((len(code.gaps_ms), round(length_ms)), []).append((code, place))
+        return place
+
+
+def _are_same(one: _Code, other: _Code) -> bool:
+    """Both of as many gaps."""
+    return (
+        abs(one.frequency_khz - other.frequency_khz) < _SAME_KHZ
+        and abs(one.interval_ms - other.interval_ms) < BURST_TOLERANCE_MS
+        and all(
+            abs(mine - others) < _UNLIKE_MS
+            for mine, others in zip(one.gaps_ms, other.gaps_ms, strict=True)
+        )
+    )
 
 
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:

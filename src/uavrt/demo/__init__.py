@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from uavrt.demo.search import SearchSummary, run_search_demo
     from uavrt.demo.search_together import TogetherSummary, run_together_demo
     from uavrt.demo.summary import DemoSummary
+    from uavrt.demo.worlds import flight_world, search_world
 
 __all__ = [
     "DemoPaths",
@@ -19,11 +20,13 @@ __all__ = [
     "SearchSummary",
     "TogetherSummary",
     "drone_settings",
+    "flight_world",
     "free_udp_port",
     "run_demo",
     "run_fleet_demo",
     "run_search_demo",
     "run_together_demo",
+    "search_world",
 ]
 __getattr__ = lazily(
     __name__,
@@ -39,5 +42,7 @@ __getattr__ = lazily(
         "run_demo": "run",
         "run_fleet_demo": "fleet",
         "run_search_demo": "search",
+        "flight_world": "worlds",
+        "search_world": "worlds",
     },
 )

@@ -3,7 +3,7 @@
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +26,7 @@ from uavrt.ground.store import read_ground_pulses
 from uavrt.messages import Pulse, SystemStatus
 from uavrt.monitor import StatusReader
 from uavrt.recording import read_flight, require_writable
-from uavrt.simulation import Scenario, World, fleet_scenarios, write_scenario
+from uavrt.simulation import Scenario, World, write_scenario
 from uavrt.units import ns_from_s
 
 SAY_EVERY_S = 10.0
@@ -55,10 +55,8 @@ class FleetDemo:
 
     Parameters
     ----------
-    drones : int
-    duration_s : float
-        Length of the flight [s], at least 40.
-    seed : int
+    scenarios : sequence of Scenario
+        World of each drone: the same animals, another flight.
     flight_dir : Path
         Each drone's flight directory is made below `drone-NUMBER` in it, the ground's in
         `ground`.
@@ -73,16 +71,14 @@ class FleetDemo:
     def __init__(
         self,
         *,
-        drones: int,
-        duration_s: float,
-        seed: int,
+        scenarios: Sequence[Scenario],
         flight_dir: Path,
         page_port: int,
         say: Callable[[str], None],
         on_page: Callable[[str], None],
     ) -> None:
-        self._scenarios = fleet_scenarios(drones, duration_s, seed)
-        self._duration_s, self._flight_dir, self._page_port = duration_s, flight_dir, page_port
+        self._scenarios, self._duration_s = scenarios, scenarios[0].duration_s
+        self._flight_dir, self._page_port = flight_dir, page_port
         self._say, self._on_page = say, on_page
         self._stack = ExitStack()
         self._drones: list[_Drone] = []
@@ -262,9 +258,7 @@ class FleetDemo:
 
 def run_fleet_demo(
     *,
-    drones: int,
-    duration_s: float,
-    seed: int,
+    scenarios: Sequence[Scenario],
     flight_dir: Path,
     page_port: int,
     say: Callable[[str], None],
@@ -272,9 +266,7 @@ def run_fleet_demo(
 ) -> dict[int, DemoSummary]:
     """Run the demo of several drones once; see `FleetDemo`."""
     demo = FleetDemo(
-        drones=drones,
-        duration_s=duration_s,
-        seed=seed,
+        scenarios=scenarios,
         flight_dir=flight_dir,
         page_port=page_port,
         say=say,

@@ -29,7 +29,7 @@ from uavrt.ground.store import read_ground_pulses
 from uavrt.messages import Pulse, SystemStatus
 from uavrt.monitor import StatusReader
 from uavrt.recording import read_flight, require_writable
-from uavrt.simulation import Flight, World, demo_scenario, write_scenario
+from uavrt.simulation import Flight, Scenario, World, write_scenario
 from uavrt.units import ns_from_s
 
 START_LEAD_S = 2.5
@@ -44,10 +44,8 @@ class Demo:
 
     Parameters
     ----------
-    duration_s : float
-        Length of the simulated flight [s], at least 40.
-    seed : int
-        Seed of everything random in the world.
+    scenario : Scenario
+        The world; when it starts is set here.
     flight_dir : Path
         Where the drone makes its flight directory.
     page_port : int, optional
@@ -59,19 +57,18 @@ class Demo:
     def __init__(
         self,
         *,
-        duration_s: float,
-        seed: int,
+        scenario: Scenario,
         flight_dir: Path,
         page_port: int | None = None,
         on_page: Callable[[str], None] | None = None,
     ) -> None:
-        self.scenario = demo_scenario(duration_s, seed)
+        self.scenario = scenario
         self._flight_dir = flight_dir
         self._page_port = page_port
         self._on_page = on_page
         self._stack = ExitStack()
         self.view = DemoView(
-            duration_s=duration_s,
+            duration_s=scenario.duration_s,
             tags={tag.tag_id: TagView(tag) for tag in self.scenario.tags},
         )
         self._cpu = Cpu()
@@ -281,8 +278,7 @@ def phase_of(flight: Flight, elapsed_s: float) -> str:
 
 def run_demo(
     *,
-    duration_s: float,
-    seed: int,
+    scenario: Scenario,
     flight_dir: Path,
     console: Console | None,
     picture: Path | None = None,
@@ -291,8 +287,7 @@ def run_demo(
 ) -> DemoSummary:
     """Run the demo once; see `Demo`."""
     demo = Demo(
-        duration_s=duration_s,
-        seed=seed,
+        scenario=scenario,
         flight_dir=flight_dir,
         page_port=page_port,
         on_page=on_page,

@@ -20,7 +20,7 @@ from uavrt.geodesy import distance_m
 from uavrt.messages import ProcessStatus, SearchNote, SoughtTag, SystemStatus
 from uavrt.monitor import StatusReader
 from uavrt.recording import require_writable
-from uavrt.simulation import Scenario, search_scenario, write_scenario
+from uavrt.simulation import Scenario, write_scenario
 from uavrt.units import ns_from_s
 
 RADIUS_M = 260.0
@@ -142,8 +142,8 @@ class SearchDemo:
 
     Parameters
     ----------
-    seed : int
-        Of everything random in the world.
+    scenario : Scenario
+        The world, in which the drone hovers until it is commanded.
     limit_s : float
         The search lasts at most.
     flight_dir : Path
@@ -157,14 +157,16 @@ class SearchDemo:
     def __init__(
         self,
         *,
-        seed: int,
+        scenario: Scenario,
         limit_s: float,
         flight_dir: Path,
         say: Callable[[str], None],
         among: Among | None = None,
     ) -> None:
         self._among = among
-        self._seed, self._limit_s, self._flight_dir = seed, limit_s, flight_dir
+        self.scenario = scenario
+        """The world."""
+        self._limit_s, self._flight_dir = limit_s, flight_dir
         self._say = say
         self._stack = ExitStack()
         self._seen = _Seen()
@@ -188,15 +190,14 @@ class SearchDemo:
         self._stack.callback(shutil.rmtree, work, ignore_errors=True)
         paths = DemoPaths(directory=work, flights=self._flight_dir.resolve())
         self._paths, self._direct = paths, free_udp_port()
-        among, scenario = self._among, search_scenario(self._seed)
+        among, scenario = self._among, self.scenario
         if among is None:
             start_ns = Clock.start().now_ns() + ns_from_s(START_LEAD_S)
             number, ground = 1, free_udp_port()
         else:
             start_ns, number, ground = among.start_ns, among.number, among.ground_port
             scenario = among.placed(scenario)
-        self.scenario: Scenario = scenario.starting_at(start_ns)
-        """The world."""
+        self.scenario = scenario.starting_at(start_ns)
         write_scenario(self.scenario, paths.scenario)
         write_tags(paths.tags, self.scenario.tags)
         companion = free_udp_port()
@@ -353,7 +354,8 @@ def _line(note: SearchNote) -> str:
 
 
 def run_search_demo(
-    *, seed: int, limit_s: float, flight_dir: Path, say: Callable[[str], None]
+    *, scenario: Scenario, limit_s: float, flight_dir: Path, say: Callable[[str], None]
 ) -> SearchSummary:
     """Run the search once; see `SearchDemo`."""
-    return SearchDemo(seed=seed, limit_s=limit_s, flight_dir=flight_dir, say=say).run()
+    demo = SearchDemo(scenario=scenario, limit_s=limit_s, flight_dir=flight_dir, say=say)
+    return demo.run()

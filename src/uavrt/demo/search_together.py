@@ -13,7 +13,7 @@ from uavrt.clock import Clock
 from uavrt.demo.programs import Program, free_udp_port
 from uavrt.demo.search import START_LEAD_S, Among, SearchDemo, SearchSummary
 from uavrt.errors import UavrtError
-from uavrt.simulation import FlownPath
+from uavrt.simulation import FlownPath, Scenario
 from uavrt.units import ns_from_s
 
 STEP_NS = ns_from_s(0.2)
@@ -55,7 +55,7 @@ class TogetherDemo:
     Parameters
     ----------
     drones : int
-    seed, limit_s, say
+    scenario, limit_s, say
         As of `SearchDemo`; each line begins with the drone's number.
     flight_dir : Path
         Each drone's flight directory is made below `drone-NUMBER` in it, the ground's in
@@ -66,12 +66,12 @@ class TogetherDemo:
         self,
         *,
         drones: int,
-        seed: int,
+        scenario: Scenario,
         limit_s: float,
         flight_dir: Path,
         say: Callable[[str], None],
     ) -> None:
-        self._drones, self._seed, self._limit_s = drones, seed, limit_s
+        self._drones, self._scenario, self._limit_s = drones, scenario, limit_s
         self._flight_dir, self._say = flight_dir.resolve(), say
         self._searches: dict[int, SearchDemo] = {}
         self._ended: dict[int, SearchSummary | UavrtError] = {}
@@ -121,7 +121,7 @@ class TogetherDemo:
         directory = self._flight_dir / f"drone-{number}"
         directory.mkdir(parents=True, exist_ok=True)
         search = self._searches[number] = SearchDemo(
-            seed=self._seed,
+            scenario=self._scenario,
             limit_s=self._limit_s,
             flight_dir=directory,
             say=lambda line: self._say(f"drone {number}: {line}"),
@@ -153,10 +153,15 @@ class TogetherDemo:
 
 
 def run_together_demo(
-    *, drones: int, seed: int, limit_s: float, flight_dir: Path, say: Callable[[str], None]
+    *,
+    drones: int,
+    scenario: Scenario,
+    limit_s: float,
+    flight_dir: Path,
+    say: Callable[[str], None],
 ) -> TogetherSummary:
     """Run the search of several drones once; see `TogetherDemo`."""
     demo = TogetherDemo(
-        drones=drones, seed=seed, limit_s=limit_s, flight_dir=flight_dir, say=say
+        drones=drones, scenario=scenario, limit_s=limit_s, flight_dir=flight_dir, say=say
     )
     return demo.run()

@@ -2,18 +2,19 @@
 
 A true pulse counts as detected when the drone's recording holds a pulse of the same tag within
 `MATCH_TIME_S` and `MATCH_FREQUENCY_HZ`, and as delivered when the ground has that same record.
+Of a coded tag a burst is what a pulse is of others.
 """
 
 import bisect
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from rich.table import Table
 
 from uavrt.messages import Pulse, Tag
 from uavrt.simulation import TruePulse
-from uavrt.units import ns_from_s
+from uavrt.units import db_from_power, ns_from_s, power_from_db
 
 DETECTABLE_ENR_DB = 14.0
 MATCH_TIME_S = 0.02
@@ -110,6 +111,8 @@ def summarize_tag(
         carries them with 0.3 µs.
     """
     sent = [pulse for pulse in truth if pulse.tag_id == tag.tag_id]
+    if tag.coded:
+        sent = true_bursts(sent, 1 + len(tag.gaps_s))
     found = sorted(
         (pulse for pulse in recorded if pulse.tag_id == tag.tag_id),
         key=lambda pulse: pulse.start_time_ns,
@@ -134,6 +137,30 @@ def summarize_tag(
             [(pulse.start_time_ns - true.start_time_ns) / 1e6 for true, pulse in clear]
         ),
     )
+
+
+def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
+    """Make one of the pulses of each burst that was sent as a whole: its mean strength.
+
+    Parameters
+    ----------
+    sent : sequence of TruePulse
+        Of one coded tag, in order of time.
+    pulses : int
+        Of a burst.
+    """
+    bursts: dict[int, list[TruePulse]] = {}
+    for pulse in sent:
+        bursts.setdefault(pulse.pulse_index // pulses, []).append(pulse)
+    return [
+        replace(
+            burst[0],
+            end_time_ns=burst[-1].end_time_ns,
+            enr_db=db_from_power(sum(power_from_db(one.enr_db) for one in burst) / pulses),
+        )
+        for burst in bursts.values()
+        if len(burst) == pulses
+    ]
 
 
 def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TruePulse, Pulse]]:

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from uavrt.detection.detector import PulseDetector
     from uavrt.detection.group import DetectorGroup
     from uavrt.detection.modes import OperatingMode
+    from uavrt.detection.reporting import report_every_s
     from uavrt.detection.sensitivity import detection_probability, enr_needed_db
     from uavrt.detection.signal import Counters
 
@@ -20,6 +21,7 @@ __all__ = [
     "Receiver",
     "detection_probability",
     "enr_needed_db",
+    "report_every_s",
 ]
 __getattr__ = lazily(
     __name__,
@@ -31,5 +33,6 @@ __getattr__ = lazily(
         "Receiver": "uavrt.config",
         "detection_probability": "sensitivity",
         "enr_needed_db": "sensitivity",
+        "report_every_s": "reporting",
     },
 )

@@ -10,13 +10,14 @@ from dataclasses import dataclass, field
 from math import atan2, degrees, log10
 
 from uavrt.attitude import rotated
+from uavrt.detection import report_every_s
 from uavrt.localization import Listening
 from uavrt.messages import PulsePose, SearchReport, Tag
 from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_360
 
 REPORT_GAP_S = 3.0
-"""Detectors report once a second; after a longer gap they begin anew."""
+"""Between reports that come each second; after a longer gap the search began anew."""
 LATE_INTERVALS, LATE_S = 2.0, 1.5
 """A group's pulses come up to so much later, besides the group itself."""
 KEPT_S = 60.0
@@ -52,7 +53,12 @@ class _Ear:
     slot_s: float
     """Between two pulses, with what they may be off by."""
     late_s: float
+    gap_s: float
+    """Longest between two reports of one search."""
     threshold_db: float
+    """Of what is missed when nothing came so late."""
+    least_db: float
+    """Of what may come later still."""
     from_s: float | None = None
     """Searched without a gap since then; None: not at all."""
     to_s: float = 0.0
@@ -87,13 +93,24 @@ class Ears:
         Of the tags, above home.
     k : int
         Pulses of a group; 0: as each tag says.
+    codes : int
+        Coded tags that are listed, sought or not: of many, reports come more seldom.
     """
 
     def __init__(
-        self, tags: Sequence[Tag], plane: TangentPlane, *, tag_height_m: float, k: int = 0
+        self,
+        tags: Sequence[Tag],
+        plane: TangentPlane,
+        *,
+        tag_height_m: float,
+        k: int = 0,
+        codes: int = 0,
     ) -> None:
         self._plane, self._tag_height_m = plane, tag_height_m
-        self._ears = {tag.tag_id: _ear(tag, k or tag.k) for tag in tags}
+        self._ears = {
+            tag.tag_id: _coded_ear(tag, codes) if tag.coded else _ear(tag, k or tag.k)
+            for tag in tags
+        }
         self._places: deque[Antenna] = deque()
         self._keys: dict[tuple[int, int], None] = {}
         self.refused = 0
@@ -141,7 +158,7 @@ class Ears:
         ear = self._ears.get(report.tag_id)
         if ear is None:
             return
-        if ear.from_s is None or time_s - ear.to_s > REPORT_GAP_S:
+        if ear.from_s is None or time_s - ear.to_s > ear.gap_s:
             ear.from_s = time_s
             ear.next_s = max(ear.next_s, time_s)
         ear.to_s = max(ear.to_s, time_s)
@@ -171,6 +188,7 @@ class Ears:
     def _evidence(
         self, tag_id: int, place: Antenna, snr_db: float | None, ear: _Ear
     ) -> Evidence:
+        weak = snr_db is not None and snr_db < ear.threshold_db
         return Evidence(
             tag_id=tag_id,
             time_s=place.time_s,
@@ -179,7 +197,7 @@ class Ears:
                 north_m=place.north_m,
                 height_m=max(1.0, place.height_m - self._tag_height_m),
                 snr_db=snr_db,
-                threshold_db=ear.threshold_db,
+                threshold_db=ear.least_db if weak else ear.threshold_db,
                 yaw_deg=place.yaw_deg,
             ),
         )
@@ -187,9 +205,27 @@ class Ears:
 
 def _ear(tag: Tag, k: int) -> _Ear:
     interval = max(tag.pulse_intervals_s)
-    slot = interval + tag.interval_uncertainty_s + 2.0 * tag.interval_jitter_s
+    threshold = threshold_db(k)
     return _Ear(
-        slot_s=slot,
+        slot_s=interval + tag.interval_uncertainty_s + 2.0 * tag.interval_jitter_s,
         late_s=(k + LATE_INTERVALS) * interval + LATE_S,
-        threshold_db=threshold_db(k, coded=tag.coded),
+        gap_s=REPORT_GAP_S,
+        threshold_db=threshold,
+        least_db=threshold,
+    )
+
+
+def _coded_ear(tag: Tag, codes: int) -> _Ear:
+    """Of a coded tag: what no burst shows by itself is missed, and may yet come.
+
+    A burst that stands out is told within a second or two; what only ten show comes up to
+    eighteen intervals late, a minute and more, when the drone is long elsewhere.
+    """
+    (interval,) = tag.pulse_intervals_s
+    return _Ear(
+        slot_s=interval + tag.interval_uncertainty_s,
+        late_s=interval + LATE_S,
+        gap_s=REPORT_GAP_S + report_every_s(codes) - report_every_s(1),
+        threshold_db=threshold_db(1, coded=True),
+        least_db=threshold_db(tag.k, coded=True),
     )

@@ -196,7 +196,12 @@ class Seeker:
             np.random.default_rng((equipment.seed, 1)),
         )
         self.check(now)
-        self._ears = Ears(self.tags, self._plane, tag_height_m=TAG_HEIGHT_M, k=equipment.k)
+        self._ears = Ears(
+            *(self.tags, self._plane),
+            tag_height_m=TAG_HEIGHT_M,
+            k=equipment.k,
+            codes=sum(tag.coded for tag in listed),
+        )
         self._begun_ns: int | None = None
         self._goal_m: tuple[float, float] | None = None
         self._way_m: tuple[float, float] | None = None

@@ -12,7 +12,12 @@ if TYPE_CHECKING:
     from uavrt.simulation.antenna import Antenna
     from uavrt.simulation.antenna_switch import AntennaSwitch, gate, position_weights
     from uavrt.simulation.arrivals import DeliveredStream, Delivery
-    from uavrt.simulation.demo_world import demo_scenario, fleet_scenarios, search_scenario
+    from uavrt.simulation.demo_world import (
+        demo_scenario,
+        fleet_scenarios,
+        search_scenario,
+        searched_scenario,
+    )
     from uavrt.simulation.flight import Flight, Leg
     from uavrt.simulation.flown_path import FlownPath
     from uavrt.simulation.forwarding import PASS_NS, ForwardRing
@@ -72,6 +77,7 @@ __all__ = [
     "position_weights",
     "scenario_toml",
     "search_scenario",
+    "searched_scenario",
     "simulate_to_directory",
     "steady_tags",
     "telemetry_message",
@@ -116,6 +122,7 @@ __getattr__ = lazily(
         "position_weights": "antenna_switch",
         "scenario_toml": "scenario_file",
         "search_scenario": "demo_world",
+        "searched_scenario": "demo_world",
         "simulate_to_directory": "recording",
         "steady_tags": "steady_radio",
         "telemetry_message": "telemetry",

@@ -1,4 +1,7 @@
-"""The built-in world of ``uavrt demo``: three tags, a drone, three points to turn at."""
+"""The built-in world of ``uavrt demo``: three tags, a drone, three points to turn at.
+
+With coded tags there are two more, which share a frequency.
+"""
 
 import math
 from dataclasses import replace
@@ -14,15 +17,17 @@ SHORTEST_S = 40.0
 """Leaves 4.3 s for a leg between two turns."""
 SEARCHED_ENR_DB = 24.0
 """Likewise, of the animals that are searched for, from home."""
+SEARCH_HEIGHT_M = 40.0
 _SHORTEST_TURN_S = 7.8
 """A full turn: 46°/s in the mean, 57.7°/s at most."""
+CODED_HZ = 148_640_000.0
 _BESIDE_M = 120.0
 _ABOVE_M = 10.0
 _PEAK_ENR_DB = 33.0
 """With the antenna on a tag, from the middle of the three points, without fading."""
 
 
-def demo_scenario(duration_s: float = 60.0, seed: int = 1) -> Scenario:
+def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = False) -> Scenario:
     """Make the demo's world; its plan scales to any duration of at least 40 s.
 
     Parameters
@@ -31,6 +36,8 @@ def demo_scenario(duration_s: float = 60.0, seed: int = 1) -> Scenario:
         Length of the flight [s].
     seed : int
         Seed of everything random in the world.
+    coded : bool
+        Two animals more, with coded tags.
 
     Raises
     ------
@@ -52,25 +59,24 @@ def demo_scenario(duration_s: float = 60.0, seed: int = 1) -> Scenario:
             model="two_ray",
             fading=Fading(kind="rician", k_factor_db=12.0, correlation_time_s=0.5),
         ),
-        tag=_tags(duration_s),
+        tag=_tags(duration_s) + (_coded_tags() if coded else ()),
         interferer=(Interferer(kind="carrier", frequency_hz=148_655_400.0, power_dbm=-128.0),),
         flight=_flight(duration_s),
     )
     return _levelled(scenario, _amid(duration_s), _PEAK_ENR_DB)
 
 
-def fleet_scenarios(drones: int, duration_s: float = 60.0, seed: int = 1) -> list[Scenario]:
+def fleet_scenarios(drones: int, first: Scenario) -> list[Scenario]:
     """Make the worlds of ``uavrt demo --drones``: the same animals, a flight for each drone.
 
-    Each flies the demo's flight 120 m south of the one before and 10 m above it.
+    Each flies the first's flight 120 m south of the one before and 10 m above it.
 
     Parameters
     ----------
     drones : int
-    duration_s, seed : float, int
-        As in `demo_scenario`.
+    first : Scenario
+        World of the first.
     """
-    first = demo_scenario(duration_s, seed)
     return [
         replace(first, flight=_beside(first.flight, number * -_BESIDE_M, number * _ABOVE_M))
         for number in range(drones)
@@ -89,31 +95,64 @@ def _beside(flight: Flight, north_m: float, up_m: float) -> Flight:
     return replace(flight, north_m=flight.north_m + north_m, leg=legs)
 
 
-def search_scenario(seed: int = 1) -> Scenario:
+def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
     """Make the world of ``uavrt demo --search``: three animals, one of them walking.
 
     The drone hovers over home until it is commanded; from there each animal is heard by an
     antenna that looks at it, and hardly by one that looks away.
+
+    Parameters
+    ----------
+    seed : int
+    coded : bool
+        Two of the animals have coded tags, the walking one, too.
     """
-    places = {2: (150.0, 90.0), 4: (-40.0, 170.0), 6: (-120.0, -130.0)}
+    places = ((150.0, 90.0), (-40.0, 170.0), (-120.0, -130.0))
+    worn = _tags(SHORTEST_S)
+    if coded:
+        lynx, *others = worn
+        worn = (
+            lynx,
+            *(
+                replace(tag, speed_m_s=other.speed_m_s, heading_deg=other.heading_deg)
+                for tag, other in zip(_coded_tags(), others, strict=True)
+            ),
+        )
     tags = tuple(
         replace(
             tag,
-            north_m=places[tag.tag_id][0],
-            east_m=places[tag.tag_id][1],
+            north_m=north_m,
+            east_m=east_m,
             pulse_intervals_s=tag.pulse_intervals_s[:1],
             rate_switches_s=(),
         )
-        for tag in _tags(SHORTEST_S)
+        for tag, (north_m, east_m) in zip(worn, places, strict=True)
     )
     scenario = replace(
         demo_scenario(SHORTEST_S, seed),
         name="search",
         duration_s=3600.0,
         tag=tags,
-        flight=Flight(height_m=40.0),
+        flight=Flight(height_m=SEARCH_HEIGHT_M),
     )
     return _levelled(scenario, scenario.flight, SEARCHED_ENR_DB)
+
+
+def searched_scenario(scenario: Scenario, seconds: float) -> Scenario:
+    """Make a world in which the drone hovers over home until it is commanded.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Its flight is not flown.
+    seconds : float
+        That the world must last.
+    """
+    return replace(
+        scenario,
+        duration_s=max(scenario.duration_s, seconds),
+        flight=Flight(height_m=SEARCH_HEIGHT_M),
+    )
 
 
 def _tags(duration_s: float) -> tuple[SimulatedTag, ...]:
@@ -170,6 +209,44 @@ def _tags(duration_s: float) -> tuple[SimulatedTag, ...]:
             interval_error_s=0.005,
             jitter_s=0.003,
             first_pulse_s=0.27,
+        ),
+    )
+
+
+def _coded_tags() -> tuple[SimulatedTag, ...]:
+    """Two of one frequency, which only their gaps and burst intervals tell apart."""
+    return (
+        SimulatedTag(
+            tag_id=12,
+            name="robin",
+            frequency_hz=CODED_HZ,
+            pulse_width_s=0.0025,
+            pulse_intervals_s=(2.3,),
+            interval_uncertainty_s=0.004,
+            k=10,
+            gaps_s=(0.022, 0.0488, 0.0366),
+            north_m=170.0,
+            east_m=-130.0,
+            frequency_offset_hz=90.0,
+            polarization_deg=85.0,
+            crystal_error_ppm=40.0,
+            first_pulse_s=0.4,
+        ),
+        SimulatedTag(
+            tag_id=14,
+            name="bat",
+            frequency_hz=CODED_HZ,
+            pulse_width_s=0.0025,
+            pulse_intervals_s=(2.9,),
+            interval_uncertainty_s=0.004,
+            k=10,
+            gaps_s=(0.0317, 0.0268, 0.0561),
+            north_m=-190.0,
+            east_m=90.0,
+            frequency_offset_hz=-70.0,
+            polarization_deg=95.0,
+            crystal_error_ppm=-25.0,
+            first_pulse_s=1.1,
         ),
     )
 

@@ -127,3 +127,36 @@ def test_a_column_that_is_not_known_is_named_where_something_is_missing() -> Non
         parse_tags(text, name="codes.csv")
     said = "line 2: this tag has no frequency_mhz; freq_mhz, colour are not known here"
     assert said in str(caught.value)
+
+
+def test_gaps_that_are_no_numbers_or_lack_one_are_faults_with_their_line() -> None:
+    text = (
+        "id,tagFreq,g1,g2,g3,bi\n1,166.38,22,nan,36.6,5.3\n2,166.38,22,,36.6,5.3\n"
+        "3,166.38,22,30,36.6,inf\n4,166.38,,,,5.3\n"
+    )
+    with pytest.raises(TagFileError) as caught:
+        parse_tags(text.encode(), name="codes.csv")
+    told = [
+        "line 2: gaps_ms = [22, nan",
+        "line 3: this tag has gap 3, but no gap 2",
+        "line 4: burst_interval_s = inf",
+        "line 5: this tag has no gaps",
+    ]
+    assert len(caught.value.faults) == len(told)
+    for fault, words in zip(caught.value.faults, told, strict=True):
+        assert fault.startswith(words)
+    with pytest.raises(TagFileError, match=r"no gaps .*; gaps_s is not known here"):
+        parse_tags(b"- id: 3\n  freq: 166.38\n  gaps_s: [0.02]\n  bi: 5\n", name="a.yaml")
+
+
+@pytest.mark.parametrize(("interval_s", "same"), [("5.3019", True), ("5.3041", False)])
+def test_codes_are_the_same_within_the_tolerance_of_the_interval(
+    interval_s: str, same: bool
+) -> None:
+    text = _entry(1, "[22, 48.8, 36]", "5.3") + _entry(2, "[22.004, 48.8, 36]", interval_s)
+    if same:
+        with pytest.raises(TagFileError, match="line 7: the same code"):
+            parse_tags(text.encode(), name="tags.toml")
+    else:
+        tags = parse_tags(text.encode(), name="tags.toml")
+        assert len(near_codes(tags, 500.0)) == 1

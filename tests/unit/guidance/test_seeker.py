@@ -258,6 +258,42 @@ def test_the_threshold_falls_with_the_pulses_of_a_group() -> None:
         assert threshold_db(k) == pytest.approx(needed, abs=0.7)
 
 
+CODE = Tag(
+    tag_id=2,
+    frequency_hz=150e6,
+    pulse_width_s=0.0025,
+    pulse_intervals_s=(4.0,),
+    interval_uncertainty_s=0.004,
+    k=10,
+    gaps_s=(0.022, 0.0488, 0.0366),
+)
+
+
+@pytest.mark.parametrize(("codes", "every_s"), [(1, 1), (500, 25)])
+def test_silence_of_a_coded_tag_is_that_no_burst_stands_out(codes: int, every_s: int) -> None:
+    """Sums of ten bursts come a minute late, those of strong ones at once."""
+    plane = TangentPlane(latitude_deg=HOME.latitude_deg, longitude_deg=HOME.longitude_deg)
+    ears = Ears([CODE], plane, tag_height_m=0.5, codes=codes)
+    for step in range(400):
+        ears.place(
+            Antenna(time_s=0.1 * step, east_m=0.0, north_m=0.0, height_m=40.0, yaw_deg=90.0)
+        )
+    search = Searched("px4", [])
+    strong, weak = search.heard(CODE, 20.0), search.heard(CODE, 4.0)
+    weak = replace(weak, pulse=replace(weak.pulse, start_time_ns=1))
+    for second in range(0, 26, every_s):
+        ears.searched(report(2, second * 10**9), float(second))
+    heard = ears.pulse(strong, 5.0)
+    missed = ears.missed()
+    assert [round(one.time_s) for one in missed] == [2, 10, 14]
+    late = ears.pulse(weak, 9.0)
+    assert heard is not None
+    assert late is not None
+    alone, together = threshold_db(1, coded=True), threshold_db(10, coded=True)
+    assert {one.listening.threshold_db for one in (*missed, heard)} == {alone}
+    assert late.listening.threshold_db == together < 4.0 < alone
+
+
 def test_headings_come_from_the_attitude_of_the_antenna(ears: Ears) -> None:
     search = Searched("px4", [])
     search.flown.vehicle.yaw_deg = 250.0

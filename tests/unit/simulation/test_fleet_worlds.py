@@ -12,7 +12,7 @@ from uavrt.simulation import demo_scenario, fleet_scenarios
 def test_drones_of_the_demo_meet_the_same_animals_and_never_each_other(
     duration_s: float,
 ) -> None:
-    worlds = fleet_scenarios(3, duration_s, seed=3)
+    worlds = fleet_scenarios(3, demo_scenario(duration_s, seed=3))
     assert worlds[0] == demo_scenario(duration_s, 3)
     assert all(one.tag == worlds[0].tag for one in worlds)
     for tenth in range(int(10 * duration_s)):

@@ -26,6 +26,7 @@ from uavrt.detection.coded.judging import (
 from uavrt.detection.coded.limits import FALSE_PER_HOUR, limit, sum_limit
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, make_code_book
 from uavrt.detection.coded.tracks import Tracks
+from uavrt.detection.reporting import report_every_s
 from uavrt.detection.signal import Cleaner, Counters, Intake
 from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, db_from_power, ns_from_s
@@ -46,8 +47,6 @@ _SAME_S = 0.02
 """Bursts of one tag that begin within this are one."""
 _LEAST_ENERGY = 0.25
 """Of a burst's pulses on average over the noise: what has less is not told as a record."""
-_CODES_PER_REPORT_S = 20
-"""Reports of fruitless search in a second."""
 
 
 class CodedDetector:
@@ -494,8 +493,7 @@ class CodedDetector:
 
     def _report_search(self, now_ns: int) -> None:
         """Say what was searched, for a tag once a second; of many codes more seldom."""
-        every_s = max(1.0, len(self.tags) / _CODES_PER_REPORT_S)
-        if now_ns - self._reported_ns < ns_from_s(every_s):
+        if now_ns - self._reported_ns < ns_from_s(report_every_s(len(self.tags))):
             return
         self._reported_ns = now_ns
         noise = float(np.median(self._cells.noise)) / self.sample_rate_hz

@@ -1,0 +1,94 @@
+"""In which world the demo flies: the built-in one, or that of a scenario file."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+from uavrt.demo.search import RADIUS_M
+from uavrt.errors import UsageError
+from uavrt.simulation import (
+    Scenario,
+    demo_scenario,
+    load_scenario,
+    search_scenario,
+    searched_scenario,
+)
+
+FLIGHT_S = 120.0
+"""Of the built-in world, unless told."""
+SHORTEST_S = 20.0
+"""Of a scenario file's flight: until detection has begun some seconds are over."""
+AFTER_S = 120.0
+"""A world that is searched lasts longer than the search, for the way home."""
+
+
+def flight_world(
+    file: Path | None, *, duration_s: float | None, seed: int | None, coded: bool
+) -> Scenario:
+    """Get the world for a flight along its own plan.
+
+    Parameters
+    ----------
+    file : Path, optional
+        A scenario file.
+    duration_s : float, optional
+        Of the flight; the file's, or 120 s, unless given.
+    seed : int, optional
+        Of everything random; the file's, or 1, unless given.
+    coded : bool
+        The built-in world has two animals more, with coded tags.
+
+    Raises
+    ------
+    UsageError, ConfigError
+        The file has faults or nothing to listen for, or the flight is too short.
+    """
+    if file is None:
+        return demo_scenario(duration_s or FLIGHT_S, 1 if seed is None else seed, coded=coded)
+    scenario = _of_file(file, seed, coded)
+    scenario = replace(scenario, duration_s=duration_s or scenario.duration_s)
+    if scenario.duration_s < SHORTEST_S:
+        raise UsageError(
+            f"a flight of {scenario.duration_s:g} s is over before detection has begun",
+            remedy=f"Give --duration, at least {SHORTEST_S:g} s",
+        )
+    return scenario
+
+
+def search_world(
+    file: Path | None, *, limit_s: float, seed: int | None, coded: bool
+) -> Scenario:
+    """Get the world for a search; as `flight_world`, but the drone is commanded.
+
+    Parameters
+    ----------
+    limit_s : float
+        The search lasts at most.
+    """
+    if file is None:
+        return search_scenario(1 if seed is None else seed, coded=coded)
+    scenario = _of_file(file, seed, coded)
+    for tag in scenario.tag:
+        away_m = math.hypot(tag.north_m, tag.east_m)
+        if tag.listed and away_m > RADIUS_M:
+            raise UsageError(
+                f"tag {tag.tag_id} is {away_m:.0f} m from home, the demo's search covers "
+                f"{RADIUS_M:.0f} m",
+                remedy="Put it nearer in the scenario, or say listed = false",
+            )
+    return searched_scenario(scenario, limit_s + AFTER_S)
+
+
+def _of_file(file: Path, seed: int | None, coded: bool) -> Scenario:
+    if coded:
+        raise UsageError(
+            "--coded adds tags to the built-in world, and --scenario is another",
+            remedy="Give the scenario's tags gaps_s, or leave one of the two out",
+        )
+    scenario = load_scenario(file)
+    if not scenario.tags:
+        raise UsageError(
+            f"{file} has no tag to listen for",
+            remedy="Add a [[tag]], or take listed = false from one",
+        )
+    return scenario if seed is None else replace(scenario, seed=seed)
