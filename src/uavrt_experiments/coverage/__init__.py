@@ -5,10 +5,30 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt_experiments.coverage.absence import absence_row
-    from uavrt_experiments.coverage.shadow import CASES, shadow_rows
+    from uavrt_experiments.coverage.absence import SILENCES, Silence, seek_tags, silence_rows
+    from uavrt_experiments.coverage.shadow import CASES, shadow_rows, survey_hills
 
-__all__ = ["CASES", "absence_row", "shadow_rows"]
+FOLDERS = ("integration", "planning", "terrain")
+"""Of the package: where the figures come from."""
+__all__ = [
+    "CASES",
+    "FOLDERS",
+    "SILENCES",
+    "Silence",
+    "seek_tags",
+    "shadow_rows",
+    "silence_rows",
+    "survey_hills",
+]
 __getattr__ = lazily(
-    __name__, {"CASES": "shadow", "absence_row": "absence", "shadow_rows": "shadow"}
+    __name__,
+    {
+        "CASES": "shadow",
+        "SILENCES": "absence",
+        "Silence": "absence",
+        "seek_tags": "absence",
+        "shadow_rows": "shadow",
+        "silence_rows": "absence",
+        "survey_hills": "shadow",
+    },
 )

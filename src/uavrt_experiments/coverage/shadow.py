@@ -8,6 +8,7 @@ wrong by some metres.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.random import Generator
@@ -18,6 +19,7 @@ from uavrt.localization import PowerTrack, estimate_position, monopole_gain_db
 from uavrt.simulation import Relief
 from uavrt.terrain import HillLosses
 from uavrt_experiments.figures import measured, median, share
+from uavrt_experiments.kept import KeptOutcomes
 from uavrt_experiments.result import Row
 from uavrt_experiments.search import PLANE, Hills, elevation_of
 
@@ -157,29 +159,46 @@ def fly(rng: Generator, case: OverHillsCase) -> tuple[OneFlight, OneFlight]:
     return found[0], found[1]
 
 
-def shadow_rows(
-    runs: int, *, seed: int = 1, on_flight: Callable[[int], None] | None = None
-) -> list[Row]:
-    """Fly each case so often; errors and circles, without the map and with it.
+def survey_hills(
+    runs: int,
+    *,
+    kept: KeptOutcomes,
+    seed: int = 1,
+    on_flight: Callable[[int], None] = lambda done: None,
+) -> None:
+    """Fly each case so often; errors and circles of both positions are kept.
 
     Parameters
     ----------
     runs : int
         Flights of each case.
+    kept : KeptOutcomes
     seed : int
-    on_flight : callable, optional
+        With the case's and the flight's number it makes all that is random.
+    on_flight : callable
         Takes how many flights are done.
     """
+    for number, case in enumerate(CASES):
+        for index in range(runs):
+            rng = np.random.default_rng((seed, number, index))
+            kept.take(f"C2 {number} {index}", partial(_flown, rng, case))
+            on_flight(number * runs + index + 1)
+
+
+def _flown(rng: Generator, case: OverHillsCase) -> list[tuple[float, float]]:
+    """What is kept of a flight: the miss and the radius of both positions."""
+    return [(one.miss_m, one.radius_m) for one in fly(rng, case)]
+
+
+def shadow_rows(kept: KeptOutcomes) -> list[Row]:
+    """Errors and circles, without the map and with it; none of cases not yet flown."""
     rows: list[Row] = []
     for number, case in enumerate(CASES):
-        rng = np.random.default_rng((seed, number))
-        flights = []
-        for _ in range(runs):
-            flights.append(fly(rng, case))
-            if on_flight is not None:
-                on_flight(number * runs + len(flights))
+        flights = kept.of(f"C2 {number} ")
         for which, name in enumerate(("without the map", "with the map")):
-            own = [one[which] for one in flights]
+            own = [OneFlight(miss_m=one[which][0], radius_m=one[which][1]) for one in flights]
+            if not own:
+                continue
             what = f"{case.name}, {name}"
             rows += [
                 measured("C2", what, "error [m]", [one.miss_m for one in own], median),

@@ -1,0 +1,115 @@
+"""Outcomes of finished trials in a file: a long experiment goes on where it was stopped."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+from uavrt.errors import FormatError, RecordingError, UsageError
+
+
+class KeptOutcomes:
+    """Outcomes by the names of their trials; with a file, each is written when it is there.
+
+    A trial must follow from its name and from `made_with` alone. The file has a line of JSON
+    for each; what a crash left of the last line is cut off.
+
+    Parameters
+    ----------
+    path : Path, optional
+        Made where it does not exist; None keeps in memory.
+    made_with : str
+        Seed, code and whatever else the outcomes follow from.
+
+    Raises
+    ------
+    UsageError
+        The file's outcomes were made with something else.
+    FormatError
+        It is no such file.
+    RecordingError
+        It cannot be read or written.
+    """
+
+    def __init__(self, path: Path | None = None, *, made_with: str = "") -> None:
+        self._outcomes: dict[str, Any] = {}
+        self._file: IO[bytes] | None = None
+        if path is None:
+            return
+        try:
+            self._file = path.open("a+b")
+            self._begin(path, made_with)
+        except OSError as error:
+            self.close()
+            raise RecordingError(
+                f"cannot keep outcomes in {path}: {error.strerror}",
+                remedy="Give --kept another place",
+            ) from error
+        except UsageError:
+            self.close()
+            raise
+
+    def __enter__(self) -> "KeptOutcomes":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+
+    def take(self, name: str, trial: Callable[[], Any]) -> Any:
+        """Get the outcome of a trial, which is done if it is not kept yet.
+
+        Parameters
+        ----------
+        name : str
+        trial : callable
+            Gives what JSON can hold.
+        """
+        if name not in self._outcomes:
+            outcome = trial()
+            if self._file is not None:
+                self._write({"trial": name, "outcome": outcome})
+            self._outcomes[name] = outcome
+        return self._outcomes[name]
+
+    def of(self, beginning: str) -> list[Any]:
+        """Outcomes of all trials whose names begin so."""
+        return [one for name, one in self._outcomes.items() if name.startswith(beginning)]
+
+    def _write(self, record: dict[str, Any]) -> None:
+        assert self._file is not None
+        self._file.write(json.dumps(record).encode() + b"\n")
+        self._file.flush()
+
+    def _begin(self, path: Path, made_with: str) -> None:
+        """Read whole lines, and cut off what is none."""
+        assert self._file is not None
+        self._file.seek(0)
+        *lines, _ = self._file.read().split(b"\n")
+        try:
+            records = [json.loads(line) for line in lines]
+            made = records[0]["made_with"] if records else made_with
+            self._outcomes = {one["trial"]: one["outcome"] for one in records[1:]}
+        except (ValueError, KeyError, TypeError) as error:
+            raise FormatError(
+                f"{path} does not hold outcomes of an experiment",
+                remedy="Give --kept another name",
+            ) from error
+        if made != made_with:
+            raise UsageError(
+                f"the outcomes in {path} were made with {made}, and this is {made_with}",
+                remedy="Give --kept another name",
+            )
+        self._file.truncate(sum(len(line) + 1 for line in lines))
+        if not lines:
+            self._write({"made_with": made_with})
