@@ -6,6 +6,7 @@ NTP, a user) in flight moves nothing.
 """
 
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -90,6 +91,27 @@ def parse_iso_utc(text: str) -> int:
         raise ValueError(f"{text} is not a time from 1970 to 2261")
     delta = stamp - epoch
     return ((delta.days * 86400 + delta.seconds) * 1_000_000 + delta.microseconds) * 1000
+
+
+def iso_intervals(stretches: Iterable[tuple[int, int]]) -> str:
+    """Write stretches of time as intervals of ISO 8601, spaces between.
+
+    >>> iso_intervals([(1_700_205_419_000_000_000, 1_700_205_420_000_000_000)])
+    '2023-11-17T07:16:59.000000Z/2023-11-17T07:17:00.000000Z'
+    """
+    return " ".join(f"{iso_utc(begin)}/{iso_utc(end)}" for begin, end in stretches)
+
+
+def parse_iso_intervals(text: str) -> tuple[tuple[int, int], ...]:
+    """Read what `iso_intervals` wrote: begin and end of each [ns, UTC].
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    pairs = (one.split("/") for one in text.split())
+    return tuple((parse_iso_utc(begin), parse_iso_utc(end)) for begin, end in pairs)
 
 
 def flight_stamp(time_ns: int) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from uavrt.analysis.export import chance, geotiff_bytes, png_bytes
 from uavrt.analysis.flight_noise import FlightNoise
 from uavrt.analysis.flown_with import flight_settings
+from uavrt.analysis.listening import Stretch, missing_in_words, within
 from uavrt.config import AntennaSettings
 from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.guidance import area_in, way_in
@@ -222,16 +223,19 @@ def flight_coverage(
     pattern: AntennaPattern | None,
     level_sigma_db: float,
     whole_flight: bool = False,
+    listened: Sequence[Stretch] = (),
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
     """Compute what a flight would have heard of a tag, in groups of pulses or in all together.
+
+    Pulses outside of `listened`, where that is told, were heard by nobody.
 
     Raises
     ------
     UsageError
         The flight is too long.
     """
-    way, limitations = flown_way(area, flight, tag, noise)
+    way, limitations = flown_way(area, flight, tag, noise, listened)
     settings = flight_settings(flight)
     window_hz = 500.0 if settings is None else settings.detection.frequency_window_hz
     if pattern is None:
@@ -269,9 +273,16 @@ def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
 
 
 def flown_way(
-    area: MapArea, flight: Flight, tag: Tag, noise: FlightNoise | None
+    area: MapArea,
+    flight: Flight,
+    tag: Tag,
+    noise: FlightNoise | None,
+    listened: Sequence[Stretch] = (),
 ) -> tuple[ListeningWay, tuple[str, ...]]:
-    """Lay a tag's pulses along a flight, one for each interval, at heights above the ground."""
+    """Lay a tag's pulses along a flight, one for each interval, at heights above the ground.
+
+    Only those of the time that was listened to, where that is told.
+    """
     settings = flight_settings(flight)
     mounting = Mounting.from_settings(
         AntennaSettings() if settings is None else settings.antenna
@@ -281,6 +292,11 @@ def flown_way(
     interval_ns = tag.pulse_intervals_s[0] * NANOSECONDS_PER_SECOND
     count = max(1, int((int(poses.time_ns[-1]) - begin) / interval_ns))
     time_ns = begin + np.rint(np.arange(min(count, MOST_PULSES + 1)) * interval_ns)
+    missed: tuple[str, ...] = ()
+    if listened:
+        heard = within(time_ns, listened)
+        missed = missing_in_words(float(heard.mean()))
+        time_ns = time_ns[heard] if heard.any() else time_ns[:1]
     known = poses.time_ns.astype(np.float64)
     place = area.ground.plane.to_local(poses.latitude_deg, poses.longitude_deg)
     east, north = (np.interp(time_ns, known, one) for one in place)
@@ -297,7 +313,7 @@ def flown_way(
             headings=Headings.from_quaternions(poses.quaternion_wxyz[nearest]),
             noise_db=None if noise is None else noise.at(tag.tag_id, time_ns.astype(np.int64)),
         ),
-        limitations,
+        (*missed, *limitations),
     )
 
 

@@ -9,7 +9,9 @@ import numpy as np
 
 from uavrt.analysis.flown_with import flight_settings
 from uavrt.analysis.fold_pictures import best_place, fold_of
+from uavrt.analysis.listening import listened_in
 from uavrt.analysis.whole_flight import LEAST_PART, IntegratedTag
+from uavrt.clock import iso_intervals
 from uavrt.config import AntennaSettings
 from uavrt.integration import HeardTrain, PlaceBelief, SlotEvidence, slot_evidence
 from uavrt.messages import Pulse, PulsePose
@@ -158,6 +160,7 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
         flights=one.flights,
         heard_live=live,
         remarks="; ".join(one.limitations),
+        listened=iso_intervals(listened_in(one.energies)),
     )
 
 

@@ -19,6 +19,7 @@ from uavrt.analysis.coverage import (
 )
 from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
 from uavrt.analysis.flown_with import flight_antenna
+from uavrt.clock import parse_iso_intervals
 from uavrt.errors import RecordingError, UsageError
 from uavrt.localization import MONOPOLE, AntennaPattern, pattern_named
 from uavrt.messages import Tag
@@ -31,6 +32,9 @@ _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
 """Along the longer side: a flight of twenty minutes takes some seconds."""
+_FALSE_ALARM = 0.01
+"""At which `uavrt.planning` takes a whole flight to show a tag; `uavrt integrate` may be asked
+for less."""
 _NOT_JUDGED = (
     "nobody has looked for it over the whole flight yet (uavrt integrate), which hears weaker "
     "tags"
@@ -126,6 +130,7 @@ class ListenedFlight:
         """
         named = antenna or flight_antenna(self.flight)
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
+        in_hindsight = verdict is not None and _shown(verdict)
         coverage = flight_coverage(
             self.area,
             self.flight,
@@ -134,7 +139,10 @@ class ListenedFlight:
             noise=self.noise,
             pattern=_pattern(named),
             level_sigma_db=level_sigma_db,
-            whole_flight=verdict is not None and not verdict.found,
+            whole_flight=verdict is not None and not in_hindsight,
+            listened=()
+            if verdict is None or in_hindsight
+            else parse_iso_intervals(verdict.listened),
             on_pulse=on_pulse,
         )
         if verdict is None:
@@ -147,10 +155,15 @@ class ListenedFlight:
                 one.pulse.tag_id == tag.tag_id and one.pulse.confirmed
                 for one in self.flight.pulse_poses
             ),
-            in_hindsight=verdict is not None and verdict.found,
+            in_hindsight=in_hindsight,
             noise=self.noise_said,
             antenna=named,
         )
+
+
+def _shown(verdict: IntegratedVerdict) -> bool:
+    """Whether a whole flight showed a tag, at the false alarms of the map or its own."""
+    return verdict.found or verdict.false_alarm_probability <= _FALSE_ALARM
 
 
 def _pattern(antenna: str) -> AntennaPattern | None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis.flown_with import flight_settings
+from uavrt.analysis.listening import limits_of
 from uavrt.analysis.positions import over_ground
 from uavrt.config import AntennaSettings
 from uavrt.dsp import FrontEnd
@@ -236,7 +237,10 @@ def judged_tag(
         heard_alone=sum(
             one.pulse.tag_id == tag.tag_id and one.pulse.confirmed for one in flight.pulse_poses
         ),
-        limitations=() if hills is None else hills.told(),
+        limitations=(
+            *limits_of(judgement.energies, poses),
+            *(() if hills is None else hills.told()),
+        ),
     )
 
 

@@ -76,7 +76,7 @@ def range(
     flight
         A past flight: what the drone's noise rose to in the air is added to the noise.
     whole_flight
-        Add a row for a flight that is judged at once, by uavrt integrate.
+        Add a row for each tag of a flight that is judged at once, by uavrt integrate.
     free_space
         Ignore the ray reflected by the ground.
     as_json
@@ -96,15 +96,18 @@ def range(
         ground="free" if free_space else "two-ray",
         drone_noise_db=0.0 if flight is None else _drone_noise_db(flight),
     )
-    rows = [
-        _row(
-            tag,
-            replace(budget, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s),
-        )
-        for tag in _tags(tags, pulses, frequency, pulse_width)
+    listed = _tags(tags, pulses, frequency, pulse_width)
+    own = [
+        replace(budget, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s)
+        for tag in listed
     ]
+    rows = [_row(tag, its) for tag, its in zip(listed, own, strict=True)]
     if whole_flight:
-        rows.append({"tag_id": rows[0]["tag_id"], "k": None, **_reach(WHOLE_FLIGHT_DB, budget)})
+        each = {tag.tag_id: its for tag, its in zip(listed, own, strict=True)}
+        rows += [
+            {"tag_id": tag_id, "k": None, **_reach(WHOLE_FLIGHT_DB, its)}
+            for tag_id, its in each.items()
+        ]
     if as_json:
         print(json.dumps(rows, allow_nan=False))
     else:

@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from uavrt.clock import parse_iso_intervals
 from uavrt.config import write_text_atomically
 from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import PulsePose
@@ -52,6 +53,9 @@ class IntegratedVerdict:
     """Of the train's pulses those that the flight's own log has already; not written again."""
     remarks: str = ""
     """What the figures do not hold for: another datum, ground that no file tells."""
+    listened: str = ""
+    """When there were samples of its channel: intervals of ISO 8601, spaces between. Empty
+    where nobody knows: earlier versions did not tell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,6 +206,9 @@ def _verdict(record: dict[str, Any]) -> IntegratedVerdict:
         if value is None and name in _OPTIONAL:
             continue
         if name == "remarks" and isinstance(value, str):
+            continue
+        if name == "listened" and isinstance(value, str):
+            parse_iso_intervals(value)
             continue
         known = isinstance(value, bool | int | float)
         if not (known and abs(value) <= sys.float_info.max):

@@ -12,6 +12,7 @@ import pytest
 
 from uavrt.cli.coverage import coverage
 from uavrt.cli.report import report
+from uavrt.clock import iso_intervals
 from uavrt.errors import FormatError, UsageError
 from uavrt.ground.store import AntennaChoice
 from uavrt.ground.web.hindsight import Silence, SilenceDesk
@@ -103,15 +104,18 @@ def test_what_cannot_be_mapped_is_told(write_flight: WriteFlight, tmp_path: Path
             Silence.asked(flight, ANTENNA, wrong)
 
 
-def hindsight(flight: Path, tag_id: int, *, found: bool) -> None:
+def hindsight(
+    flight: Path, tag_id: int, *, found: bool, chance: float = 0.6, listened: str = ""
+) -> None:
     """What a whole flight said of a tag."""
     tag = next(one for one in read_flight(flight).info.tags if one.tag_id == tag_id)
     verdict = IntegratedVerdict(
         tag_id=tag_id,
         found=found,
-        false_alarm_probability=0.0001 if found else 0.6,
+        false_alarm_probability=0.0001 if found else chance,
         interval_s=tag.pulse_intervals_s[0],
         frequency_hz=tag.frequency_hz,
+        listened=listened,
     )
     write_integrated(flight, [verdict], [])
 
@@ -144,6 +148,33 @@ def test_silence_over_the_whole_flight_tells_more_than_that_of_groups(
     assert "would have been found over the whole flight with" in page
     capsys.readouterr()
     assert covered(flight, area, capsys)[heard]["heard_pulses"] > 0
+
+
+def test_silence_says_nothing_of_the_time_without_samples(
+    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    read = read_flight(flight)
+    silent, begin = read.info.tags[1].tag_id, read.poses[0].time_ns
+    length_ns = read.poses[-1].time_ns - begin
+    corners = around(flight, 600.0)
+    area = tmp_path / "area.geojson"
+    area.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
+    not_here = []
+    for share in (1.0, 0.3, 0.02):
+        listened = iso_intervals([(begin, begin + round(share * length_ns))])
+        hindsight(flight, silent, found=False, listened=listened)
+        told = covered(flight, area, capsys)[silent]
+        not_here.append(told["not_here"])
+        missing = [text for text in told["limitations"] if "there are samples of" in text]
+        assert len(missing) == (share < 1.0)
+    assert not_here[0] > not_here[1] > not_here[2] == pytest.approx(1.0 - told["prior"])
+    # Asked for fewer false alarms than the map reckons with, it is no silence either.
+    hindsight(flight, silent, found=False, chance=0.003)
+    assert covered(flight, area, capsys)[silent]["not_here"] is None
+    hindsight(flight, silent, found=False, listened="noon/one")
+    with pytest.raises(FormatError, match="integrate again"):
+        covered(flight, area, capsys)
 
 
 def test_a_tag_found_in_hindsight_is_not_silent(

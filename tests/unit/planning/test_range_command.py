@@ -74,3 +74,21 @@ def test_a_whole_flight_reaches_farther_than_any_group(
     assert whole["k"] is None
     assert whole["enr50_db"] == 3.2
     assert whole["distance50_m"] > max(one["distance50_m"] for one in groups)
+
+
+def test_the_whole_flight_of_each_listed_tag_has_its_own_budget(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listed = tmp_path / "tags.toml"
+    listed.write_text(
+        "[defaults]\ninterval_ms = 1254\n"
+        "[[tag]]\nid = 2\nfrequency_mhz = 150.0\npulse_width_ms = 20\n"
+        "[[tag]]\nid = 4\nfrequency_mhz = 173.0\npulse_width_ms = 10\n"
+    )
+    range_command(tag_power=-40.0, tags=listed, whole_flight=True, as_json=True)
+    found = json.loads(capsys.readouterr().out)
+    whole = [one for one in found if one["k"] is None]
+    assert [one["tag_id"] for one in whole] == [one["tag_id"] for one in found[:2]]
+    lines = [{line["term"]: line["value"] for line in one["budget"]} for one in whole]
+    assert "pulse of 10 ms" in lines[1]
+    assert whole[1]["distance50_m"] < 0.9 * whole[0]["distance50_m"]

@@ -1,0 +1,76 @@
+"""In which time a flight was listened to for a tag, and what is missing there.
+
+Silence tells nothing of the time without samples: a channel's ring overwrites its beginning, a
+full card ends it, and a recording may be shorter than the flight.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.integration import SlotEnergies
+from uavrt.localization import PoseColumns
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+Stretch = tuple[int, int]
+"""Begin and end [ns, UTC]."""
+_SECOND = NANOSECONDS_PER_SECOND
+_TOLD_SHARE = 0.95
+"""Of the flight's time: with more samples nothing is said."""
+_POSELESS_SHARE = 0.02
+_POSE_REACH_NS = 2 * _SECOND
+
+
+def listened_in(energies: SlotEnergies) -> tuple[Stretch, ...]:
+    """Whole seconds in which at least half of the slots say something, laid together."""
+    per_second = max(1, round(1.0 / energies.slot_s))
+    seconds = len(energies.heard) // per_second
+    heard = energies.heard[: seconds * per_second].reshape(seconds, per_second)
+    edges = np.diff(np.concatenate(([0], (heard.mean(axis=1) >= 0.5).astype(int), [0])))
+    length_ns = per_second * energies.slot_s * _SECOND
+    return tuple(
+        (
+            energies.start_ns + round(first * length_ns),
+            energies.start_ns + round(end * length_ns),
+        )
+        for first, end in zip(
+            np.flatnonzero(edges > 0).tolist(), np.flatnonzero(edges < 0).tolist(), strict=True
+        )
+    )
+
+
+def within(time_ns: NDArray[np.float64], stretches: Sequence[Stretch]) -> NDArray[np.bool_]:
+    """Whether times lie in one of some stretches."""
+    inside = np.zeros(len(time_ns), bool)
+    for begin, end in stretches:
+        inside |= (time_ns >= begin) & (time_ns < end)
+    return inside
+
+
+def missing_in_words(share: float) -> tuple[str, ...]:
+    """Say that of a flight's time only a share was listened to; nothing where it was most."""
+    if share >= _TOLD_SHARE:
+        return ()
+    return (f"there are samples of {share:.0%} of the flight: of the rest nothing is known",)
+
+
+def limits_of(energies: SlotEnergies, poses: PoseColumns) -> tuple[str, ...]:
+    """What samples and poses do not hold of each other, in words."""
+    seconds = np.concatenate(
+        [np.arange(*one, _SECOND) for one in listened_in(energies)] or [np.zeros(0, np.int64)]
+    )
+    first_ns, last_ns = int(poses.time_ns[0]), int(poses.time_ns[-1])
+    inside = np.count_nonzero((seconds >= first_ns) & (seconds <= last_ns))
+    told = missing_in_words(float(inside) * _SECOND / max(last_ns - first_ns, _SECOND))
+    at = np.clip(np.searchsorted(poses.time_ns, seconds), 1, len(poses.time_ns) - 1)
+    before, after = poses.time_ns[at - 1], poses.time_ns[at]
+    away = np.minimum(np.abs(after - seconds), np.abs(seconds - before)) > _POSE_REACH_NS
+    poseless = float(away.mean()) if len(seconds) else 0.0
+    if poseless <= _POSELESS_SHARE:
+        return told
+    return (
+        *told,
+        f"{poseless:.0%} of the samples have no pose: there the drone is taken to be on a "
+        "straight way between the poses beside, or at the nearest",
+    )
