@@ -38,7 +38,7 @@ def coverage(
     how many are (.93 to .97)? C3: the same by whole flights, judged from their samples. C2: how
     far are positions by strength off, with a map of the heights and without, and do their
     circles of 95 % hold (.9)? Exits with 1 when a bar lies beyond the 95 % interval of what was
-    measured. About an hour of a core, most of it C3. Ctrl-C prints what there is so far.
+    measured. About a quarter of an hour of a core. Ctrl-C prints what there is so far.
 
     Parameters
     ----------

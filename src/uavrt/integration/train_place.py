@@ -360,7 +360,9 @@ def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
     tables = [_table(one) for one in heard]
     gains = common_gains([one.places for one in heard])
     here = heard[0].places
-    logs = _all_logs(heard, gains, (here.east_m, here.north_m), tables, levels_db)
+    from_here = (here.east_m, here.north_m)
+    falls = _tells_falls(heard, from_here)
+    logs = _all_logs(heard, gains, from_here, tables, levels_db, falls=falls)
     area = heard[0].places.area[:, np.newaxis]
     joint = np.exp(logs - logs.max()) * area
     total = float(joint.sum())
@@ -395,19 +397,30 @@ def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
     return float(held @ special.expit(own - one.log_trains) / held.sum())
 
 
+def _tells_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]) -> bool:
+    """Whether any of some places was at different distances: what is far away was not."""
+    away_db = [_away_db(one, *east_north_m) for one in heard]
+    spread_db = np.ptp(np.concatenate(away_db, axis=1), axis=1)
+    return bool(spread_db.max() >= _SAME_RANGE_DB)
+
+
 def _all_logs(
     heard: Sequence[HeardTrain],
     gains: Sequence[_Floats],
     east_north_m: tuple[_Floats, _Floats],
     tables: Sequence[_Floats],
     levels_db: _Floats,
+    *,
+    falls: bool,
 ) -> _Floats:
-    """Log likelihood ratio and belief of each fall, place and level, over all flights."""
+    """Log likelihood ratio and belief of each fall, place and level, over all flights.
+
+    Without `falls` there is one, as none can be told from another.
+    """
     gains_db = [_gain_db(one, gain) for one, gain in zip(heard, gains, strict=True)]
-    away_db = [_away_db(one, *east_north_m) for one in heard]
-    spread_db = np.ptp(np.concatenate(away_db, axis=1), axis=1)
-    if spread_db.max() < _SAME_RANGE_DB:
+    if not falls:
         return _COUNTED * _joint_logs(heard, gains_db, tables, levels_db)[np.newaxis]
+    away_db = [_away_db(one, *east_north_m) for one in heard]
     top_db = _strongest(gains_db)
     logs = []
     for exponent in _EXPONENTS:
@@ -499,7 +512,8 @@ def _fined(
         10.0 ** ((gain_db - strongest_db.max(axis=0)[:, np.newaxis]) / 10.0)
         for gain_db in each_db
     ]
-    logs = _all_logs(heard, gains, (east_m, north_m), tables, levels_db)
+    falls = len(by_fall) > 1
+    logs = _all_logs(heard, gains, (east_m, north_m), tables, levels_db, falls=falls)
     fine = np.exp(logs - logs.max()).sum(axis=2) * distance.ravel() ** 2
     fine *= probability[likely].sum() / fine.sum()
     all_cells = np.concatenate((fine, by_fall[:, rest]), axis=1)

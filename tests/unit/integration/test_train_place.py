@@ -1,9 +1,12 @@
 """Regions of where a tag is, when the fall with distance is not known."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from uavrt.integration.train_place import Cells
 from uavrt_experiments.integrate.flights import PLANE
+from uavrt_experiments.integrate.several import fly_past, worlds
 
 
 def test_a_region_holds_for_each_fall_with_distance() -> None:
@@ -20,3 +23,15 @@ def test_a_region_holds_for_each_fall_with_distance() -> None:
     )
     assert cells.region(0.85).tolist() == [True, False, True]
     assert cells.holds(-1000.0, 0.0, 0.85)
+
+
+def test_a_strong_tag_as_far_from_both_flights_is_placed() -> None:
+    """Where it may be, distances are alike; elsewhere on the ground they are not."""
+    each = tuple(
+        replace(one, course=replace(one.course, tag_at=lambda _: (0.0, 1640.0)))
+        for one in worlds(2, 1000.0)
+    )
+    flown = fly_past(np.random.default_rng((1, 1)), each, 26.0)
+    assert flown.found
+    assert flown.off_m is not None
+    assert flown.off_m < 200.0
