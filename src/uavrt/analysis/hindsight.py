@@ -159,8 +159,21 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
         pulses=pulses,
         flights=one.flights,
         heard_live=live,
-        remarks="; ".join(one.limitations),
+        remarks="; ".join((*_ambiguity(one), *one.limitations)),
+        ambiguous=one.ambiguous is not None,
         listened=iso_intervals(listened_in(one.energies)),
+    )
+
+
+def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
+    """Say which train a tag that was not found may be."""
+    other = one.ambiguous
+    if other is None or other.ratio is None:
+        return ()
+    above, below = other.ratio
+    return (
+        f"ambiguous: a train on its frequency, every {other.interval_s:.4f} s, {above}/{below} "
+        "of its interval, may be its own",
     )
 
 

@@ -39,6 +39,10 @@ _NOT_JUDGED = (
     "nobody has looked for it over the whole flight yet (uavrt integrate), which hears weaker "
     "tags"
 )
+_AMBIGUOUS = (
+    "a train on its frequency may be its own (uavrt integrate names it): it cannot be said to "
+    "be silent"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,6 +56,8 @@ class SilentMap:
     """Confirmed ones of this tag."""
     in_hindsight: bool
     """Whether the whole flight showed it."""
+    ambiguous: bool
+    """Whether it showed a train that may be its own."""
     noise: str
     """What is known of the drone's, in words."""
     antenna: str
@@ -59,8 +65,8 @@ class SilentMap:
 
     @property
     def heard(self) -> bool:
-        """Whether it was heard at all: then silence tells nothing."""
-        return self.heard_pulses > 0 or self.in_hindsight
+        """Whether it was heard, or may have been: then silence tells nothing."""
+        return self.heard_pulses > 0 or self.in_hindsight or self.ambiguous
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -147,6 +153,8 @@ class ListenedFlight:
         )
         if verdict is None:
             coverage = replace(coverage, limitations=(*coverage.limitations, _NOT_JUDGED))
+        elif verdict.ambiguous:
+            coverage = replace(coverage, limitations=(*coverage.limitations, _AMBIGUOUS))
         return SilentMap(
             tag_id=tag.tag_id,
             tag_power_dbm=budget.tag_eirp_dbm,
@@ -156,6 +164,7 @@ class ListenedFlight:
                 for one in self.flight.pulse_poses
             ),
             in_hindsight=in_hindsight,
+            ambiguous=verdict is not None and verdict.ambiguous,
             noise=self.noise_said,
             antenna=named,
         )

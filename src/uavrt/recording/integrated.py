@@ -53,6 +53,8 @@ class IntegratedVerdict:
     """Of the train's pulses those that the flight's own log has already; not written again."""
     remarks: str = ""
     """What the figures do not hold for: another datum, ground that no file tells."""
+    ambiguous: bool = False
+    """Whether a train on its frequency may be its own, at a small ratio of its interval."""
     listened: str = ""
     """When there were samples of its channel: intervals of ISO 8601, spaces between. Empty
     where nobody knows: earlier versions did not tell."""

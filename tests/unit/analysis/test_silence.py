@@ -105,7 +105,13 @@ def test_what_cannot_be_mapped_is_told(write_flight: WriteFlight, tmp_path: Path
 
 
 def hindsight(
-    flight: Path, tag_id: int, *, found: bool, chance: float = 0.6, listened: str = ""
+    flight: Path,
+    tag_id: int,
+    *,
+    found: bool,
+    chance: float = 0.6,
+    listened: str = "",
+    ambiguous: bool = False,
 ) -> None:
     """What a whole flight said of a tag."""
     tag = next(one for one in read_flight(flight).info.tags if one.tag_id == tag_id)
@@ -116,6 +122,7 @@ def hindsight(
         interval_s=tag.pulse_intervals_s[0],
         frequency_hz=tag.frequency_hz,
         listened=listened,
+        ambiguous=ambiguous,
     )
     write_integrated(flight, [verdict], [])
 
@@ -193,4 +200,23 @@ def test_a_tag_found_in_hindsight_is_not_silent(
     asked = Silence.asked(flight, ANTENNA, wanted)
     assert answered(desk, asked)["in_hindsight"]
     with pytest.raises(UsageError, match="was heard"):
+        desk.absence(asked, wanted | {"outline": corners})
+
+
+def test_a_tag_that_may_be_another_train_is_not_silent(
+    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    silent = read_flight(flight).info.tags[1].tag_id
+    corners = around(flight, 600.0)
+    area = tmp_path / "area.geojson"
+    area.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
+    hindsight(flight, silent, found=False, ambiguous=True)
+    told = covered(flight, area, capsys)[silent]
+    assert told["not_here"] is None
+    assert any("may be its own" in text for text in told["limitations"])
+    desk, wanted = SilenceDesk(), {"tag_id": silent, "tag_power_dbm": -62}
+    asked = Silence.asked(flight, ANTENNA, wanted)
+    assert answered(desk, asked)["state"] == "done"
+    with pytest.raises(UsageError, match="cannot be said to be silent"):
         desk.absence(asked, wanted | {"outline": corners})

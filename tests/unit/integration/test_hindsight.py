@@ -19,7 +19,9 @@ from uavrt.analysis.fold_pictures import fold_of
 from uavrt.analysis.hindsight import integrated_pulses
 from uavrt.analysis.report import html_page, pdf_document
 from uavrt.cli.integrated_words import sentence
+from uavrt.clock import parse_iso_intervals
 from uavrt.errors import FormatError, RecordingError
+from uavrt.integration import OtherTrain
 from uavrt.messages import Poses, Pulse, PulsePose
 from uavrt.recording import (
     Flight,
@@ -105,6 +107,21 @@ def test_they_lie_beside_the_flight_whose_own_log_stays_as_it_was(
     posed = sum(one.pose is not None for one in pulses)
     assert posed >= len(pulses) - 2
     assert read_pulse_file(root / "integrated" / "pulses.jsonl") == pulses
+
+
+def test_a_train_that_may_be_the_tags_own_is_kept_with_the_verdict(
+    flight: Flight, result: IntegratedTag
+) -> None:
+    twice = OtherTrain(
+        interval_s=1.881, phase_s=0.1, offset_hz=0.0, drift=0.0, loud=True, ratio=(3, 2)
+    )
+    save_integrated(flight, [replace(result, found=False, place=None, others=(twice,))])
+    (verdict,), _ = read_integrated(flight.info.directory)
+    assert verdict.ambiguous
+    assert "every 1.8810 s, 3/2 of its interval" in verdict.remarks
+    # The channel was recorded from the flight's beginning to its end.
+    (heard,) = parse_iso_intervals(verdict.listened)
+    assert heard[1] - heard[0] > 0.98 * (flight.poses[-1].time_ns - flight.poses[0].time_ns)
 
 
 def test_a_tag_of_two_rates_has_pulses_only_where_it_was_at_that_rate(

@@ -133,6 +133,11 @@ class SilenceDesk:
         work = self._work
         if work is None or work.asked != asked or work.found is None:
             raise UsageError("the map is not there yet", remedy="Ask for it first")
+        if work.found.ambiguous:
+            raise UsageError(
+                f"a train on the frequency of tag {asked.tag_id} may be its own: it cannot be "
+                "said to be silent"
+            )
         if work.found.heard:
             raise UsageError(
                 f"tag {asked.tag_id} was heard: it is not silence that tells of it"
