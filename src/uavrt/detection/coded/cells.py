@@ -19,6 +19,8 @@ _ROW_SPACING = 0.3125
 """Of the frequencies, in parts of the inverse of the pulse width: 125 Hz for 2.5 ms, which
 loses 0.3 dB half-way."""
 _COLUMNS_PER_PULSE = 9.0
+UNIT = 16.0
+"""Amplitude of the noise in kept samples; what is eight times as strong is cut off."""
 _LEVELS = 25
 """Stretches of samples whose medians make the noise: 10 s."""
 _LEAST_RISE = 0.85
@@ -50,6 +52,7 @@ class Cells:
     ) -> None:
         self.length = max(2, round(pulse_width_s * sample_rate_hz))
         """Samples of a pulse."""
+        self.sample_rate_hz = sample_rate_hz
         self.hop = max(1, int(pulse_width_s * sample_rate_hz / _COLUMNS_PER_PULSE))
         """Samples from column to column."""
         self.column_s = self.hop / sample_rate_hz
@@ -71,11 +74,15 @@ class Cells:
         self.end = 0
         """Column after the last."""
         self.kept = np.full((rows, self._kept + self._kept // 4 + 4096), NEUTRAL, np.uint8)
+        self.past = np.zeros((self.kept.shape[1] * self.hop, 2), np.int8)
+        """Samples from that of `base` on, real and imaginary, in parts of the noise's."""
         self.recent = np.zeros((rows, 0), np.float32)
         """Cells up to `end`, in noise energies."""
         self._medians: list[NDArray[np.float64]] = []
         self.noise = np.ones(rows)
         """Energy of noise in a cell of each row."""
+        self.shape = np.ones(rows)
+        """Of the noise of ten seconds: that of each row over the usual one."""
 
     @property
     def recent_from(self) -> int:
@@ -107,7 +114,7 @@ class Cells:
         self._level(energy)
         cells = (energy / self.noise[:, None]).astype(np.float32)
         self.recent = np.concatenate((self.recent, cells), axis=1)[:, -self._recent :]
-        self._keep(cells)
+        self._keep(cells, samples[: count * self.hop])
         self.end += count
         return count
 
@@ -119,22 +126,31 @@ class Cells:
         now = np.median(heard, axis=1) / math.log(2.0)
         self._medians = [*self._medians, now][-_LEVELS:]
         usual = np.median(self._medians, axis=0)
+        self.shape = usual / max(float(np.median(usual)), 1e-30)
         self.noise = np.maximum(np.maximum(usual, _LEAST_RISE * now), 1e-30)
 
-    def _keep(self, cells: NDArray[np.float32]) -> None:
+    def _keep(self, cells: NDArray[np.float32], samples: NDArray[np.complex64]) -> None:
         over = cells.shape[1] - self.kept.shape[1]
         if over > 0:
             self.base, cells = self.end + over, cells[:, over:]
+            samples = samples[over * self.hop :]
         used, count = max(0, self.end - self.base), cells.shape[1]
         if used + count > self.kept.shape[1]:
             stay = min(used, self._kept)
             if stay + count > self.kept.shape[1]:
                 stay = max(0, self.kept.shape[1] - count)
             self.kept[:, :stay] = self.kept[:, used - stay : used].copy()
+            first, behind = (used - stay) * self.hop, used * self.hop
+            self.past[: stay * self.hop] = self.past[first:behind].copy()
             self.kept[:, stay:] = NEUTRAL
             self.base, used = self.end - stay, stay
         bytes_ = np.minimum(np.rint(cells / STEP), CLIP).astype(np.uint8)
         self.kept[:, used : used + count] = bytes_
+        unit = UNIT / math.sqrt(float(np.median(self.noise)))
+        pairs = samples.view(np.float32).reshape(-1, 2) * unit
+        first = used * self.hop
+        np.clip(np.rint(pairs), -127.0, 127.0, out=pairs)
+        self.past[first : first + len(pairs)] = pairs
 
     def hide(self, column: int, columns: int) -> None:
         """Take kept cells for noise, from a column on, in all rows."""

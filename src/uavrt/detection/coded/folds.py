@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.coded.cells import CLIP, STEP, Cells
-from uavrt.detection.coded.limits import longest, sum_limit
-from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, fold
+from uavrt.detection.coded.closely import look
+from uavrt.detection.coded.limits import amplitude_limit, longest, sum_limit
+from uavrt.detection.coded.sums import FIELDS, STRETCHES, CodeBook, find_seeds, fold
 from uavrt.messages import Tag
 
 _CLIP = 10.0
@@ -23,6 +24,8 @@ noise has few."""
 _COLUMNS_PER_STEP = 2.0
 """By which the last burst moves from one interval tried to the next."""
 THREE = 3
+_NEARLY = 0.88
+"""Of the least sum, from which a closer look is worth its time."""
 _CERTAIN = 20.0
 """A sum must be better by so much than that of another code with the same pulses."""
 _AWAY = 10
@@ -42,9 +45,9 @@ class Found:
     energies : ndarray of float, shape (bursts, pulses)
         In noise energies.
     score : float
-        Sum over its least.
+        Sum of amplitudes over its least.
     total : float
-        The sum.
+        Sum of energies.
     interval : float
         Columns from burst to burst.
     rivals : tuple of int
@@ -148,11 +151,12 @@ class Folds:
         least = {}
         for code in np.unique(seeds[:, 0]).tolist():
             least[code] = self._least(code, bursts, bursts * self._book.pulses)
-        enough = best[:, 0] * STEP >= np.array([least[c] for c in seeds[:, 0].tolist()])
+        nearly = _NEARLY * np.array([least[c] for c in seeds[:, 0].tolist()])
+        enough = best[:, 0] * STEP >= nearly
         for seed, one in zip(seeds[enough].tolist(), best[enough].tolist(), strict=True):
             off = error * one[1] / max(steps, 1)
-            found.append(self._found(seed, one[2], off, bursts, least[seed[0]]))
-        return [one for one in found if self._steady(one)]
+            found.append(self._found(seed, one[2], off, bursts))
+        return [one for one in found if one.score >= 1.0 and self._steady(one)]
 
     def _clip_of(self, bursts: int) -> int:
         """Most that a cell counts: pulses that three bursts show are stronger."""
@@ -168,33 +172,41 @@ class Folds:
             false_per_hour=self._false_per_hour,
         )
 
-    def _found(
-        self, seed: list[int], first: int, off: float, bursts: int, least: float
-    ) -> Found:
+    def _found(self, seed: list[int], first: int, off: float, bursts: int) -> Found:
         code, row, stretch, column, _ = seed
         interval = float(self._book.intervals[code])
         places = np.arange(first, first + bursts)
         begins = column + np.floor(places * interval + 0.5) + np.floor(places * off + 0.5)
-        columns = begins.astype(np.int64)[:, None] + self._book.offsets[code, stretch]
-        cells = self._cells
-        at = np.clip(columns - cells.base, 0, cells.kept.shape[1] - 1)
-        energies = np.minimum(cells.kept[row, at], self._clip_of(bursts)) * STEP
-        total = float(energies.sum())
+        closely = look(
+            *(self._cells, self._book.tags[code]),
+            row=row,
+            part=STRETCHES[stretch],
+            begins=begins,
+            most=self._clip_of(bursts) * STEP,
+        )
+        energies = np.minimum(closely.energies, self._clip_of(bursts) * STEP)
+        least = amplitude_limit(
+            self._book.tags[code],
+            bandwidth_hz=self._bandwidth_hz,
+            bursts=bursts,
+            pulses=energies.size,
+            false_per_hour=self._false_per_hour,
+        )
         return Found(
             tag=self._book.tags[code],
             row=row,
-            columns=columns,
+            columns=np.rint(closely.columns).astype(np.int64),
             energies=energies,
-            score=total / least,
-            total=total,
+            score=float(np.sqrt(energies).sum()) / least,
+            total=float(energies.sum()),
             interval=interval + off,
         )
 
     def _steady(self, one: Found) -> bool:
-        """Whether no single burst makes the sum: each counts twice the median at most."""
-        sums = one.energies.sum(axis=1)
-        limited = np.minimum(sums, 2.5 * np.median(sums))
-        return bool(limited.sum() >= 0.93 * one.total / max(one.score, 1.0))
+        """Whether no single burst makes the sum: each counts 1.6 times the median at most."""
+        sums = np.sqrt(one.energies).sum(axis=1)
+        limited = np.minimum(sums, 1.6 * np.median(sums))
+        return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))
 
     def _apart(self, hits: list[Found]) -> list[Found]:
         """Of hits with the same pulses the best; it names those that are nearly as good."""

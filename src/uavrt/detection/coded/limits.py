@@ -1,13 +1,14 @@
 """How large a sum must be: false identities in an hour for each code.
 
 The sum of n cells of noise has Erlang's distribution; of the sums tried in an hour only some
-are independent: how many was measured (docs/explanation/coded-tags.md).
+are independent: how many was measured (docs/explanation/coded-tags.md). Several bursts are
+judged by the sum of amplitudes, Rayleigh's, whose tail is that of Lugannani and Rice (1980).
 """
 
 import math
 from functools import lru_cache
 
-from scipy.special import gammainccinv
+from scipy.special import erf, gammainccinv, ndtr
 
 from uavrt.messages import Tag
 
@@ -19,6 +20,8 @@ _PER_CELL = 60.0
 """Independent sums for each pulse width and its inverse: cells overlap, gaps stretch."""
 _PER_INTERVAL = 1.0
 """Independent burst intervals for each pulse width by which the last burst may be off."""
+_PER_LOOK = 14.0
+"""Independent sums that a closer look tries."""
 
 
 @lru_cache(maxsize=256)
@@ -55,6 +58,53 @@ def sum_limit(
     share = _SHARES.get(bursts, 1.0 - sum(_SHARES.values()))
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
     return limit(pulses, tests, share * false_per_hour)
+
+
+def amplitude_limit(
+    tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
+) -> float:
+    """Least sum of amplitudes of several bursts, closely looked at; else as `sum_limit`."""
+    share = _SHARES.get(bursts, 1.0 - sum(_SHARES.values()))
+    tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
+    return rayleigh_limit(pulses, min(0.1, share * false_per_hour / (_PER_LOOK * tests)))
+
+
+@lru_cache(maxsize=256)
+def rayleigh_limit(count: int, chance: float) -> float:
+    """Sum of amplitudes of so many cells of noise that is reached with a chance.
+
+    Parameters
+    ----------
+    count : int
+        Cells, whose energies are exponential with mean 1.
+    chance : float
+        At most 0.1.
+    """
+    low, high = 0.02, 8.0
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        if _rayleigh_tail(count, middle)[1] > chance:
+            low = middle
+        else:
+            high = middle
+    return _rayleigh_tail(count, low)[0]
+
+
+def _rayleigh_tail(count: int, s: float) -> tuple[float, float]:
+    """A sum, by its saddle point, and the chance that noise exceeds it."""
+    half_root_pi = 0.5 * math.sqrt(math.pi)
+    h = math.exp(0.25 * s * s) * (1.0 + float(erf(0.5 * s)))
+    slope = 0.5 * s * h + 1.0 / math.sqrt(math.pi)
+    # The moment generating function and its derivatives.
+    m = 1.0 + half_root_pi * s * h
+    first = half_root_pi * (h + s * slope)
+    second = half_root_pi * (2.0 * slope + s * (0.5 * h + 0.5 * s * slope))
+    mean = first / m
+    total = count * mean
+    w = math.sqrt(2.0 * (s * total - count * math.log(m)))
+    u = s * math.sqrt(count * (second / m - mean * mean))
+    density = math.exp(-0.5 * w * w) / math.sqrt(2.0 * math.pi)
+    return total, float(ndtr(-w)) + density * (1.0 / u - 1.0 / w)
 
 
 def longest(tag: Tag, kept_s: float) -> int:

@@ -16,7 +16,7 @@ from uavrt.detection.coded.cells import Cells
 from uavrt.messages import Tag
 from uavrt.native import kernels
 
-_STRETCHES = (0.0, -0.5, 0.5, -1.0, 1.0)
+STRETCHES = (0.0, -0.5, 0.5, -1.0, 1.0)
 """Of the tolerance of all gaps together."""
 APART = 4
 """Columns within which a seed is the largest sum of its row and code."""
@@ -59,7 +59,7 @@ def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
     """Lay out codes that have as many gaps as each other."""
     gaps_s = np.array([tag.gaps_s for tag in tags])
     starts_s = np.concatenate((np.zeros((len(tags), 1)), np.cumsum(gaps_s, axis=1)), axis=1)
-    stretches = np.add.outer(np.array(_STRETCHES), (-0.25, 0.0, 0.25))
+    stretches = np.add.outer(np.array(STRETCHES), (-0.25, 0.0, 0.25))
     parts = GAP_TOLERANCE_S * stretches / starts_s[:, -1, None, None]
     fine = np.rint(starts_s[:, None, None, :] * (1.0 + parts[..., None]) / column_s)
     return CodeBook(
