@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from uavrt.detection.coded.cells import Cells
 from uavrt.detection.coded.closely import look
@@ -44,8 +45,9 @@ def cells() -> Cells:
     return made
 
 
-def begins_of(cells: Cells) -> np.ndarray:
-    return np.rint((START_S + np.arange(BURSTS)) / cells.column_s)
+def begins_of(cells: Cells) -> NDArray[np.float64]:
+    begins: NDArray[np.float64] = np.rint((START_S + np.arange(BURSTS)) / cells.column_s)
+    return begins
 
 
 def test_a_look_finds_pulses_between_the_cells(cells: Cells) -> None:
