@@ -5,9 +5,12 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
+from tests.flight.test_delivery import CODED_TAG
 
 from uavrt.config.settings import Ros2Settings
 from uavrt.messages import SystemState, SystemStatus
@@ -17,6 +20,7 @@ from uavrt.ros2.convert import tag_to_ros
 pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
 
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
+BURST = "uavrt_interfaces/msg/Burst"
 PULSE_POSE = "uavrt_interfaces/msg/PulsePose"
 
 SUBSCRIBER = """
@@ -87,10 +91,10 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
     subscriber: subprocess.Popen[str],
     wait_until: Any,
 ) -> None:
-    drone = drone_bay.launch(
-        thesis_scenario, ros2=Ros2Settings(enabled=True, domain_id=ros_domain)
-    )
+    scenario = replace(thesis_scenario, tag=(*thesis_scenario.tag, CODED_TAG))
+    drone = drone_bay.launch(scenario, ros2=Ros2Settings(enabled=True, domain_id=ros_domain))
     watch = Watch(drone, ros_peer.listen("pulse_pose", PULSE_POSE))
+    bursts = ros_peer.listen("burst", BURST)
 
     def seen(condition: Callable[[], object]) -> None:
         def look() -> bool:
@@ -102,23 +106,36 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
     # Tags and start come from ROS 2 alone.
     for topic, name in (
         ("store_tag_information", "uavrt_interfaces/msg/Tag"),
+        ("store_coded_tag_information", "uavrt_interfaces/msg/CodedTag"),
         ("release_tag_information", "std_msgs/msg/Bool"),
         ("control_start_subprocess", ARRAY),
         ("control_stop_subprocess", ARRAY),
     ):
         # The drone and the other subscriber.
         ros_peer.advertise(topic, name, subscribers=2)
-    for tag in thesis_scenario.tags:
+    for tag in scenario.tags:
         ours = tag_to_ros(tag)
         values = [getattr(ours, name) for name in type(ours).__slots__]
-        ros_peer.publish(
-            "store_tag_information", ros_peer.new("uavrt_interfaces/msg/Tag", *values)
-        )
+        message = ros_peer.new("uavrt_interfaces/msg/Tag", *values)
+        if tag.coded:
+            gaps = np.array([1e3 * gap_s for gap_s in tag.gaps_s])
+            message = ros_peer.new("uavrt_interfaces/msg/CodedTag", message, gaps)
+            ros_peer.publish("store_coded_tag_information", message)
+        else:
+            ros_peer.publish("store_tag_information", message)
     seen(lambda: watch.state() is SystemState.RECEIVING_TAGS)
     ros_peer.publish("release_tag_information", ros_peer.new("std_msgs/msg/Bool", True))
     seen(lambda: watch.state() is SystemState.HAS_TAGS)
     ros_peer.publish("control_start_subprocess", order(ros_peer, "start"))
     seen(lambda: len(watch.heard) >= 3)
+
+    # A coded tag's burst is a pulse, and besides what is inside.
+    inside: list[bytes] = []
+    seen(lambda: inside.extend(bursts()) or inside)  # type: ignore[func-returns-value]
+    burst = ros_peer.read(inside[0], BURST)
+    at_s = [one.sec + 1e-9 * one.nanosec for one in burst.starts]
+    assert np.diff(at_s) == pytest.approx(CODED_TAG.gaps_s, abs=1e-3)
+    assert burst.pulse.tag_id == CODED_TAG.tag_id
 
     # A subscriber stops, a publisher goes wild, the gateway is killed.
     subscriber.send_signal(signal.SIGSTOP)
