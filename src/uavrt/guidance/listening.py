@@ -75,7 +75,7 @@ def threshold_db(k: int, *, coded: bool = False) -> float:
     A line through what `uavrt.detection.enr_needed_db` gives for tags of 20 ms, of exact and of
     usual intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. To work
     it out on the drone would take scipy.stats, twice as much memory as the guide has. One coded
-    burst of four pulses takes 9.7 dB a pulse, three 6.1, ten 3.1.
+    burst of four pulses takes 9.7 dB a pulse, three 6.0, ten 2.7.
     """
     return (9.7 if coded else 11.4) - 6.6 * log10(max(1, k))
 
