@@ -12,11 +12,11 @@ PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: demo test lint types bench locks licences browser screenshots video docs clean setup wheels try-arm64
+.PHONY: demo test lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
-test: $(STAMP) browser  ## lint, types, import contracts, manual, all tests
+test: $(STAMP) browser disk-tools  ## lint, types, import contracts, manual, all tests
 	$(MAKE) --no-print-directory -j 2 types lint docs
 	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder -r fEsxR
 
@@ -51,6 +51,12 @@ browser:                ## Chromium, which the tests of the page drive
 	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	    apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; \
 	  else echo "The tests of the page need Chromium: sudo apt install chromium"; fi; }
+
+disk-tools:             ## what packs an image for the drone, of which the tests pack a small one
+	@PATH=$$PATH:/usr/sbin:/sbin; { command -v sfdisk && command -v mkfs.vfat && command -v mcopy; } >/dev/null || { \
+	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	    apt-get update -qq && apt-get install -y -qq --no-install-recommends fdisk dosfstools mtools >/dev/null; \
+	  else echo "The test of the image needs: sudo apt install fdisk dosfstools mtools"; fi; }
 
 screenshots: $(STAMP) browser  ## pictures of the page, by its test, into docs/images
 	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/browser/test_page.py tests/flight/browser/test_page_past.py tests/flight/browser/test_page_strength.py tests/flight/browser/test_page_hands.py tests/flight/browser/test_page_fly.py tests/flight/browser/test_page_wizard.py

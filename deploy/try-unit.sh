@@ -1,37 +1,16 @@
 #!/bin/sh
 # Is the confined service still able to fly? `sudo deploy/try-unit.sh`
 #
-# Boots a systemd of its own (apt install systemd-container) over a copy-on-write view of this
-# system, installs uavrt there with deploy/install.sh as its own user, gives it a radio that
-# is a program and an autopilot at a serial port, detects for half a minute, and shows what
-# the service reports. Needs root and the package servers; what it writes is removed at the end.
+# Boots a systemd of its own over a copy-on-write view of this system (own-systemd.sh), installs
+# uavrt there with deploy/install.sh as its own user, gives it a radio that is a program and an
+# autopilot at a serial port, detects for half a minute, and shows what the service reports.
+# Needs root and the package servers; what it writes is removed at the end.
 set -eu
 
-source=$(cd "$(dirname "$0")/.." && pwd)
-work=$(mktemp -d)
-mkdir "$work/upper" "$work/work" "$work/root"
-leader=
-finish() {
-    [ -z "$leader" ] || nsenter -t "$leader" -a systemctl poweroff 2>/dev/null || true
-    sleep 3
-    umount "$work/root" 2>/dev/null || true
-    rm -rf --one-file-system "$work"
-}
-trap finish EXIT
-trap 'exit 130' INT TERM
+. "$(dirname "$0")/own-systemd.sh"
 
-mount -t overlay overlay -o "lowerdir=/,upperdir=$work/upper,workdir=$work/work" "$work/root"
-tr -d - </proc/sys/kernel/random/uuid >"$work/root/etc/machine-id"
-systemd-nspawn -D "$work/root" --register=no --keep-unit --console=pipe --boot \
-    </dev/null >"$work/log" 2>&1 &
-container=$!
-sleep 10
-leader=$(pgrep -P "$container" | head -1)
-[ -n "$leader" ] || { cat "$work/log"; exit 1; }
-inside() { nsenter -t "$leader" -a "$@"; }
-
-inside env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin PYTHON=/usr/bin/python3 \
-    PIP_CERT=/etc/ssl/certs/ca-certificates.crt "$source/deploy/install.sh" --radio none
+boot
+install_uavrt --radio none
 python=/opt/uavrt/venv/bin/python
 inside "$python" - <<'PYTHON'
 """The world, the tags, and settings with a stand-in radio and a serial port."""

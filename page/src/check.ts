@@ -15,6 +15,7 @@ const NAMES: Record<string, string> = {
   disk: "Disk",
   battery: "Battery",
   card: "Card",
+  clock: "Clock",
 };
 
 let timer: number | undefined;

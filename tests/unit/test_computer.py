@@ -231,7 +231,7 @@ def test_silence_at_the_autopilots_port_is_a_fault(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_lost_clock_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checks, "wall_ns", lambda: 86_400 * 10**9)
+    monkeypatch.setattr("uavrt.card.wall_ns", lambda: 86_400 * 10**9)
     assert not checks.check_clock().ok
 
 

@@ -340,6 +340,21 @@ def test_a_version_whose_process_dies_again_and_again_is_not_tried_for_ever(
     assert "had to be restarted" in trial.fault
 
 
+@pytest.mark.parametrize("silent", ["the service", "the autopilot"])
+def test_a_version_that_falls_silent_when_armed_does_not_stay_for_ever(silent: str) -> None:
+    """The last word was "armed": the battery was taken out, or the version is dead."""
+    trial = Trial(ALL, 0.0)
+    for second in range(600):
+        records: list[object] = [system(armed=True)] if second <= 100 else []
+        if second > 100 and silent == "the autopilot":
+            records = [system(status="waiting for autopilot", armed=None)]
+        verdict = trial.judge(records, float(second))
+        if verdict is not Verdict.OPEN:
+            break
+    assert verdict is Verdict.BAD
+    assert 100 + 180 < second <= 100 + 180 + 6
+
+
 # ----------------------------------------------------------------- the installation
 
 

@@ -7,6 +7,7 @@ from uavrt.computer import (
     FlightFacts,
     check_card,
     check_disk,
+    check_kept_time,
     check_radio,
     first_flight,
 )
@@ -51,7 +52,7 @@ class _Ear:
         self._bench = Bench()
         self._status: SystemStatus | None = None
         self._battery_percent: float | None = None
-        self._here = (check_disk(settings), check_card(settings))
+        self._here = (check_disk(settings), check_card(settings), check_kept_time())
 
     def take(self, record: object, now_ns: int) -> None:
         """Hear a record."""

@@ -7,7 +7,13 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.computer.autopilot_setup import armed_by_link, examine_autopilot
     from uavrt.computer.bench import Bench, FlightFacts, first_flight
-    from uavrt.computer.checks import check_card, check_disk, check_radio, examine
+    from uavrt.computer.checks import (
+        check_card,
+        check_disk,
+        check_kept_time,
+        check_radio,
+        examine,
+    )
     from uavrt.computer.finding import Finding
     from uavrt.computer.first_setup import FirstSetup
     from uavrt.computer.service import ServicePlan, install, remove, status
@@ -29,6 +35,7 @@ __all__ = [
     "armed_by_link",
     "check_card",
     "check_disk",
+    "check_kept_time",
     "check_radio",
     "data_home",
     "examine",
@@ -57,6 +64,7 @@ __getattr__ = lazily(
         "Verdict": "trial",
         "armed_by_link": "autopilot_setup",
         "check_card": "checks",
+        "check_kept_time": "checks",
         "check_disk": "checks",
         "check_radio": "checks",
         "data_home": "starter",

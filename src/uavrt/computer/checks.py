@@ -8,11 +8,18 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from uavrt import native
-from uavrt.clock import Clock, wall_ns
-from uavrt.computer.card import WORN_TENTHS, battery_clock_off_s, card_of
+from uavrt.card import (
+    NEW_CARD,
+    battery_clock_off_s,
+    card_of,
+    clock_fault,
+    clock_is_lost,
+)
+from uavrt.clock import Clock
 from uavrt.computer.finding import Finding
 from uavrt.config import Settings
 from uavrt.errors import UavrtError
@@ -21,12 +28,8 @@ from uavrt.messages import SystemState, SystemStatus
 from uavrt.radio import check_device, usb_radios
 
 THERMAL = Path("/sys/class/thermal")
-OLDEST_TIME_NS = 1_750_000_000 * 10**9
-"""June 2025: a computer that believes in an earlier time has lost its clock."""
 LISTEN_S = 4.0
 """Heartbeats come once a second."""
-BATTERY_CLOCK_OFF_S = 5.0
-"""It counts whole seconds, and is set when the computer is shut down."""
 HOT_C = 80.0
 """A Raspberry Pi 5 slows down from 80 °C (Raspberry Pi documentation, frequency management)."""
 IDLE_CORES_NEEDED = 0.5
@@ -173,38 +176,32 @@ def _listen(settings: Settings) -> tuple[bool, str]:
 
 def check_clock() -> Finding:
     """Is the clock set? Every time in a flight hangs on it."""
-    what = "clock"
-    if wall_ns() < OLDEST_TIME_NS:
-        return Finding(
-            what=what,
-            ok=False,
-            text=time.strftime("believes it is %Y-%m-%d %H:%M UTC", time.gmtime()),
-            remedy="sudo timedatectl set-time, or fit a battery for the clock",
-        )
-    synchronized = _timedatectl()
-    now = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
-    off_s = battery_clock_off_s()
-    if off_s is None:
-        now += ", no battery clock"
-    elif abs(off_s) > BATTERY_CLOCK_OFF_S:
-        return Finding(
-            what=what,
-            ok=False,
-            text=f"{now}, but the battery clock is {off_s:+.0f} s off",
-            remedy="sudo hwclock --systohc when the time is right; if it comes again, change "
-            "the clock's battery",
-        )
-    else:
-        now += ", battery clock agrees"
+    kept = check_kept_time()
+    if not kept.ok or not (synchronized := _timedatectl()):
+        return kept
     if synchronized == "no":
-        return Finding(
-            what=what,
-            ok=False,
-            text=f"{now}, not synchronized",
-            remedy="Connect it to a time server once before the flight, or check it by eye",
-        )
+        remedy = "Connect it to a time server once before the flight, or check it by eye"
+        return replace(kept, ok=False, text=f"{kept.text} · not synchronized", remedy=remedy)
+    return replace(kept, text=f"{kept.text} · synchronized")
+
+
+def check_kept_time() -> Finding:
+    """Does this computer know the time by itself, as it has to where there is no network?"""
+    fault = clock_fault()
+    text = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
+    if fault is None:
+        kept = battery_clock_off_s() is not None
+        text += " · battery clock agrees" if kept else " · no battery clock"
+        return Finding(what="clock", ok=True, text=text)
+    if clock_is_lost():
+        remedy = "sudo timedatectl set-time, or fit a battery for the clock"
+        return Finding(what="clock", ok=False, text=fault, remedy=remedy)
     return Finding(
-        what=what, ok=True, text=now + (", synchronized" if synchronized == "yes" else "")
+        what="clock",
+        ok=False,
+        text=f"{text} · {fault}",
+        remedy="sudo hwclock --systohc when the time is right; if it comes again, change the "
+        "clock's battery",
     )
 
 
@@ -249,21 +246,15 @@ def check_card(settings: Settings) -> Finding:
         return Finding(what=what, ok=True, text="this computer does not tell of it")
     text = f"{card.device} ({card.kind})"
     if card.written_gb is not None:
-        text += f", {card.written_gb:,.0f} GB written so far"
+        text += f" · {card.written_gb:,.0f} GB written so far"
     if card.life_used_tenths is not None:
-        text += f", {10 * card.life_used_tenths} % of its life used"
-    faults = []
-    if card.read_only:
-        faults.append("read-only: nothing more is recorded")
-    if card.errors:
-        faults.append(f"{card.errors} errors of the file system")
-    if (card.life_used_tenths or 0) >= WORN_TENTHS:
-        faults.append("worn out")
+        text += f" · {10 * card.life_used_tenths} % of its life used"
+    faults = card.faults()
     return Finding(
         what=what,
         ok=not faults,
-        text=", ".join([text, *faults]),
-        remedy="Fetch the flights, then use a new card" if faults else "",
+        text=" · ".join([text, *faults]),
+        remedy=NEW_CARD if faults else "",
     )
 
 

@@ -2,7 +2,8 @@
 
 A new version is taken for good when, for a minute without a gap, the autopilot's heartbeat and
 fresh poses were there and no process had to be restarted; otherwise the one before comes back.
-While the vehicle is armed nothing is exchanged: a version that is short of something flies on.
+While the vehicle is armed nothing is exchanged: a version that is short of something flies on,
+until for three minutes nobody has heard that it is armed.
 """
 
 from dataclasses import dataclass, field
@@ -82,6 +83,11 @@ class Seen:
                 armed = process.counters.get(ARMED)
                 self.armed = None if armed is None else bool(armed)
 
+    def is_armed(self, now_s: float) -> bool:
+        """Whether the autopilot is heard, and says that it is armed."""
+        heard = self.heartbeat_s is not None and now_s - self.heartbeat_s <= GAP_S
+        return heard and bool(self.armed)
+
     def missing(self, needs: Needs, now_s: float) -> str:
         """Name what is not there now; nothing when all is."""
         wanted = [(self.status_s, "the service")]
@@ -135,7 +141,7 @@ class Trial:
             self._good_from_s = now_s
         if self._good_from_s is not None and now_s - self._good_from_s >= self._hold_s:
             return Verdict.GOOD
-        if self.seen.armed:
+        if self.seen.is_armed(now_s):
             self._from_s = now_s
         # What begins again and again, as a process that dies does, must not go on for ever:
         # only what was good when patience ended may still become so.

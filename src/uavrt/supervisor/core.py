@@ -105,6 +105,7 @@ class Supervisor:
         self._store = StateStore(directory)
         self._disk = DiskGuard(directory, settings.recording)
         self._disk_task: asyncio.Future[None] | None = None
+        self._next_disk_s = 0.0
         self._launcher = launcher or Launcher()
         self._operations = Operations(
             settings.recording, lambda step: self._publish("operation", step), self._tell
@@ -155,7 +156,7 @@ class Supervisor:
         systemd = SystemdNotifier()
         systemd.ready()
         status_period_s = min(STATUS_PERIOD_S, systemd.watchdog_s or STATUS_PERIOD_S)
-        next_status_s = next_disk_s = 0.0
+        next_status_s = 0.0
         heap = HeapKeeper(time.monotonic())
         while not self._stopping:
             self._wake.clear()
@@ -169,8 +170,8 @@ class Supervisor:
                 self._end_capture_when_over()
                 heap.keep(now_s)
                 systemd.alive(self.mission.state.value)
-            if now_s >= next_disk_s:
-                next_disk_s = now_s + DISK_PERIOD_S
+            if now_s >= self._next_disk_s:
+                self._next_disk_s = now_s + DISK_PERIOD_S
                 self._look_at_disk()
             await self._sleep()
         systemd.stopping()
@@ -215,12 +216,14 @@ class Supervisor:
 
     def _flight_started(self, flight: FlightInfo) -> None:
         self._last_pulses.flight_started()
-        self._wall_clock.flight_started()
         self._fleet.make_sample_roads()
         self._output.open_flight(Path(flight.directory))
         self._disk.flying(Path(flight.directory))
         self._publish("flight", flight)
         self._progress.started(flight)
+        if (text := self._wall_clock.flight_started()) is not None:
+            self._tell(4, text)
+        self._next_disk_s = 0.0  # what is wrong with the card is told as it begins
 
     def _end_flight_soon(self) -> None:
         self._progress.stopping()

@@ -8,10 +8,12 @@ service's group ``uavrt`` may watch and command.
 
 import asyncio
 import contextlib
+import errno
 import grp
 import os
 import pwd
 import socket
+from collections.abc import Iterator
 
 from uavrt.errors import ConfigError
 from uavrt.ipc import decode_record, encode_record
@@ -24,6 +26,8 @@ log = get_logger()
 GATHER_S = 0.1
 """For people to look at: what comes meanwhile goes together."""
 VIEWER_BUFFER_BYTES = 1_000_000
+TAKES_NOTHING = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)
+"""Of a card that is read-only, full or failing."""
 
 
 class Viewers:
@@ -53,8 +57,8 @@ class Viewers:
             else:
                 writer.write(data)
 
-    async def serve(self, path: str) -> asyncio.Server:
-        """Open the socket.
+    async def serve(self, path: str) -> asyncio.Server | None:
+        """Open the socket; None on a card that takes nothing, which must not end the flight.
 
         Raises
         ------
@@ -62,19 +66,20 @@ class Viewers:
             The path cannot be used, or another system is there.
         """
         require_unserved(path)
-        with contextlib.suppress(OSError):
-            os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
-            os.unlink(path)
-        old_mask = os.umask(0o117 if _has_own_group() else 0o177)
         try:
-            return await asyncio.start_unix_server(self._serve_one, path, limit=262144)
+            os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(path)
+            with _for_us_alone():
+                return await asyncio.start_unix_server(self._serve_one, path, limit=262144)
         except OSError as error:
+            if error.errno in TAKES_NOTHING:
+                log.error("nobody can look on: no status socket", reason=error.strerror)
+                return None
             raise ConfigError(
                 f"cannot open the status socket {path}: {error.strerror}",
                 remedy="Set status_socket to a path in a writable directory, below 100 bytes",
             ) from error
-        finally:
-            os.umask(old_mask)
 
     async def _serve_one(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
@@ -112,6 +117,16 @@ def require_unserved(path: str) -> None:
         f"another uavrt is already using {path}",
         remedy="Stop it first (uavrt monitor shows it), or set another status_socket",
     )
+
+
+@contextlib.contextmanager
+def _for_us_alone() -> Iterator[None]:
+    """Make files for their owner, and for the owner's own group."""
+    old_mask = os.umask(0o117 if _has_own_group() else 0o177)
+    try:
+        yield
+    finally:
+        os.umask(old_mask)
 
 
 def _has_own_group() -> bool:

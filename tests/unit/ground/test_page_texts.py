@@ -12,7 +12,10 @@ from types import ModuleType
 import pytest
 from page_texts import CATALOGUE, PAGE, for_people, literals
 
-from uavrt.computer import bench
+from uavrt import card
+from uavrt.card import Card
+from uavrt.computer import bench, checks
+from uavrt.config import Settings
 from uavrt.ground import fetch, link, web
 from uavrt.ground.web import actions
 
@@ -83,6 +86,33 @@ def test_what_the_server_says_of_buttons_and_checks_has_words() -> None:
     texts |= said(actions, "_reason") | said(bench, "_good", "_bad")
     assert len(texts) > 50
     assert {text for text in texts if not has_words(text)} == set()
+
+
+def test_what_a_drones_own_page_says_of_card_and_clock_has_words(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ill = Card(
+        device="/dev/mmcblk0p2",
+        kind="ext4",
+        read_only=True,
+        errors=2,
+        written_gb=900.0,
+        life_used_tenths=10,
+    )
+    monkeypatch.setattr(checks, "card_of", lambda _directory: ill)
+    found = [checks.check_card(Settings())]
+    for off_s, synchronized in ((None, "no"), (0.0, "yes"), (-60.0, "yes")):
+        monkeypatch.setattr(checks, "battery_clock_off_s", lambda off_s=off_s: off_s)
+        monkeypatch.setattr(card, "battery_clock_off_s", lambda off_s=off_s: off_s)
+        monkeypatch.setattr(checks, "_timedatectl", lambda answer=synchronized: answer)
+        found.append(checks.check_clock())
+    monkeypatch.setattr(card, "wall_ns", lambda: 0)
+    found.append(checks.check_clock())
+    assert [one.ok for one in found] == [False, False, True, False, False]
+    texts = {part for one in found for text in (one.text, one.remedy) for part in parts(text)}
+    shown = {text for text in texts if not re.fullmatch(r"[\d: -]+ UTC", text)}
+    assert len(shown) > 12
+    assert {text for text in shown if not has_words(text)} == set()
 
 
 FOR_TERMINALS = {"page", "server", "keys"}

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from willing_drone import WillingDrone
 
+from uavrt.card import Card
 from uavrt.cli.ground import ground
 from uavrt.computer import FirstSetup, checks
-from uavrt.computer.card import Card
 from uavrt.config import load_settings, write_default_settings
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import ConfigError, UavrtError

@@ -2,15 +2,14 @@
 
 import contextlib
 import random
-import subprocess
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from loop_card import LoopCard, loop_card
 
-from uavrt.computer import card as card_module
+from uavrt import card as card_module
 from uavrt.computer import checks
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.errors import RecordingError
@@ -28,57 +27,12 @@ from uavrt.supervisor.mission import DiskGuard
 DAY_NS = 86_400 * 10**9
 SPRING_NS = 1_777_600_000 * 10**9
 """May 2026."""
-CARD_MB, FREE_MB = 32, 4.0
-
-
-class LoopCard:
-    """A small ext4 in a file, mounted as Debian mounts a card."""
-
-    def __init__(self, directory: Path) -> None:
-        self.image, self.place = directory / "card.img", directory / "card"
-        self.place.mkdir()
-        with open(self.image, "wb") as file:
-            file.truncate(CARD_MB * 1_000_000)
-        self._run("mkfs.ext4", "-q", "-m", "0", str(self.image))
-        self.mount()
-
-    def mount(self) -> None:
-        options = "loop,errors=remount-ro"
-        self._run("mount", "-t", "ext4", "-o", options, str(self.image), str(self.place))
-
-    def unmount(self) -> None:
-        self._run("umount", str(self.place))
-
-    def fail(self) -> None:
-        """Let the kernel meet an error, as with a card that is failing."""
-        said = self._run("losetup", "-n", "-O", "NAME", "-j", str(self.image))
-        name = Path(said.strip()).name
-        Path(f"/sys/fs/ext4/{name}/trigger_fs_error").write_text("1")
-
-    def check(self) -> None:
-        """Do what a computer does at boot (e2fsck(8); 1: errors were corrected)."""
-        finished = subprocess.run(["e2fsck", "-p", str(self.image)], check=False)
-        assert finished.returncode in (0, 1)
-
-    @staticmethod
-    def _run(*command: str) -> str:
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-        return done.stdout
+FREE_MB = 4.0
 
 
 @pytest.fixture
 def card(tmp_path: Path) -> Iterator[LoopCard]:
-    memory = Path("/dev/shm")  # a flush of a real disk takes longer than all else here
-    try:
-        made = LoopCard(Path(tempfile.mkdtemp(dir=memory if memory.is_dir() else tmp_path)))
-    except (OSError, subprocess.CalledProcessError) as error:
-        said = getattr(error, "stderr", "") or str(error)
-        pytest.skip(f"a file cannot be mounted here (needs root and a loop device): {said}")
-    yield made
-    subprocess.run(["umount", "--lazy", str(made.place)], check=False)
-    made.image.unlink()
-    made.place.rmdir()
-    made.place.parent.rmdir()
+    yield from loop_card(tmp_path)
 
 
 def test_a_thousand_flights_on_a_small_card_lose_nothing_that_was_promised(
@@ -175,7 +129,11 @@ def test_a_card_that_turns_read_only_keeps_what_was_recorded_and_is_told(
     assert not checks.check_disk(settings).ok
     guard = DiskGuard(card.place, RecordingSettings(minimum_free_mb=0.0))
     guard.flying(flight)
-    guard.check()  # the order of flights cannot be noted; that stops nothing
+    # The order of flights cannot be noted, which stops nothing. Each flight is told once.
+    assert [text[:22] for _, text in guard.check()] == ["Memory card: read-only"]
+    assert guard.check() == []
+    guard.flying(flight)
+    assert len(guard.check()) == 1
     assert len(read_flight(flight).pulse_poses) == 40
     # The card comes back with the next boot; the process has kept what it could not write.
     recorder._disconnect()
@@ -227,7 +185,6 @@ def test_the_battery_of_the_clock_is_looked_at(
 ) -> None:
     monkeypatch.setattr(card_module, "SYSFS", tmp_path)
     monkeypatch.setattr(card_module, "wall_ns", lambda: SPRING_NS)
-    monkeypatch.setattr(checks, "wall_ns", lambda: SPRING_NS)
     monkeypatch.setattr(checks, "_timedatectl", lambda: "yes")
     if ahead_s is not None:
         kept = tmp_path / "class/rtc/rtc0/since_epoch"
@@ -236,7 +193,7 @@ def test_the_battery_of_the_clock_is_looked_at(
     finding = checks.check_clock()
     assert finding.ok == ok
     assert says in finding.text
-    monkeypatch.setattr(checks, "wall_ns", lambda: 86_400 * 10**9)
+    monkeypatch.setattr(card_module, "wall_ns", lambda: 86_400 * 10**9)
     lost = checks.check_clock()
     assert not lost.ok
     assert "fit a battery" in lost.remedy
@@ -255,5 +212,5 @@ def test_a_worn_emmc_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     settings = Settings(recording=RecordingSettings(directory=str(tmp_path)))
     finding = checks.check_card(settings)
     assert not finding.ok
-    assert "3 errors of the file system, worn out" in finding.text
+    assert "3 errors of the file system · worn out" in finding.text
     assert "812 GB written" in finding.text

@@ -1,8 +1,11 @@
 """The socket by which a running system is watched."""
 
 import asyncio
+import errno
+import os
 import socket
 import stat
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -22,8 +25,29 @@ def test_two_systems_cannot_share_a_socket(tmp_path: Path) -> None:
         _, writer = await asyncio.open_unix_connection(path)
         writer.close()
         await writer.wait_closed()
+        assert server is not None
         server.close()
         await asyncio.sleep(0.05)  # the connections end
+
+    asyncio.run(main())
+
+
+def test_a_card_that_takes_nothing_ends_no_flight_for_want_of_a_socket(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(number: int) -> Callable[..., None]:
+        def unlink(_path: str) -> None:
+            raise OSError(number, os.strerror(number))
+
+        return unlink
+
+    async def main() -> None:
+        for number in (errno.EROFS, errno.ENOSPC):
+            monkeypatch.setattr(os, "unlink", refused(number))
+            assert await Viewers().serve(str(tmp_path / "status.sock")) is None
+        monkeypatch.setattr(os, "unlink", refused(errno.EACCES))
+        with pytest.raises(ConfigError, match="Permission denied"):
+            await Viewers().serve(str(tmp_path / "status.sock"))
 
     asyncio.run(main())
 
@@ -37,6 +61,7 @@ def test_a_socket_that_a_killed_system_left_is_taken_over(tmp_path: Path) -> Non
     async def main() -> None:
         server = await Viewers().serve(str(path))
         assert stat.S_IMODE(path.stat().st_mode) & 0o007 == 0  # closed to everybody else
+        assert server is not None
         server.close()
 
     asyncio.run(main())

@@ -106,7 +106,7 @@ class Api:
         """The list before a first flight, each item with its remedy."""
         findings = self._session.first_flight()
         if self._drone_settings is not None:
-            findings.append(await asyncio.to_thread(_card, self._drone_settings))
+            findings += await asyncio.to_thread(_card_and_clock, self._drone_settings)
         return [asdict(finding) for finding in findings]
 
     async def tags(self, request: Request) -> Any:
@@ -511,14 +511,14 @@ def _json_response(value: Any, status: int) -> Response:
     return Response(encode(value), status, media_type="application/json")
 
 
-def _card(drone_settings: Path) -> Finding:
-    """Look at the card of the drone's flights, which is in this computer."""
-    from uavrt.computer import check_card
+def _card_and_clock(drone_settings: Path) -> list[Finding]:
+    """Look at the card of the drone's flights, which is in this computer, and at its clock."""
+    from uavrt.computer import check_card, check_kept_time
 
     settings = load_settings(drone_settings)
     directory = str(drone_settings.parent / settings.recording.directory)
     recording = replace(settings.recording, directory=directory)
-    return check_card(replace(settings, recording=recording))
+    return [check_card(replace(settings, recording=recording)), check_kept_time()]
 
 
 async def json_body(request: Request) -> Any:

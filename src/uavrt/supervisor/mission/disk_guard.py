@@ -1,13 +1,14 @@
 """The disk guard: warns when space runs out, and frees space if configured to.
 
-A full disk never stops detection: the recorder keeps what it cannot write and tries again, the
-processes' output is dropped and counted.
+It also tells what is wrong with the card. A full disk never stops detection: the recorder keeps
+what it cannot write and tries again, the processes' output is dropped and counted.
 """
 
 import os
 import shutil
 from pathlib import Path
 
+from uavrt.card import NEW_CARD, card_of
 from uavrt.config import RecordingSettings
 from uavrt.log import get_logger
 from uavrt.recording import FlightLayout, flights_in_order, note_flight
@@ -34,6 +35,8 @@ class DiskGuard:
         self._to_note: Path | None = None
         self._flight: Path | None = None
         self._warned = False
+        self._card_faults = 0
+        """Kinds of faults that were told in this flight."""
         self.free_mb: float | None = None
         """Free space [MB]; None before the first look and where it cannot be measured."""
 
@@ -41,6 +44,8 @@ class DiskGuard:
         """Report which flight is being written; it is never removed."""
         self._flight = flight
         self._to_note = flight or self._to_note
+        if flight is not None:
+            self._card_faults = 0
 
     def check(self) -> list[tuple[int, str]]:
         """Measure; get texts (severity, text) for the operator. Runs in a thread of its own."""
@@ -64,7 +69,16 @@ class DiskGuard:
             texts.append(
                 (4, f"Disk nearly full: {self.free_mb:.0f} MB free. Detection goes on")
             )
-        return texts
+        return texts + self._look_at_card()
+
+    def _look_at_card(self) -> list[tuple[int, str]]:
+        """Get a text when the card has another kind of fault than before in this flight."""
+        card = card_of(self._directory)
+        faults = card.faults() if card is not None else []
+        known, self._card_faults = self._card_faults, len(faults)
+        if len(faults) <= known:
+            return []
+        return [(3, f"Memory card: {', '.join(faults)}. {NEW_CARD}")]
 
     def _is_short(self, free_mb: float | None) -> bool:
         return free_mb is not None and free_mb < self._limit_mb

@@ -1,5 +1,6 @@
 """Note wall clock corrections during a flight; the flight keeps its own time."""
 
+from uavrt.card import clock_fault
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 NOTED_S = 0.5
@@ -12,9 +13,11 @@ class WallClockWatch:
     def __init__(self) -> None:
         self._noted_s = 0.0
 
-    def flight_started(self) -> None:
-        """From here on the two agree."""
+    def flight_started(self) -> str | None:
+        """From here on the two agree; return a text if the time they agree on is wrong."""
         self._noted_s = 0.0
+        fault = clock_fault()
+        return None if fault is None else f"Drone's clock: {fault}"
 
     def check(self, correction_ns: int) -> str | None:
         """Compare the wall clock with the flight's; return a text if a change is new."""

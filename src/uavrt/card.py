@@ -8,6 +8,7 @@ as Debian and Raspberry Pi OS have it. An SD card says nothing of its wear; an e
 
 import errno
 import os
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,6 +21,11 @@ MOUNTS = Path("/proc/self/mounts")
 SYSFS = Path("/sys")
 WORN_TENTHS = 9
 """An eMMC that has used 80 to 90 % of its life."""
+NEW_CARD = "Fetch the flights, then use a new card"
+OLDEST_TIME_NS = 1_750_000_000 * 10**9
+"""June 2025: a computer that believes in an earlier time has lost its clock."""
+BATTERY_CLOCK_OFF_S = 5.0
+"""It counts whole seconds, and is set when the computer is shut down."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +43,17 @@ class Card:
     life_used_tenths: int | None
     """Of an eMMC."""
 
+    def faults(self) -> list[str]:
+        """Name what is wrong with it; nothing when it is in good health."""
+        found = []
+        if self.read_only:
+            found.append("read-only: nothing more is recorded")
+        if self.errors:
+            found.append(f"{self.errors} errors of the file system")
+        if (self.life_used_tenths or 0) >= WORN_TENTHS:
+            found.append("worn out")
+        return found
+
 
 def card_of(directory: Path) -> Card | None:
     """Look at the file system of a directory; None where the kernel does not tell it."""
@@ -51,17 +68,25 @@ def card_of(directory: Path) -> Card | None:
     name = os.path.basename(os.path.realpath(device)) if device.startswith("/dev/") else ""
     about = SYSFS / "fs" / kind / name
     written_kb = _number(about / "lifetime_write_kbytes") if name else None
+    errors = _number(about / "errors_count") if name else None
     return Card(
         device=device,
         kind=kind,
-        read_only=_is_read_only(place),
-        errors=_number(about / "errors_count") if name else None,
+        # Where no error was counted there is none, and nothing need be written to learn it.
+        read_only=_is_mounted_so(place) or (errors != 0 and _takes_nothing(place)),
+        errors=errors,
         written_gb=None if written_kb is None else written_kb / 1e6,
         life_used_tenths=_life_used(name) if name else None,
     )
 
 
-def _is_read_only(directory: Path) -> bool:
+def _is_mounted_so(directory: Path) -> bool:
+    with suppress(OSError):
+        return bool(os.statvfs(directory).f_flag & os.ST_RDONLY)
+    return False
+
+
+def _takes_nothing(directory: Path) -> bool:
     """Try it, with a file that gets no name: since Linux 6.15 an error sets no flag."""
     try:
         os.close(os.open(directory, os.O_TMPFILE | os.O_WRONLY, 0o600))
@@ -99,3 +124,19 @@ def battery_clock_off_s() -> float | None:
     """
     kept_s = _number(SYSFS / "class/rtc/rtc0/since_epoch")
     return None if kept_s is None else kept_s - wall_ns() / NANOSECONDS_PER_SECOND
+
+
+def clock_is_lost() -> bool:
+    """Whether this computer believes in a time that is over."""
+    return wall_ns() < OLDEST_TIME_NS
+
+
+def clock_fault() -> str | None:
+    """Name what is wrong with this computer's clock or its battery's; None: nothing known."""
+    if clock_is_lost():
+        seconds = wall_ns() // NANOSECONDS_PER_SECOND
+        return time.strftime("believes it is %Y-%m-%d %H:%M UTC", time.gmtime(seconds))
+    off_s = battery_clock_off_s()
+    if off_s is not None and abs(off_s) > BATTERY_CLOCK_OFF_S:
+        return f"the battery clock is {off_s:+.0f} s off"
+    return None
