@@ -31,10 +31,12 @@ from uavrt.recording import read_flight
 from uavrt.simulation import demo_scenario, write_scenario
 
 HERE = Path(__file__).parent
+PYTHON = "/opt/uavrt/venv/bin/python"
 UAVRT = "/opt/uavrt/venv/bin/uavrt"
 LOOKS = ["radio", "permissions", "autopilot", "clock", "disk", "card", "processor"]
 LOOKS.append("temperature")
 RATE_HZ = 250_000.0
+SAMPLES_S = os.environ.get("SAMPLES_S", "40")
 MOST_DB = 1e-3
 FEED_S = 0.05
 KILLED = ("connection", "detector-1", "recorder", "receiver")
@@ -131,12 +133,21 @@ def check_doctor(there: Emulated) -> str:
     return processor[3:].strip()
 
 
+def check_kernels(there: Emulated) -> str:
+    """Are the compiled kernels for this processor, and loaded?"""
+    ask = "from uavrt import native; print(native.description())"
+    done = there.run(PYTHON, "-c", ask)
+    said = done.stdout.strip()
+    require("compiled kernels for aarch64" in said, f"detection by {said}{done.stderr}")
+    return said
+
+
 def check_recording(there: Emulated) -> str:
     """Are the pulses those of this machine?"""
     world = there.shared / "world"
     ours = there.shared / "ours.jsonl"
     uavrt = [sys.executable, "-m", "uavrt.cli"]
-    arguments = ["simulate", "demo", "--duration", "40", "--sample-rate", str(RATE_HZ)]
+    arguments = ["simulate", "demo", "--duration", SAMPLES_S, "--sample-rate", str(RATE_HZ)]
     subprocess.run([*uavrt, *arguments, "-o", str(world)], check=True, capture_output=True)
     recording = next(world.glob("*.sigmf-meta"))
     tags = world / "tags.toml"
@@ -166,7 +177,7 @@ def check_recording(there: Emulated) -> str:
     require(apart_db <= MOST_DB, f"SNRs are up to {apart_db:.2g} dB apart")
     return (
         f"{len(a)} pulses: times within {apart_ns} ns, SNR within {apart_db:.1g} dB "
-        f"(40 s of samples in {took_s:.0f} s, emulated)"
+        f"({SAMPLES_S} s of samples in {took_s:.0f} s, emulated)"
     )
 
 
@@ -341,7 +352,7 @@ def main() -> int:
     """Check all; 1 when one does not hold."""
     there = Emulated(Path(sys.argv[1]).resolve())
     wanted = sys.argv[2:]
-    for check in (check_doctor, check_recording, check_page, check_flight):
+    for check in (check_doctor, check_kernels, check_recording, check_page, check_flight):
         name = check.__name__.removeprefix("check_")
         if wanted and name not in wanted:
             continue

@@ -4,13 +4,13 @@
 # The packages are fetched by this machine's apt into lists of their own, their signatures checked
 # with this machine's Debian keys, and unpacked. Their scripts are not run, which debootstrap's
 # second stage would do slowly in the emulator; what uavrt needs of them is done here. Needs no
-# root. What is there already stays.
+# root. What is there already stays. LIST names another list than packages.txt.
 set -eu
 
 work=$1
 suite=${SUITE:-bookworm} mirror=${MIRROR:-http://deb.debian.org/debian}
 here=$(cd "$(dirname "$0")" && pwd)
-packages="$(sed 's/#.*//' "$here/packages.txt" | tr '\n' ' ') ${PACKAGES:-}"
+packages="$(sed 's/#.*//' "${LIST:-$here/packages.txt}" | tr '\n' ' ') ${PACKAGES:-}"
 mkdir -p "$work/apt/lists/partial" "$work/apt/cache/archives/partial" "$work/apt/empty"
 : >"$work/apt/status"
 keys=/usr/share/keyrings/debian-archive-keyring.gpg

@@ -1,0 +1,75 @@
+#!/bin/sh
+# Are detection and its kernels the same on 64-bit ARM? short.sh DIRECTORY
+#
+# The short form of try-arm64.sh, a minute of it, for every run of the tests: a root with nothing
+# but Python, libraries as wheels, a wheel of this source with kernels that a cross compiler makes
+# here (Debian's, unpacked below DIRECTORY, where the machine has none), and one recording, whose
+# pulses must be those of this machine. Ends with 77 where that cannot be tried. What is in
+# DIRECTORY is used again.
+set -eu
+
+work=${1:?short.sh DIRECTORY}
+mkdir -p "$work"
+work=$(cd "$work" && pwd)
+here=$(cd "$(dirname "$0")" && pwd)
+source=$(cd "$here/../.." && pwd)
+python=${PYTHON:-$source/.venv/bin/python}
+skip() { printf '%s\n' "short.sh: skipped: $*"; exit 77; }
+
+command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || skip "no Debian packages here"
+LIST=$here/packages-short.txt "$here/make-root.sh" "$work" >"$work/root.log" 2>&1 ||
+    skip "no packages of Debian: $(tail -n 1 "$work/root.log")"
+[ -x "$work/qemu-aarch64-static" ] || skip "no emulator: apt install qemu-user-static"
+said=$("$here/enter.sh" "$work" uname -m 2>&1) || true
+[ "$said" = aarch64 ] || skip "emulation is not possible here: $said"
+
+# The compiler, as if it were installed.
+cc=aarch64-linux-gnu-gcc
+if ! command -v $cc >/dev/null; then
+    cross=$work/cross
+    if [ ! -e "$cross/.complete" ]; then
+        mkdir -p "$cross/archives/partial"
+        apt-get install -y -qq --download-only --no-install-recommends -o Debug::NoLocking=true \
+            -o Dir::Cache::archives="$cross/archives" gcc-aarch64-linux-gnu libc6-dev-arm64-cross \
+            >"$work/cross.log" 2>&1 || skip "no compiler for it: $(tail -n 1 "$work/cross.log")"
+        rm -f "$cross"/archives/lib*san*.deb # sanitizers, half of it all
+        for deb in "$cross"/archives/*.deb; do dpkg-deb -x "$deb" "$cross"; done
+        sed -i 's|/usr/aarch64-linux-gnu/lib/||g' "$cross"/usr/aarch64-linux-gnu/lib/lib[cm].so
+        touch "$cross/.complete"
+    fi
+    LD_LIBRARY_PATH=$cross/usr/lib/$(uname -m)-linux-gnu
+    export LD_LIBRARY_PATH
+    libc=$cross/usr/aarch64-linux-gnu
+    cc="$cross/usr/bin/$cc -isystem $libc/include -B$libc/lib -L$libc/lib"
+fi
+
+# The program: a wheel of this source for that processor, without the page.
+copy=$work/copy
+rm -rf "$copy" "$work/wheel"
+mkdir -p "$copy"
+(cd "$source" && git ls-files -z src deploy native pyproject.toml hatch_build.py README.md LICENSE |
+    tar -c --null -T - | tar -x -C "$copy")
+(cd "$copy" && CC=$cc UAVRT_PLATFORM=manylinux_2_17_aarch64 UAVRT_PAGE=optional \
+    "$python" -m hatchling build -t wheel -d "$work/wheel" >"$work/wheel.log" 2>&1) ||
+    { cat "$work/wheel.log"; exit 1; }
+unset LD_LIBRARY_PATH
+environment=$work/root/opt/uavrt/venv
+fetch() {
+    "$python" -m pip install -q --disable-pip-version-check --no-compile --no-deps --upgrade \
+        --target "$environment/lib" --only-binary=:all: --implementation cp --python-version 3.11 \
+        --abi cp311 --abi abi3 --abi none --platform manylinux_2_34_aarch64 \
+        --platform manylinux_2_28_aarch64 --platform manylinux_2_17_aarch64 \
+        --platform manylinux2014_aarch64 --platform linux_aarch64 "$@"
+}
+if [ ! -e "$environment/.complete" ]; then
+    fetch --require-hashes -r "$source/deploy/locks/drone.txt" >"$work/pip.log" 2>&1 ||
+        skip "no wheels for it: $(tail -n 1 "$work/pip.log")"
+    mkdir -p "$environment/bin"
+    printf '#!/bin/sh\nPYTHONPATH=/opt/uavrt/venv/lib exec python3 "$@"\n' >"$environment/bin/python"
+    printf '#!/bin/sh\nexec /opt/uavrt/venv/bin/python -m uavrt.cli "$@"\n' >"$environment/bin/uavrt"
+    chmod +x "$environment"/bin/*
+    touch "$environment/.complete"
+fi
+rm -rf "$environment"/lib/uavrt "$environment"/lib/uavrt-*.dist-info
+fetch "$work"/wheel/*.whl
+SAMPLES_S=16 "$python" "$here/checks.py" "$work" kernels recording
