@@ -6,6 +6,7 @@ makes and reads its bytes; ours are made by `uavrt.ros2.cdr`. Everything stays o
 
 import os
 import platform
+import signal
 import socket
 import subprocess
 import sys
@@ -32,6 +33,11 @@ PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("here", PATIENT)
 settings.register_profile("fixed", PATIENT, derandomize=True)
 settings.load_profile("fixed" if os.environ.get("CI") else "here")
+
+# A shell starts what it runs in the background deaf to Ctrl-C, and so would be all programs
+# that are started here, of which many are to end by it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 REAL_TIME_MODULES = {"asyncio", "subprocess"}

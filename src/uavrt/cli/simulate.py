@@ -59,6 +59,12 @@ def simulate(
             sample_rate_hz=sample_rate,
             on_progress=show,
         )
+    if recording.outside:
+        ids = ", ".join(map(str, recording.outside))
+        console.print(
+            f"Tags outside the recorded band, of which there is nothing in it: {ids}. "
+            "Record at a higher --sample-rate, or set radio.center_frequency_hz"
+        )
     print(
         f"{recording.data}: {recording.samples} samples, {recording.pulses} pulses "
         f"(true ones in {recording.truth.name}, tags in {recording.tag_info.name})"

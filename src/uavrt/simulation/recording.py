@@ -44,6 +44,8 @@ class SimulatedRecording:
     scenario: Path
     samples: int
     pulses: int
+    outside: tuple[int, ...]
+    """Tags on frequencies that the recorded band does not reach."""
 
 
 def simulate_to_directory(
@@ -134,6 +136,9 @@ def _record(
         scenario=base / "scenario.toml",
         samples=total,
         pulses=len(pulses),
+        outside=tuple(
+            tag.tag_id for tag in scenario.tags if not synthesizer.in_band(tag.frequency_hz)
+        ),
     )
     # The small files first: if the disk fills up, what is there can still be understood.
     write_scenario(scenario, result.scenario)

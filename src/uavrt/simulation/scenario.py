@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Len
 
+from uavrt.config import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Pose, Tag
 from uavrt.simulation import geometry
 from uavrt.simulation.antenna import Antenna
@@ -19,6 +20,8 @@ from uavrt.simulation.relief import Terrain
 
 Positive = Annotated[float, Gt(0)]
 NonNegative = Annotated[float, Ge(0)]
+Carrier = Annotated[float, Ge(MIN_FREQUENCY_HZ), Le(MAX_FREQUENCY_HZ)]
+"""As tag files have it: megahertz written for hertz are refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +38,7 @@ class Radio(ScenarioRecord):
     """The simulated receiver and its faults."""
 
     sample_rate_hz: Positive = 3_000_000.0
-    center_frequency_hz: Positive | None = None
+    center_frequency_hz: Carrier | None = None
     """Where the radio is tuned unless its command line says so; None: amid the tags."""
     gain: Annotated[int, Ge(0), Le(21)] = 21
     gain_step_db: Annotated[float, Ge(0), Le(6)] = 2.0
@@ -62,7 +65,7 @@ class SimulatedTag(ScenarioRecord):
     """A tag as the operator lists it (first block) and as it really is (the rest)."""
 
     tag_id: Annotated[int, Ge(1)]
-    frequency_hz: Positive
+    frequency_hz: Carrier
     pulse_width_s: Annotated[float, Gt(0), Le(1)]
     pulse_intervals_s: Annotated[tuple[Positive, ...], Len(1, 2)]
     interval_uncertainty_s: NonNegative = 0.0
@@ -130,7 +133,7 @@ class Interferer(ScenarioRecord):
     """Something else that the radio hears."""
 
     kind: Literal["carrier", "impulses"]
-    frequency_hz: Positive | None = None
+    frequency_hz: Carrier | None = None
     """Carrier: its frequency."""
     power_dbm: Annotated[float, Ge(-200), Le(0)] = -130.0
     """Carrier: power at the antenna connector. Impulses: power while one lasts."""

@@ -72,7 +72,7 @@ class IQSynthesizer:
         self._carriers = [
             _Carrier(interferer, self)
             for interferer in scenario.interferer
-            if interferer.kind == "carrier" and self._in_band(interferer.frequency_hz or 0.0)
+            if interferer.kind == "carrier" and self.in_band(interferer.frequency_hz or 0.0)
         ]
         self._pulses: dict[tuple[int, int], tuple[int, NDArray[np.complex64]]] = {}
         self._chunk_index: int | None = None
@@ -124,7 +124,8 @@ class IQSynthesizer:
             sample_index / self.true_sample_rate_hz * 1e9
         )
 
-    def _in_band(self, frequency_hz: float) -> bool:
+    def in_band(self, frequency_hz: float) -> bool:
+        """Whether a frequency is within what the radio samples."""
         return abs(frequency_hz - self.true_center_hz) < self.true_sample_rate_hz / 2
 
     def _make_chunk(self, chunk_index: int) -> None:
@@ -181,7 +182,7 @@ class IQSynthesizer:
     def _synthesize(self, pulse: TruePulse) -> tuple[int, NDArray[np.complex64]]:
         begin = self.index_at(pulse.start_time_ns)
         count = max(0, self.index_at(pulse.end_time_ns) - begin)
-        if not self._in_band(pulse.frequency_hz):
+        if not self.in_band(pulse.frequency_hz):
             return begin, np.empty(0, dtype=np.complex64)
         turns_per_sample = (pulse.frequency_hz - self.true_center_hz) / self.true_sample_rate_hz
         start_s = self.scenario.elapsed_s(pulse.start_time_ns)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from uavrt.guidance.seeker import KEPT, MARGIN
 from uavrt.planning import (
     DeterminantStop,
     HonestStop,
@@ -307,13 +308,17 @@ T5_DRONES = replace(
     north_m=1000.0,
     tags=4,
     start_m=(0.0, 0.0),
+    # As a real drone keeps away: see `uavrt.guidance.seeker`.
+    keep_away=KeepAway(radius_m=50.0, probability=KEPT, margin=MARGIN),
     limit_s=900,
     bars=(
         Bar(quantity="complete, share"),
         Bar(quantity=APART, least=1.0),
         Bar(quantity="inside the radius, share", most=0.01),
     ),
-    contenders=tuple(one for one in _TOGETHER if one.drones > 1 and one.stop == "ours"),
+    contenders=tuple(
+        replace(one, careful=True) for one in _TOGETHER if one.drones > 1 and one.stop == "ours"
+    ),
 )
 SCENARIOS: dict[str, Scenario] = {
     one.name: one

@@ -15,6 +15,7 @@ from uavrt.planning import (
     Found,
     GroundReflection,
     Hold,
+    MiRate,
     Path,
     Planner,
     Polygon,
@@ -169,7 +170,10 @@ def fly(
     return _Flight(flies, contender, seed, particles).flown()
 
 
-def _planner_of(contender: Contender) -> Planner:
+def planner_of(contender: Contender) -> Planner:
+    """The planner by its name, or as a contender wants it."""
+    if contender.careful:
+        return MiRate(careful=True)
     if contender.planner == "shannon" and contender.turn_s > 0.0:
         return Shannon(rotation_s=contender.turn_s)
     return planner_named(contender.planner)
@@ -198,7 +202,7 @@ class _Flight:
         self.search = Search(
             settings,
             beliefs,
-            _planner_of(contender),
+            planner_of(contender),
             np.random.default_rng((seed, 4)),
         )
         self.state = VehicleState(

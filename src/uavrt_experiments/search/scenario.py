@@ -86,15 +86,18 @@ class Contender:
     drones: int = 1
     corners: bool = False
     """Several drones start at several corners of the area, else all at one."""
+    careful: bool = False
+    """Ours as a drone flies it that must not disturb any animal."""
 
     def __str__(self) -> str:
         own = "" if self.filter == "ours" else ", authors' filter"
         stop = ", our stop" if self.stop == "ours" else ""
         turning = f", turns of {self.turn_s:g} s" if self.turn_s else ""
+        careful = ", careful" if self.careful else ""
         several = "" if self.drones == 1 else f", {self.drones} drones"
         several += " from corners" if self.corners else ""
         easier = ", easier case" if self.easier else ""
-        return f"{self.planner}{several}{own}{stop}{turning}{easier}"
+        return f"{self.planner}{careful}{several}{own}{stop}{turning}{easier}"
 
 
 PUBLISHED = Contender(planner="renyi", filter="TrackerBots")

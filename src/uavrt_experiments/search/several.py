@@ -14,9 +14,8 @@ from uavrt.planning import (
     SearchTogether,
     Separation,
     VehicleState,
-    planner_named,
 )
-from uavrt_experiments.search.flight import Judged, Outcome, beliefs_of, judged
+from uavrt_experiments.search.flight import Judged, Outcome, beliefs_of, judged, planner_of
 from uavrt_experiments.search.scenario import Contender, Scenario
 from uavrt_experiments.search.world import World
 
@@ -82,7 +81,7 @@ class FlightOfSeveral:
             settings,
             beliefs_of(scenario, contender, seed, particles, self.world),
             self.states,
-            lambda: planner_named(contender.planner),
+            lambda: planner_of(contender),
             {number: np.random.default_rng((seed, 4, number)) for number in self.states},
             separation=SEPARATION,
         )

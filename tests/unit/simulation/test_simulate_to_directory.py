@@ -47,6 +47,19 @@ def test_the_integer_recording_differs_only_by_its_rounding(tmp_path: Path) -> N
     np.testing.assert_allclose(pairs.view(np.complex64), expected, atol=1 / 32767)
 
 
+def test_tags_that_the_band_does_not_reach_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    simulate("demo", output=tmp_path / "wide", duration=0.1, sample_rate=RATE_HZ)
+    assert "outside" not in capsys.readouterr().err
+    simulate("demo", output=tmp_path / "narrow", duration=0.1, sample_rate=20e3)
+    said = " ".join(capsys.readouterr().err.split())
+    frequencies = {tag.tag_id: tag.frequency_hz for tag in demo_scenario(60.0).tags}
+    outside = [one for one, hz in frequencies.items() if abs(hz - 148.68e6) >= 10e3]
+    assert outside
+    assert f"of which there is nothing in it: {', '.join(map(str, outside))}." in said
+
+
 def test_truth_telemetry_and_tags_stand_beside_the_samples(tmp_path: Path) -> None:
     scenario = demo_scenario(60.0, seed=6)
     result = simulate_to_directory(scenario, tmp_path, duration_s=9.0, sample_rate_hz=RATE_HZ)
