@@ -3,6 +3,7 @@
 # isort: off
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import Between, Hertz, HertzOrZero, TagIds
+from uavrt.cli.outputs import make_directory
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
@@ -118,6 +119,8 @@ def integrate(
             "--moves is of several flights", remedy="Name further flights, or leave it out"
         )
     flown = [read_flight(one) for one in (flight, *others)]
+    if plot is not None:
+        make_directory(plot, "--plot")
     asked = _Asked(
         recording=recording,
         opened={

@@ -72,7 +72,9 @@ class Course:
             quaternion_wxyz=np.stack((np.cos(half), nothing, nothing, np.sin(half)), axis=1),
         )
 
-    def gain_db(self, east_m: float, north_m: float, pattern: AntennaPattern) -> _Floats:
+    def gain_db(
+        self, east_m: float, north_m: float, pattern: AntennaPattern | None = None
+    ) -> _Floats:
         """Level of a pulse at each time, relative to the strongest."""
         level_db = self.level_db(east_m, north_m, pattern)
         return np.asarray(level_db - level_db.max())

@@ -15,9 +15,11 @@ import numpy as np
 from uavrt.integration import (
     FoldedTrain,
     SlotEnergies,
+    Weights,
     chance,
     hypotheses_of,
     low_rank_weights,
+    pulse_weights,
     search_drifting,
 )
 from uavrt_experiments.detection import Case, Experiment
@@ -25,6 +27,7 @@ from uavrt_experiments.integrate.false_alarms import NOMINAL
 from uavrt_experiments.integrate.flights import (
     INTERVAL_S,
     Course,
+    Truth,
     World,
     add_pulses,
     lawnmower,
@@ -43,6 +46,7 @@ NARROW = {"slack_s": 0.002, "window_hz": 60.0}
 """What is folded."""
 _BELOW_DB = (-2.0, -1.25, -0.5, 0.25)
 """Levels tried, from the bar."""
+_ABOVE_DB = (0.0, 1.5, 3.0, 4.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +55,8 @@ class Heard:
 
     enr_db: float
     found: bool
+    known: bool | None = None
+    """Whether it is found by who knows its place and the fall with distance; None: not said."""
 
 
 def narrow_world(course: Course) -> World:
@@ -58,10 +64,19 @@ def narrow_world(course: Course) -> World:
     return World(course=course, **NARROW)
 
 
-def best_train(world: World, energies: SlotEnergies, drift: float = 0.0) -> FoldedTrain:
-    """The likeliest train of a narrow search, its chance that of the whole one."""
-    places, chosen = looked_at(world.course)
-    weights = low_rank_weights(places.gain[chosen], places.time_s, energies, INTERVAL_S)
+def best_train(
+    world: World,
+    energies: SlotEnergies,
+    drift: float = 0.0,
+    weights: Weights | None = None,
+) -> FoldedTrain:
+    """The likeliest train of a narrow search, by default of all places.
+
+    Its chance is that of the whole search.
+    """
+    if weights is None:
+        places, chosen = looked_at(world.course)
+        weights = low_rank_weights(places.gain[chosen], places.time_s, energies, INTERVAL_S)
     train = search_drifting(energies, weights, world.tag, drift)
     if train.loud:
         return train
@@ -78,6 +93,31 @@ def best_train(world: World, energies: SlotEnergies, drift: float = 0.0) -> Fold
     )
 
 
+def best_known(
+    world: World, energies: SlotEnergies, truth: Truth, enr_db: float
+) -> FoldedTrain:
+    """The likeliest train with the weights of the true place, fall with distance and level.
+
+    No other place is counted, and intervals only as far as they differ over the part of the
+    flight in which its pulses count: what any search may reach, and not one of unknown place.
+    """
+    course = world.course
+    gain = 10.0 ** (0.1 * course.gain_db(truth.east_m, truth.north_m))
+    weight = pulse_weights(gain, 10.0 ** (0.1 * enr_db))
+    weights = Weights.over(
+        weight[np.newaxis], np.ones((1, 1)), course.time_s, energies, INTERVAL_S
+    )
+    train = best_train(world, energies, weights=weights)
+    middle_s = np.average(course.time_s, weights=weight**2)
+    spread_s = math.sqrt(np.average((course.time_s - middle_s) ** 2, weights=weight**2))
+    hypotheses = train.hypotheses * min(1.0, math.sqrt(12.0) * spread_s / course.duration_s)
+    return replace(
+        train,
+        hypotheses=hypotheses,
+        false_alarm_probability=chance(train.log_probability, hypotheses),
+    )
+
+
 def fly(
     rng: np.random.Generator,
     course: Course,
@@ -86,6 +126,7 @@ def fly(
     drift: float = 0.0,
     searched_drift: float = 0.0,
     lost: bool = False,
+    known: bool = False,
 ) -> Heard:
     """Fly past a tag whose strongest pulse has a level."""
     world = narrow_world(course)
@@ -98,8 +139,14 @@ def fly(
         for first in rng.integers(0, len(samples) - 375, len(samples) // 7500):
             there[first : first + 375] = False
         samples[~there] = 0.0
-    train = best_train(world, world.energies(samples, there), searched_drift)
-    return Heard(enr_db=enr_db, found=train.false_alarm_probability <= NOMINAL)
+    energies = world.energies(samples, there)
+    train = best_train(world, energies, searched_drift)
+    best = best_known(world, energies, truth, enr_db) if known else None
+    return Heard(
+        enr_db=enr_db,
+        found=train.false_alarm_probability <= NOMINAL,
+        known=None if best is None else best.false_alarm_probability <= NOMINAL,
+    )
 
 
 def _curve(
@@ -108,28 +155,32 @@ def _curve(
     *,
     name: str = "",
     seconds: float = 0.5,
+    below_db: Sequence[float] = _BELOW_DB,
+    known: bool = False,
     **kinds: float | bool,
 ) -> Case:
-    levels = [most_db + below for below in _BELOW_DB]
+    levels = [most_db + below for below in below_db]
     case = course.name + name
 
     def trial(rng: np.random.Generator, index: int) -> Heard:
-        return fly(rng, course, levels[index % len(levels)], **kinds)  # type: ignore[arg-type]
+        level = levels[index % len(levels)]
+        return fly(rng, course, level, known=known, **kinds)  # type: ignore[arg-type]
+
+    def rows(outcomes: Sequence[Heard]) -> list[Row]:
+        found = [(one.enr_db, one.found) for one in outcomes]
+        made = [level_row("I3" if kinds else "I2", case, most_db, found)]
+        if known:
+            told = [(one.enr_db, bool(one.known)) for one in outcomes]
+            made.append(level_row("I2", f"{case}, by who knows the place", None, told))
+        return made
 
     return Case(
         name=case,
         trials=600,
         seconds=seconds,
         trial=trial,
-        rows=lambda outcomes: [
-            level_row(
-                "I3" if kinds else "I2",
-                case,
-                most_db,
-                [(one.enr_db, one.found) for one in outcomes],
-            )
-        ],
-        least=8,
+        rows=rows,
+        least=2 * len(levels),
     )
 
 
@@ -205,7 +256,13 @@ I2 = Experiment(
         _curve(passing(exponent=4.0), 2.9),
         _curve(lawnmower(exponent=2.0), 0.9, seconds=0.7),
         _curve(lawnmower(exponent=4.0), 2.4, seconds=0.7),
-        _curve(lawnmower(exponent=4.0, outside_m=None), 4.6, seconds=0.7),
+        _curve(
+            lawnmower(exponent=4.0, outside_m=None),
+            4.6,
+            seconds=1.5,
+            below_db=_ABOVE_DB,
+            known=True,
+        ),
         Case(
             name="narrow and whole search",
             trials=150,

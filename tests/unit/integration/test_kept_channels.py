@@ -162,3 +162,21 @@ def test_a_piece_that_is_cut_off_is_used_as_far_as_it_goes(flown: Path) -> None:
                 samples += len(block.samples)
         assert len(source.left_out) == 1
     assert samples == pytest.approx(first.samples - size / 4, abs=2)
+
+
+def test_a_place_for_pictures_that_cannot_be_made_is_refused_before_the_search(
+    flown: Path,
+) -> None:
+    """It was found out after minutes of work, and what had been found was not told."""
+    with pytest.raises(UavrtError, match=r"cannot be made.*--plot"):
+        app(
+            [
+                "integrate",
+                str(flown),
+                "--tag",
+                "2",
+                "--plot",
+                str(flown / "flight.sqlite" / "x"),
+            ]
+        )
+    assert not (flown / "integrated").exists()
