@@ -18,7 +18,7 @@ demo: $(STAMP)          ## the whole system on this machine
 
 test: $(STAMP) browser disk-tools  ## lint, types, import contracts, manual, all tests
 	$(MAKE) --no-print-directory -j 2 types lint docs
-	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder -r fEsxR
+	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder -r fEsxR --durations 25 --durations-min 10
 
 lint: $(STAMP)          ## style, layers, dead code, licences
 	$(BIN)/ruff check .
@@ -55,7 +55,7 @@ browser:                ## Chromium, which the tests of the page drive
 disk-tools:             ## what packs an image for the drone, of which the tests pack a small one
 	@PATH=$$PATH:/usr/sbin:/sbin; { command -v sfdisk && command -v mkfs.vfat && command -v mcopy; } >/dev/null || { \
 	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
-	    apt-get update -qq && apt-get install -y -qq --no-install-recommends fdisk dosfstools mtools >/dev/null; \
+	    apt-get update -qq && apt-get install -y -qq --no-install-recommends fdisk dosfstools mtools >/dev/null || echo "Without them the test of the image is skipped"; \
 	  else echo "The test of the image needs: sudo apt install fdisk dosfstools mtools"; fi; }
 
 screenshots: $(STAMP) browser  ## pictures of the page, by its test, into docs/images
