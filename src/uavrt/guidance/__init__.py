@@ -42,11 +42,20 @@ if TYPE_CHECKING:
     from uavrt.guidance.plan_file import fence_file, survey_file
     from uavrt.guidance.plans import plan_of, survey_places
     from uavrt.guidance.reports import now_of, wish_of, wish_record, with_place
-    from uavrt.guidance.seeker import TAG_HEIGHT_M, Choice, Equipment, Seeker
+    from uavrt.guidance.seeker import (
+        AWAY_MARGIN,
+        KEPT_AWAY,
+        TAG_HEIGHT_M,
+        Choice,
+        Equipment,
+        Seeker,
+    )
     from uavrt.guidance.way_text import way_in
     from uavrt.guidance.wishes import FlyThere, GoHome, VehicleCommand, Wish
 
 __all__ = [
+    "AWAY_MARGIN",
+    "KEPT_AWAY",
     "MANNERS",
     "TAG_HEIGHT_M",
     "Authority",
@@ -127,6 +136,8 @@ __getattr__ = lazily(
         "PositionLost": "observed",
         "PositionSeen": "observed",
         "Seeker": "seeker",
+        "AWAY_MARGIN": "seeker",
+        "KEPT_AWAY": "seeker",
         "TAG_HEIGHT_M": "seeker",
         "Standing": "authority",
         "SticksSeen": "observed",

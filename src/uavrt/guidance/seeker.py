@@ -76,9 +76,9 @@ CYCLE_S = 5.0
 """Between two decisions under way."""
 SAME_GOAL_M = 10.0
 """A goal that moved by less is the same: it is flown to the end."""
-KEPT = 0.99
+KEPT_AWAY = 0.99
 """Probability, for each way and tag, that the animals are kept away from."""
-MARGIN = 1.4
+AWAY_MARGIN = 1.4
 """Of the distance that ways are planned with: a walking animal turns, and each of a thousand
 decisions may be the one in a hundred that was wrong."""
 APPROACHED = 2.0
@@ -182,7 +182,7 @@ class Seeker:
                 vehicle=Multirotor(speed_m_s=limits.speed_m_s, acceleration_m_s2=3.0),
                 area=area,
                 stop=HonestStop(radius95_m=order.wish_m),
-                keep_away=KeepAway(radius_m=away, probability=KEPT, margin=MARGIN)
+                keep_away=KeepAway(radius_m=away, probability=KEPT_AWAY, margin=AWAY_MARGIN)
                 if away > 0.0
                 else None,
                 energy=EnergyModel(),
@@ -475,7 +475,7 @@ class Seeker:
     def _approached(self, state: VehicleState) -> bool:
         """Whether an animal has probably come nearer than when it began to stay."""
         near = self._search.near(state)
-        return near > 1.0 - KEPT and near > APPROACHED * self._near
+        return near > 1.0 - KEPT_AWAY and near > APPROACHED * self._near
 
     def _decide(
         self, state: VehicleState, now: VehicleNow, others: Sequence[Neighbour]

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from uavrt.guidance.seeker import KEPT, MARGIN
+from uavrt.guidance import AWAY_MARGIN, KEPT_AWAY
 from uavrt.planning import (
     DeterminantStop,
     HonestStop,
@@ -309,7 +309,7 @@ T5_DRONES = replace(
     tags=4,
     start_m=(0.0, 0.0),
     # As a real drone keeps away: see `uavrt.guidance.seeker`.
-    keep_away=KeepAway(radius_m=50.0, probability=KEPT, margin=MARGIN),
+    keep_away=KeepAway(radius_m=50.0, probability=KEPT_AWAY, margin=AWAY_MARGIN),
     limit_s=900,
     bars=(
         Bar(quantity="complete, share"),
