@@ -12,6 +12,7 @@ from uavrt.planning.actions import FlyTo, Leg, Return
 from uavrt.planning.area import SearchArea, check_reach
 from uavrt.planning.beliefs import Beliefs
 from uavrt.planning.beside import Beside
+from uavrt.planning.common_fall import CommonFall
 from uavrt.planning.energy import Battery, EnergyModel
 from uavrt.planning.keep_away import KeepAway
 from uavrt.planning.situation import Decision, Planner, Situation
@@ -75,6 +76,7 @@ class Search:
         self._planner, self._rng = planner, rng
         self.found: dict[int, Found] = {} if found is None else found
         self.decisions: list[tuple[float, Decision]] = []
+        self._fall = CommonFall()
 
     def check(self, state: VehicleState, battery: Battery | None = None) -> None:
         """Refuse what cannot be flown, before anything moves.
@@ -149,6 +151,7 @@ class Search:
     ) -> Decision:
         """What to do now: home when it is time, else what the planner says."""
         air = wind or Wind()
+        self._fall.share(self.beliefs.values())
         decision = self._home(state, air, battery)
         if decision is None:
             situation = self.situation(state, air, beside)

@@ -62,7 +62,7 @@ def _trackerbots(name: str, title: str, threshold_db: float, *bars: Bar) -> Scen
         ),
         vehicle=_TRACKERBOTS,
         paper_stop=DeterminantStop(limit_m4=1e4),
-        our_stop=HonestStop(radius95_m=24.5),
+        our_stop=HonestStop(radius95_m=28.0),
         bars=bars,
         contenders=_all(*_BASELINES),
     )
@@ -108,13 +108,13 @@ T4 = Scenario(
         speed_m_s=10.0, acceleration_m_s2=5.0, yaw_rate_deg_s=60.0, turns_first=True
     ),
     paper_stop=LongestAxisStop(limit_m=15.0),
-    our_stop=HonestStop(radius95_m=26.0),
+    our_stop=HonestStop(radius95_m=24.5),
     start_yaw_deg=-90.0,
     height_m=30.0,
     first_plan_s=16,
     cycle_s=8,
     stops_each_cycle=True,
-    keep_away=KeepAway(radius_m=50.0, probability=0.97, margin=1.5),
+    keep_away=KeepAway(radius_m=50.0, probability=0.93, margin=1.25),
     limit_s=1200,
     bars=(
         Bar(quantity="complete, share", least=1.0),
@@ -239,9 +239,10 @@ T7 = Scenario(
     ),
     baseline_share=0.5,
 )
-_EASIER = (
-    Contender(planner="mi_rate", stop="ours"),
-    Contender(planner="mi_rate", stop="ours", easier=True),
+_EASIER = tuple(
+    Contender(planner="mi_rate", stop=stop, easier=easier)
+    for stop in STOPS
+    for easier in (False, True)
 )
 _STRENGTHS = replace(
     T2,

@@ -325,6 +325,8 @@ class ParticleTracker:
 
     def __init__(self, prior: TagPrior, rng: Generator, *, particles: int = 10_000) -> None:
         self._prior, self._rng, self._count = prior, rng, particles
+        self._told_exponent = (0.0, 0.0)
+        """Precision, and mean times precision, of what others told of the exponent."""
         self._state = self._fresh(particles)
         self._weight: _Singles = np.full(particles, 1.0 / particles, np.float32)
         self._time_s: float | None = None
@@ -346,7 +348,8 @@ class ParticleTracker:
         area = prior.area
         mode = self._modes(count)
         velocity = self._velocities(mode)
-        exponent = prior.exponent + prior.exponent_sigma * self._normal(count)
+        middle, sigma = self._exponent_before()
+        exponent = middle + sigma * self._normal(count)
         level, variance = prior.level_db, prior.level_sigma_db**2
         return _Particles(
             east_m=rng.uniform(area.west_m, area.east_m, count).astype(np.float32),
@@ -563,6 +566,38 @@ class ParticleTracker:
         self._wonder(float(np.log(BY_CHANCE * ANY_STRENGTH)) + 1.0 - gained)
         return gained
 
+    def exponent(self) -> tuple[float, float]:
+        """Mean and variance of the exponent of the path loss."""
+        exponent, weight = self._state.exponent, self._weight
+        mean = float(weight @ exponent)
+        return mean, float(weight @ (exponent - mean) ** 2)
+
+    def take_exponent(self, precision: float, weighted: float) -> None:
+        """Update with what is known of the exponent from elsewhere, as a normal likelihood.
+
+        Parameters
+        ----------
+        precision : float
+            One over its variance.
+        weighted : float
+            Its mean times the precision.
+        """
+        known, before = self._told_exponent
+        self._told_exponent = (known + precision, before + weighted)
+        exponent = self._state.exponent
+        self._weigh((weighted - 0.5 * precision * exponent) * exponent)
+        self._spread_out()
+
+    def _exponent_before(self) -> tuple[float, float]:
+        """Mean and standard deviation of the exponent but for the tag's own pulses."""
+        prior = self._prior
+        if prior.exponent_sigma == 0.0:
+            return prior.exponent, 0.0
+        known, weighted = self._told_exponent
+        own = 1.0 / prior.exponent_sigma**2
+        precision = own + known
+        return (own * prior.exponent + weighted) / precision, float(np.sqrt(1.0 / precision))
+
     def estimate(self) -> TrackEstimate:
         """Report where the tag is, as far as known."""
         state, weight = self._state, self._weight
@@ -671,7 +706,12 @@ class ParticleTracker:
         self._surprise = max(0.0, self._surprise + nats)
         if self._surprise > self._LOST_NATS:
             self._renew()
-        elif 1.0 / float(self._weight @ self._weight) < self._count / 2:
+        else:
+            self._spread_out()
+
+    def _spread_out(self) -> None:
+        """Draw the hypotheses anew where few of them hold nearly all of the weight."""
+        if 1.0 / float(self._weight @ self._weight) < self._count / 2:
             self._state = self._resampled(self._count)
             self._even()
 

@@ -1,0 +1,108 @@
+"""What tags of one area have in common: how their levels fall with distance.
+
+Each tracker learns its own exponent, as if no other tag were there. But ground and plants are
+those of the area: a tag that was flown round tells the exponent of all. Without that, two
+hypotheses of each other tag, near and weak or far and strong, stay apart for minutes.
+
+Each tag's likelihood of the exponent is summed up as a normal one: what its posterior has
+beyond its prior and what others told it (expectation propagation with one message for each tag;
+Minka 2001, "Expectation Propagation for Approximate Bayesian Inference"). What it learnt from
+others is thus never told back to them.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from uavrt.planning.beliefs import TagBelief
+
+APART = 0.15
+"""How much the exponents of two tags in one area differ, one standard deviation."""
+_SURE = 0.95
+"""Probability that a tag exists from which on it tells others."""
+_NEWS = 1.25
+"""A tag tells anew when it knows so many times as much."""
+_PLACED_M = 50.0
+"""Root mean square of a tag's cloud below which it is known where it is."""
+_MOST = 1.0 / 0.1**2
+"""Precision that a tag's own pulses may claim."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Told:
+    """A normal likelihood in its natural parameters, which add up."""
+
+    precision: float = 0.0
+    weighted: float = 0.0
+    """Mean times precision."""
+
+    def plus(self, other: "_Told") -> "_Told":
+        return _Told(
+            precision=self.precision + other.precision, weighted=self.weighted + other.weighted
+        )
+
+    def minus(self, other: "_Told") -> "_Told":
+        return _Told(
+            precision=self.precision - other.precision, weighted=self.weighted - other.weighted
+        )
+
+    def scaled(self, share: float) -> "_Told":
+        return _Told(precision=self.precision * share, weighted=self.weighted * share)
+
+    def softened(self, variance: float) -> "_Told":
+        """Tell of another tag, whose exponent differs by so much."""
+        return self.scaled(1.0 / (1.0 + variance * self.precision))
+
+
+class CommonFall:
+    """Tells each tag what the others have learnt of the exponent.
+
+    Parameters
+    ----------
+    apart : float
+        Standard deviation of the difference between two tags' exponents.
+    """
+
+    def __init__(self, *, apart: float = APART) -> None:
+        self._variance = apart**2
+        self._sent: dict[int, _Told] = {}
+        self._received: dict[int, _Told] = {}
+
+    def share(self, beliefs: Iterable[TagBelief]) -> None:
+        """Take from each tag what it knows now, and give it to the others."""
+        learning = [one for one in beliefs if one.prior.exponent_sigma > 0.0]
+        if len(learning) < 2:
+            return
+        for one in learning:
+            self._ask(one)
+        if not self._sent:
+            return
+        sent = {tag: told.softened(self._variance) for tag, told in self._sent.items()}
+        for one in learning:
+            others = _Told()
+            for tag, told in sent.items():
+                others = others if tag == one.tag_id else others.plus(told)
+            news = others.minus(self._received.get(one.tag_id, _Told()))
+            if abs(news.precision) < 1e-6:
+                continue
+            one.tracker.take_exponent(news.precision, news.weighted)
+            self._received[one.tag_id] = others
+
+    def _ask(self, belief: TagBelief) -> None:
+        """Hear what a tag's own pulses say, if it is one, and gives the pulses of one."""
+        if belief.existence_probability < _SURE or not belief.model_check().passed:
+            return
+        if belief.spread().rms_m > _PLACED_M:
+            return
+        mean, variance = belief.tracker.exponent()
+        prior = belief.prior
+        known = 1.0 / prior.exponent_sigma**2
+        before = _Told(precision=known, weighted=known * prior.exponent)
+        before = before.plus(self._received.get(belief.tag_id, _Told()))
+        precision = 1.0 / max(variance, 1e-6)
+        own = _Told(precision=precision, weighted=precision * mean).minus(before)
+        if own.precision <= 0.0:
+            return
+        own = own.scaled(min(1.0, _MOST / own.precision))
+        told = self._sent.get(belief.tag_id)
+        if told is None or own.precision > _NEWS * told.precision:
+            self._sent[belief.tag_id] = own
