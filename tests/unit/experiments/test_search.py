@@ -87,7 +87,7 @@ def test_a_table_takes_the_place_of_its_earlier_one_on_the_page(tmp_path: Path) 
     rows = results(SCENARIOS["T1"], [Flown(contender=OURS, outcomes=(run, run))])
     for name, command in (("T3", "first"), ("T1", "second"), ("T3", "third")):
         text = page_section(SCENARIOS[name], rows, command, "Measured now.")
-        put_section(page, name, text, list(SCENARIOS))
+        put_section(page, name, text)
     written = page.read_text(encoding="utf-8")
     assert written.startswith("# Bars\n\nWords.\n")
     assert written.index("## T1: ") < written.index("`second`") < written.index("## T3: ")
