@@ -4,7 +4,7 @@ import math
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import active_children, get_context
 from pathlib import Path
@@ -14,10 +14,11 @@ import msgspec
 import uavrt_experiments
 from uavrt_experiments.kept import KeptOutcomes
 from uavrt_experiments.measured import digest
+from uavrt_experiments.search.bounds import least_time_s
 from uavrt_experiments.search.catalogue import SCENARIOS
-from uavrt_experiments.search.flight import Outcome, fly
+from uavrt_experiments.search.flight import Outcome, flown_case, fly, start_of
 from uavrt_experiments.search.scenario import PUBLISHED, THAN_PUBLISHED, Contender
-from uavrt_experiments.search.several import FlightOfSeveral
+from uavrt_experiments.search.several import FlightOfSeveral, starts_of
 from uavrt_experiments.search.table import Flown
 
 FOLDERS = ("localization", "planning")
@@ -62,11 +63,16 @@ def made_with() -> str:
 
 
 def flown(run: Run) -> Outcome:
-    """Fly a run; called in whatever process."""
-    scenario = SCENARIOS[run.scenario]
-    if run.contender.drones > 1:
-        return FlightOfSeveral(scenario, run.contender, run.seed, run.particles).flown()
-    return fly(scenario, run.contender, run.seed, particles=run.particles)
+    """Fly a run and bound its time; called in whatever process."""
+    scenario, who = SCENARIOS[run.scenario], run.contender
+    if who.drones > 1:
+        outcome = FlightOfSeveral(scenario, who, run.seed, run.particles).flown()
+    else:
+        outcome = fly(scenario, who, run.seed, particles=run.particles)
+    case = flown_case(scenario, who)
+    stop = case.paper_stop if who.stop == "paper" else case.our_stop
+    starts = [start_of(case)] if who.drones == 1 else list(starts_of(case, who).values())
+    return replace(outcome, least_time_s=least_time_s(case, stop, run.seed, starts))
 
 
 def fly_all(
