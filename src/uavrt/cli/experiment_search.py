@@ -38,7 +38,7 @@ def search(
 
     Each table is flown by our planner and by the others, with the same animals and the same
     fading; a run that does not find every animal counts as failed, with its time limit. Beside
-    the figures stands what no planner could do better. Ctrl-C prints what there is so far.
+    the figures stands what no planner could do better.
 
     With --processes, a handful of searches by the real processes instead: supervisor, receiver,
     detectors, guide and connection as in a flight, with simulated radio and autopilot.

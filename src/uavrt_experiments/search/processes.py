@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from uavrt.demo import SearchSummary, run_search_demo, search_world
 from uavrt.errors import UavrtError
 from uavrt.simulation import Scenario
+from uavrt.units import wrap_degrees_360
 from uavrt_experiments.figures import mean, measured, share
 from uavrt_experiments.kept import KeptOutcomes
 from uavrt_experiments.result import Row
@@ -93,7 +94,7 @@ def drawn_world(seed: int) -> Scenario:
                 tag,
                 north_m=round(tag.north_m * math.cos(a) - tag.east_m * math.sin(a), 1),
                 east_m=round(tag.north_m * math.sin(a) + tag.east_m * math.cos(a), 1),
-                heading_deg=(tag.heading_deg + math.degrees(a)) % 360.0,
+                heading_deg=float(wrap_degrees_360(tag.heading_deg + math.degrees(a))),
             )
             for tag, a in zip(world.tag, np.radians(turns), strict=True)
         ),
