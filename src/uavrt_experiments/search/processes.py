@@ -146,7 +146,7 @@ def _flown(world: Scenario, say: Callable[[str], None]) -> dict[str, Any]:
             summary = run_search_demo(
                 scenario=world, limit_s=LIMIT_S, flight_dir=Path(work), say=say
             )
-        except UavrtError as error:
+        except (UavrtError, OSError) as error:
             failure = str(error)
     return asdict(
         RealFlight(

@@ -132,11 +132,18 @@ def test_flights_that_are_kept_are_not_flown_again(tmp_path: Path) -> None:
     assert done == [1, 2, 3]
 
 
+@pytest.mark.parametrize(
+    "error",
+    [
+        UavrtError("the search did not end", remedy="Run it again, or report it"),
+        FileNotFoundError(2, "the search did not end: its directory is gone"),
+    ],
+)
 def test_a_flight_that_fails_is_kept_with_its_reason_and_the_next_is_flown(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
     def fails(**_: object) -> SearchSummary:
-        raise UavrtError("the search did not end", remedy="Run it again, or report it")
+        raise error
 
     monkeypatch.setattr(processes, "run_search_demo", fails)
     with KeptOutcomes() as outcomes:
